@@ -1,0 +1,1 @@
+"""A virtual hardware bus server: motion-control chips, bit for bit, for unmodified drivers."""

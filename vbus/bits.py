@@ -1,0 +1,30 @@
+"""Word widths: the one place that knows how numbers wrap, saturate and change sign."""
+
+
+def sign_extend(value: int, bits: int) -> int:
+    """Read the low ``bits`` bits of ``value`` as a two's complement number."""
+    value &= (1 << bits) - 1
+    return value - (1 << bits) if value >> (bits - 1) else value
+
+
+def wrap(value: int, bits: int) -> int:
+    """Wrap ``value`` into the signed range of ``bits`` bits, as a hardware counter does."""
+    half = 1 << (bits - 1)
+    return ((value + half) & ((1 << bits) - 1)) - half
+
+
+def saturate(value: int, bits: int) -> int:
+    """Limit ``value`` to the signed range of ``bits`` bits."""
+    top = (1 << (bits - 1)) - 1
+    if value > top:
+        return top
+    if value < -top - 1:
+        return -top - 1
+    return value
+
+
+def clamp(value: int, low: int, high: int) -> int:
+    """Limit ``value`` to ``low..high``."""
+    if value < low:
+        return low
+    return high if value > high else value

@@ -1,0 +1,1 @@
+"""A board: chips, plants, wires and hosts, built from one file."""

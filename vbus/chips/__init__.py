@@ -1,0 +1,1 @@
+"""The chips: tables that read like the datasheet, and behaviour beside their rows."""

@@ -1,0 +1,187 @@
+"""What every chip is to a board: pins, bus cycles, time, state."""
+
+from collections.abc import Callable
+
+from vbus.chips.tables import PinRow
+from vbus.kernel import NEVER, Clock, Kernel
+from vbus.options import Option, Settings, Value, with_defaults
+from vbus.signals import OFF, STRICT, Net, Pin, Plant, Policy, Rule, Violation
+
+
+class Chip:
+    """Base of all chips.
+
+    A chip is lazy: it computes its state when somebody looks at it (:meth:`advance`), or, while
+    one of its outputs is joined to another part or observed, at each instant an output may
+    change (:meth:`next_event`).
+
+    **Order within an instant.** Whatever the chip does of itself at instant t comes before any
+    outside event (bus cycle, input edge) at t.
+
+    Both ways in end in the same three calls, :meth:`begin_read`, :meth:`end_read` and
+    :meth:`write`: a whole bus cycle makes them at its strobe's edges, the pin front-end when it
+    sees those edges on the nets.
+
+    Args:
+        name: the chip's name on the board.
+        part: part number as ordered.
+        kernel: the board's time.
+        clock: the CLK input.
+        settings: values for :attr:`OPTIONS`; absent ones take their defaults.
+        policy: what to do on violations.
+        file: takes each violation filed.
+    """
+
+    FAMILY: str = ""
+    ADDRESS_BITS: int = 0
+    AXES: int = 1
+    PARTS: tuple[str, ...] = ()
+    PINS: tuple[PinRow, ...] = ()
+    RULES: tuple[Rule, ...] = ()
+    OPTIONS: tuple[Option, ...] = ()
+
+    def __init__(
+        self,
+        name: str,
+        part: str,
+        kernel: Kernel,
+        clock: Clock,
+        settings: Settings | None = None,
+        policy: Policy | None = None,
+        file: Callable[[Violation], None] | None = None,
+    ) -> None:
+        self.name: str = name
+        self.part: str = part
+        self.kernel: Kernel = kernel
+        self.clock: Clock = clock
+        self.settings: dict[str, Value] = with_defaults(self.OPTIONS, settings)
+        self.policy: Policy = policy if policy is not None else Policy()
+        self.judged: bool = False
+        """Whether strobes carry real times now, so that AC limits are judged."""
+        self.read_low_ps: int = 0
+        """How long the read strobe of a whole bus cycle is low (ps)."""
+        self.cycle_ps: int = 0
+        """Shortest whole bus cycle the datasheet allows (ps)."""
+        self.pins: dict[str, Pin] = {}
+        self._file: Callable[[Violation], None] | None = file
+        self._timer = kernel.timer(self._due)
+        self._heard: bool = False
+        for row in self.PINS:
+            net = Net(kernel, f"{name}.{row.name}", rest=row.rest, width=row.width)
+            pin = Pin(row.name, net, open_drain=row.direction == "od")
+            if row.direction != "in":
+                pin.on_heard = self.heard_changed
+            self.pins[row.name] = pin
+
+    # -- what a chip answers ------------------------------------------------------------------
+
+    def begin_read(self, address: int) -> None:
+        """The read strobe of a cycle at ``address`` falls now."""
+        raise NotImplementedError
+
+    def end_read(self) -> int:
+        """The read strobe rises now; return the byte the host has taken (0..255)."""
+        raise NotImplementedError
+
+    def write(self, address: int, data: int) -> None:
+        """A written byte is latched now."""
+        raise NotImplementedError
+
+    def advance(self) -> None:
+        """Bring the chip's state up to ``kernel.now``, inclusive of what is due at it."""
+        raise NotImplementedError
+
+    def next_event(self) -> int:
+        """Return an instant after now, not later than the next change of any output (ps).
+
+        Holds as long as nothing from outside touches the chip; :data:`NEVER` if nothing will.
+        """
+        raise NotImplementedError
+
+    def ready_at(self) -> int:
+        """Return the instant from which the host may make its next bus cycle (ps).
+
+        It is now or earlier if the chip is ready, and :data:`NEVER` if it will not be.
+        """
+        raise NotImplementedError
+
+    def connect(self, axis: int, plant: Plant) -> None:
+        """Attach the mechanics of axis ``axis`` (0-based) before time starts.
+
+        Raises:
+            ValueError: the plant does not take the kind of drive this chip gives.
+        """
+        raise NotImplementedError
+
+    def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
+        """Return the edges of a whole bus cycle, for when somebody watches the bus.
+
+        Returns:
+            ``(offset, pin name, level)`` in order of time; the offset in ps is counted from the
+            latching edge (negative before it). The name ``"D0-D7"`` with level -1 lets go.
+        """
+        raise NotImplementedError
+
+    def telemetry(self) -> dict[str, int | float | str]:
+        """Return what a live view shows of this chip, by name."""
+        return {}
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state as nested tuples of numbers, strings and bytes."""
+        raise NotImplementedError
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        raise NotImplementedError
+
+    # -- what every chip has ------------------------------------------------------------------
+
+    def report(
+        self, rule: Rule, measured: int = 0, limit: int = 0, detail: str = "", when: int = -1
+    ) -> bool:
+        """File a violation of ``rule``; tell whether the cycle is to be lost (strict).
+
+        ``when`` is the instant it happened (ps) if that is not now: a lazy chip may find out
+        later what happened in one of its samples.
+        """
+        level = self.policy.of(rule.name)
+        if level == OFF:
+            return False
+        if self._file is not None:
+            self._file(
+                Violation(
+                    self.kernel.now if when < 0 else when,
+                    self.name,
+                    rule.name,
+                    rule.clause,
+                    rule.severity,
+                    measured,
+                    limit,
+                    detail or rule.title,
+                )
+            )
+        return level == STRICT and rule.severity == "error"
+
+    def heard_changed(self) -> None:
+        """Somebody began or ceased to listen to an output: be eager or lazy from now on."""
+        heard = any(pin.net.heard for pin in self.pins.values() if pin.on_heard is not None)
+        if heard != self._heard:
+            self._heard = heard
+            if heard:
+                self.advance()
+                self.rearm()
+            else:
+                self._timer.cancel()
+
+    def rearm(self) -> None:
+        """Set the timer to the next event, if anybody listens. Call after every outside event."""
+        if self._heard:
+            due = self.next_event()
+            if due == NEVER:
+                self._timer.cancel()
+            else:
+                self._timer.at(due)
+
+    def _due(self) -> None:
+        self.advance()
+        self.rearm()

@@ -1,0 +1,1 @@
+"""What several chips share: trapezoid step, S-curve plan, quadrature decoder, comparators."""

@@ -1,0 +1,177 @@
+"""Rows of which a datasheet is made: pins, commands, registers, bits. Data, and checks on it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from vbus.signals import HIGH
+
+
+@dataclass(frozen=True, slots=True)
+class PinRow:
+    """A pin of the package.
+
+    Attributes:
+        name: as the manual prints it, with slash or tilde.
+        direction: ``"in"``, ``"out"``, ``"io"`` or ``"od"`` (open drain, can only pull low).
+        rest: level read while nobody drives the net.
+        width: wires in the bundle (8 for D0-D7).
+        strobe: a control line of the host bus, numbered for the LINES request.
+        title: what it is for.
+    """
+
+    name: str
+    direction: str
+    rest: int = HIGH
+    width: int = 1
+    strobe: bool = False
+    title: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Bit:
+    """A named bit of a status byte, register or control word."""
+
+    number: int
+    name: str
+    title: str = ""
+
+    @property
+    def mask(self) -> int:
+        """The bit as a number."""
+        return 1 << self.number
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One row of a command set.
+
+    Attributes:
+        name: mnemonic, verbatim.
+        code: command byte.
+        write: 16-bit words the host writes after it.
+        read: 16-bit words the host reads after it.
+        up_to: most words the host may write, where a control word decides.
+        clause: clause id of the specification.
+        title: the manual's description.
+        note: when it may be used.
+        scope: ``"c"`` current axis, ``"g"`` global, ``"i"`` interrupting axis, ``""`` single axis.
+        parameter: name of the plain parameter it sets or gets, if it does only that.
+        buffered: the value takes effect at an update.
+        signed: the (single) value is two's complement.
+        fraction: fraction bits of the value.
+    """
+
+    name: str
+    code: int
+    write: int = 0
+    read: int = 0
+    up_to: int = 0
+    clause: str = ""
+    title: str = ""
+    note: str = ""
+    scope: str = ""
+    parameter: str = ""
+    buffered: bool = False
+    signed: bool = False
+    fraction: int = 0
+
+    @property
+    def handler(self) -> str:
+        """Name of the method that carries it out."""
+        return "cmd_" + self.name.lower()
+
+
+class CommandTable:
+    """Commands of one chip, by code and by mnemonic; refuses a code or mnemonic given twice."""
+
+    __slots__ = ("_by_code", "_by_name", "rows")
+
+    def __init__(self, *rows: Command) -> None:
+        self.rows: tuple[Command, ...] = rows
+        self._by_code: dict[int, Command] = {}
+        self._by_name: dict[str, Command] = {}
+        for row in rows:
+            if row.code in self._by_code:
+                raise ValueError(
+                    f"code {row.code:02X}H stands for {row.name} and {self._by_code[row.code].name}"
+                )
+            if row.name in self._by_name:
+                raise ValueError(f"{row.name} stands in the table twice")
+            self._by_code[row.code] = row
+            self._by_name[row.name] = row
+
+    def __iter__(self) -> Iterator[Command]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, name: str) -> Command:
+        return self._by_name[name]
+
+    def by_code(self, code: int) -> Command | None:
+        """Return the row with this command byte, or None if the code is undefined."""
+        return self._by_code.get(code)
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """One register, of one or more bytes.
+
+    Attributes:
+        name: short name in capitals.
+        addresses: byte addresses, most significant byte first.
+        reset: value after a hardware reset.
+        access: ``"rw"``, ``"r"`` or ``"w"`` as the manual says.
+        signed: the whole value is two's complement.
+        fraction: fraction bits.
+        clause: clause id.
+        title: the manual's name.
+    """
+
+    name: str
+    addresses: tuple[int, ...]
+    reset: int = 0
+    access: str = "rw"
+    signed: bool = False
+    fraction: int = 0
+    clause: str = ""
+    title: str = ""
+
+    @property
+    def bits(self) -> int:
+        """Width of the whole value."""
+        return 8 * len(self.addresses)
+
+
+class RegisterMap:
+    """Registers of one chip by name and by address; refuses an address given twice."""
+
+    __slots__ = ("_by_address", "_by_name", "rows", "size")
+
+    def __init__(self, size: int, *rows: Register) -> None:
+        self.size: int = size
+        self.rows: tuple[Register, ...] = rows
+        self._by_address: dict[int, Register] = {}
+        self._by_name: dict[str, Register] = {}
+        for row in rows:
+            if row.name in self._by_name:
+                raise ValueError(f"register {row.name} stands in the map twice")
+            self._by_name[row.name] = row
+            for address in row.addresses:
+                if not 0 <= address < size:
+                    raise ValueError(f"{row.name}: address {address:02X}H is outside the map")
+                if address in self._by_address:
+                    other = self._by_address[address].name
+                    raise ValueError(f"address {address:02X}H is in {row.name} and in {other}")
+                self._by_address[address] = row
+
+    def __iter__(self) -> Iterator[Register]:
+        return iter(self.rows)
+
+    def __getitem__(self, name: str) -> Register:
+        return self._by_name[name]
+
+    def at(self, address: int) -> Register | None:
+        """Return the register that holds the byte at ``address``, or None."""
+        return self._by_address.get(address)

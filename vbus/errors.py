@@ -1,0 +1,45 @@
+"""Every exception of vbus.
+
+::
+
+    VbusError
+    +-- ConfigError       the board file is wrong: file, line, key, what is allowed
+    +-- ProtocolError     a host's bytes cannot be understood; ends that session only
+    +-- TransportError    a link cannot be opened or was lost (also an OSError)
+    +-- PluginError       an entry point is missing or broken
+    +-- SnapshotError     a saved state does not fit the board it is loaded into
+
+The kind says whose mistake it was. A host that breaks a *datasheet* raises nothing: the chip
+does what silicon would do and a :class:`~vbus.signals.violation.Violation` is filed.
+"""
+
+
+class VbusError(Exception):
+    """Base of every error vbus raises on purpose."""
+
+
+class ConfigError(VbusError):
+    """A board file that cannot be built.
+
+    Example: an unknown key, a quantity in the wrong unit, two owners of one pin. The message
+    names the file, the line, the key, what was found and what is allowed.
+    """
+
+
+class ProtocolError(VbusError):
+    """Bytes of a host that are not a request.
+
+    Ends or refuses that one session; the board and all other sessions go on.
+    """
+
+
+class TransportError(VbusError, OSError):
+    """A PTY, socket or serial line that cannot be opened, or was lost."""
+
+
+class PluginError(VbusError):
+    """An entry point that is missing or broken; names the distribution and the reason."""
+
+
+class SnapshotError(VbusError):
+    """A saved state that was made by another board, version or set of chips."""

@@ -1,0 +1,120 @@
+"""Virtual time and the queue of what is due."""
+
+from collections import deque
+from collections.abc import Callable
+from heapq import heappop, heappush
+from typing import Final
+
+NS: Final = 1_000
+US: Final = 1_000_000
+MS: Final = 1_000_000_000
+SECOND: Final = 1_000_000_000_000
+
+NEVER: Final = (1 << 63) - 1
+"""An instant that does not come: what a timer that is not set is due at."""
+
+
+class Timer:
+    """One callback that can be set to one instant; made by :meth:`Kernel.timer`."""
+
+    __slots__ = ("callback", "due", "kernel", "rank")
+
+    def __init__(self, kernel: "Kernel", rank: int, callback: Callable[[], None]) -> None:
+        self.kernel: Kernel = kernel
+        self.rank: int = rank
+        self.callback: Callable[[], None] = callback
+        self.due: int = NEVER
+
+    def at(self, when: int) -> None:
+        """Set the timer to instant ``when`` (ps); an earlier setting is forgotten."""
+        if when == self.due:
+            return
+        if when < self.kernel.now:
+            raise ValueError(f"instant {when} ps is past; it is {self.kernel.now} ps now")
+        self.due = when
+        if when != NEVER:
+            self.kernel.push(when, self.rank)
+
+    def cancel(self) -> None:
+        """Forget the setting."""
+        self.due = NEVER
+
+
+class Kernel:
+    """Virtual time of one board, in integer picoseconds, and the timers that are set.
+
+    Timers due at the same instant run in the order in which they were *made*, which is the order
+    of the board file. Nothing depends on the order in which they were set.
+    """
+
+    __slots__ = ("_heap", "_instant", "_timers", "next_due", "now")
+
+    def __init__(self) -> None:
+        self.now: int = 0
+        self.next_due: int = NEVER
+        self._heap: list[tuple[int, int]] = []
+        self._timers: list[Timer] = []
+        self._instant: deque[Callable[[], None]] = deque()
+
+    def timer(self, callback: Callable[[], None]) -> Timer:
+        """Make a timer. Its place among timers of one instant is its place of making."""
+        timer = Timer(self, len(self._timers), callback)
+        self._timers.append(timer)
+        return timer
+
+    def push(self, when: int, rank: int) -> None:
+        """Queue the timer ``rank``; for :class:`Timer` only."""
+        heappush(self._heap, (when, rank))
+        if when < self.next_due:
+            self.next_due = when
+
+    def soon(self, callback: Callable[[], None]) -> None:
+        """Run ``callback`` at this same instant, after what is running now has returned."""
+        self._instant.append(callback)
+
+    def settle(self) -> None:
+        """Run what :meth:`soon` asked for, in order, until nothing is left at this instant."""
+        queue = self._instant
+        while queue:
+            queue.popleft()()
+
+    def run_until(self, when: int) -> None:
+        """Let time pass to instant ``when`` (ps), inclusive of everything due at it.
+
+        Raises:
+            ValueError: ``when`` is before now; time does not run backwards.
+        """
+        if when < self.now:
+            raise ValueError(f"time does not run backwards: now {self.now} ps, asked {when} ps")
+        while self.next_due <= when:
+            due, rank = heappop(self._heap)
+            heap = self._heap
+            self.next_due = heap[0][0] if heap else NEVER
+            timer = self._timers[rank]
+            if timer.due == due:
+                timer.due = NEVER
+                self.now = due
+                timer.callback()
+                self.settle()
+        self.now = when
+
+    def run_for(self, duration: int) -> None:
+        """Let ``duration`` ps pass."""
+        self.run_until(self.now + duration)
+
+    def save(self) -> tuple[int, ...]:
+        """Return the instant and every timer's setting."""
+        return (self.now, *(timer.due for timer in self._timers))
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave, on a board built from the same file."""
+        if len(state) != len(self._timers) + 1:
+            raise ValueError(f"state has {len(state) - 1} timers, this kernel {len(self._timers)}")
+        self.now = state[0]
+        self._instant.clear()
+        self._heap = []
+        self.next_due = NEVER
+        for timer, due in zip(self._timers, state[1:], strict=True):
+            timer.due = due
+            if due != NEVER:
+                self.push(due, timer.rank)

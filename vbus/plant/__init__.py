@@ -1,0 +1,1 @@
+"""Motors, loads and encoders."""

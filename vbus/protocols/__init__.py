@@ -1,0 +1,1 @@
+"""Wire formats a host speaks; no I/O, no chip knowledge."""

@@ -1,0 +1,39 @@
+"""What a protocol is: bytes in, calls on a port, bytes out."""
+
+from vbus.protocols.port import HostPort
+
+
+class Protocol:
+    """Base of wire formats, free of I/O.
+
+    A session feeds bytes as they came, in pieces of any size, and takes what is to be sent.
+    The result does not depend on how the bytes were cut.
+
+    When a request has to wait (``port.held``), the protocol keeps it and everything after it;
+    the session calls :meth:`resume` when the wait may be over.
+    """
+
+    def __init__(self, port: HostPort) -> None:
+        self.port: HostPort = port
+        self.out: bytearray = bytearray()
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the host; carry out every request now complete."""
+        raise NotImplementedError
+
+    def resume(self) -> None:
+        """Go on after a wait."""
+        self.receive(b"")
+
+    def report_events(self) -> None:
+        """Append what the port's watched lines did since the last call, if the host asked."""
+
+    def reset(self) -> None:
+        """Forget half a request: a session has ended or begun."""
+        raise NotImplementedError
+
+    def take(self) -> bytes:
+        """Return and forget the bytes that are to be sent."""
+        data = bytes(self.out)
+        self.out.clear()
+        return data

@@ -1,0 +1,12 @@
+"""Error numbers of the byte protocol's ``'X'`` reply."""
+
+from typing import Final
+
+UNKNOWN_REQUEST: Final = 1
+NO_SUCH: Final = 2
+"""No such line, pin, chip or address in this session."""
+BAD_AT: Final = 3
+"""AT before the last AT, or the board is not slaved."""
+BAD_LENGTH: Final = 4
+BAD_VERSION: Final = 5
+CLOSED: Final = 6

@@ -1,0 +1,178 @@
+"""What a host can ask of a board, whatever the wire it comes over."""
+
+from dataclasses import dataclass, field
+
+
+class PortError(Exception):
+    """A request the board refuses; the session goes on.
+
+    Args:
+        code: number in the byte protocol's ``'X'`` reply (see :mod:`vbus.protocols.codes`).
+        message: what was wrong and what is allowed.
+    """
+
+    def __init__(self, code: int, message: str) -> None:
+        super().__init__(message)
+        self.code: int = code
+
+
+@dataclass(slots=True)
+class ChipInfo:
+    """What HELLO tells of one chip.
+
+    Attributes:
+        name: name on the board.
+        part: part number.
+        family: name of the chip family, e.g. ``"lm628"``.
+        address_bits: width of an address.
+        cycle_ps: what a whole bus cycle costs this host (ps).
+    """
+
+    name: str
+    part: str
+    family: str
+    address_bits: int
+    cycle_ps: int
+
+
+@dataclass(slots=True)
+class PortInfo:
+    """What HELLO tells of a session.
+
+    Attributes:
+        board: name of the board.
+        policy: ``"realtime"``, ``"lockstep"`` or ``"slaved"``.
+        rate: chip seconds per wall second (real time only; 0 otherwise).
+        chips: in the order of SELECT's bits.
+        lines: control lines by number, ``"chip.pin"``; bit n of LINES is ``lines[n]``.
+        outputs: output lines by number; bit n of the ``s`` word of SAMPLE is ``outputs[n]``.
+        pins: side pins by number, for PIN and GETPIN.
+        features: optional requests this board understands.
+    """
+
+    board: str
+    policy: str
+    rate: float
+    chips: list[ChipInfo] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
+    outputs: list[str] = field(default_factory=list)
+    pins: list[str] = field(default_factory=list)
+    features: list[str] = field(default_factory=list)
+
+
+class HostPort:
+    """One session's hold on a board. Protocols call it; the board implements it.
+
+    Calls that may have to wait (:meth:`wait`, :meth:`delay`, :meth:`claim`) return None or False
+    when they cannot finish now. :attr:`held` is then true: the protocol keeps the request, stops,
+    and makes the same call again when the session is resumed. The same holds for any call made
+    while :attr:`held` is true: check it *before* each request.
+
+    Instants and durations are in picoseconds. Methods raise :class:`PortError` for a request
+    that cannot be carried out.
+    """
+
+    held: bool = False
+
+    def info(self) -> PortInfo:
+        """Return what HELLO tells."""
+        raise NotImplementedError
+
+    def select(self, mask: int) -> None:
+        """Choose the chips that following cycles go to; bit n is ``info().chips[n]``."""
+        raise NotImplementedError
+
+    def claim(self) -> bool:
+        """Hold the selected chips' bus for a packet; False while somebody else has it."""
+        raise NotImplementedError
+
+    def unclaim(self) -> None:
+        """Let the bus go."""
+        raise NotImplementedError
+
+    def read(self, address: int) -> int:
+        """Run one read cycle; return the byte (0..255)."""
+        raise NotImplementedError
+
+    def write(self, address: int, data: int) -> None:
+        """Run one write cycle."""
+        raise NotImplementedError
+
+    def wait(self, longest: int) -> tuple[bool, int] | None:
+        """Let time pass until the selected chips can take a cycle, at most ``longest`` ps.
+
+        Returns:
+            ``(ready, instant)``, or None if the session must be resumed later.
+        """
+        raise NotImplementedError
+
+    def lines(self, mask: int, levels: int) -> None:
+        """Put the control lines in ``mask`` to ``levels``, all at this instant."""
+        raise NotImplementedError
+
+    def drive(self, data: int) -> None:
+        """Drive D0-D7 of the selected chips' bus."""
+        raise NotImplementedError
+
+    def release(self) -> None:
+        """Let D0-D7 float."""
+        raise NotImplementedError
+
+    def sample(self) -> tuple[int, int]:
+        """Return the data bus as it stands, and all output lines of the session."""
+        raise NotImplementedError
+
+    def pin(self, number: int, level: int) -> None:
+        """Drive side pin ``number`` to 0 or 1; 2 lets go."""
+        raise NotImplementedError
+
+    def getpin(self, number: int) -> int:
+        """Return the level of side pin ``number``."""
+        raise NotImplementedError
+
+    def delay(self, duration: int) -> bool:
+        """Let time pass for this host; False if the session must be resumed later."""
+        raise NotImplementedError
+
+    def at(self, when: int) -> None:
+        """Set the host's own clock (slaved boards): the next cycle happens at ``when``."""
+        raise NotImplementedError
+
+    def now(self) -> int:
+        """Return chip time."""
+        raise NotImplementedError
+
+    def sync(self) -> tuple[int, int]:
+        """Bring the chips up to the host's time.
+
+        Returns:
+            All output lines, and an instant not later than the next edge on any of them
+            (:data:`~vbus.kernel.NEVER` if there is none in sight).
+        """
+        raise NotImplementedError
+
+    def events(self, mask: int) -> None:
+        """From now on report each edge of these output lines; see :meth:`take_events`."""
+        raise NotImplementedError
+
+    def take_events(self) -> list[tuple[int, int]]:
+        """Return and forget the edges seen since the last call: ``(output lines, instant)``."""
+        raise NotImplementedError
+
+    # -- by name, for the text protocol ---------------------------------------------------------
+
+    def chip_number(self, name: str) -> int:
+        """Return the bit number of the chip called ``name``."""
+        raise NotImplementedError
+
+    def pin_number(self, name: str) -> int:
+        """Return the number of the side pin called ``name`` (``"/RST"`` or ``"x./RST"``)."""
+        raise NotImplementedError
+
+    def line_number(self, name: str) -> int:
+        """Return the number of the control line called ``name``."""
+        raise NotImplementedError
+
+    def card(self, address: int) -> tuple[int, int] | None:
+        """Decode a card address into (chip number, chip address); None if nobody answers."""
+        raise NotImplementedError

@@ -1,0 +1,1 @@
+"""Sessions of a running board, and the wall clock."""

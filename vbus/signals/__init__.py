@@ -1,0 +1,24 @@
+"""Wires, pins, the seam to the mechanics, and those who look on."""
+
+from vbus.signals.axis import Plant, Switch
+from vbus.signals.net import HIGH, LOW, Net, Pin, Watcher, Z
+from vbus.signals.observer import Observer
+from vbus.signals.violation import OFF, STRICT, WARN, Policy, Rule, Violation
+
+__all__ = [
+    "HIGH",
+    "LOW",
+    "OFF",
+    "STRICT",
+    "WARN",
+    "Net",
+    "Observer",
+    "Pin",
+    "Plant",
+    "Policy",
+    "Rule",
+    "Switch",
+    "Violation",
+    "Watcher",
+    "Z",
+]

@@ -1,0 +1,183 @@
+"""Wires and the pins connected to them."""
+
+from collections.abc import Callable
+from typing import Final
+
+from vbus.kernel.kernel import Kernel
+from vbus.signals.observer import Observer
+
+LOW: Final = 0
+HIGH: Final = 1
+Z: Final = -1
+"""A pin that drives nothing (three-state off, or open drain released)."""
+
+
+class Watcher:
+    """Somebody who wants to know that one of some nets has changed.
+
+    The callback runs once per batch of changes, at the same instant, after their cause has
+    returned: several lines moved by one request are seen as one event.
+    """
+
+    __slots__ = ("_callback", "_kernel", "_pending")
+
+    def __init__(self, kernel: Kernel, callback: Callable[[], None]) -> None:
+        self._kernel: Kernel = kernel
+        self._callback: Callable[[], None] = callback
+        self._pending: bool = False
+
+    def notify(self) -> None:
+        """Queue the callback, unless it is queued already."""
+        if not self._pending:
+            self._pending = True
+            self._kernel.soon(self._run)
+
+    def _run(self) -> None:
+        self._pending = False
+        self._callback()
+
+
+class Pin:
+    """One part's connection to a net.
+
+    Args:
+        name: the manual's name, with its slash or tilde (``"/CS"``).
+        net: the wire it is soldered to.
+        open_drain: the pin can only pull low; driving :data:`HIGH` lets go.
+    """
+
+    __slots__ = ("level", "name", "net", "on_heard", "open_drain")
+
+    def __init__(self, name: str, net: "Net", *, open_drain: bool = False) -> None:
+        self.name: str = name
+        self.net: Net = net
+        self.level: int = Z
+        self.open_drain: bool = open_drain
+        self.on_heard: Callable[[], None] | None = None
+        net.pins.append(self)
+
+    @property
+    def value(self) -> int:
+        """Electrical level of the net as it stands: 0, 1, or 0..255 for D0-D7."""
+        return self.net.value
+
+    def drive(self, level: int) -> None:
+        """Put ``level`` on the net (0, 1, or 0..255 for a bundle); :data:`Z` lets go."""
+        if self.open_drain and level == HIGH:
+            level = Z
+        if level != self.level:
+            self.level = level
+            self.net.resolve()
+
+    def release(self) -> None:
+        """Stop driving."""
+        self.drive(Z)
+
+    def move(self, net: "Net") -> None:
+        """Solder the pin to another net: how a board joins wires before it starts."""
+        self.net.pins.remove(self)
+        old, self.net = self.net, net
+        net.pins.append(self)
+        for watcher in old.watchers:
+            if watcher not in net.watchers:
+                net.watchers.append(watcher)
+        net.resolve()
+
+
+class Net:
+    """A wire, or a bundle of wires that always move together (D0-D7).
+
+    Attributes:
+        name: as the board file or the manual calls it.
+        width: number of wires, 1 or 8.
+        rest: what is read while nobody drives: 0 or 1 (a pull), or :data:`Z` to keep the last.
+        value: electrical level now.
+        previous: level before the last change.
+        changed_at: instant of the last change (ps).
+        clash: called with the net when two push-pull pins disagree.
+    """
+
+    __slots__ = (
+        "_kernel", "changed_at", "clash", "clashing", "name", "observers", "pins", "previous",
+        "rest", "value", "watchers", "width",
+    )  # fmt: skip
+
+    def __init__(self, kernel: Kernel, name: str, *, rest: int = HIGH, width: int = 1) -> None:
+        self._kernel: Kernel = kernel
+        self.name: str = name
+        self.width: int = width
+        self.rest: int = rest
+        self.value: int = 0 if rest == Z else rest
+        self.previous: int = self.value
+        self.changed_at: int = 0
+        self.pins: list[Pin] = []
+        self.watchers: list[Watcher] = []
+        self.observers: list[Observer] = []
+        self.clash: Callable[[Net], None] | None = None
+        self.clashing: bool = False
+
+    @property
+    def heard(self) -> bool:
+        """Whether anybody would notice an edge: a joined input, or an observer."""
+        return bool(self.watchers) or bool(self.observers)
+
+    @property
+    def driven(self) -> bool:
+        """Whether any pin drives the net now."""
+        return any(pin.level != Z for pin in self.pins)
+
+    def watch(self, watcher: Watcher) -> None:
+        """Notify ``watcher`` of every change from now on."""
+        self.watchers.append(watcher)
+        self._tell_drivers()
+
+    def observe(self, observer: Observer) -> None:
+        """Report every edge to ``observer`` from now on."""
+        self.observers.append(observer)
+        self._tell_drivers()
+
+    def unobserve(self, observer: Observer) -> None:
+        """Stop reporting to ``observer``."""
+        self.observers.remove(observer)
+        self._tell_drivers()
+
+    def _tell_drivers(self) -> None:
+        for pin in self.pins:
+            if pin.on_heard is not None:
+                pin.on_heard()
+
+    def resolve(self) -> None:
+        """Work out the level from all pins; tell watchers and observers if it changed."""
+        level = Z
+        fight = False
+        for pin in self.pins:
+            if pin.level != Z:
+                if level == Z:
+                    level = pin.level
+                elif pin.level != level:
+                    fight = fight or not pin.open_drain
+                    level &= pin.level
+        if fight and not self.clashing and self.clash is not None:
+            self.clashing = True
+            self.clash(self)
+        self.clashing = fight
+        if level == Z:
+            level = self.value if self.rest == Z else self.rest
+        if level != self.value:
+            self.previous = self.value
+            self.value = level
+            self.changed_at = self._kernel.now
+            for observer in self.observers:
+                observer.edge(self._kernel.now, self.name, level)
+            for watcher in self.watchers:
+                watcher.notify()
+
+    def save(self) -> tuple[int, ...]:
+        """Return level, previous level, instant of change and what each pin drives."""
+        return (self.value, self.previous, self.changed_at, *(pin.level for pin in self.pins))
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave; nobody is notified."""
+        self.value, self.previous, self.changed_at = state[:3]
+        for pin, level in zip(self.pins, state[3:], strict=True):
+            pin.level = level

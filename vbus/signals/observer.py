@@ -1,0 +1,22 @@
+"""Those who see everything and change nothing."""
+
+from vbus.signals.violation import Violation
+
+
+class Observer:
+    """Base of journals, waveforms, hashes and live views: override what you want to see.
+
+    Methods are called in the order things happen, at the instant they happen, from inside the
+    board. They must not touch it.
+    """
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """One whole bus cycle of ``host`` on ``chip`` with its latching edge at ``when`` (ps)."""
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """A watched net took a new level at ``when`` (ps)."""
+
+    def violation(self, violation: Violation) -> None:
+        """A rule was broken."""

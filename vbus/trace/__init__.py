@@ -1,0 +1,1 @@
+"""Observers that record: trace hash, journal, waveforms."""

@@ -1,0 +1,1 @@
+"""Links that carry bytes: PTY, sockets, serial devices."""
