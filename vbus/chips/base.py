@@ -72,6 +72,21 @@ class Chip:
             if row.direction != "in":
                 pin.on_heard = self.heard_changed
             self.pins[row.name] = pin
+        self.bus_pins: tuple[Pin, ...] = tuple(
+            self.pins[row.name]
+            for row in self.PINS
+            if row.strobe or (row.direction == "io" and row.width == 8)
+        )
+        """The host bus: its strobes and the data pins."""
+        self.data_pin: Pin = next(
+            self.pins[row.name] for row in self.PINS if row.direction == "io" and row.width == 8
+        )
+        """The pins of the 8-bit data bus."""
+
+    @property
+    def bus_net(self) -> Net:
+        """The net of the data bus."""
+        return self.data_pin.net
 
     # -- what a chip answers ------------------------------------------------------------------
 
@@ -95,6 +110,14 @@ class Chip:
         """Return an instant after now, not later than the next change of any output (ps).
 
         Holds as long as nothing from outside touches the chip; :data:`NEVER` if nothing will.
+        """
+        raise NotImplementedError
+
+    def power_on(self, done: bool) -> None:
+        """Supply is up and the reset pin is released now: the datasheet's reset runs.
+
+        Args:
+            done: start after that reset instead, as if it had just ended.
         """
         raise NotImplementedError
 

@@ -16,6 +16,7 @@ class PinRow:
         rest: level read while nobody drives the net.
         width: wires in the bundle (8 for D0-D7).
         strobe: a control line of the host bus, numbered for the LINES request.
+        select: the chip's own select line, which a shared bus does not join.
         title: what it is for.
     """
 
@@ -25,6 +26,7 @@ class PinRow:
     width: int = 1
     strobe: bool = False
     title: str = ""
+    select: bool = False
 
 
 @dataclass(frozen=True, slots=True)

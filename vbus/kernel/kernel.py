@@ -47,11 +47,13 @@ class Kernel:
     of the board file. Nothing depends on the order in which they were set.
     """
 
-    __slots__ = ("_heap", "_instant", "_timers", "next_due", "now")
+    __slots__ = ("_heap", "_instant", "_timers", "next_due", "now", "observed")
 
     def __init__(self) -> None:
         self.now: int = 0
         self.next_due: int = NEVER
+        self.observed: int = 0
+        """How many observers sit on nets: while none does, nobody looks at bus strobes."""
         self._heap: list[tuple[int, int]] = []
         self._timers: list[Timer] = []
         self._instant: deque[Callable[[], None]] = deque()

@@ -134,11 +134,13 @@ class Net:
     def observe(self, observer: Observer) -> None:
         """Report every edge to ``observer`` from now on."""
         self.observers.append(observer)
+        self._kernel.observed += 1
         self._tell_drivers()
 
     def unobserve(self, observer: Observer) -> None:
         """Stop reporting to ``observer``."""
         self.observers.remove(observer)
+        self._kernel.observed -= 1
         self._tell_drivers()
 
     def _tell_drivers(self) -> None:

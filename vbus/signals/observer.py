@@ -20,3 +20,6 @@ class Observer:
 
     def violation(self, violation: Violation) -> None:
         """A rule was broken."""
+
+    def settled(self, now: int) -> None:
+        """Everything up to ``now`` (ps) has been reported; nothing earlier will come."""

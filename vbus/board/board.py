@@ -1,0 +1,346 @@
+"""Board: chips, plants and wires with one virtual time."""
+
+import hashlib
+from collections import deque
+from collections.abc import Iterable
+from typing import Final
+
+import msgpack
+
+from vbus.board.cards import Card
+from vbus.board.host_bus import HostBus
+from vbus.chips.base import Chip
+from vbus.errors import SnapshotError
+from vbus.kernel import NEVER, Clock, Kernel
+from vbus.options import Settings
+from vbus.signals import Net, Observer, Pin, Plant, Policy, Rule, Violation
+from vbus.trace.hash import TraceHash
+
+CONTENTION: Final = Rule(
+    "board.contention", "decision 9", "Two outputs on one net must not drive different levels."
+)
+RULES: Final = (CONTENTION,)
+
+POLICIES: Final = ("realtime", "lockstep", "slaved")
+
+
+class Board:
+    """Chips, plants and nets under one virtual time.
+
+    A board is a pure function of how it was built and of the calls made on its ports, with
+    their instants. It never reads a clock.
+
+    Args:
+        name: for people, and for finding it among running boards.
+        policy: who is master of time: ``"realtime"`` (the server stamps), ``"lockstep"`` (time
+            moves by bus cycles and DELAY), ``"slaved"`` (the host stamps).
+        rate: chip seconds per wall second, for ``"realtime"``; ``inf`` is as fast as possible.
+        violations: what to do when a host breaks a datasheet.
+        seed: for every seeded stream of the board.
+        clock_step: how far reading a clock moves time on a lockstep board (ps).
+    """
+
+    def __init__(
+        self,
+        name: str,
+        policy: str = "lockstep",
+        rate: float = 1.0,
+        violations: Policy | None = None,
+        seed: int = 0,
+        clock_step: int = 1_000_000,
+    ) -> None:
+        if policy not in POLICIES:
+            raise ValueError(f"time policy {policy!r}: allowed are {', '.join(POLICIES)}")
+        self.name: str = name
+        self.policy: str = policy
+        self.rate: float = rate
+        self.seed: int = seed
+        self.clock_step: int = clock_step
+        self.violation_policy: Policy = violations if violations is not None else Policy()
+        self.kernel: Kernel = Kernel()
+        self.limit: int = NEVER
+        """Time may run to this instant without the wall clock (ps); set by the pacer."""
+        self.chips: list[Chip] = []
+        self.plants: list[Plant] = []
+        self.nets: dict[str, Net] = {}
+        self.buses: dict[str, list[str]] = {}
+        self.observers: list[Observer] = []
+        self.violations: deque[Violation] = deque(maxlen=1000)
+        """The latest violations; :attr:`counters` has the totals."""
+        self.counters: dict[str, int] = {"reads": 0, "writes": 0, "violations": 0}
+        self.ports: list[HostBus] = []
+        self.claims: dict[str, HostBus] = {}
+        self._trace: TraceHash | None = None
+        self._tail: deque[tuple[int, Pin, int]] = deque()
+        self._tail_timer = self.kernel.timer(self._run_tail)
+
+    # -- building -----------------------------------------------------------------------------
+
+    def add_chip(
+        self, cls: type[Chip], name: str, part: str, hz: int, settings: Settings | None = None
+    ) -> Chip:
+        """Put a chip on the board.
+
+        Raises:
+            ValueError: a chip of that name is there, or the chip refuses its settings.
+        """
+        if any(chip.name == name for chip in self.chips):
+            raise ValueError(f"there is a chip called {name!r} already")
+        chip = cls(
+            name, part, self.kernel, Clock(hz), settings, self.violation_policy, self.file_violation
+        )
+        self.chips.append(chip)
+        for pin in chip.pins.values():
+            self._own(pin.net)
+        return chip
+
+    def connect(self, chip: str, axis: int, plant: Plant) -> None:
+        """Attach ``plant`` to an axis (0-based) of ``chip``."""
+        self.chip(chip).connect(axis, plant)
+        self.plants.append(plant)
+
+    def join(self, name: str, pins: Iterable[str], rest: int | None = None) -> Net:
+        """Solder pins (``"chip.pin"``) to one net called ``name``."""
+        members = [self.find_pin(pin) for pin in pins]
+        if not members:
+            raise ValueError(f"net {name!r} joins no pins")
+        widths = {pin.net.width for pin in members}
+        if len(widths) > 1:
+            raise ValueError(f"net {name!r} joins pins of different widths")
+        net = self.nets.get(name)
+        if net is None:
+            level = members[0].net.rest if rest is None else rest
+            net = Net(self.kernel, name, rest=level, width=widths.pop())
+            self._own(net)
+            self.nets[name] = net
+        for pin in members:
+            if pin.net is not net:
+                pin.move(net)
+        return net
+
+    def share_bus(self, name: str, chips: Iterable[str]) -> None:
+        """Give several chips of one family one bus: all but their select lines are joined."""
+        members = [self.chip(chip) for chip in chips]
+        family = {chip.FAMILY for chip in members}
+        if len(family) > 1:
+            raise ValueError(f"bus {name!r} joins different chip families: {sorted(family)}")
+        self.buses[name] = [chip.name for chip in members]
+        for row in members[0].PINS:
+            if (row.strobe or (row.direction == "io" and row.width == 8)) and not row.select:
+                net = Net(self.kernel, f"{name}.{row.name}", rest=row.rest, width=row.width)
+                self._own(net)
+                for chip in members:
+                    chip.pins[row.name].move(net)
+
+    def _own(self, net: Net) -> None:
+        net.clash = self._clash
+
+    def power_on(self, done: bool = False) -> None:
+        """Release every reset at the present instant; ``done`` starts after the resets."""
+        for chip in self.chips:
+            chip.power_on(done)
+
+    # -- looking up ---------------------------------------------------------------------------
+
+    def chip(self, name: str) -> Chip:
+        """Return the chip called ``name``.
+
+        Raises:
+            ValueError: there is none.
+        """
+        for chip in self.chips:
+            if chip.name == name:
+                return chip
+        known = ", ".join(chip.name for chip in self.chips) or "none"
+        raise ValueError(f"no chip called {name!r}; this board has: {known}")
+
+    def find_pin(self, name: str) -> Pin:
+        """Return the pin written ``"chip.pin"``, e.g. ``"x./RST"``.
+
+        Raises:
+            ValueError: there is none.
+        """
+        chip_name, _, pin_name = name.partition(".")
+        chip = self.chip(chip_name)
+        pin = chip.pins.get(pin_name)
+        if pin is None:
+            known = ", ".join(chip.pins)
+            raise ValueError(f"{chip.part} has no pin {pin_name!r}; it has: {known}")
+        return pin
+
+    # -- time ---------------------------------------------------------------------------------
+
+    @property
+    def now(self) -> int:
+        """Chip time (ps)."""
+        return self.kernel.now
+
+    def run_until(self, when: int) -> None:
+        """Let time pass to ``when`` (ps). Chips nobody listens to stay lazy; see
+        :meth:`catch_up`.
+        """
+        self.kernel.run_until(when)
+
+    def run_for(self, duration: int) -> None:
+        """Let ``duration`` ps pass."""
+        self.kernel.run_until(self.kernel.now + duration)
+
+    def catch_up(self) -> None:
+        """Bring every lazy chip up to now, so that no look at it later takes long."""
+        for chip in self.chips:
+            chip.advance()
+        self.kernel.settle()
+        for observer in self.observers:
+            observer.settled(self.kernel.now)
+
+    def next_due(self) -> int:
+        """Return the next instant at which something watched may happen (ps)."""
+        return self.kernel.next_due
+
+    # -- hosts --------------------------------------------------------------------------------
+
+    def open_port(
+        self,
+        label: str,
+        chips: Iterable[str] | None = None,
+        cycle_ps: int = 0,
+        card: Card | None = None,
+    ) -> HostBus:
+        """Open a host's hold on some chips (default: all).
+
+        Args:
+            label: the host's name in traces.
+            chips: names, in the order of SELECT's bits.
+            cycle_ps: what a whole bus cycle costs; 0 is the default of the time policy.
+            card: address decoding of a plug-in card, for hosts that know card addresses.
+        """
+        names = list(chips) if chips is not None else [chip.name for chip in self.chips]
+        port = HostBus(self, label, [self.chip(name) for name in names], cycle_ps, card)
+        self.ports.append(port)
+        return port
+
+    def queue_tail(self, when: int, pin: Pin, level: int) -> None:
+        """Move a host pin at ``when``: the hold edges of a bus cycle that is already over."""
+        self._tail.append((when, pin, level))
+        if self._tail_timer.due == NEVER:
+            self._tail_timer.at(when)
+
+    def flush_tail(self) -> None:
+        """Run hold edges now: the next cycle begins before they were due."""
+        while self._tail:
+            _, pin, level = self._tail.popleft()
+            pin.drive(level)
+            self.kernel.settle()
+        self._tail_timer.cancel()
+
+    def _run_tail(self) -> None:
+        while self._tail and self._tail[0][0] <= self.kernel.now:
+            _, pin, level = self._tail.popleft()
+            pin.drive(level)
+        if self._tail:
+            self._tail_timer.at(self._tail[0][0])
+
+    # -- findings -----------------------------------------------------------------------------
+
+    def file_violation(self, violation: Violation) -> None:
+        """Record a violation, count it and tell the observers."""
+        self.violations.append(violation)
+        self.counters["violations"] += 1
+        self.counters[violation.rule] = self.counters.get(violation.rule, 0) + 1
+        for observer in self.observers:
+            observer.violation(violation)
+
+    def _clash(self, net: Net) -> None:
+        fighters = ", ".join(f"{pin.name}={pin.level:X}" for pin in net.pins if pin.level >= 0)
+        if self.violation_policy.of(CONTENTION.name):
+            self.file_violation(
+                Violation(
+                    self.kernel.now,
+                    net.name,
+                    CONTENTION.name,
+                    CONTENTION.clause,
+                    CONTENTION.severity,
+                    0,
+                    0,
+                    f"net {net.name}: outputs disagree ({fighters})",
+                )
+            )
+
+    def observe(self, observer: Observer) -> None:
+        """Let ``observer`` see bus cycles and violations from now on."""
+        self.observers.append(observer)
+
+    def watch(self, pin: str, observer: Observer) -> None:
+        """Let ``observer`` see every edge of the net at ``pin`` (``"chip.pin"``)."""
+        self.find_pin(pin).net.observe(observer)
+
+    def start_trace(self) -> None:
+        """Begin the trace hash: call before the first bus cycle."""
+        if self._trace is None:
+            self._trace = TraceHash([chip.name for chip in self.chips])
+            self.observe(self._trace)
+            for net in self.nets.values():
+                net.observe(self._trace)
+
+    def trace_hash(self) -> str:
+        """Return the SHA-256 (hex) over all that happened since :meth:`start_trace`.
+
+        Covers bus writes and reads, edges on joined nets and violations, in order of instant.
+        """
+        if self._trace is None:
+            raise ValueError("no trace is running: call start_trace() before the first bus cycle")
+        self.catch_up()
+        return self._trace.digest()
+
+    # -- state --------------------------------------------------------------------------------
+
+    def _all_nets(self) -> list[Net]:
+        nets: dict[int, Net] = {}
+        for chip in self.chips:
+            for pin in chip.pins.values():
+                nets.setdefault(id(pin.net), pin.net)
+        return list(nets.values())
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state: time, chips with their plants, nets, pins, hosts' pins.
+
+        Load it into a board built from the same file.
+        """
+        self.catch_up()
+        self.flush_tail()
+        return (
+            tuple((chip.name, chip.part) for chip in self.chips),
+            self.kernel.save(),
+            tuple(chip.save() for chip in self.chips),
+            tuple((net.value, net.previous, net.changed_at) for net in self._all_nets()),
+            tuple(pin.level for chip in self.chips for pin in chip.pins.values()),
+            tuple(port.save() for port in self.ports),
+        )
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave, on a board with the same chips and open ports.
+
+        Raises:
+            SnapshotError: the state was made by another board.
+        """
+        chips, kernel, chip_states, nets, levels, ports = state
+        mine = tuple((chip.name, chip.part) for chip in self.chips)
+        if tuple(tuple(pair) for pair in chips) != mine:  # type: ignore[attr-defined]
+            raise SnapshotError(f"the state belongs to a board with {chips}, this one has {mine}")
+        if len(ports) != len(self.ports):  # type: ignore[arg-type]
+            raise SnapshotError("the state was saved with another number of open ports")
+        self.flush_tail()
+        pins = [pin for chip in self.chips for pin in chip.pins.values()]
+        for pin, level in zip(pins, levels, strict=True):  # type: ignore[call-overload]
+            pin.level = level
+        for net, (value, previous, changed_at) in zip(self._all_nets(), nets, strict=True):  # type: ignore[call-overload]
+            net.value, net.previous, net.changed_at = value, previous, changed_at
+        for port, port_state in zip(self.ports, ports, strict=True):  # type: ignore[call-overload]
+            port.load(port_state)
+        self.kernel.load(kernel)  # type: ignore[arg-type]
+        for chip, chip_state in zip(self.chips, chip_states, strict=True):  # type: ignore[call-overload]
+            chip.load(chip_state)
+
+    def state_hash(self) -> str:
+        """Return the SHA-256 (hex) over :meth:`save`."""
+        return hashlib.sha256(msgpack.packb(self.save())).hexdigest()

@@ -1,0 +1,575 @@
+"""One host's hold on a board: bus cycles, strobes, pins and time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+from vbus.board.cards import Card
+from vbus.chips.base import Chip
+from vbus.kernel import NEVER, US
+from vbus.protocols import codes
+from vbus.protocols.port import ChipInfo, HostPort, PortError, PortInfo
+from vbus.signals import Net, Observer, Pin, Z
+
+if TYPE_CHECKING:
+    from vbus.board.board import Board
+
+LOCKSTEP_CYCLE: Final = US
+"""Default duration of a whole bus cycle where time moves only by cycles: an ISA bus, a fast MCU.
+Drivers that give up after some thirty polls must see the busy time pass (decision 7)."""
+
+SETTLE_EVERY: Final = 4096
+"""Bus cycles after which lazy chips are brought up to date, to bound what observers hold."""
+
+FLOATING: Final = 0xFF
+
+
+class HostBus(HostPort):
+    """The port a board gives to one session; see :class:`~vbus.protocols.port.HostPort`.
+
+    **A whole cycle** has its latching edge at the host's instant: the host's own time stamp
+    (slaved), or one cycle time after the cycle before. While somebody observes the bus nets the
+    cycle is played as strobes on them; otherwise only its two decisive instants are computed.
+    Replies, instants and violations are the same.
+
+    Args:
+        board: the board.
+        label: the host's name in traces.
+        chips: what the session may select, in order.
+        cycle_ps: cost of a whole cycle; 0: 1 us, or the chip's minimum in real time.
+        card: address decoding, if the host speaks card addresses.
+    """
+
+    def __init__(
+        self, board: Board, label: str, chips: list[Chip], cycle_ps: int, card: Card | None
+    ) -> None:
+        self.board: Board = board
+        self.label: str = label
+        self.chips: list[Chip] = chips
+        self.held = False
+        self.hold_until: int = 0
+        self.on_resume: Callable[[], None] | None = None
+        self.on_events: Callable[[], None] | None = None
+        self._kernel = board.kernel
+        self._card: Card | None = card
+        self._cycles: list[int] = [cycle_ps or self._default_cycle(chip) for chip in chips]
+        self._mask: int = 1
+        self._selected: list[Chip] = chips[:1]
+        self._chip: Chip | None = chips[0] if chips else None
+        self._cycle: int = self._cycles[0] if chips else US
+        self._stamp: int = -1
+        self._last_at: int = 0
+        self._timed: bool = board.policy != "lockstep"
+        self._target: int = -1
+        self._claimed: list[str] = []
+        self._pins: dict[int, Pin] = {}
+        self._lines: list[Pin] = []
+        self._sides: list[Pin] = []
+        self._outputs: list[Pin] = []
+        self._watchers: list[tuple[Net, Observer]] = []
+        self._edges: list[tuple[int, int]] = []
+        self._events_mask: int = 0
+        self._number_pins()
+
+    def _default_cycle(self, chip: Chip) -> int:
+        return chip.cycle_ps if self.board.policy == "realtime" else LOCKSTEP_CYCLE
+
+    def _number_pins(self) -> None:
+        seen: set[int] = set()
+        for chip in self.chips:
+            for row in chip.PINS:
+                pin = chip.pins[row.name]
+                if id(pin.net) in seen or row.width > 1:
+                    continue
+                seen.add(id(pin.net))
+                if row.strobe:
+                    self._lines.append(pin)
+                    continue
+                self._sides.append(pin)
+                if row.direction != "in":
+                    self._outputs.append(pin)
+
+    @staticmethod
+    def _full_name(chips: list[Chip], pin: Pin) -> str:
+        for chip in chips:
+            if chip.pins.get(pin.name) is pin:
+                return f"{chip.name}.{pin.name}"
+        return pin.net.name
+
+    def info(self) -> PortInfo:
+        """Return what HELLO tells."""
+        board = self.board
+        return PortInfo(
+            board.name,
+            board.policy,
+            board.rate if board.policy == "realtime" else 0.0,
+            [
+                ChipInfo(chip.name, chip.part, chip.FAMILY, chip.ADDRESS_BITS, cycle)
+                for chip, cycle in zip(self.chips, self._cycles, strict=True)
+            ],
+            [self._full_name(self.chips, pin) for pin in self._lines],
+            [self._full_name(self.chips, pin) for pin in self._outputs],
+            [self._full_name(self.chips, pin) for pin in self._sides],
+            ["claim", "events", "lines", "sync"],
+        )
+
+    # -- choosing chips -----------------------------------------------------------------------
+
+    def select(self, mask: int) -> None:
+        """Choose the chips of following cycles."""
+        if mask >> len(self.chips):
+            raise PortError(
+                codes.NO_SUCH, f"select {mask:X}: this session has {len(self.chips)} chips"
+            )
+        self._mask = mask
+        self._selected = [chip for n, chip in enumerate(self.chips) if mask >> n & 1]
+        self._chip = self._selected[0] if len(self._selected) == 1 else None
+        if self._selected:
+            self._cycle = max(c for n, c in enumerate(self._cycles) if mask >> n & 1)
+        self.yield_to_claim()
+
+    def claim(self) -> bool:
+        """Hold the selected chips' bus; False while another session has one of them."""
+        claims = self.board.claims
+        if self.yield_to_claim():
+            return False
+        self.held = False
+        for chip in self._selected:
+            if claims.get(chip.name) is None:
+                claims[chip.name] = self
+                self._claimed.append(chip.name)
+        for port in self.board.ports:
+            port.yield_to_claim()
+        return True
+
+    def unclaim(self) -> None:
+        """Let the bus go, and let those go on who wait for it."""
+        for name in self._claimed:
+            del self.board.claims[name]
+        if self._claimed:
+            self._claimed = []
+            self._wake_others()
+
+    def _wake_others(self) -> None:
+        for port in list(self.board.ports):
+            if port is not self and port.held and port.hold_until == NEVER:
+                port.held = False
+                if not port.yield_to_claim() and port.on_resume is not None:
+                    port.on_resume()
+
+    def yield_to_claim(self) -> bool:
+        """Hold this session, if another one has claimed a chip it has selected."""
+        claims = self.board.claims
+        if claims and any(claims.get(chip.name, self) is not self for chip in self._selected):
+            self._hold(NEVER)
+            return True
+        return False
+
+    def _hold(self, until: int) -> None:
+        self.held = True
+        self.hold_until = until
+
+    # -- whole bus cycles ---------------------------------------------------------------------
+
+    def _begin(self) -> int:
+        """Return the instant of the next cycle's latching edge."""
+        if self._stamp >= 0:
+            when = max(self._stamp, self._kernel.now)
+            self._stamp = -1
+        else:
+            when = self._kernel.now + self._cycle
+        if when > self.board.limit:
+            self._hold(when)
+        return when
+
+    def _observed(self) -> bool:
+        if not self._kernel.observed:
+            return False
+        for chip in self._selected:
+            for pin in chip.bus_pins:
+                if pin.net.observers:
+                    return True
+        return False
+
+    def _run_until(self, when: int) -> None:
+        kernel = self._kernel
+        if kernel.next_due > when:
+            kernel.now = when
+        else:
+            kernel.run_until(when)
+
+    def read(self, address: int) -> int:
+        """Run one read cycle; return the byte (0..255)."""
+        when = self._begin()
+        chip = self._chip
+        if chip is None:
+            self._run_until(when)
+            data = self._float()
+        elif self._observed():
+            data = self._play(False, address, 0, when)
+        else:
+            fall = when - chip.read_low_ps
+            if fall > self._kernel.now:
+                self._run_until(fall)
+            chip.begin_read(address)
+            self._run_until(when)
+            data = chip.end_read()
+            chip.bus_net.value = data
+            self._kernel.settle()
+        board = self.board
+        board.counters["reads"] += 1
+        if board.observers:
+            self._tell(when, False, address, data)
+        return data
+
+    def write(self, address: int, data: int) -> None:
+        """Run one write cycle on every selected chip."""
+        when = self._begin()
+        if self._observed():
+            self._play(True, address, data, when)
+        else:
+            self._run_until(when)
+            for chip in self._selected:
+                chip.write(address, data)
+                chip.bus_net.value = data
+            self._kernel.settle()
+        board = self.board
+        board.counters["writes"] += 1
+        if board.observers:
+            self._tell(when, True, address, data)
+
+    def _tell(self, when: int, write: bool, address: int, data: int) -> None:
+        board = self.board
+        name = "+".join(chip.name for chip in self._selected) or "-"
+        for observer in board.observers:
+            observer.bus_cycle(when, self.label, name, write, address, data)
+        if (board.counters["reads"] + board.counters["writes"]) % SETTLE_EVERY == 0:
+            board.catch_up()
+
+    def _float(self) -> int:
+        """Return what a read finds with no chip, or several, selected."""
+        net = self.chips[0].bus_net if self.chips else None
+        return net.value if net is not None and net.rest == Z else FLOATING
+
+    def _play(self, write: bool, address: int, data: int, when: int) -> int:
+        """Play a whole cycle as strobes on the nets; return the byte seen at the latching edge."""
+        board = self.board
+        board.flush_tail()
+        steps: list[tuple[int, int, Pin, int]] = []
+        for chip in self._selected:
+            chip.judged = False
+            for offset, name, level in chip.strobes(write, address, data):
+                steps.append((offset, len(steps), self._host_pin(chip.pins[name]), level))
+        steps.sort(key=_offset_and_order)
+        value = FLOATING
+        latched = False
+        for offset, _, pin, level in steps:
+            if offset >= 0 and not latched:
+                self._run_until(when)
+                for chip in self._selected:
+                    chip.advance()
+                self._kernel.settle()
+                value = self._selected[0].bus_net.value
+                latched = True
+            if offset > 0:
+                board.queue_tail(when + offset, pin, level)
+                continue
+            instant = when + offset
+            if instant > self._kernel.now:
+                self._run_until(instant)
+            pin.drive(level)
+            if offset < 0:
+                self._kernel.settle()
+        self._kernel.settle()
+        return value
+
+    # -- strobes and pins ---------------------------------------------------------------------
+
+    def _host_pin(self, chip_pin: Pin) -> Pin:
+        """Return this host's own pin on the net of ``chip_pin``, soldered on first use."""
+        net = chip_pin.net
+        pin = self._pins.get(id(net))
+        if pin is None:
+            pin = Pin(f"{self.label}:{chip_pin.name}", net)
+            self._pins[id(net)] = pin
+        return pin
+
+    def _arrive(self) -> None:
+        """Come to the host's instant for something that takes no time of its own."""
+        if self._stamp >= 0:
+            when = max(self._stamp, self._kernel.now)
+            self._stamp = -1
+            self.board.run_until(when)
+        self.board.flush_tail()
+
+    def lines(self, mask: int, levels: int) -> None:
+        """Put control lines to levels, all at this instant."""
+        if mask >> len(self._lines):
+            raise PortError(
+                codes.NO_SUCH, f"lines {mask:X}: this session has {len(self._lines)} lines"
+            )
+        self._arrive()
+        self._judge()
+        for number, line in enumerate(self._lines):
+            if mask >> number & 1:
+                self._host_pin(line).drive(levels >> number & 1)
+        self._kernel.settle()
+
+    def _judge(self) -> None:
+        for chip in self.chips:
+            chip.judged = self._timed
+
+    def _data_chip(self) -> Chip:
+        if self._selected:
+            return self._selected[0]
+        if self.chips:
+            return self.chips[0]
+        raise PortError(codes.NO_SUCH, "this session has no chip")
+
+    def drive(self, data: int) -> None:
+        """Drive D0-D7 of the selected chips' bus."""
+        self._arrive()
+        self._judge()
+        chip = self._data_chip()
+        self._host_pin(chip.data_pin).drive(data & 0xFF)
+        self._kernel.settle()
+
+    def release(self) -> None:
+        """Let D0-D7 float."""
+        self._arrive()
+        self._host_pin(self._data_chip().data_pin).release()
+        self._kernel.settle()
+
+    def sample(self) -> tuple[int, int]:
+        """Return D0-D7 as they stand, and all output lines."""
+        self._arrive()
+        outputs = self._output_word()
+        return self._data_chip().bus_net.value, outputs
+
+    def _output_word(self) -> int:
+        for chip in self.chips:
+            chip.advance()
+        self._kernel.settle()
+        word = 0
+        for number, pin in enumerate(self._outputs[:32]):
+            word |= pin.net.value << number
+        return word
+
+    def pin(self, number: int, level: int) -> None:
+        """Drive side pin ``number`` to 0 or 1; 2 lets go."""
+        side = self._side(number)
+        if level not in (0, 1, 2):
+            raise PortError(codes.NO_SUCH, f"pin level {level}: allowed are 0, 1 and 2 (let go)")
+        self._arrive()
+        self._judge()
+        self._host_pin(side).drive(Z if level == 2 else level)
+        self._kernel.settle()
+
+    def getpin(self, number: int) -> int:
+        """Return the level of side pin ``number``."""
+        side = self._side(number)
+        self._arrive()
+        for chip in self.chips:
+            chip.advance()
+        self._kernel.settle()
+        return side.net.value
+
+    def _side(self, number: int) -> Pin:
+        if not 0 <= number < len(self._sides):
+            raise PortError(codes.NO_SUCH, f"pin {number}: this session has {len(self._sides)}")
+        return self._sides[number]
+
+    # -- time ---------------------------------------------------------------------------------
+
+    def _pass_to(self, when: int) -> bool:
+        """Let time pass to ``when`` if the wall clock allows; else hold the session."""
+        if when > self.board.limit:
+            self._hold(when)
+            return False
+        self.held = False
+        if when > self._kernel.now:
+            self.board.run_until(when)
+        return True
+
+    def _host_now(self) -> int:
+        if self._stamp >= 0:
+            return max(self._stamp, self._kernel.now)
+        return self._kernel.now
+
+    def wait(self, longest: int) -> tuple[bool, int] | None:
+        """Let time pass until the selected chips can take a cycle, at most ``longest`` ps."""
+        self._arrive()
+        if self._target < 0:
+            self._target = min(self._kernel.now + longest, NEVER - 1)
+        deadline = self._target
+        while True:
+            for chip in self._selected:
+                chip.advance()
+            now = self._kernel.now
+            ready = max((chip.ready_at() for chip in self._selected), default=now)
+            if ready <= now or now >= deadline:
+                self._target = -1
+                self.held = False
+                return ready <= now, now
+            if not self._pass_to(min(ready, deadline)):
+                return None
+
+    def delay(self, duration: int) -> bool:
+        """Let time pass for this host."""
+        self._timed = True
+        if self._target < 0:
+            self._target = min(self._host_now() + duration, NEVER - 1)
+            self._stamp = -1
+        if not self._pass_to(self._target):
+            return False
+        self._target = -1
+        return True
+
+    def at(self, when: int) -> None:
+        """Set the host's own clock (slaved boards only)."""
+        if self.board.policy != "slaved":
+            raise PortError(
+                codes.BAD_AT, f"at: board {self.board.name!r} is {self.board.policy}, not slaved"
+            )
+        if when < self._last_at:
+            raise PortError(codes.BAD_AT, f"at {when}: before the last at, {self._last_at}")
+        self._last_at = when
+        self._stamp = when
+
+    def now(self) -> int:
+        """Return chip time."""
+        return self._host_now()
+
+    def sync(self) -> tuple[int, int]:
+        """Bring the chips up to the host's time; output lines and the next possible edge."""
+        self._arrive()
+        outputs = self._output_word()
+        due = self._kernel.next_due
+        for chip in self.chips:
+            due = min(due, chip.next_event())
+        return outputs, due
+
+    # -- events -------------------------------------------------------------------------------
+
+    def events(self, mask: int) -> None:
+        """From now on report each edge of the output lines in ``mask``."""
+        if mask >> len(self._outputs):
+            raise PortError(
+                codes.NO_SUCH, f"events {mask:X}: this session has {len(self._outputs)} outputs"
+            )
+        for net, observer in self._watchers:
+            net.unobserve(observer)
+        self._watchers = []
+        self._events_mask = mask
+        for number, pin in enumerate(self._outputs):
+            if mask >> number & 1:
+                observer = _EventWatch(self)
+                self._watchers.append((pin.net, observer))
+                pin.net.observe(observer)
+
+    def note_edge(self, when: int) -> None:
+        """An output line that is watched has moved; for the watch only."""
+        word = 0
+        for number, pin in enumerate(self._outputs[:32]):
+            word |= pin.net.value << number
+        self._edges.append((word, when))
+        if self.on_events is not None:
+            self.on_events()
+
+    def take_events(self) -> list[tuple[int, int]]:
+        """Return and forget the edges seen since the last call."""
+        edges, self._edges = self._edges, []
+        return edges
+
+    # -- names and cards ----------------------------------------------------------------------
+
+    def chip_number(self, name: str) -> int:
+        """Return the bit number of the chip called ``name``."""
+        for number, chip in enumerate(self.chips):
+            if chip.name == name:
+                return number
+        known = ", ".join(chip.name for chip in self.chips)
+        raise PortError(codes.NO_SUCH, f"no chip {name!r}; this session has {known}")
+
+    def pin_number(self, name: str) -> int:
+        """Return the number of a side pin."""
+        return self._find(self._sides, name, "pin")
+
+    def line_number(self, name: str) -> int:
+        """Return the number of a control line."""
+        return self._find(self._lines, name, "line")
+
+    def _find(self, pins: list[Pin], name: str, kind: str) -> int:
+        names = [self._full_name(self.chips, pin) for pin in pins]
+        if name in names:
+            return names.index(name)
+        for chip in self._selected:
+            wanted = chip.pins.get(name)
+            for number, pin in enumerate(pins):
+                if wanted is not None and pin.net is wanted.net:
+                    return number
+        raise PortError(codes.NO_SUCH, f"no {kind} {name!r}; this session has {', '.join(names)}")
+
+    def card(self, address: int) -> tuple[int, int] | None:
+        """Decode a card address into (chip number, chip address)."""
+        return self._card.decode(address) if self._card is not None else None
+
+    # -- end ----------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """The session has ended: let go of lines, pins, claims and events."""
+        self.events(0)
+        self.board.flush_tail()
+        for pin in self._pins.values():
+            pin.release()
+            pin.net.pins.remove(pin)
+        self._pins = {}
+        self._kernel.settle()
+        self.unclaim()
+        if self in self.board.ports:
+            self.board.ports.remove(self)
+
+    def save(self) -> tuple[object, ...]:
+        """Return the session's state: selection, time stamps, and what its pins drive."""
+        pins = tuple(
+            (self._full_name(self.chips, chip_pin), pin.level)
+            for chip in self.chips
+            for chip_pin in chip.pins.values()
+            if (pin := self._pins.get(id(chip_pin.net))) is not None
+        )
+        return (
+            self._mask, self._stamp, self._last_at, self._timed, self._target,
+            tuple(self._claimed), pins,
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        mask, stamp, last_at, timed, target, claimed, pins = state
+        self.select(mask)  # type: ignore[arg-type]
+        self._stamp, self._last_at = stamp, last_at  # type: ignore[assignment]
+        self._timed, self._target = timed, target  # type: ignore[assignment]
+        self.held = False
+        self.unclaim()
+        for name in claimed:  # type: ignore[attr-defined]
+            self.board.claims[name] = self
+            self._claimed.append(name)
+        for pin in self._pins.values():
+            pin.level = Z
+        for name, level in pins:  # type: ignore[attr-defined]
+            self._host_pin(self.board.find_pin(name)).level = level
+
+
+class _EventWatch(Observer):
+    """Tells a port that one of its watched lines has moved."""
+
+    def __init__(self, port: HostBus) -> None:
+        self._port: HostBus = port
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Pass the edge on."""
+        self._port.note_edge(when)
+
+
+def _offset_and_order(step: tuple[int, int, Pin, int]) -> tuple[int, int]:
+    return step[0], step[1]
