@@ -48,7 +48,7 @@ class HostBus(HostPort):
         self.label: str = label
         self.chips: list[Chip] = chips
         self.held = False
-        self.hold_until: int = 0
+        self.hold_until = 0
         self.on_resume: Callable[[], None] | None = None
         self.on_events: Callable[[], None] | None = None
         self._kernel = board.kernel
@@ -165,6 +165,16 @@ class HostBus(HostPort):
             self._hold(NEVER)
             return True
         return False
+
+    def go_on(self) -> bool:
+        """Lift the hold if what it waited for has come; tell whether the session may go on."""
+        if self.held:
+            if self.hold_until == NEVER:
+                self.held = False
+                self.yield_to_claim()
+            elif self.hold_until <= self.board.limit:
+                self.held = False
+        return not self.held
 
     def _hold(self, until: int) -> None:
         self.held = True

@@ -73,6 +73,16 @@ class HostPort:
     """
 
     held: bool = False
+    hold_until: int = 0
+    """Instant at which a held session may go on; NEVER while it waits for another's claim."""
+
+    def go_on(self) -> bool:
+        """Lift the hold if what it waited for has come; tell whether the session may go on."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """The session has ended: let go of lines, pins, claims and events."""
+        raise NotImplementedError
 
     def info(self) -> PortInfo:
         """Return what HELLO tells."""
