@@ -1,0 +1,135 @@
+"""Kernel: virtual time and what is due."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vbus.kernel import NEVER, Kernel
+
+
+def test_a_timer_fires_at_its_instant_and_not_before() -> None:
+    kernel = Kernel()
+    fired: list[int] = []
+    kernel.timer(lambda: fired.append(kernel.now)).at(1_000)
+
+    kernel.run_until(999)
+    assert fired == []
+
+    kernel.run_until(1_000)
+    assert fired == [1_000]
+
+
+def test_timers_of_one_instant_run_in_the_order_they_were_made() -> None:
+    kernel = Kernel()
+    order: list[str] = []
+    first = kernel.timer(lambda: order.append("first"))
+    second = kernel.timer(lambda: order.append("second"))
+
+    second.at(10)
+    first.at(10)
+    kernel.run_until(10)
+
+    assert order == ["first", "second"]
+
+
+def test_what_is_asked_for_soon_runs_after_its_cause_and_at_the_same_instant() -> None:
+    kernel = Kernel()
+    order: list[tuple[str, int]] = []
+
+    def cause() -> None:
+        kernel.soon(lambda: order.append(("effect", kernel.now)))
+        order.append(("cause", kernel.now))
+
+    kernel.timer(cause).at(5)
+    kernel.run_until(20)
+
+    assert order == [("cause", 5), ("effect", 5)]
+
+
+def test_setting_a_timer_again_forgets_the_earlier_setting() -> None:
+    kernel = Kernel()
+    fired: list[int] = []
+    timer = kernel.timer(lambda: fired.append(kernel.now))
+
+    timer.at(10)
+    timer.at(30)
+    timer.at(20)
+    kernel.run_until(100)
+
+    assert fired == [20]
+
+
+def test_a_cancelled_timer_does_not_fire() -> None:
+    kernel = Kernel()
+    fired: list[int] = []
+    timer = kernel.timer(lambda: fired.append(kernel.now))
+
+    timer.at(10)
+    timer.cancel()
+    kernel.run_until(100)
+
+    assert fired == []
+    assert timer.due == NEVER
+
+
+def test_time_does_not_run_backwards() -> None:
+    kernel = Kernel()
+    kernel.run_until(10)
+
+    with pytest.raises(
+        ValueError, match=r"^time does not run backwards: now 10 ps, asked 9 ps$"
+    ):
+        kernel.run_until(9)
+
+
+def test_a_timer_cannot_be_set_to_the_past() -> None:
+    kernel = Kernel()
+    timer = kernel.timer(lambda: None)
+    kernel.run_until(10)
+
+    with pytest.raises(ValueError, match=r"^instant 9 ps is past; it is 10 ps now$"):
+        timer.at(9)
+
+
+class Ticker:
+    """A counter that rearms its own timer; what a chip does."""
+
+    def __init__(self, kernel: Kernel, period: int) -> None:
+        self.kernel = kernel
+        self.period = period
+        self.seen: list[int] = []
+        self.timer = kernel.timer(self.tick)
+        self.timer.at(period)
+
+    def tick(self) -> None:
+        self.seen.append(self.kernel.now)
+        self.timer.at(self.kernel.now + self.period)
+
+
+@given(
+    st.lists(st.integers(1, 50), min_size=1, max_size=4),
+    st.integers(0, 300),
+    st.integers(0, 300),
+)
+def test_running_in_two_parts_with_a_snapshot_between_is_running_at_once(
+    periods: list[int], first: int, second: int
+) -> None:
+    whole = Kernel()
+    expected = [Ticker(whole, period) for period in periods]
+    whole.run_until(first + second)
+
+    before = Kernel()
+    before_tickers = [Ticker(before, period) for period in periods]
+    before.run_until(first)
+    after = Kernel()
+    after_tickers = [Ticker(after, period) for period in periods]
+    after.load(before.save())
+    after.run_until(first + second)
+
+    for one, two, three in zip(expected, before_tickers, after_tickers, strict=True):
+        assert one.seen == two.seen + three.seen
+
+
+def test_a_state_of_another_board_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"^state has 2 timers, this kernel 0$"):
+        Kernel().load((0, NEVER, NEVER))

@@ -1,0 +1,149 @@
+"""Nets and pins: drive, release, open drain, contention, watchers."""
+
+from vbus.kernel import Kernel
+from vbus.signals import HIGH, LOW, Net, Observer, Pin, Watcher, Z
+
+
+class Edges(Observer):
+    def __init__(self) -> None:
+        self.seen: list[tuple[int, str, int]] = []
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        self.seen.append((when, net, level))
+
+
+def test_an_undriven_net_rests_at_its_pull() -> None:
+    kernel = Kernel()
+
+    assert Net(kernel, "/RST", rest=HIGH).value == HIGH
+    assert Net(kernel, "HI", rest=LOW).value == LOW
+
+
+def test_a_released_pin_gives_the_net_back_to_its_pull() -> None:
+    net = Net(Kernel(), "/RST", rest=HIGH)
+    pin = Pin("/RST", net)
+
+    pin.drive(LOW)
+    assert net.value == LOW
+
+    pin.release()
+    assert net.value == HIGH
+
+
+def test_a_floating_bus_without_a_pull_keeps_its_last_value() -> None:
+    net = Net(Kernel(), "D0-D7", rest=Z, width=8)
+    pin = Pin("D0-D7", net)
+
+    pin.drive(0xA5)
+    pin.release()
+
+    assert net.value == 0xA5
+
+
+def test_open_drain_pins_share_a_wire_and_any_of_them_pulls_it_low() -> None:
+    net = Net(Kernel(), "/INT", rest=HIGH)
+    pins = [Pin("/INT", net, open_drain=True) for _ in range(3)]
+    clashes: list[Net] = []
+    net.clash = clashes.append
+
+    for pin in pins:
+        pin.drive(HIGH)
+    assert net.value == HIGH
+
+    pins[1].drive(LOW)
+    assert net.value == LOW
+
+    pins[1].drive(HIGH)
+    assert net.value == HIGH
+    assert clashes == []
+
+
+def test_two_outputs_that_disagree_are_reported_once_and_low_wins() -> None:
+    net = Net(Kernel(), "D0-D7", rest=Z, width=8)
+    one, two = Pin("one", net), Pin("two", net)
+    clashes: list[str] = []
+    net.clash = lambda n: clashes.append(n.name)
+
+    one.drive(0xF0)
+    two.drive(0x3C)
+    assert net.value == 0x30
+    assert clashes == ["D0-D7"]
+
+    two.drive(0xF0)
+    two.drive(0x0F)
+    assert clashes == ["D0-D7", "D0-D7"]
+
+
+def test_several_lines_moved_together_are_one_event_to_a_watcher() -> None:
+    kernel = Kernel()
+    nets = [Net(kernel, name) for name in ("/CS", "/RD")]
+    pins = [Pin(net.name, net) for net in nets]
+    calls: list[tuple[int, int]] = []
+    watcher = Watcher(kernel, lambda: calls.append((nets[0].value, nets[1].value)))
+    for net in nets:
+        net.watch(watcher)
+
+    pins[0].drive(LOW)
+    pins[1].drive(LOW)
+    assert calls == []
+
+    kernel.settle()
+    assert calls == [(LOW, LOW)]
+
+
+def test_an_observer_sees_every_edge_with_its_instant() -> None:
+    kernel = Kernel()
+    net = Net(kernel, "x.HI", rest=LOW)
+    pin = Pin("HI", net)
+    edges = Edges()
+    net.observe(edges)
+
+    kernel.run_until(100)
+    pin.drive(HIGH)
+    kernel.run_until(250)
+    pin.drive(HIGH)
+    pin.drive(LOW)
+
+    assert edges.seen == [(100, "x.HI", HIGH), (250, "x.HI", LOW)]
+
+
+def test_a_net_remembers_the_level_before_its_last_change() -> None:
+    kernel = Kernel()
+    net = Net(kernel, "D0-D7", rest=0, width=8)
+    pin = Pin("D0-D7", net)
+
+    pin.drive(0x1F)
+    kernel.run_until(70)
+    pin.drive(0x20)
+
+    assert (net.previous, net.value, net.changed_at) == (0x1F, 0x20, 70)
+
+
+def test_an_output_pin_learns_that_somebody_listens() -> None:
+    kernel = Kernel()
+    net = Net(kernel, "HI")
+    pin = Pin("HI", net)
+    heard: list[bool] = []
+    pin.on_heard = lambda: heard.append(net.heard)
+    edges = Edges()
+
+    net.observe(edges)
+    net.unobserve(edges)
+
+    assert heard == [True, False]
+
+
+def test_a_pin_soldered_to_another_net_takes_its_watchers_along() -> None:
+    kernel = Kernel()
+    old, shared = Net(kernel, "a./SYNC"), Net(kernel, "/SYNC")
+    pin = Pin("/SYNC", old)
+    calls: list[int] = []
+    old.watch(Watcher(kernel, lambda: calls.append(shared.value)))
+    driver = Pin("host", shared)
+
+    pin.move(shared)
+    driver.drive(LOW)
+    kernel.settle()
+
+    assert calls == [LOW]
+    assert pin.value == LOW
