@@ -69,7 +69,6 @@ class HostBus(HostPort):
         self._outputs: list[Pin] = []
         self._watchers: list[tuple[Net, Observer]] = []
         self._edges: list[tuple[int, int]] = []
-        self._events_mask: int = 0
         self._number_pins()
 
     def _default_cycle(self, chip: Chip) -> int:
@@ -108,7 +107,7 @@ class HostBus(HostPort):
                 ChipInfo(chip.name, chip.part, chip.FAMILY, chip.ADDRESS_BITS, cycle)
                 for chip, cycle in zip(self.chips, self._cycles, strict=True)
             ],
-            [self._full_name(self.chips, pin) for pin in self._lines],
+            [pin.net.name for pin in self._lines],
             [self._full_name(self.chips, pin) for pin in self._outputs],
             [self._full_name(self.chips, pin) for pin in self._sides],
             ["claim", "events", "lines", "sync"],
@@ -471,12 +470,13 @@ class HostBus(HostPort):
         for net, observer in self._watchers:
             net.unobserve(observer)
         self._watchers = []
-        self._events_mask = mask
-        for number, pin in enumerate(self._outputs):
-            if mask >> number & 1:
-                observer = _EventWatch(self)
-                self._watchers.append((pin.net, observer))
-                pin.net.observe(observer)
+        if not mask:
+            return
+        # All outputs are listened to, so that the word reported with an edge is right.
+        for number, pin in enumerate(self._outputs[:32]):
+            observer = _EventWatch(self) if mask >> number & 1 else Observer()
+            self._watchers.append((pin.net, observer))
+            pin.net.observe(observer)
 
     def note_edge(self, when: int) -> None:
         """An output line that is watched has moved; for the watch only."""
@@ -504,14 +504,14 @@ class HostBus(HostPort):
 
     def pin_number(self, name: str) -> int:
         """Return the number of a side pin."""
-        return self._find(self._sides, name, "pin")
+        names = [self._full_name(self.chips, pin) for pin in self._sides]
+        return self._find(self._sides, names, name, "pin")
 
     def line_number(self, name: str) -> int:
         """Return the number of a control line."""
-        return self._find(self._lines, name, "line")
+        return self._find(self._lines, [pin.net.name for pin in self._lines], name, "line")
 
-    def _find(self, pins: list[Pin], name: str, kind: str) -> int:
-        names = [self._full_name(self.chips, pin) for pin in pins]
+    def _find(self, pins: list[Pin], names: list[str], name: str, kind: str) -> int:
         if name in names:
             return names.index(name)
         for chip in self._selected:

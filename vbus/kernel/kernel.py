@@ -47,11 +47,13 @@ class Kernel:
     of the board file. Nothing depends on the order in which they were set.
     """
 
-    __slots__ = ("_heap", "_instant", "_timers", "next_due", "now", "observed")
+    __slots__ = ("_heap", "_instant", "_timers", "batch", "next_due", "now", "observed")
 
     def __init__(self) -> None:
         self.now: int = 0
         self.next_due: int = NEVER
+        self.batch: int = 0
+        """Number of the batch of changes under way: what moves in one batch moves together."""
         self.observed: int = 0
         """How many observers sit on nets: while none does, nobody looks at bus strobes."""
         self._heap: list[tuple[int, int]] = []
@@ -75,10 +77,11 @@ class Kernel:
         self._instant.append(callback)
 
     def settle(self) -> None:
-        """Run what :meth:`soon` asked for, in order, until nothing is left at this instant."""
+        """Run what :meth:`soon` asked for, in order, and close the batch of changes."""
         queue = self._instant
         while queue:
             queue.popleft()()
+        self.batch += 1
 
     def run_until(self, when: int) -> None:
         """Let time pass to instant ``when`` (ps), inclusive of everything due at it.
@@ -88,6 +91,7 @@ class Kernel:
         """
         if when < self.now:
             raise ValueError(f"time does not run backwards: now {self.now} ps, asked {when} ps")
+        self.settle()
         while self.next_due <= when:
             due, rank = heappop(self._heap)
             heap = self._heap

@@ -82,6 +82,7 @@ class Pin:
             if watcher not in net.watchers:
                 net.watchers.append(watcher)
         net.resolve()
+        net.tell_drivers()
 
 
 class Net:
@@ -92,13 +93,13 @@ class Net:
         width: number of wires, 1 or 8.
         rest: what is read while nobody drives: 0 or 1 (a pull), or :data:`Z` to keep the last.
         value: electrical level now.
-        previous: level before the last change.
+        previous: level before the last batch of changes.
         changed_at: instant of the last change (ps).
         clash: called with the net when two push-pull pins disagree.
     """
 
     __slots__ = (
-        "_kernel", "changed_at", "clash", "clashing", "name", "observers", "pins", "previous",
+        "_batch", "_kernel", "changed_at", "clash", "clashing", "name", "observers", "pins", "previous",
         "rest", "value", "watchers", "width",
     )  # fmt: skip
 
@@ -110,11 +111,21 @@ class Net:
         self.value: int = 0 if rest == Z else rest
         self.previous: int = self.value
         self.changed_at: int = 0
+        self._batch: int = -1
         self.pins: list[Pin] = []
         self.watchers: list[Watcher] = []
         self.observers: list[Observer] = []
         self.clash: Callable[[Net], None] | None = None
         self.clashing: bool = False
+
+    @property
+    def before(self) -> int:
+        """Level before the batch of changes under way.
+
+        What a latch takes whose strobe ends in this batch: data that moves together with the
+        trailing edge comes too late.
+        """
+        return self.previous if self._batch == self._kernel.batch else self.value
 
     @property
     def heard(self) -> bool:
@@ -129,21 +140,22 @@ class Net:
     def watch(self, watcher: Watcher) -> None:
         """Notify ``watcher`` of every change from now on."""
         self.watchers.append(watcher)
-        self._tell_drivers()
+        self.tell_drivers()
 
     def observe(self, observer: Observer) -> None:
         """Report every edge to ``observer`` from now on."""
         self.observers.append(observer)
         self._kernel.observed += 1
-        self._tell_drivers()
+        self.tell_drivers()
 
     def unobserve(self, observer: Observer) -> None:
         """Stop reporting to ``observer``."""
         self.observers.remove(observer)
         self._kernel.observed -= 1
-        self._tell_drivers()
+        self.tell_drivers()
 
-    def _tell_drivers(self) -> None:
+    def tell_drivers(self) -> None:
+        """Let the driving chips know that somebody began or ceased to listen."""
         for pin in self.pins:
             if pin.on_heard is not None:
                 pin.on_heard()
@@ -166,7 +178,9 @@ class Net:
         if level == Z:
             level = self.value if self.rest == Z else self.rest
         if level != self.value:
-            self.previous = self.value
+            if self._batch != self._kernel.batch:
+                self._batch = self._kernel.batch
+                self.previous = self.value
             self.value = level
             self.changed_at = self._kernel.now
             for observer in self.observers:

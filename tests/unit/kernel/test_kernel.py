@@ -76,9 +76,7 @@ def test_time_does_not_run_backwards() -> None:
     kernel = Kernel()
     kernel.run_until(10)
 
-    with pytest.raises(
-        ValueError, match=r"^time does not run backwards: now 10 ps, asked 9 ps$"
-    ):
+    with pytest.raises(ValueError, match=r"^time does not run backwards: now 10 ps, asked 9 ps$"):
         kernel.run_until(9)
 
 

@@ -147,3 +147,23 @@ def test_a_pin_soldered_to_another_net_takes_its_watchers_along() -> None:
 
     assert calls == [LOW]
     assert pin.value == LOW
+
+
+def test_what_moves_together_with_an_edge_is_known_by_its_level_before() -> None:
+    kernel = Kernel()
+    data, strobe = Net(kernel, "D0-D7", rest=0, width=8), Net(kernel, "/WR")
+    data_pin, strobe_pin = Pin("D0-D7", data), Pin("/WR", strobe)
+    taken: list[int] = []
+    strobe.watch(Watcher(kernel, lambda: taken.append(data.before)))
+
+    data_pin.drive(0x11)
+    kernel.settle()
+    strobe_pin.drive(LOW)
+    kernel.settle()
+    data_pin.drive(0x22)
+    strobe_pin.drive(HIGH)
+    kernel.settle()
+    strobe_pin.drive(LOW)
+    kernel.settle()
+
+    assert taken == [0x11, 0x11, 0x22]

@@ -1,0 +1,456 @@
+"""HostBus: what one host's hold on a board means, shown with a toy chip."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.unit.board.toy import Toy
+from vbus.board.board import Board
+from vbus.board.cards import Card
+from vbus.board.host_bus import HostBus
+from vbus.kernel import NEVER, US
+from vbus.protocols.port import PortError
+from vbus.signals import HIGH, LOW, STRICT, Observer, Policy
+
+
+def bench(policy: str = "lockstep", chips: int = 1, **settings: object) -> tuple[Board, HostBus]:
+    board = Board("bench", policy, **settings)  # type: ignore[arg-type]
+    for number in range(chips):
+        board.add_chip(Toy, f"t{number}", "TOY", 8_000_000)
+    board.power_on()
+    return board, board.open_port("host")
+
+
+class Log(Observer):
+    def __init__(self) -> None:
+        self.edges: list[tuple[int, str, int]] = []
+        self.cycles: list[tuple[int, str, str, bool, int, int]] = []
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        self.edges.append((when, net, level))
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        self.cycles.append((when, host, chip, write, address, data))
+
+
+def test_in_lockstep_a_cycle_costs_one_microsecond_and_nothing_else_moves_time() -> None:
+    board, port = bench()
+
+    port.write(1, 0x42)
+    assert board.now == 1 * US
+
+    assert port.read(1) == 0x42
+    assert board.now == 2 * US
+    assert port.now() == 2 * US
+
+
+def test_polling_a_busy_chip_ends_because_each_poll_takes_time() -> None:
+    _, port = bench()
+    port.write(0, 100)
+
+    polls = 0
+    while port.read(0) & 1:
+        polls += 1
+
+    assert polls == 10
+
+
+def test_a_slaved_host_places_each_latching_edge_by_its_own_clock() -> None:
+    board, port = bench("slaved")
+    log = Log()
+    board.observe(log)
+
+    port.at(7 * US)
+    port.write(0, 100)
+    port.at(17 * US - 1)
+    assert port.read(0) == 1
+    port.at(17 * US)
+    assert port.read(0) == 1, "the byte was latched at the read strobe's falling edge"
+    port.at(18 * US)
+    assert port.read(0) == 0
+
+    assert [cycle[0] for cycle in log.cycles] == [7 * US, 17 * US - 1, 17 * US, 18 * US]
+
+
+def test_a_host_clock_that_runs_backwards_is_refused() -> None:
+    _, port = bench("slaved")
+    port.at(10 * US)
+
+    with pytest.raises(PortError, match=r"^at 9999999: before the last at, 10000000$") as refusal:
+        port.at(10 * US - 1)
+    assert refusal.value.code == 3
+
+
+def test_at_is_refused_unless_the_board_is_slaved() -> None:
+    _, port = bench("lockstep")
+
+    with pytest.raises(PortError, match=r"^at: board 'bench' is lockstep, not slaved$"):
+        port.at(10)
+
+
+def test_polls_between_two_stamps_cost_cycle_time_and_never_push_the_stamp_back() -> None:
+    board, port = bench("slaved")
+    port.at(10 * US)
+    port.read(0)
+    port.read(0)
+    port.read(0)
+    assert board.now == 12 * US
+
+    port.at(11 * US)
+    port.read(0)
+    assert board.now == 12 * US
+
+
+def test_wait_ends_at_the_very_instant_the_chip_is_ready() -> None:
+    board, port = bench()
+    port.write(0, 200)
+
+    assert port.wait(5 * US) == (False, 6 * US)
+    assert port.wait(100 * US) == (True, 11 * US)
+    assert board.now == 11 * US
+    assert port.wait(100 * US) == (True, 11 * US)
+
+
+def test_delay_moves_lockstep_time() -> None:
+    board, port = bench()
+
+    assert port.delay(123_456) is True
+    assert board.now == 123_456
+
+
+def test_in_real_time_a_delay_beyond_the_limit_holds_the_session_until_the_wall_clock_comes() -> (
+    None
+):
+    board, port = bench("realtime")
+    board.limit = 50 * US
+
+    assert port.delay(80 * US) is False
+    assert port.held
+    assert port.hold_until == 80 * US
+    assert not port.go_on()
+
+    board.run_until(60 * US)
+    board.limit = 110 * US
+    assert port.go_on()
+    assert port.delay(80 * US) is True
+    assert board.now == 80 * US
+
+
+def test_in_real_time_cycles_may_run_to_the_limit_and_then_wait_for_the_wall_clock() -> None:
+    board, port = bench("realtime")
+    board.limit = 1 * US
+    done = 0
+    while not port.held:
+        port.read(1)
+        done += 1
+
+    assert done == 4, "three cycles of 300 ns fit, the fourth goes over and holds"
+    assert not port.go_on()
+    board.limit = 10 * US
+    assert port.go_on()
+
+
+def test_a_broadcast_write_reaches_every_selected_chip_and_only_those() -> None:
+    board, port = bench(chips=3)
+    port.select(0b101)
+    port.write(1, 0x55)
+
+    values = []
+    for number in range(3):
+        port.select(1 << number)
+        values.append(port.read(1))
+    assert values == [0x55, 0, 0x55]
+    assert board.counters["writes"] == 1
+
+
+def test_reading_with_no_chip_selected_finds_the_last_value_on_a_floating_bus() -> None:
+    _, port = bench(chips=2)
+    port.write(1, 0x77)
+    port.select(0)
+
+    assert port.read(1) == 0x77
+
+
+def test_selecting_a_chip_that_is_not_there_is_refused() -> None:
+    _, port = bench(chips=2)
+
+    with pytest.raises(PortError, match=r"^select 4: this session has 2 chips$"):
+        port.select(4)
+
+
+def by_lines(port: HostBus, write: bool, address: int, data: int, low_ps: int = 200_000) -> int:
+    names = port.info().lines
+    mask = {name.split(".")[1]: 1 << n for n, name in enumerate(names)}
+    strobe = mask["/WR"] if write else mask["/RD"]
+    port.lines(mask["A0"] | mask["/CS"], mask["A0"] if address else 0)
+    if write:
+        port.drive(data)
+    port.delay(50_000)
+    port.lines(strobe, 0)
+    port.delay(low_ps)
+    value, _ = port.sample()
+    port.lines(strobe, strobe)
+    port.delay(50_000)
+    port.release()
+    port.lines(mask["/CS"], mask["/CS"])
+    return value
+
+
+def test_strobes_moved_by_the_host_are_the_same_bus_cycle() -> None:
+    _, port = bench()
+
+    by_lines(port, True, 1, 0xA5)
+    assert by_lines(port, False, 1, 0) == 0xA5
+    assert port.read(1) == 0xA6
+
+
+def test_a_write_strobe_that_is_too_short_is_a_violation_but_is_carried_out() -> None:
+    board, port = bench()
+    port.delay(1)
+
+    by_lines(port, True, 1, 0x11, low_ps=99_999)
+
+    assert [(v.rule, v.measured, v.limit) for v in board.violations] == [
+        ("toy.T1", 99_999, 100_000)
+    ]
+    assert port.read(1) == 0x11
+
+
+def test_in_strict_mode_a_write_strobe_that_is_too_short_is_lost() -> None:
+    board, port = bench(violations=Policy(rules={"toy.T1": STRICT}))
+    port.delay(1)
+
+    by_lines(port, True, 1, 0x11, low_ps=99_999)
+
+    assert port.read(1) == 0
+    assert board.counters["toy.T1"] == 1
+
+
+def test_strobes_without_any_time_between_them_are_not_judged() -> None:
+    board, port = bench()
+    names = [name.split(".")[1] for name in port.info().lines]
+    write, select = 1 << names.index("/WR"), 1 << names.index("/CS")
+
+    port.drive(0x33)
+    port.lines(write | select, 0)
+    port.lines(write | select, write | select)
+
+    assert not board.violations
+
+
+OPERATIONS = st.lists(st.tuples(st.booleans(), st.integers(0, 1), st.integers(0, 255)), max_size=30)
+
+
+@given(OPERATIONS, st.sampled_from(["lockstep", "slaved"]))
+def test_watching_the_bus_changes_nothing(
+    operations: list[tuple[bool, int, int]], policy: str
+) -> None:
+    """The fast path and the strobes played on the nets give the same replies and instants."""
+    results = []
+    for watched in (False, True):
+        board, port = bench(policy)
+        log = Log()
+        board.start_trace()
+        if watched:
+            board.watch("t0./WR", log)
+            board.watch("t0.IRQ", log)
+        replies = []
+        for step, (write, address, data) in enumerate(operations):
+            if policy == "slaved":
+                port.at(step * 400_000)
+            if write:
+                port.write(address, data)
+            else:
+                replies.append(port.read(address))
+        results.append((replies, board.now, board.trace_hash()))
+
+    assert results[0] == results[1]
+
+
+def test_a_watched_cycle_is_played_with_its_hold_times() -> None:
+    board, port = bench()
+    log = Log()
+    for name in ("/CS", "/WR", "D0-D7"):
+        board.watch(f"t0.{name}", log)
+
+    port.write(1, 0x5A)
+    port.delay(US)
+
+    assert log.edges == [
+        (750_000, "t0./CS", LOW),
+        (800_000, "t0./WR", LOW),
+        (800_000, "t0.D0-D7", 0x5A),
+        (1_000_000, "t0./WR", HIGH),
+        (1_050_000, "t0./CS", HIGH),
+    ]
+
+
+def test_an_output_that_somebody_watches_moves_at_its_own_instant() -> None:
+    board, port = bench()
+    log = Log()
+    board.watch("t0.IRQ", log)
+    port.write(0, 50)
+
+    board.run_until(51 * US - 1)
+    assert log.edges == []
+    board.run_until(51 * US)
+    assert log.edges == [(51 * US, "t0.IRQ", 1)]
+
+
+def test_joined_pins_carry_an_edge_to_the_other_chip_at_the_same_instant() -> None:
+    board, port = bench(chips=2)
+    board.join("alarm", ["t0.IRQ", "t1.TRIG"])
+    port.write(0, 30)
+
+    board.run_until(100 * US)
+
+    assert board.chip("t1").triggers == [31 * US]  # type: ignore[attr-defined]
+
+
+def test_events_report_the_level_of_all_outputs_and_the_instant() -> None:
+    board, port = bench(chips=2)
+    calls: list[int] = []
+    port.on_events = lambda: calls.append(board.now)
+    port.events(0b10)
+    port.select(0b10)
+    port.write(0, 5)
+    port.select(0b01)
+    port.write(0, 1)
+
+    board.run_until(20 * US)
+
+    assert port.take_events() == [(0b11, 6 * US)]
+    assert port.take_events() == []
+    assert calls == [6 * US]
+
+
+def test_sync_tells_the_outputs_and_when_the_next_edge_may_come() -> None:
+    _, port = bench()
+
+    assert port.sync() == (0, NEVER)
+    port.write(0, 40)
+    assert port.sync() == (0, 41 * US)
+    port.delay(40 * US)
+    assert port.sync() == (1, NEVER)
+
+
+def test_a_claim_holds_the_other_session_until_it_is_given_back() -> None:
+    board, one = bench(chips=2)
+    two = board.open_port("two")
+    resumed: list[str] = []
+    two.on_resume = lambda: resumed.append("two")
+
+    assert one.claim() is True
+    assert two.held
+    assert two.claim() is False
+
+    one.unclaim()
+    assert not two.held
+    assert resumed == ["two"]
+    assert two.claim() is True
+    assert one.held
+
+
+def test_a_claim_on_one_chip_leaves_the_others_free() -> None:
+    board, one = bench(chips=2)
+    two = board.open_port("two")
+    two.select(0b10)
+
+    assert one.claim() is True
+    assert not two.held
+    two.select(0b01)
+    assert two.held
+
+
+def test_a_session_that_ends_gives_back_its_claim_its_lines_and_its_pins() -> None:
+    board, one = bench()
+    two = board.open_port("two")
+    one.claim()
+    one.lines(0b1000, 0)
+    one.pin(one.pin_number("TRIG"), 1)
+
+    one.close()
+
+    assert not two.held
+    assert board.find_pin("t0./WR").value == HIGH
+    assert board.find_pin("t0.TRIG").value == LOW
+
+
+def test_pins_and_lines_are_found_by_name_and_unknown_ones_name_what_there_is() -> None:
+    _, port = bench(chips=2)
+
+    assert port.info().pins == ["t0.TRIG", "t0.IRQ", "t1.TRIG", "t1.IRQ"]
+    assert port.pin_number("t1.IRQ") == 3
+    assert port.pin_number("IRQ") == 1
+    with pytest.raises(PortError, match=r"^no pin 'X'; this session has t0\.TRIG, t0\.IRQ, "):
+        port.pin_number("X")
+
+
+def test_chips_on_a_shared_bus_have_one_set_of_strobes_and_their_own_selects() -> None:
+    board = Board("bench")
+    for name in ("a", "b"):
+        board.add_chip(Toy, name, "TOY", 8_000_000)
+    board.share_bus("main", ["a", "b"])
+    port = board.open_port("host")
+
+    assert port.info().lines == ["a./CS", "main.A0", "main./RD", "main./WR", "b./CS"]
+
+    names = port.info().lines
+    selects = 1 << names.index("a./CS") | 1 << names.index("b./CS")
+    strobe = 1 << names.index("main./WR")
+    address = 1 << names.index("main.A0")
+    port.drive(0x99)
+    port.lines(selects | strobe | address, address)
+    port.lines(selects | strobe, selects | strobe)
+
+    for number in (0, 1):
+        port.select(1 << number)
+        assert port.read(1) == 0x99, "one strobe, two chips"
+
+
+def test_two_hosts_that_drive_one_bus_differently_are_found_fighting() -> None:
+    board, one = bench()
+    two = board.open_port("two")
+
+    one.drive(0xFF)
+    two.drive(0x0F)
+
+    assert [v.rule for v in board.violations] == ["board.contention"]
+    assert "outputs disagree" in board.violations[0].detail
+
+
+def test_a_card_decodes_its_own_addresses_only() -> None:
+    board, _ = bench(chips=2)
+    card = Card("isa", 0x340, {0: (0, 0), 2: (0, 1), 4: (1, 0)})
+    port = board.open_port("host", card=card)
+
+    assert port.card(0x342) == (0, 1)
+    assert port.card(0x344) == (1, 0)
+    assert port.card(0x341) is None
+    assert port.card(0x100) is None
+
+
+@given(OPERATIONS, OPERATIONS)
+def test_a_board_restored_from_a_snapshot_goes_on_as_if_nothing_had_happened(
+    first: list[tuple[bool, int, int]], second: list[tuple[bool, int, int]]
+) -> None:
+    def play(port: HostBus, operations: list[tuple[bool, int, int]]) -> list[int]:
+        replies = []
+        for write, address, data in operations:
+            if write:
+                port.write(address, data)
+            else:
+                replies.append(port.read(address))
+        return replies
+
+    board, port = bench()
+    play(port, first)
+    state = board.save()
+    expected = play(port, second), board.state_hash()
+
+    other, other_port = bench()
+    other.load(state)
+
+    assert (play(other_port, second), other.state_hash()) == expected
