@@ -99,8 +99,8 @@ class Net:
     """
 
     __slots__ = (
-        "_batch", "_kernel", "changed_at", "clash", "clashing", "name", "observers", "pins", "previous",
-        "rest", "value", "watchers", "width",
+        "_batch", "_kernel", "changed_at", "clash", "clashing", "name", "observers", "pins",
+        "previous", "rest", "value", "watchers", "width",
     )  # fmt: skip
 
     def __init__(self, kernel: Kernel, name: str, *, rest: int = HIGH, width: int = 1) -> None:
