@@ -1,0 +1,126 @@
+"""One sample of a trapezoidal move that lands exactly on its target, in integers.
+
+The rule of LM-TRJ-12, MCP-TRP-2 and PMD-TRJ-2. Distances and velocities are integers in units of
+2^-f counts (f fraction bits of the chip), velocities per sample, accelerations per sample squared.
+Before each sample the generator knows how far it has to go and how fast it is; it takes the
+largest velocity that the acceleration, the top velocity and the stopping distance allow. Because
+that is decided anew in every sample, target and top velocity may change at any time.
+
+With a *start velocity* (PMD START_VEL) a move begins and ends at that velocity instead of at 0.
+
+The square root of ``8 * accel * remaining`` (to 2^80) is never needed here: whether a velocity can
+still be stopped from is a question about one product, and where the stopping distance decides, the
+answer lies within one acceleration of the present velocity. With velocity, top, accel and start
+below 2^30 and the distance below 2^61 every number in here fits 62 bits, so a compiled build keeps
+them in machine words. :func:`fastest` is the closed form, exact at any size.
+"""
+
+from math import isqrt
+
+
+def next_velocity(remaining: int, velocity: int, top: int, accel: int, start: int = 0) -> int:
+    """Return the velocity of the coming sample.
+
+    Add it to the position; then ask :func:`arrived` whether the move is over.
+
+    Args:
+        remaining: target minus position before the sample, signed, not wrapped.
+        velocity: velocity of the last sample, signed.
+        top: largest velocity of the move (0 or more). Being faster is no error: the velocity
+            falls by ``accel`` per sample until it fits.
+        accel: largest change of velocity (0 or more); 0 leaves the velocity as it is.
+        start: start velocity (0 or more); 0 for chips that have none.
+    """
+    if accel == 0:
+        return velocity
+    if remaining > 0:
+        return _approach(remaining, velocity, top, accel, start)
+    if remaining < 0:
+        return -_approach(-remaining, -velocity, top, accel, start)
+    # On the target but passing through it: either way leads away.
+    if velocity > 0:
+        return -_approach(0, -velocity, top, accel, start)
+    return _approach(0, velocity, top, accel, start)
+
+
+def arrived(remaining: int, velocity: int, accel: int, start: int = 0) -> bool:
+    """Whether a move is over after a sample: on the target, and slow enough to be still next.
+
+    Args:
+        remaining: target minus position after the sample.
+        velocity: velocity of that sample.
+        accel: as in :func:`next_velocity`.
+        start: as in :func:`next_velocity`.
+    """
+    return remaining == 0 and -accel - start <= velocity <= accel + start
+
+
+def fastest(remaining: int, accel: int, start: int = 0) -> int:
+    """Return S(r), the largest velocity of the coming sample that can still end on the target.
+
+    Args:
+        remaining: distance to go, 0 or more.
+        accel: deceleration, 1 or more.
+        start: as in :func:`next_velocity`.
+    """
+    if remaining < start:
+        return remaining
+    b = accel + 2 * start
+    n = (isqrt(b * b + 8 * accel * (remaining - start)) - b) // (2 * accel)
+    return _share(remaining, n, accel, start)
+
+
+def stopping_distance(velocity: int, accel: int, start: int = 0) -> int:
+    """Return the way covered from the coming sample on, if it has ``velocity``, until rest.
+
+    Each further sample is slower by ``accel``; what is left below ``start`` is not travelled.
+    ``velocity`` must not be negative and ``accel`` not 0.
+    """
+    if velocity <= start:
+        return velocity
+    n = (velocity - start) // accel
+    return (n + 1) * velocity - accel * (n * (n + 1) // 2)
+
+
+def _share(distance: int, n: int, accel: int, start: int) -> int:
+    """Spread ``distance`` over ``n + 1`` samples, each slower by ``accel``: the first velocity."""
+    speed = (distance + accel * (n * (n + 1) // 2)) // (n + 1)
+    if start > 0:
+        # One more step would need the next sample's start velocity too.
+        ceiling = start + (n + 1) * accel - 1
+        if speed > ceiling:
+            return ceiling
+    return speed
+
+
+def _approach(r: int, u: int, top: int, accel: int, start: int) -> int:
+    """Step with the target ahead: ``r`` to go, ``u`` the velocity toward it (maybe negative)."""
+    if u < 0:
+        speed = u + accel
+        if start > 0:
+            return 0 if speed > -start else speed
+        if speed <= 0:
+            return speed
+        speed = min(speed, top)
+        # Slower than one acceleration: one more sample is all the stopping there is.
+        return min(speed, r)
+
+    speed = start if u == 0 and start > 0 else u + accel
+    speed = min(speed, top)
+    slowest = u - accel
+    if slowest < start:
+        slowest = 0
+    if stopping_distance(speed, accel, start) <= r:
+        return max(speed, slowest)
+    if slowest > 0:
+        if stopping_distance(slowest, accel, start) >= r:
+            return slowest
+        n = (slowest - start) // accel
+    else:
+        if r < start:
+            return r
+        n = 0
+    # The answer lies less than two accelerations above ``slowest``: at most two turns.
+    while (n + 2) * start + accel * ((n + 1) * (n + 2) // 2) <= r:
+        n += 1
+    return _share(r, n, accel, start)
