@@ -9,6 +9,7 @@ import msgpack
 
 from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus
+from vbus.board.strobe_player import StrobePlayer
 from vbus.chips.base import Chip
 from vbus.errors import SnapshotError
 from vbus.kernel import NEVER, Clock, Kernel
@@ -71,8 +72,7 @@ class Board:
         self.ports: list[HostBus] = []
         self.claims: dict[str, HostBus] = {}
         self._trace: TraceHash | None = None
-        self._tail: deque[tuple[int, Pin, int]] = deque()
-        self._tail_timer = self.kernel.timer(self._run_tail)
+        self.player: StrobePlayer = StrobePlayer(self.kernel)
 
     # -- building -----------------------------------------------------------------------------
 
@@ -126,7 +126,7 @@ class Board:
             raise ValueError(f"bus {name!r} joins different chip families: {sorted(family)}")
         self.buses[name] = [chip.name for chip in members]
         for row in members[0].PINS:
-            if (row.strobe or (row.direction == "io" and row.width == 8)) and not row.select:
+            if row.shared:
                 net = Net(self.kernel, f"{name}.{row.name}", rest=row.rest, width=row.width)
                 self._own(net)
                 for chip in members:
@@ -219,27 +219,6 @@ class Board:
         self.ports.append(port)
         return port
 
-    def queue_tail(self, when: int, pin: Pin, level: int) -> None:
-        """Move a host pin at ``when``: the hold edges of a bus cycle that is already over."""
-        self._tail.append((when, pin, level))
-        if self._tail_timer.due == NEVER:
-            self._tail_timer.at(when)
-
-    def flush_tail(self) -> None:
-        """Run hold edges now: the next cycle begins before they were due."""
-        while self._tail:
-            _, pin, level = self._tail.popleft()
-            pin.drive(level)
-            self.kernel.settle()
-        self._tail_timer.cancel()
-
-    def _run_tail(self) -> None:
-        while self._tail and self._tail[0][0] <= self.kernel.now:
-            _, pin, level = self._tail.popleft()
-            pin.drive(level)
-        if self._tail:
-            self._tail_timer.at(self._tail[0][0])
-
     # -- findings -----------------------------------------------------------------------------
 
     def file_violation(self, violation: Violation) -> None:
@@ -307,7 +286,7 @@ class Board:
         Load it into a board built from the same file.
         """
         self.catch_up()
-        self.flush_tail()
+        self.player.flush()
         return (
             tuple((chip.name, chip.part) for chip in self.chips),
             self.kernel.save(),
@@ -329,7 +308,7 @@ class Board:
             raise SnapshotError(f"the state belongs to a board with {chips}, this one has {mine}")
         if len(ports) != len(self.ports):  # type: ignore[arg-type]
             raise SnapshotError("the state was saved with another number of open ports")
-        self.flush_tail()
+        self.player.flush()
         pins = [pin for chip in self.chips for pin in chip.pins.values()]
         for pin, level in zip(pins, levels, strict=True):  # type: ignore[call-overload]
             pin.level = level

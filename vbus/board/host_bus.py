@@ -6,11 +6,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from vbus.board.cards import Card
+from vbus.board.host_pins import HostPins
 from vbus.chips.base import Chip
 from vbus.kernel import NEVER, US
 from vbus.protocols import codes
 from vbus.protocols.port import ChipInfo, HostPort, PortError, PortInfo
-from vbus.signals import Net, Observer, Pin, Z
+from vbus.signals import Z
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -63,38 +64,10 @@ class HostBus(HostPort):
         self._timed: bool = board.policy != "lockstep"
         self._target: int = -1
         self._claimed: list[str] = []
-        self._pins: dict[int, Pin] = {}
-        self._lines: list[Pin] = []
-        self._sides: list[Pin] = []
-        self._outputs: list[Pin] = []
-        self._watchers: list[tuple[Net, Observer]] = []
-        self._edges: list[tuple[int, int]] = []
-        self._number_pins()
+        self._pins: HostPins = HostPins(board.kernel, label, chips, self._edge_seen)
 
     def _default_cycle(self, chip: Chip) -> int:
         return chip.cycle_ps if self.board.policy == "realtime" else LOCKSTEP_CYCLE
-
-    def _number_pins(self) -> None:
-        seen: set[int] = set()
-        for chip in self.chips:
-            for row in chip.PINS:
-                pin = chip.pins[row.name]
-                if id(pin.net) in seen or row.width > 1:
-                    continue
-                seen.add(id(pin.net))
-                if row.strobe:
-                    self._lines.append(pin)
-                    continue
-                self._sides.append(pin)
-                if row.direction != "in":
-                    self._outputs.append(pin)
-
-    @staticmethod
-    def _full_name(chips: list[Chip], pin: Pin) -> str:
-        for chip in chips:
-            if chip.pins.get(pin.name) is pin:
-                return f"{chip.name}.{pin.name}"
-        return pin.net.name
 
     def info(self) -> PortInfo:
         """Return what HELLO tells."""
@@ -107,9 +80,9 @@ class HostBus(HostPort):
                 ChipInfo(chip.name, chip.part, chip.FAMILY, chip.ADDRESS_BITS, cycle)
                 for chip, cycle in zip(self.chips, self._cycles, strict=True)
             ],
-            [pin.net.name for pin in self._lines],
-            [self._full_name(self.chips, pin) for pin in self._outputs],
-            [self._full_name(self.chips, pin) for pin in self._sides],
+            self._pins.line_names(),
+            self._pins.output_names(),
+            self._pins.side_names(),
             ["claim", "events", "lines", "sync"],
         )
 
@@ -210,13 +183,14 @@ class HostBus(HostPort):
 
     def read(self, address: int) -> int:
         """Run one read cycle; return the byte (0..255)."""
+        board = self.board
         when = self._begin()
         chip = self._chip
         if chip is None:
             self._run_until(when)
             data = self._float()
         elif self._observed():
-            data = self._play(False, address, 0, when)
+            data = board.player.play([chip], self._pins, False, address, 0, when)
         else:
             fall = when - chip.read_low_ps
             if fall > self._kernel.now:
@@ -226,7 +200,6 @@ class HostBus(HostPort):
             data = chip.end_read()
             chip.bus_net.value = data
             self._kernel.settle()
-        board = self.board
         board.counters["reads"] += 1
         if board.observers:
             self._tell(when, False, address, data)
@@ -234,16 +207,16 @@ class HostBus(HostPort):
 
     def write(self, address: int, data: int) -> None:
         """Run one write cycle on every selected chip."""
+        board = self.board
         when = self._begin()
         if self._observed():
-            self._play(True, address, data, when)
+            board.player.play(self._selected, self._pins, True, address, data, when)
         else:
             self._run_until(when)
             for chip in self._selected:
                 chip.write(address, data)
                 chip.bus_net.value = data
             self._kernel.settle()
-        board = self.board
         board.counters["writes"] += 1
         if board.observers:
             self._tell(when, True, address, data)
@@ -261,48 +234,7 @@ class HostBus(HostPort):
         net = self.chips[0].bus_net if self.chips else None
         return net.value if net is not None and net.rest == Z else FLOATING
 
-    def _play(self, write: bool, address: int, data: int, when: int) -> int:
-        """Play a whole cycle as strobes on the nets; return the byte seen at the latching edge."""
-        board = self.board
-        board.flush_tail()
-        steps: list[tuple[int, int, Pin, int]] = []
-        for chip in self._selected:
-            chip.judged = False
-            for offset, name, level in chip.strobes(write, address, data):
-                steps.append((offset, len(steps), self._host_pin(chip.pins[name]), level))
-        steps.sort(key=_offset_and_order)
-        value = FLOATING
-        latched = False
-        for offset, _, pin, level in steps:
-            if offset >= 0 and not latched:
-                self._run_until(when)
-                for chip in self._selected:
-                    chip.advance()
-                self._kernel.settle()
-                value = self._selected[0].bus_net.value
-                latched = True
-            if offset > 0:
-                board.queue_tail(when + offset, pin, level)
-                continue
-            instant = when + offset
-            if instant > self._kernel.now:
-                self._run_until(instant)
-            pin.drive(level)
-            if offset < 0:
-                self._kernel.settle()
-        self._kernel.settle()
-        return value
-
     # -- strobes and pins ---------------------------------------------------------------------
-
-    def _host_pin(self, chip_pin: Pin) -> Pin:
-        """Return this host's own pin on the net of ``chip_pin``, soldered on first use."""
-        net = chip_pin.net
-        pin = self._pins.get(id(net))
-        if pin is None:
-            pin = Pin(f"{self.label}:{chip_pin.name}", net)
-            self._pins[id(net)] = pin
-        return pin
 
     def _arrive(self) -> None:
         """Come to the host's instant for something that takes no time of its own."""
@@ -310,20 +242,13 @@ class HostBus(HostPort):
             when = max(self._stamp, self._kernel.now)
             self._stamp = -1
             self.board.run_until(when)
-        self.board.flush_tail()
+        self.board.player.flush()
 
     def lines(self, mask: int, levels: int) -> None:
         """Put control lines to levels, all at this instant."""
-        if mask >> len(self._lines):
-            raise PortError(
-                codes.NO_SUCH, f"lines {mask:X}: this session has {len(self._lines)} lines"
-            )
         self._arrive()
         self._judge()
-        for number, line in enumerate(self._lines):
-            if mask >> number & 1:
-                self._host_pin(line).drive(levels >> number & 1)
-        self._kernel.settle()
+        self._pins.set_lines(mask, levels)
 
     def _judge(self) -> None:
         for chip in self.chips:
@@ -341,53 +266,35 @@ class HostBus(HostPort):
         self._arrive()
         self._judge()
         chip = self._data_chip()
-        self._host_pin(chip.data_pin).drive(data & 0xFF)
+        self._pins.of(chip.data_pin).drive(data & 0xFF)
         self._kernel.settle()
 
     def release(self) -> None:
         """Let D0-D7 float."""
         self._arrive()
-        self._host_pin(self._data_chip().data_pin).release()
+        self._pins.of(self._data_chip().data_pin).release()
         self._kernel.settle()
 
     def sample(self) -> tuple[int, int]:
         """Return D0-D7 as they stand, and all output lines."""
         self._arrive()
-        outputs = self._output_word()
+        outputs = self._pins.output_word()
         return self._data_chip().bus_net.value, outputs
-
-    def _output_word(self) -> int:
-        for chip in self.chips:
-            chip.advance()
-        self._kernel.settle()
-        word = 0
-        for number, pin in enumerate(self._outputs[:32]):
-            word |= pin.net.value << number
-        return word
 
     def pin(self, number: int, level: int) -> None:
         """Drive side pin ``number`` to 0 or 1; 2 lets go."""
-        side = self._side(number)
-        if level not in (0, 1, 2):
-            raise PortError(codes.NO_SUCH, f"pin level {level}: allowed are 0, 1 and 2 (let go)")
         self._arrive()
         self._judge()
-        self._host_pin(side).drive(Z if level == 2 else level)
-        self._kernel.settle()
+        self._pins.set_side(number, level)
 
     def getpin(self, number: int) -> int:
         """Return the level of side pin ``number``."""
-        side = self._side(number)
+        side = self._pins.side(number)
         self._arrive()
         for chip in self.chips:
             chip.advance()
         self._kernel.settle()
         return side.net.value
-
-    def _side(self, number: int) -> Pin:
-        if not 0 <= number < len(self._sides):
-            raise PortError(codes.NO_SUCH, f"pin {number}: this session has {len(self._sides)}")
-        return self._sides[number]
 
     # -- time ---------------------------------------------------------------------------------
 
@@ -453,44 +360,23 @@ class HostBus(HostPort):
     def sync(self) -> tuple[int, int]:
         """Bring the chips up to the host's time; output lines and the next possible edge."""
         self._arrive()
-        outputs = self._output_word()
+        outputs = self._pins.output_word()
         due = self._kernel.next_due
         for chip in self.chips:
             due = min(due, chip.next_event())
         return outputs, due
 
-    # -- events -------------------------------------------------------------------------------
-
     def events(self, mask: int) -> None:
         """From now on report each edge of the output lines in ``mask``."""
-        if mask >> len(self._outputs):
-            raise PortError(
-                codes.NO_SUCH, f"events {mask:X}: this session has {len(self._outputs)} outputs"
-            )
-        for net, observer in self._watchers:
-            net.unobserve(observer)
-        self._watchers = []
-        if not mask:
-            return
-        # All outputs are listened to, so that the word reported with an edge is right.
-        for number, pin in enumerate(self._outputs[:32]):
-            observer = _EventWatch(self) if mask >> number & 1 else Observer()
-            self._watchers.append((pin.net, observer))
-            pin.net.observe(observer)
+        self._pins.watch(mask)
 
-    def note_edge(self, when: int) -> None:
-        """An output line that is watched has moved; for the watch only."""
-        word = 0
-        for number, pin in enumerate(self._outputs[:32]):
-            word |= pin.net.value << number
-        self._edges.append((word, when))
+    def _edge_seen(self) -> None:
         if self.on_events is not None:
             self.on_events()
 
     def take_events(self) -> list[tuple[int, int]]:
         """Return and forget the edges seen since the last call."""
-        edges, self._edges = self._edges, []
-        return edges
+        return self._pins.take_edges()
 
     # -- names and cards ----------------------------------------------------------------------
 
@@ -504,22 +390,11 @@ class HostBus(HostPort):
 
     def pin_number(self, name: str) -> int:
         """Return the number of a side pin."""
-        names = [self._full_name(self.chips, pin) for pin in self._sides]
-        return self._find(self._sides, names, name, "pin")
+        return self._pins.number(self._pins.sides, self._pins.side_names(), name, self._selected)
 
     def line_number(self, name: str) -> int:
         """Return the number of a control line."""
-        return self._find(self._lines, [pin.net.name for pin in self._lines], name, "line")
-
-    def _find(self, pins: list[Pin], names: list[str], name: str, kind: str) -> int:
-        if name in names:
-            return names.index(name)
-        for chip in self._selected:
-            wanted = chip.pins.get(name)
-            for number, pin in enumerate(pins):
-                if wanted is not None and pin.net is wanted.net:
-                    return number
-        raise PortError(codes.NO_SUCH, f"no {kind} {name!r}; this session has {', '.join(names)}")
+        return self._pins.number(self._pins.lines, self._pins.line_names(), name, self._selected)
 
     def card(self, address: int) -> tuple[int, int] | None:
         """Decode a card address into (chip number, chip address)."""
@@ -529,28 +404,17 @@ class HostBus(HostPort):
 
     def close(self) -> None:
         """The session has ended: let go of lines, pins, claims and events."""
-        self.events(0)
-        self.board.flush_tail()
-        for pin in self._pins.values():
-            pin.release()
-            pin.net.pins.remove(pin)
-        self._pins = {}
-        self._kernel.settle()
+        self.board.player.flush()
+        self._pins.unsolder()
         self.unclaim()
         if self in self.board.ports:
             self.board.ports.remove(self)
 
     def save(self) -> tuple[object, ...]:
         """Return the session's state: selection, time stamps, and what its pins drive."""
-        pins = tuple(
-            (self._full_name(self.chips, chip_pin), pin.level)
-            for chip in self.chips
-            for chip_pin in chip.pins.values()
-            if (pin := self._pins.get(id(chip_pin.net))) is not None
-        )
         return (
             self._mask, self._stamp, self._last_at, self._timed, self._target,
-            tuple(self._claimed), pins,
+            tuple(self._claimed), self._pins.save(),
         )  # fmt: skip
 
     def load(self, state: tuple[object, ...]) -> None:
@@ -564,22 +428,4 @@ class HostBus(HostPort):
         for name in claimed:  # type: ignore[attr-defined]
             self.board.claims[name] = self
             self._claimed.append(name)
-        for pin in self._pins.values():
-            pin.level = Z
-        for name, level in pins:  # type: ignore[attr-defined]
-            self._host_pin(self.board.find_pin(name)).level = level
-
-
-class _EventWatch(Observer):
-    """Tells a port that one of its watched lines has moved."""
-
-    def __init__(self, port: HostBus) -> None:
-        self._port: HostBus = port
-
-    def edge(self, when: int, net: str, level: int) -> None:
-        """Pass the edge on."""
-        self._port.note_edge(when)
-
-
-def _offset_and_order(step: tuple[int, int, Pin, int]) -> tuple[int, int]:
-    return step[0], step[1]
+        self._pins.load(pins)  # type: ignore[arg-type]

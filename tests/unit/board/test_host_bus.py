@@ -384,7 +384,7 @@ def test_pins_and_lines_are_found_by_name_and_unknown_ones_name_what_there_is() 
     assert port.info().pins == ["t0.TRIG", "t0.IRQ", "t1.TRIG", "t1.IRQ"]
     assert port.pin_number("t1.IRQ") == 3
     assert port.pin_number("IRQ") == 1
-    with pytest.raises(PortError, match=r"^no pin 'X'; this session has t0\.TRIG, t0\.IRQ, "):
+    with pytest.raises(PortError, match=r"^no 'X'; this session has t0\.TRIG, t0\.IRQ, "):
         port.pin_number("X")
 
 

@@ -1,0 +1,201 @@
+"""The pins of one host: its numbered control lines, side pins and output lines."""
+
+from collections.abc import Callable
+
+from vbus.chips.base import Chip
+from vbus.kernel import Kernel
+from vbus.protocols import codes
+from vbus.protocols.port import PortError
+from vbus.signals import Net, Observer, Pin, Z
+
+WORD: int = 32
+"""Output lines that fit the word of SAMPLE, SYNC and event reports."""
+
+
+class HostPins:
+    """What one host has soldered to the nets of its chips.
+
+    Control lines, side pins and outputs are numbered chip by chip in the order of the pin tables;
+    pins joined by a net count once.
+
+    Args:
+        kernel: the board's time.
+        label: the host's name, for the names of its pins.
+        chips: the session's chips.
+        on_edge: called when an output line moved whose events were asked for.
+    """
+
+    def __init__(
+        self, kernel: Kernel, label: str, chips: list[Chip], on_edge: Callable[[], None]
+    ) -> None:
+        self._kernel: Kernel = kernel
+        self._label: str = label
+        self._chips: list[Chip] = chips
+        self._on_edge: Callable[[], None] = on_edge
+        self._soldered: dict[int, Pin] = {}
+        self._watches: list[tuple[Net, Observer]] = []
+        self._edges: list[tuple[int, int]] = []
+        self.lines: list[Pin] = []
+        self.sides: list[Pin] = []
+        self.outputs: list[Pin] = []
+        seen: set[int] = set()
+        for chip in chips:
+            for row in chip.PINS:
+                pin = chip.pins[row.name]
+                if id(pin.net) in seen or row.width > 1:
+                    continue
+                seen.add(id(pin.net))
+                if row.strobe:
+                    self.lines.append(pin)
+                    continue
+                self.sides.append(pin)
+                if row.direction != "in":
+                    self.outputs.append(pin)
+
+    def line_names(self) -> list[str]:
+        """Return the names of the control lines: ``"chip.pin"``, or ``"bus.pin"`` where shared."""
+        return [pin.net.name for pin in self.lines]
+
+    def side_names(self) -> list[str]:
+        """Return the names of the side pins, ``"chip.pin"``."""
+        return [self._full_name(pin) for pin in self.sides]
+
+    def output_names(self) -> list[str]:
+        """Return the names of the output lines, ``"chip.pin"``."""
+        return [self._full_name(pin) for pin in self.outputs]
+
+    def _full_name(self, pin: Pin) -> str:
+        owner = next(chip.name for chip in self._chips if chip.pins.get(pin.name) is pin)
+        return f"{owner}.{pin.name}"
+
+    def of(self, chip_pin: Pin) -> Pin:
+        """Return this host's own pin on the net of ``chip_pin``, soldered on first use."""
+        net = chip_pin.net
+        pin = self._soldered.get(id(net))
+        if pin is None:
+            pin = Pin(f"{self._label}:{chip_pin.name}", net)
+            self._soldered[id(net)] = pin
+        return pin
+
+    def set_lines(self, mask: int, levels: int) -> None:
+        """Put the control lines in ``mask`` to ``levels``, all in one batch."""
+        if mask >> len(self.lines):
+            raise PortError(
+                codes.NO_SUCH, f"lines {mask:X}: this session has {len(self.lines)} lines"
+            )
+        for number, line in enumerate(self.lines):
+            if mask >> number & 1:
+                self.of(line).drive(levels >> number & 1)
+        self._kernel.settle()
+
+    def side(self, number: int) -> Pin:
+        """Return the chip's pin behind side pin ``number``."""
+        if not 0 <= number < len(self.sides):
+            raise PortError(codes.NO_SUCH, f"pin {number}: this session has {len(self.sides)}")
+        return self.sides[number]
+
+    def set_side(self, number: int, level: int) -> None:
+        """Drive side pin ``number`` to 0 or 1; 2 lets go."""
+        side = self.side(number)
+        if level not in (0, 1, 2):
+            raise PortError(codes.NO_SUCH, f"pin level {level}: allowed are 0, 1 and 2 (let go)")
+        self.of(side).drive(Z if level == 2 else level)
+        self._kernel.settle()
+
+    def number(self, pins: list[Pin], names: list[str], name: str, selected: list[Chip]) -> int:
+        """Return the number of the pin called ``name``, with or without its chip's name.
+
+        Raises:
+            PortError: there is none; the message lists what there is.
+        """
+        if name in names:
+            return names.index(name)
+        for chip in selected:
+            wanted = chip.pins.get(name)
+            for number, pin in enumerate(pins):
+                if wanted is not None and pin.net is wanted.net:
+                    return number
+        raise PortError(codes.NO_SUCH, f"no {name!r}; this session has {', '.join(names)}")
+
+    # -- output lines -------------------------------------------------------------------------
+
+    def output_word(self) -> int:
+        """Return the levels of all output lines; bit n is ``outputs[n]``."""
+        for chip in self._chips:
+            chip.advance()
+        self._kernel.settle()
+        return self._levels()
+
+    def _levels(self) -> int:
+        word = 0
+        for number, pin in enumerate(self.outputs[:WORD]):
+            word |= pin.net.value << number
+        return word
+
+    def watch(self, mask: int) -> None:
+        """From now on note each edge of the output lines in ``mask``; 0 ends it."""
+        if mask >> len(self.outputs):
+            raise PortError(
+                codes.NO_SUCH, f"events {mask:X}: this session has {len(self.outputs)} outputs"
+            )
+        for net, observer in self._watches:
+            net.unobserve(observer)
+        self._watches = []
+        if not mask:
+            return
+        # All outputs are listened to, so that the word reported with an edge is right.
+        for number, pin in enumerate(self.outputs[:WORD]):
+            observer = _EdgeWatch(self) if mask >> number & 1 else Observer()
+            self._watches.append((pin.net, observer))
+            pin.net.observe(observer)
+
+    def note_edge(self, when: int) -> None:
+        """A watched line has moved; for the watch only."""
+        self._edges.append((self._levels(), when))
+        self._on_edge()
+
+    def take_edges(self) -> list[tuple[int, int]]:
+        """Return and forget the edges noted: ``(output lines, instant)``."""
+        edges, self._edges = self._edges, []
+        return edges
+
+    # -- end and state ------------------------------------------------------------------------
+
+    def unsolder(self) -> None:
+        """Let go of everything and leave the nets."""
+        self.watch(0)
+        for pin in self._soldered.values():
+            pin.release()
+            pin.net.pins.remove(pin)
+        self._soldered = {}
+        self._kernel.settle()
+
+    def save(self) -> tuple[tuple[str, int], ...]:
+        """Return what each pin of the host drives, by name of the chip's pin."""
+        levels: dict[str, int] = {}
+        for chip in self._chips:
+            for name, chip_pin in chip.pins.items():
+                pin = self._soldered.get(id(chip_pin.net))
+                if pin is not None:
+                    levels[f"{chip.name}.{name}"] = pin.level
+        return tuple(levels.items())
+
+    def load(self, state: tuple[tuple[str, int], ...]) -> None:
+        """Take back what :meth:`save` gave; nobody is notified."""
+        for pin in self._soldered.values():
+            pin.level = Z
+        for full_name, level in state:
+            owner, _, name = full_name.partition(".")
+            chip = next(chip for chip in self._chips if chip.name == owner)
+            self.of(chip.pins[name]).level = level
+
+
+class _EdgeWatch(Observer):
+    """Tells a host's pins that one of its watched lines has moved."""
+
+    def __init__(self, pins: HostPins) -> None:
+        self._pins: HostPins = pins
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Pass the edge on."""
+        self._pins.note_edge(when)

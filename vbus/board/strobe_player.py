@@ -1,0 +1,79 @@
+"""Whole bus cycles as edges on the nets, for when somebody watches the bus."""
+
+from collections import deque
+
+from vbus.board.host_pins import HostPins
+from vbus.chips.base import Chip
+from vbus.kernel import NEVER, Kernel
+from vbus.signals import Pin
+
+
+class StrobePlayer:
+    """Plays the strobes of whole cycles; the hold edges follow while time goes on.
+
+    A cycle is over for its host at the latching edge. What comes after it (hold times) is queued
+    and happens at its instant, or when the next cycle begins, if that is earlier.
+    """
+
+    def __init__(self, kernel: Kernel) -> None:
+        self._kernel: Kernel = kernel
+        self._tail: deque[tuple[int, Pin, int]] = deque()
+        self._timer = kernel.timer(self._run_tail)
+
+    def play(
+        self, chips: list[Chip], pins: HostPins, write: bool, address: int, data: int, when: int
+    ) -> int:
+        """Play one cycle on ``chips`` with its latching edge at ``when`` (ps).
+
+        Returns:
+            The byte on the data bus at the latching edge.
+        """
+        self.flush()
+        kernel = self._kernel
+        steps: list[tuple[int, int, Pin, int]] = []
+        for chip in chips:
+            chip.judged = False
+            for offset, name, level in chip.strobes(write, address, data):
+                steps.append((offset, len(steps), pins.of(chip.pins[name]), level))
+        steps.sort(key=_offset_and_order)
+        value = 0
+        latched = False
+        for offset, _, pin, level in steps:
+            if offset >= 0 and not latched:
+                kernel.run_until(when)
+                for chip in chips:
+                    chip.advance()
+                kernel.settle()
+                value = chips[0].bus_net.value
+                latched = True
+            if offset > 0:
+                self._tail.append((when + offset, pin, level))
+                continue
+            if when + offset > kernel.now:
+                kernel.run_until(when + offset)
+            pin.drive(level)
+            if offset < 0:
+                kernel.settle()
+        kernel.settle()
+        if self._tail and self._timer.due == NEVER:
+            self._timer.at(self._tail[0][0])
+        return value
+
+    def flush(self) -> None:
+        """Run the queued hold edges now."""
+        while self._tail:
+            _, pin, level = self._tail.popleft()
+            pin.drive(level)
+            self._kernel.settle()
+        self._timer.cancel()
+
+    def _run_tail(self) -> None:
+        while self._tail and self._tail[0][0] <= self._kernel.now:
+            _, pin, level = self._tail.popleft()
+            pin.drive(level)
+        if self._tail:
+            self._timer.at(self._tail[0][0])
+
+
+def _offset_and_order(step: tuple[int, int, Pin, int]) -> tuple[int, int]:
+    return step[0], step[1]
