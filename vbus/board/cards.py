@@ -1,6 +1,27 @@
 """Card adapters: how addresses on a plug-in card select a chip and its ports."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+
+from vbus.chips.base import Chip
+from vbus.chips.tables import CardRow
+
+DIRECT = "direct"
+"""The decode circuit every chip has: the address lines go straight to it."""
+
+
+def decodes(chip: type[Chip]) -> dict[str, tuple[CardRow, ...]]:
+    """Return the decode circuits known for a chip, by name: ``direct``, and the manual's own."""
+    direct = tuple(CardRow(address, address, address) for address in range(1 << chip.ADDRESS_BITS))
+    return {DIRECT: direct, **chip.CARD_DECODES}
+
+
+def addresses(chip: type[Chip]) -> set[int]:
+    """Return every address at which a card can reach a chip, ports of its adapter included."""
+    found: set[int] = set()
+    for rows in decodes(chip).values():
+        for row in rows:
+            found |= {address for address in (row.read, row.write) if address is not None}
+    return found
 
 
 class Card:
@@ -9,20 +30,62 @@ class Card:
     Args:
         name: for messages.
         base: address of the card's first port.
-        rows: offset from ``base`` to (number of the chip in its session, address at that chip).
+        rows: offset from ``base`` to (number of the chip in its session, address at that chip),
+            for reads, and for writes too unless ``writes`` has them.
+        writes: the same for writes, where a port does not do the same in both directions.
+        floating: data bits that nobody drives when an offset is read; they are read as 1.
     """
 
-    __slots__ = ("_rows", "base", "name")
+    __slots__ = ("_floating", "_reads", "_writes", "base", "name")
 
-    def __init__(self, name: str, base: int, rows: Mapping[int, tuple[int, int]]) -> None:
+    def __init__(
+        self,
+        name: str,
+        base: int,
+        rows: Mapping[int, tuple[int, int]],
+        writes: Mapping[int, tuple[int, int]] | None = None,
+        floating: Mapping[int, int] | None = None,
+    ) -> None:
         self.name: str = name
         self.base: int = base
-        self._rows: dict[int, tuple[int, int]] = dict(rows)
+        self._reads: dict[int, tuple[int, int]] = dict(rows)
+        self._writes: dict[int, tuple[int, int]] = dict(rows if writes is None else writes)
+        self._floating: dict[int, int] = dict(floating or {})
 
-    def decode(self, address: int) -> tuple[int, int] | None:
+    def decode(self, address: int, write: bool = False) -> tuple[int, int] | None:
         """Return (chip number, chip address) behind ``address``; None if nobody answers."""
-        return self._rows.get(address - self.base)
+        rows = self._writes if write else self._reads
+        return rows.get(address - self.base)
+
+    def floating(self, address: int) -> int:
+        """Return the data bits that nobody drives when ``address`` is read."""
+        return self._floating.get(address - self.base, 0)
 
     def offsets(self) -> list[int]:
         """Return every decoded offset, in rising order."""
-        return sorted(self._rows)
+        return sorted({*self._reads, *self._writes})
+
+
+def card_of_rows(
+    name: str, base: int, stride: int, blocks: Iterable[tuple[int, Iterable[CardRow]]]
+) -> Card:
+    """Make a card from the decode rows of its chips.
+
+    Args:
+        name: for messages.
+        base: address of the card's first port.
+        stride: distance between ports that are neighbours in the rows.
+        blocks: number of a chip in its session, and its rows, offsets counted from ``base``.
+    """
+    reads: dict[int, tuple[int, int]] = {}
+    writes: dict[int, tuple[int, int]] = {}
+    floating: dict[int, int] = {}
+    for chip, rows in blocks:
+        for row in rows:
+            offset = row.offset * stride
+            if row.read is not None:
+                reads[offset] = (chip, row.read)
+                floating[offset] = 0xFF & ~row.bits
+            if row.write is not None:
+                writes[offset] = (chip, row.write)
+    return Card(name, base, reads, writes, floating)

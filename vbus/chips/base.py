@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from vbus.chips.tables import PinRow
+from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Option, Settings, Value, with_defaults
 from vbus.signals import OFF, STRICT, Net, Pin, Plant, Policy, Rule, Violation
@@ -39,6 +39,9 @@ class Chip:
     PINS: tuple[PinRow, ...] = ()
     RULES: tuple[Rule, ...] = ()
     OPTIONS: tuple[Option, ...] = ()
+    CARD_DECODES: dict[str, tuple[CardRow, ...]] = {}
+    """Address decodes of known cards, by name; an address may lie beyond :attr:`ADDRESS_BITS`
+    where the card, not the chip, answers."""
 
     def __init__(
         self,

@@ -28,6 +28,28 @@ class PinRow:
     title: str = ""
     select: bool = False
 
+    @property
+    def shared(self) -> bool:
+        """Whether chips on one bus have this pin in common: D0-D7 and strobes, not selects."""
+        return (self.strobe or (self.direction == "io" and self.width == 8)) and not self.select
+
+
+@dataclass(frozen=True, slots=True)
+class CardRow:
+    """One port of a plug-in card: what a read and a write at ``offset`` do at the chip.
+
+    Attributes:
+        offset: from the card's base address.
+        read: chip address a read goes to, or None if nobody answers.
+        write: chip address a write goes to, or None if nobody answers.
+        bits: data bits the card drives in a read; the others float high.
+    """
+
+    offset: int
+    read: int | None = None
+    write: int | None = None
+    bits: int = 0xFF
+
 
 @dataclass(frozen=True, slots=True)
 class Bit:

@@ -1,0 +1,116 @@
+"""From a checked board file to a board: chips, plants, wires, and power."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path as FilePath
+from typing import Final
+
+from vbus.board import cards, plugins
+from vbus.board.board import Board
+from vbus.board.config import read_board_file, read_board_text
+from vbus.board.sections import RESTS, BoardFile, HostSection, PlantSection
+from vbus.board.source import Source
+from vbus.board.toml_lines import Path
+from vbus.chips.tables import CardRow
+from vbus.signals import HIGH, LOW, OFF, STRICT, WARN, Plant, Policy, Switch, Z
+
+_LEVELS: Final = {"off": OFF, "warn": WARN, "strict": STRICT}
+_RESTS: Final = dict(zip(RESTS, (LOW, HIGH, Z), strict=True))
+
+
+def load_board(path: str | FilePath) -> Board:
+    """Return the board that a board file describes, powered on, at instant 0.
+
+    Raises:
+        ConfigError: the file has mistakes; every one is named with its line.
+    """
+    return build(*read_board_file(path))
+
+
+def load_board_text(text: str, file: str = "board.toml") -> Board:
+    """Return the board that a board file in memory describes; ``file`` is its name in messages."""
+    return build(*read_board_text(text, file))
+
+
+def build(file: BoardFile, source: Source) -> Board:
+    """Return the board a checked file describes.
+
+    Raises:
+        ConfigError: a part or a model refuses its settings, or two of them do not fit together.
+    """
+    board = _empty(file)
+    plants: dict[str, Plant] = {}
+    for plant in file.plants:
+        with _refusals(source, ("plants", plant.name)):
+            plants[plant.name] = _plant(plant)
+    for chip in file.chips:
+        with _refusals(source, ("chips", chip.name)):
+            cls = plugins.chip_class(chip.part)
+            board.add_chip(cls, chip.name, chip.part, chip.clock, chip.settings)
+            for axis, name in enumerate(chip.axes):
+                key: Path = ("plant",) if chip.plant else ("plants", axis)
+                with _refusals(source, ("chips", chip.name, *key)):
+                    if name in plants:
+                        board.connect(chip.name, axis, plants[name])
+    source.finish()
+    for bus in file.buses:
+        with _refusals(source, ("buses", bus.name)):
+            board.share_bus(bus.name, bus.chips)
+    for net in file.nets:
+        with _refusals(source, ("nets", net.name)):
+            board.join(net.name, net.pins, _RESTS.get(net.rest))
+    source.finish()
+    board.power_on(done=file.board.power_on == "done")
+    return board
+
+
+@contextmanager
+def _refusals(source: Source, path: Path) -> Iterator[None]:
+    """Make what a part objects to a mistake at ``path``."""
+    try:
+        yield
+    except ValueError as error:
+        source.fail(path, str(error))
+
+
+def _empty(file: BoardFile) -> Board:
+    rules = {rule: _LEVELS[level] for rule, level in file.violations.items()}
+    policy = Policy(rules.pop("default", WARN), rules)
+    settings = file.board
+    return Board(
+        settings.name, settings.time, settings.rate, policy, settings.seed, settings.clock_step
+    )
+
+
+def _plant(section: PlantSection) -> Plant:
+    plant = plugins.plant_class(section.model)(section.settings)
+    for name, switch in section.switches.items():
+        if switch.last < switch.first:
+            raise ValueError(
+                f"switch {name!r} closes at {switch.first} and opens after {switch.last}:"
+                " first must not be above last"
+            )
+        level = HIGH if switch.closed == "high" else LOW
+        plant.switches[name] = Switch(switch.first, switch.last + 1, level)
+    return plant
+
+
+def card_of(file: BoardFile, host: HostSection) -> cards.Card | None:
+    """Return the card a host of the file uses, with chips numbered as in the host's session."""
+    reached = host.chips or tuple(chip.name for chip in file.chips)
+    parts = {chip.name: chip.part for chip in file.chips}
+    for card in file.cards:
+        if card.name != host.card:
+            continue
+        blocks: list[tuple[int, list[CardRow]]] = [
+            (reached.index(port.chip), [CardRow(port.offset, port.address, port.address)])
+            for port in card.ports
+        ]
+        start = 0
+        for name in card.chips:
+            rows = cards.decodes(plugins.chip_class(parts[name]))[card.decode]
+            moved = [CardRow(start + r.offset, r.read, r.write, r.bits) for r in rows]
+            blocks.append((reached.index(name), moved))
+            start += card.block or max(row.offset for row in rows) + 1
+        return cards.card_of_rows(card.name, card.base, card.stride, blocks)
+    return None

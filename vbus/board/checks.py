@@ -1,0 +1,284 @@
+"""What cannot be seen in one key alone: names that must exist, owners there may be one of."""
+
+from vbus.board import board, cards, plugins
+from vbus.board.sections import BoardFile, CardSection, ChipSection
+from vbus.board.settings import listed, quoted, suggestion
+from vbus.board.source import Source
+from vbus.board.toml_lines import Path
+from vbus.chips.base import Chip
+from vbus.chips.tables import PinRow
+from vbus.errors import PluginError
+from vbus.signals import Rule
+
+MOST_CHIPS = 16
+"""Chips one session can select: SELECT carries 16 bits."""
+
+
+def check(file: BoardFile, known: dict[str, list[str]], source: Source) -> None:
+    """Check a board file as a whole.
+
+    Args:
+        file: what could be read.
+        known: every name of a section, those included that could not be read.
+        source: takes the mistakes.
+    """
+    _Checks(file, known, source).run()
+
+
+class _Checks:
+    def __init__(self, file: BoardFile, known: dict[str, list[str]], source: Source) -> None:
+        self._file: BoardFile = file
+        self._known: dict[str, list[str]] = known
+        self._source: Source = source
+        self._classes: dict[str, type[Chip]] = {
+            chip.name: plugins.chip_class(chip.part) for chip in file.chips
+        }
+        self._owners: dict[str, str] = {}
+
+    def run(self) -> None:
+        if not self._known["chips"]:
+            self._source.fail((), "the board is empty: it needs at least one [chips.NAME]")
+        self._chips()
+        self._buses()
+        self._nets()
+        for card in self._file.cards:
+            self._card(card)
+        self._hosts()
+        self._violations()
+
+    def _exists(self, path: Path, kind: str, name: str) -> bool:
+        """Tell whether there is a table ``[kind.name]``; complain at ``path`` if not."""
+        names = self._known[kind]
+        if name in names:
+            return True
+        hint = suggestion(name, names)
+        self._source.fail(path, f"there is no [{kind}.{name}]; {hint}this file has {listed(names)}")
+        return False
+
+    # -- chips and plants ---------------------------------------------------------------------
+
+    def _chips(self) -> None:
+        users: dict[str, str] = {}
+        for chip in self._file.chips:
+            path: Path = ("chips", chip.name)
+            parts = self._classes[chip.name].PARTS
+            if parts and chip.part not in parts:
+                hint = suggestion(chip.part, parts)
+                self._source.fail(
+                    (*path, "part"), f"found {quoted(chip.part)}; {hint}known are {listed(parts)}"
+                )
+            self._axes(chip, path)
+            for axis, plant in enumerate(chip.axes):
+                place: Path = (*path, "plant") if chip.plant else (*path, "plants", axis)
+                if not self._exists(place, "plants", plant):
+                    continue
+                mine = f"chips.{chip.name}" + (f" axis {axis + 1}" if chip.plants else "")
+                if plant in users:
+                    self._source.fail(
+                        place,
+                        f'plant "{plant}" is driven by {users[plant]} already; every axis needs a'
+                        " plant of its own",
+                    )
+                users.setdefault(plant, mine)
+
+    def _axes(self, chip: ChipSection, path: Path) -> None:
+        axes = self._classes[chip.name].AXES
+        if chip.plant and chip.plants:
+            self._source.fail((*path, "plants"), 'write either "plant" or "plants", not both')
+        elif axes == 1 and chip.plants:
+            self._source.fail(
+                (*path, "plants"), f'{chip.part} has one axis; write plant = "{chip.plants[0]}"'
+            )
+        elif not chip.axes:
+            key = 'plant = "NAME"' if axes == 1 else f"plants = [...] with {axes} names"
+            self._source.fail(
+                path,
+                f"no plant: write {key}, and a [plants.NAME] with the motor, load and encoder",
+            )
+        elif len(chip.axes) != axes:
+            self._source.fail(
+                (*path, "plants" if chip.plants else "plant"),
+                f"{chip.part} has {axes} axes, and {len(chip.axes)} plants are named",
+            )
+
+    # -- wires --------------------------------------------------------------------------------
+
+    def _buses(self) -> None:
+        for bus in self._file.buses:
+            families: dict[str, str] = {}
+            for place, name in enumerate(bus.chips):
+                path: Path = ("buses", bus.name, "chips", place)
+                if not self._exists(path, "chips", name) or name not in self._classes:
+                    continue
+                chip = self._classes[name]
+                families.setdefault(chip.FAMILY, name)
+                if len(families) > 1:
+                    first = next(iter(families.values()))
+                    self._source.fail(
+                        path,
+                        f'"{name}" is a {chip.FAMILY} and "{first}" is not; one bus joins chips of'
+                        " one family",
+                    )
+                    break
+                for row in chip.PINS:
+                    if row.shared:
+                        self._own(path, f"{name}.{row.name}", f"bus {bus.name}")
+
+    def _own(self, path: Path, pin: str, owner: str) -> None:
+        other = self._owners.setdefault(pin, owner)
+        if other != owner:
+            self._source.fail(
+                path, f'pin "{pin}" is on {other} already; a pin is soldered to one net'
+            )
+
+    def _pin(self, path: Path, name: str) -> PinRow | None:
+        chip, dot, pin = name.partition(".")
+        if not dot:
+            self._source.fail(path, f'found "{name}"; write a pin as "chip.pin", such as "x./RST"')
+            return None
+        if not self._exists(path, "chips", chip) or chip not in self._classes:
+            return None
+        rows = {row.name: row for row in self._classes[chip].PINS}
+        if pin not in rows:
+            self._source.fail(
+                path, f'"{chip}" has no pin "{pin}"; {suggestion(pin, rows)}it has {listed(rows)}'
+            )
+        return rows.get(pin)
+
+    def _nets(self) -> None:
+        for net in self._file.nets:
+            outputs: dict[str, PinRow] = {}
+            width = 0
+            for place, name in enumerate(net.pins):
+                path: Path = ("nets", net.name, place)
+                row = self._pin(path, name)
+                if row is None:
+                    continue
+                self._own(path, name, f'net "{net.name}"')
+                if width and row.width != width:
+                    self._source.fail(
+                        path, f'"{name}" has {row.width} wires, "{net.pins[0]}" has {width}'
+                    )
+                width = width or row.width
+                if row.direction == "out":
+                    if outputs:
+                        self._source.fail(
+                            path,
+                            f'"{name}" and "{next(iter(outputs))}" are both outputs and would'
+                            " always fight; join an output to inputs or to open-drain pins",
+                        )
+                    outputs[name] = row
+            if not net.pins:
+                self._source.fail(("nets", net.name), "a net joins at least one pin")
+
+    # -- cards and hosts ----------------------------------------------------------------------
+
+    def _card(self, card: CardSection) -> None:
+        path: Path = ("cards", card.name)
+        if bool(card.ports) == bool(card.decode):
+            self._source.fail(path, 'a card has either "decode" and "chips", or a list of "ports"')
+        for place, name in enumerate(card.chips):
+            if self._exists((*path, "chips", place), "chips", name) and name in self._classes:
+                self._decode(card, (*path, "decode"), self._classes[name])
+        if card.decode and not card.chips:
+            self._source.fail(path, f'"decode" needs chips: which ones are behind "{card.decode}"?')
+        offsets: dict[int, int] = {}
+        for place, port in enumerate(card.ports):
+            where: Path = (*path, "ports", place)
+            if not port.chip or not self._exists((*where, "chip"), "chips", port.chip):
+                continue
+            if port.offset in offsets:
+                self._source.fail(
+                    (*where, "offset"),
+                    f"offset {port.offset} is decoded by row {offsets[port.offset] + 1} already",
+                )
+            offsets.setdefault(port.offset, place)
+            chip = self._classes.get(port.chip)
+            if chip is not None and port.address not in cards.addresses(chip):
+                highest = max(cards.addresses(chip))
+                self._source.fail(
+                    (*where, "address"),
+                    f'found {port.address}; addresses of "{port.chip}" are 0 to {highest}',
+                )
+
+    def _decode(self, card: CardSection, path: Path, chip: type[Chip]) -> None:
+        known = cards.decodes(chip)
+        if card.decode and card.decode not in known:
+            hint = suggestion(card.decode, known)
+            self._source.fail(path, f"found {quoted(card.decode)}; {hint}known are {listed(known)}")
+
+    def _hosts(self) -> None:
+        links: dict[str, int] = {}
+        for place, host in enumerate(self._file.hosts):
+            path: Path = ("hosts", place)
+            if not host.transport:
+                continue
+            self._plugin((*path, "transport"), plugins.TRANSPORTS, host.transport.split(":")[0])
+            self._plugin((*path, "protocol"), plugins.PROTOCOLS, host.protocol)
+            if host.transport in links:
+                self._source.fail(
+                    (*path, "transport"),
+                    f'"{host.transport}" is the link of hosts[{links[host.transport]}] already;'
+                    " every host needs one of its own",
+                )
+            links.setdefault(host.transport, place)
+            for number, name in enumerate(host.chips):
+                self._exists((*path, "chips", number), "chips", name)
+            reached = list(host.chips) or self._known["chips"]
+            if len(reached) > MOST_CHIPS:
+                self._source.fail(
+                    path, f"it reaches {len(reached)} chips; a session selects {MOST_CHIPS} at most"
+                )
+            if host.card and self._exists((*path, "card"), "cards", host.card):
+                self._behind_card((*path, "card"), host.card, reached)
+
+    def _plugin(self, path: Path, group: str, name: str) -> None:
+        if name not in plugins.names(group):
+            self._source.fail(path, f"found {quoted(name)}; {plugins.known(group, name)}")
+
+    def _behind_card(self, path: Path, name: str, reached: list[str]) -> None:
+        for card in self._file.cards:
+            if card.name == name:
+                for chip in [*card.chips, *(port.chip for port in card.ports)]:
+                    if chip and chip not in reached:
+                        self._source.fail(
+                            path,
+                            f'card "{name}" decodes to "{chip}", which is not among the chips of'
+                            f" this host: {listed(reached)}",
+                        )
+
+    # -- rules --------------------------------------------------------------------------------
+
+    def _violations(self) -> None:
+        wanted = [name for name in self._file.violations if name != "default"]
+        known = _rule_names([*board.RULES, *(r for c in self._classes.values() for r in c.RULES)])
+        if all(name in known for name in wanted):
+            return
+        known |= _rule_names(all_rules())
+        for name in wanted:
+            if name not in known:
+                hint = suggestion(name, sorted(known))
+                self._source.fail(
+                    ("violations", name),
+                    f'unknown rule; {hint}"vbus check --rules" lists them all',
+                )
+
+
+def _rule_names(rules: list[Rule]) -> set[str]:
+    """Return the names of rules and of their families."""
+    return {name for rule in rules for name in (rule.name, rule.name.partition(".")[0])}
+
+
+def all_rules() -> list[Rule]:
+    """Return every rule of the board and of every chip that is registered, sorted by name.
+
+    Chips whose plug-in is broken are left out.
+    """
+    rules = {rule.name: rule for rule in board.RULES}
+    for name in plugins.names(plugins.CHIPS):
+        try:
+            found = plugins.chip_class(name)
+        except PluginError:
+            continue
+        rules.update({rule.name: rule for rule in found.RULES})
+    return [rules[name] for name in sorted(rules)]

@@ -1,0 +1,305 @@
+"""The board file: TOML to frozen structs, or one error that names every mistake and its line."""
+
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path as FilePath
+from typing import Any, Final, TypeVar
+
+import msgspec
+
+from vbus.board import checks, plugins, sections
+from vbus.board.settings import check_table, listed, quoted, suggestion
+from vbus.board.source import BoardFileError, Problem, Source
+from vbus.board.toml_lines import Path
+from vbus.errors import PluginError
+from vbus.options import Option, Value
+
+_Section = TypeVar("_Section", bound=sections.Section)
+_NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
+_NAMED: Final = ("chips", "plants", "nets", "buses", "cards")
+_SECTIONS: Final = ("board", "violations", *_NAMED, "hosts")
+
+
+def read_board_file(path: str | FilePath) -> tuple[sections.BoardFile, Source]:
+    """Read and check a board file.
+
+    Returns:
+        The file as structs, and its source, for those who find mistakes later.
+
+    Raises:
+        BoardFileError: the file cannot be read, is no TOML, or has mistakes: all are named.
+    """
+    try:
+        text = FilePath(path).read_bytes().decode()
+    except OSError as error:
+        raise BoardFileError(
+            [Problem(str(path), 0, "", f"cannot be read: {error.strerror}")]
+        ) from None
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise BoardFileError([Problem(str(path), line, "", "this is no UTF-8 text")]) from None
+    return read_board_text(text, str(path))
+
+
+def read_board_text(text: str, file: str = "board.toml") -> tuple[sections.BoardFile, Source]:
+    """Check a board file that is already in memory; ``file`` is its name in messages."""
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise BoardFileError([Problem(file, 0, "", "nested too deeply")]) from None
+    except ValueError as error:
+        raise BoardFileError([_no_toml(file, str(error))]) from None
+    source = Source(file, text)
+    return _Reader(source, data).read(), source
+
+
+def _no_toml(file: str, reason: str) -> Problem:
+    match = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", reason, re.DOTALL)
+    if match is None:
+        return Problem(file, 0, "", f"no TOML: {reason}")
+    return Problem(file, int(match[2]), "", f"no TOML: {match[1]} (column {match[3]})")
+
+
+class _Reader:
+    """Turns the tables of one file into structs; what is wrong goes to ``source``."""
+
+    def __init__(self, source: Source, data: dict[str, Any]) -> None:
+        self._source: Source = source
+        self._data: dict[str, Any] = data
+
+    def read(self) -> sections.BoardFile:
+        fail = self._source.fail
+        for key in self._data:
+            if key not in _SECTIONS:
+                hint = suggestion(key, _SECTIONS)
+                fail((key,), f"unknown section; {hint}allowed are {listed(_SECTIONS)}")
+        file = sections.BoardFile(
+            path=self._source.file,
+            board=self._board(),
+            violations=dict(self._violations()),
+            chips=tuple(self._chips()),
+            plants=tuple(self._plants()),
+            nets=tuple(self._nets()),
+            buses=tuple(self._plain("buses", sections.BusSection)),
+            cards=tuple(self._cards()),
+            hosts=tuple(self._hosts()),
+        )
+        known = {kind: list(self._table((kind,), self._data)) for kind in _NAMED}
+        checks.check(file, known, self._source)
+        self._source.finish()
+        return file
+
+    # -- tables -------------------------------------------------------------------------------
+
+    def _table(self, path: Path, parent: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the table at the end of ``path`` in ``parent``; an absent one is empty."""
+        value = parent.get(str(path[-1]), {})
+        if isinstance(value, dict):
+            return value
+        self._source.fail(path, f"found {quoted(value)}; this is a table of keys")
+        return {}
+
+    def _named(self, kind: str) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Give the tables ``[kind.NAME]`` whose name may stand in ``"name.pin"``."""
+        section = self._table((kind,), self._data)
+        for name in section:
+            if not _NAME.fullmatch(name):
+                self._source.fail(
+                    (kind, name),
+                    "a name begins with a letter and goes on with letters, digits, - and _",
+                )
+            else:
+                yield name, self._table((kind, name), section)
+
+    def _keys(
+        self,
+        section: type[_Section],
+        table: Mapping[str, Any],
+        path: Path,
+        own: Iterable[Option] = (),
+        nested: tuple[str, ...] = (),
+        **extra: object,
+    ) -> _Section | None:
+        """Check one table; return its struct, or None if a key it cannot do without is wrong.
+
+        Args:
+            section: the struct.
+            table: what the file has.
+            path: where it stands.
+            own: keys that a part adds; they go to the field ``settings``.
+            nested: keys that hold tables, read by the caller and given in ``extra``.
+            extra: further fields of the struct.
+        """
+        options = list(sections.rows(section))
+        lists = {row.name for row in options if row.kind == sections.NAMES}
+        own = list(own)
+        placeholders = [Option(name, "text", "", "") for name in (*sorted(lists), *nested)]
+        single = [row for row in options if row.name not in lists]
+        plain = {key: value for key, value in table.items() if key not in lists | {*nested}}
+        wrong: list[str] = []
+
+        def complain(key: str, message: str) -> None:
+            wrong.append(key)
+            self._source.fail((*path, key) if key else path, message)
+
+        checked = check_table(plain, [*single, *own, *placeholders], complain)
+        fields: dict[str, object] = dict(extra)
+        settings: dict[str, Value] = {}
+        mine = {row.name for row in single}
+        for key, value in checked.items():
+            if key in mine:
+                fields[key] = value
+            else:
+                settings[key] = value
+        if settings:
+            fields["settings"] = settings
+        for row in options:
+            if row.name in lists and row.name in table:
+                fields[row.name] = self._names((*path, row.name), table[row.name])
+            elif row.name in lists and row.default is None:
+                complain("", f'key "{row.name}" is missing: {row.title}')
+        try:
+            return msgspec.convert(fields, section)
+        except msgspec.ValidationError:
+            if not wrong:
+                raise
+            return None
+
+    def _names(self, path: Path, value: object) -> tuple[str, ...]:
+        if isinstance(value, list) and all(isinstance(item, str) for item in value):
+            seen: set[str] = set()
+            for place, item in enumerate(value):
+                if item in seen:
+                    self._source.fail((*path, place), f'"{item}" stands in the list twice')
+                seen.add(item)
+            return tuple(dict.fromkeys(value))
+        self._source.fail(path, f'found {quoted(value)}; write a list of names, such as ["x"]')
+        return ()
+
+    def _plain(self, kind: str, section: type[_Section]) -> Iterator[_Section]:
+        for name, table in self._named(kind):
+            read = self._keys(section, table, (kind, name), name=name)
+            if read is not None:
+                yield read
+
+    # -- sections -----------------------------------------------------------------------------
+
+    def _board(self) -> sections.BoardSection:
+        table = self._table(("board",), self._data)
+        read = self._keys(sections.BoardSection, table, ("board",)) or sections.BoardSection()
+        if not read.name:
+            return msgspec.structs.replace(read, name=FilePath(self._source.file).stem)
+        if not _NAME.fullmatch(read.name):
+            self._source.fail(
+                ("board", "name"),
+                f"found {quoted(read.name)}; a name begins with a letter and goes on with letters,"
+                " digits, - and _",
+            )
+        return read
+
+    def _violations(self) -> Iterator[tuple[str, str]]:
+        """Give rule or family and level; an unquoted dotted rule arrives as a table in a table."""
+        pending: list[tuple[Path, object]] = [
+            (("violations", key), value)
+            for key, value in self._table(("violations",), self._data).items()
+        ]
+        while pending:
+            path, value = pending.pop(0)
+            if isinstance(value, dict):
+                pending.extend(((*path, key), item) for key, item in value.items())
+            elif value in sections.LEVELS:
+                yield ".".join(str(key) for key in path[1:]), str(value)
+            else:
+                levels = listed(quoted(level) for level in sections.LEVELS)
+                hint = suggestion(str(value), sections.LEVELS)
+                self._source.fail(path, f"found {quoted(value)}; {hint}allowed are {levels}")
+
+    def _chips(self) -> Iterator[sections.ChipSection]:
+        for name, table in self._named("chips"):
+            path = ("chips", name)
+            options: tuple[Option, ...] | None = ()
+            part = table.get("part")
+            if isinstance(part, str):
+                options = self._options(path, "part", part)
+            if options is not None:
+                read = self._keys(sections.ChipSection, table, path, options, name=name)
+                if read is not None:
+                    yield read
+
+    def _options(self, path: Path, key: str, value: str) -> tuple[Option, ...] | None:
+        """Return the settings of a part or model; None if nobody knows it."""
+        try:
+            if key == "part":
+                return plugins.chip_class(value).OPTIONS
+            return plugins.plant_class(value).OPTIONS
+        except PluginError as error:
+            self._source.fail((*path, key), str(error))
+            return None
+
+    def _plants(self) -> Iterator[sections.PlantSection]:
+        for name, table in self._named("plants"):
+            path = ("plants", name)
+            options: tuple[Option, ...] | None = ()
+            model = table.get("model")
+            if isinstance(model, str):
+                options = self._options(path, "model", model)
+            if options is None:
+                continue
+            switches = {}
+            section = self._table((*path, "switches"), table)
+            for switch in section:
+                where = (*path, "switches", switch)
+                keys = self._table(where, section)
+                switches[switch] = self._keys(sections.SwitchSection, keys, where)
+            extra = {key: value for key, value in switches.items() if value is not None}
+            read = self._keys(
+                sections.PlantSection,
+                table,
+                path,
+                options,
+                ("switches",),
+                name=name,
+                switches=extra,
+            )
+            if read is not None:
+                yield read
+
+    def _nets(self) -> Iterator[sections.NetSection]:
+        section = self._table(("nets",), self._data)
+        for name, value in section.items():
+            path = ("nets", name)
+            if isinstance(value, dict):
+                read = self._keys(sections.NetSection, value, path, name=name)
+                if read is not None:
+                    yield read
+            else:
+                yield sections.NetSection(name=name, pins=self._names(path, value))
+
+    def _array(self, path: Path, value: object) -> Iterator[tuple[Path, dict[str, Any]]]:
+        if not isinstance(value, list):
+            self._source.fail(path, f"found {quoted(value)}; this is a list of tables")
+            return
+        for place, table in enumerate(value):
+            if isinstance(table, dict):
+                yield (*path, place), table
+            else:
+                self._source.fail((*path, place), f"found {quoted(table)}; this is a table")
+
+    def _cards(self) -> Iterator[sections.CardSection]:
+        for name, table in self._named("cards"):
+            path = ("cards", name)
+            rows = self._array((*path, "ports"), table.get("ports", []))
+            ports = [
+                self._keys(sections.CardPortSection, row, place) or sections.NO_PORT
+                for place, row in rows
+            ]
+            read = self._keys(
+                sections.CardSection, table, path, (), ("ports",), name=name, ports=tuple(ports)
+            )
+            if read is not None:
+                yield read
+
+    def _hosts(self) -> Iterator[sections.HostSection]:
+        for path, table in self._array(("hosts",), self._data.get("hosts", [])):
+            yield self._keys(sections.HostSection, table, path) or sections.NO_HOST

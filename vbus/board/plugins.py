@@ -1,0 +1,124 @@
+"""Chips, plants, protocols and transports by name: entry points, loaded when first asked for.
+
+The parts that come with vbus are registered in its own ``pyproject.toml`` in the same way as
+anybody else's. Nothing is scanned at import.
+"""
+
+import difflib
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Final, TypeVar
+
+from vbus.chips.base import Chip
+from vbus.errors import PluginError
+from vbus.signals import Plant
+
+CHIPS: Final = "vbus.chips"
+PLANTS: Final = "vbus.plants"
+PROTOCOLS: Final = "vbus.protocols"
+TRANSPORTS: Final = "vbus.transports"
+
+_Part = TypeVar("_Part", Chip, Plant)
+_KINDS: Final = {
+    CHIPS: "part",
+    PLANTS: "plant model",
+    PROTOCOLS: "protocol",
+    TRANSPORTS: "transport",
+}
+
+
+@cache
+def _entries(group: str) -> dict[str, EntryPoint]:
+    """Return the entry points of a group by name.
+
+    Raises:
+        PluginError: two distributions claim one name, or none is registered at all.
+    """
+    found: dict[str, EntryPoint] = {}
+    for entry in entry_points(group=group):
+        other = found.get(entry.name)
+        if other is not None and other.value != entry.value:
+            raise PluginError(
+                f"{_KINDS[group]} {entry.name!r} is claimed twice: by {_origin(other)} and by"
+                f" {_origin(entry)}; uninstall one of them"
+            )
+        found[entry.name] = entry
+    if not found:
+        raise PluginError(
+            f"no {group} entry points are registered: vbus runs from a source tree that is not"
+            ' installed; run "pip install -e ." in it'
+        )
+    return found
+
+
+def _origin(entry: EntryPoint) -> str:
+    return f"{entry.dist.name} ({entry.value})" if entry.dist is not None else entry.value
+
+
+def names(group: str) -> list[str]:
+    """Return every name registered in ``group``, sorted."""
+    return sorted(_entries(group))
+
+
+def load(group: str, name: str) -> object:
+    """Return what is registered in ``group`` under ``name``, imported now if need be.
+
+    Raises:
+        PluginError: nothing is, or it cannot be imported; names the distribution and the reason.
+    """
+    entry = _entries(group).get(name)
+    if entry is None:
+        raise PluginError(f"unknown {_KINDS[group]} {name!r}; {known(group, name)}")
+    return _import(entry, group)
+
+
+def known(group: str, name: str) -> str:
+    """Return the end of a message about an unknown ``name``: the likely one, and all there are."""
+    everything = names(group)
+    close = difflib.get_close_matches(name, everything, n=1)
+    hint = f'did you mean "{close[0]}"? ' if close else ""
+    return f"{hint}known are {', '.join(everything)}"
+
+
+def _import(entry: EntryPoint, group: str) -> object:
+    try:
+        return entry.load()
+    except Exception as error:
+        raise PluginError(
+            f"{_KINDS[group]} {entry.name!r} of {_origin(entry)} cannot be loaded:"
+            f" {type(error).__name__}: {error}"
+        ) from error
+
+
+def chip_class(part: str) -> type[Chip]:
+    """Return the class behind a part number.
+
+    Entry points of ``vbus.chips`` are named by the start of the part numbers they make; the
+    longest name that fits wins, so ``LM629`` may be somebody else's than ``LM62``.
+
+    Raises:
+        PluginError: no name fits, the entry point is broken, or it is not a chip.
+    """
+    fitting = [name for name in _entries(CHIPS) if part.startswith(name)]
+    if not fitting:
+        raise PluginError(f"unknown part {part!r}; {known(CHIPS, part)}")
+    return _class(CHIPS, max(fitting, key=len), Chip)
+
+
+def plant_class(model: str) -> type[Plant]:
+    """Return the class behind a plant model.
+
+    Raises:
+        PluginError: the name is unknown, the entry point is broken, or it is not a plant.
+    """
+    return _class(PLANTS, model, Plant)
+
+
+def _class(group: str, name: str, base: type[_Part]) -> type[_Part]:
+    found = load(group, name)
+    if not isinstance(found, type) or not issubclass(found, base):
+        raise PluginError(
+            f"{_KINDS[group]} {name!r} of {_origin(_entries(group)[name])} is not a subclass of"
+            f" vbus {base.__name__}"
+        )
+    return found

@@ -1,0 +1,196 @@
+"""What a board file may say: its sections as frozen structs, each key with its title and unit.
+
+These declarations are what the reader checks against, what its messages list, and what
+``docs/board-file.md`` is made from. The keys a chip or plant adds stand in its own ``OPTIONS``.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, Final
+
+import msgspec
+from msgspec import Meta, Struct
+
+from vbus.options import Option, Value
+
+TIMES: Final = ("realtime", "lockstep", "slaved")
+LEVELS: Final = ("off", "warn", "strict")
+RESTS: Final = ("low", "high", "keep")
+
+NAMES: Final = "names"
+"""A list of names: the one kind of key that :class:`~vbus.options.Option` does not know."""
+
+
+def _key(
+    kind: str,
+    title: str,
+    choices: tuple[str, ...] = (),
+    low: float | None = None,
+    high: float | None = None,
+) -> Meta:
+    return Meta(description=title, extra={"rest": (choices, low, high), "kind": kind})
+
+
+def rows(section: type[Struct]) -> Iterator[Option]:
+    """Return the keys of a section that have a title; a row without default is required."""
+    for field in msgspec.structs.fields(section):
+        for meta in getattr(field.type, "__metadata__", ()):
+            default = field.default
+            if default is msgspec.NODEFAULT:
+                default = None if field.default_factory is msgspec.NODEFAULT else ""
+            choices, low, high = meta.extra["rest"]
+            yield Option(
+                field.name, meta.extra["kind"], default, meta.description, choices, low, high
+            )
+
+
+class Section(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of all sections."""
+
+
+class BoardSection(Section, frozen=True, kw_only=True):
+    """``[board]``: the whole board, and how its time passes."""
+
+    name: Annotated[str, _key("text", "name of the board; else the file's own")] = ""
+    time: Annotated[
+        str,
+        _key(
+            "choice",
+            "master of time: the wall clock, the bus cycles, or the host's own time stamps",
+            TIMES,
+        ),
+    ] = "realtime"
+    rate: Annotated[
+        float, _key("rate", "chip seconds per second of wall time (real time only)", low=0.001)
+    ] = 1.0
+    clock_step: Annotated[
+        int, _key("s", "how far reading a clock moves time (lockstep and slaved)", low=1)
+    ] = 1_000_000
+    stall: Annotated[
+        str,
+        _key(
+            "choice",
+            "after the machine was too slow: make up the lost time, or let it go",
+            ("catch-up", "slip"),
+        ),
+    ] = "catch-up"
+    seed: Annotated[int, _key("count", "seed of everything random", low=0, high=(1 << 63) - 1)] = 0
+    power_on: Annotated[
+        str,
+        _key(
+            "choice",
+            "start with the reset that follows power-on, or with the reset over",
+            ("reset", "done"),
+        ),
+    ] = "reset"
+
+
+class ChipSection(Section, frozen=True, kw_only=True):
+    """``[chips.NAME]``: one chip; the part adds keys of its own."""
+
+    name: str
+    part: Annotated[str, _key("text", "part number as ordered, such as LM629N-8")]
+    clock: Annotated[int, _key("Hz", "frequency at the CLK pin", low=1)]
+    plant: Annotated[str, _key("text", "the plant of a part with one axis")] = ""
+    plants: Annotated[
+        tuple[str, ...], _key(NAMES, "the plants of a part with several axes, in order")
+    ] = ()
+    settings: dict[str, Value] = {}
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The plants by axis, however they were written."""
+        return (self.plant,) if self.plant else self.plants
+
+
+class SwitchSection(Section, frozen=True, kw_only=True):
+    """``[plants.NAME.switches.SWITCH]``: a home or limit switch on the way of an axis."""
+
+    first: Annotated[int, _key("count", "first encoder count at which it is closed")]
+    last: Annotated[int, _key("count", "last encoder count at which it is closed")]
+    closed: Annotated[str, _key("choice", "electrical level while closed", ("low", "high"))] = "low"
+
+
+class PlantSection(Section, frozen=True, kw_only=True):
+    """``[plants.NAME]``: motor, load and encoder; the model adds keys of its own."""
+
+    name: str
+    model: Annotated[str, _key("text", "model of the mechanics, such as dc_motor")]
+    settings: dict[str, Value] = {}
+    switches: dict[str, SwitchSection] = {}
+
+
+class NetSection(Section, frozen=True, kw_only=True):
+    """``[nets]``: ``"NAME" = ["chip.pin", ...]``, or a table with these keys."""
+
+    name: str
+    pins: Annotated[tuple[str, ...], _key(NAMES, 'the pins soldered to it, as "chip.pin"')]
+    rest: Annotated[
+        str, _key("choice", "level while nobody drives it; else as the first pin rests", RESTS)
+    ] = ""
+
+
+class BusSection(Section, frozen=True, kw_only=True):
+    """``[buses.NAME]``: chips that share D0-D7 and the strobes, each with its own select."""
+
+    name: str
+    chips: Annotated[tuple[str, ...], _key(NAMES, "chips of one family")]
+
+
+class CardPortSection(Section, frozen=True, kw_only=True):
+    """One row of a card's ``ports``: what answers at an offset."""
+
+    offset: Annotated[int, _key("count", "distance from the base, in strides", low=0)]
+    chip: Annotated[str, _key("text", "the chip that answers")]
+    address: Annotated[int, _key("count", "address at that chip", low=0)]
+
+
+NO_PORT: Final = CardPortSection(offset=0, chip="", address=0)
+"""Stands for a row that could not be read, so that the others keep their places."""
+
+
+class CardSection(Section, frozen=True, kw_only=True):
+    """``[cards.NAME]``: which card address reaches which address of which chip."""
+
+    name: str
+    base: Annotated[int, _key("count", "address of the card's first port", low=0)] = 0
+    stride: Annotated[int, _key("count", "distance between neighbouring ports", low=1)] = 1
+    decode: Annotated[str, _key("text", "a decode circuit known by name, in place of ports")] = ""
+    chips: Annotated[
+        tuple[str, ...], _key(NAMES, "the chips behind the decode circuit, one block each")
+    ] = ()
+    block: Annotated[
+        int, _key("count", "ports from one chip's block to the next; 0: the circuit's own", low=0)
+    ] = 0
+    ports: tuple[CardPortSection, ...] = ()
+
+
+class HostSection(Section, frozen=True, kw_only=True):
+    """``[[hosts]]``: a link on which a host may attach."""
+
+    transport: Annotated[str, _key("text", 'the link, such as "pty" or "tcp:127.0.0.1:5000"')]
+    protocol: Annotated[str, _key("text", "the wire format spoken on it")] = "bytes"
+    chips: Annotated[
+        tuple[str, ...], _key(NAMES, "what it reaches, in the order of SELECT's bits; else all")
+    ] = ()
+    cycle: Annotated[
+        int, _key("s", "duration of a whole bus cycle; 0 s: as the time policy has it", low=0)
+    ] = 0
+    card: Annotated[str, _key("text", "the card whose addresses the host uses")] = ""
+
+
+NO_HOST: Final = HostSection(transport="")
+"""Stands for a host that could not be read, so that the others keep their places."""
+
+
+class BoardFile(Section, frozen=True, kw_only=True):
+    """A whole board file, checked: names resolve, quantities are plain numbers."""
+
+    path: str
+    board: BoardSection
+    violations: dict[str, str]
+    chips: tuple[ChipSection, ...]
+    plants: tuple[PlantSection, ...]
+    nets: tuple[NetSection, ...]
+    buses: tuple[BusSection, ...]
+    cards: tuple[CardSection, ...]
+    hosts: tuple[HostSection, ...]

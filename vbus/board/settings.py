@@ -1,0 +1,130 @@
+"""One table of settings against its rows: units, ranges, spelling; every mistake at once."""
+
+import difflib
+from collections.abc import Callable, Iterable, Mapping
+
+from vbus.board import units
+from vbus.options import Option, Value
+
+Complain = Callable[[str, str], None]
+"""Takes the key and what is wrong with it; key ``""`` is the table itself."""
+
+
+def quoted(value: object) -> str:
+    """Return ``value`` as TOML would write it, cut to a readable length."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        text = '"' + value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+    elif isinstance(value, dict):
+        text = "{" + ", ".join(f"{key} = {quoted(item)}" for key, item in value.items()) + "}"
+    elif isinstance(value, list):
+        text = "[" + ", ".join(quoted(item) for item in value) + "]"
+    else:
+        text = str(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names as a message lists them."""
+    return ", ".join(names) or "none"
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """Return ``'did you mean "x"? '`` if one of ``known`` is close to ``name``, else nothing."""
+    known = list(known)
+    close = difflib.get_close_matches(name, known, n=1)
+    if not close:
+        folded = {item.lower(): item for item in reversed(known)}
+        close = difflib.get_close_matches(name.lower(), list(folded), n=1)
+        close = [folded[item] for item in close]
+    return f'did you mean "{close[0]}"? ' if close else ""
+
+
+def check_table(
+    table: Mapping[str, object], options: Iterable[Option], complain: Complain
+) -> dict[str, Value]:
+    """Return the settings of ``table`` that are right, in the units parts work with.
+
+    Every row of ``options`` that is missing or wrong, and every key that is no row, is reported
+    to ``complain``. Absent keys with a default are left out of the result.
+    """
+    rows = {option.name: option for option in options}
+    result: dict[str, Value] = {}
+    for key, value in table.items():
+        row = rows.get(key)
+        if row is None:
+            complain(key, f"unknown key; {suggestion(key, rows)}allowed are {listed(sorted(rows))}")
+            continue
+        try:
+            result[key] = check_value(value, row)
+        except ValueError as error:
+            complain(key, f"found {quoted(value)}; {error}")
+    for row in rows.values():
+        if row.default is None and row.name not in table:
+            complain("", f'key "{row.name}" is missing: {row.title}; {allowed(row)}')
+    return result
+
+
+def allowed(option: Option) -> str:
+    """Return what a value of ``option`` may be, for messages and documentation."""
+    if option.kind == "choice":
+        return "allowed are " + listed(quoted(choice) for choice in option.choices)
+    text = {
+        "count": "write a whole number without unit",
+        "ratio": "write a number without unit",
+        "rate": 'write a number without unit, or "max"',
+        "flag": "write true or false",
+        "text": "write a text in quotes",
+    }.get(option.kind)
+    if text is None:
+        text = "write " + units.describe(option.kind)
+    limits = _limits(option)
+    return f"{text}, {limits}" if limits else text
+
+
+def _limits(option: Option) -> str:
+    low = "" if option.low is None else units.show(option.low, option.kind)
+    high = "" if option.high is None else units.show(option.high, option.kind)
+    if low and high:
+        return f"from {low} to {high}"
+    if low:
+        return f"at least {low}"
+    return f"at most {high}" if high else ""
+
+
+def check_value(value: object, option: Option) -> Value:
+    """Return ``value`` in the unit the part works with.
+
+    Raises:
+        ValueError: it is of another kind, or out of range; says what is allowed.
+    """
+    kind = option.kind
+    if kind in units.DIMENSIONS:
+        return _in_range(units.parse(value, kind), option)
+    if kind == "flag" and isinstance(value, bool):
+        return value
+    if kind == "text" and isinstance(value, str):
+        return value
+    if kind == "choice" and isinstance(value, str):
+        if value in option.choices:
+            return value
+        raise ValueError(suggestion(value, option.choices) + allowed(option))
+    if kind == "rate" and value == "max":
+        return float("inf")
+    if isinstance(value, int) and not isinstance(value, bool):
+        if kind == "count":
+            return _in_range(value, option)
+        if kind in ("ratio", "rate"):
+            return _in_range(float(value), option)
+    if isinstance(value, float) and kind in ("ratio", "rate") and abs(value) < float("inf"):
+        return _in_range(value, option)
+    raise ValueError(allowed(option))
+
+
+def _in_range(value: int | float, option: Option) -> int | float:
+    if (option.low is not None and value < option.low) or (
+        option.high is not None and value > option.high
+    ):
+        raise ValueError(f"out of range: {_limits(option)}")
+    return value
