@@ -1,0 +1,274 @@
+"""The byte protocol, board's end."""
+
+import pytest
+
+from tests.unit.fake_port import LINES, OUTPUTS, PINS, FakePort
+from vbus.kernel import NEVER, US
+from vbus.protocols.byte import ByteProtocol
+from vbus.protocols.hello import decode_hello
+from vbus.protocols.port import ChipInfo, PortInfo
+from vbus.protocols.requests import REQUESTS
+
+
+@pytest.fixture
+def wire(port: FakePort) -> ByteProtocol:
+    return ByteProtocol(port)
+
+
+def say(wire: ByteProtocol, text: str) -> str:
+    """Send hexadecimal bytes; return the reply in the same form."""
+    wire.receive(bytes.fromhex(text))
+    return wire.take().hex()
+
+
+# -- what each request does ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("request_bytes", "reply", "calls"),
+    [
+        ("10", "44 01", [("read", 0)]),
+        ("1f", "44 00", [("read", 15)]),
+        ("20 1e", "", [("write", 0, 0x1E)]),
+        ("2f 1e", "", [("write", 15, 0x1E)]),
+        ("30 80", "44 81", [("read", 0x80)]),
+        ("31 80 55", "", [("write", 0x80, 0x55)]),
+        ("32 01 03", "42 03 12 13 14", [("read", 1)] * 3),
+        ("33 01 02 aa bb", "", [("write", 1, 0xAA), ("write", 1, 0xBB)]),
+        ("02 5a", "45 5a", []),
+        ("03 00 02", "", [("select", 2)]),
+        ("04", "43 01", [("claim",)]),
+        ("05", "", [("unclaim",)]),
+        ("40 00 0f 00 0c", "", [("lines", 15, 12)]),
+        ("41 55", "", [("drive", 0x55)]),
+        ("42", "", [("release",)]),
+        ("43", "50 84 00000000", [("sample",)]),
+        ("44 02 00", "", [("pin", 2, 0)]),
+        ("45 01", "44 01", [("getpin", 1)]),
+        ("34 00000000000f4240", "52 01 0000000000000000", [("wait", US)]),
+        ("50 00000000000f4240", "", [("delay", US)]),
+        ("51 00000000000f4240 52", "54 00000000000f4240", [("at", US)]),
+        ("53", "53 00000000 00000000004c4b40", [("sync",)]),
+        ("60 00000001", "", [("events", 1)]),
+    ],
+)
+def test_a_request_becomes_a_call_and_its_result_a_reply(
+    wire: ByteProtocol,
+    port: FakePort,
+    request_bytes: str,
+    reply: str,
+    calls: list[tuple[object, ...]],
+) -> None:
+    assert say(wire, request_bytes) == reply.replace(" ", "")
+    assert port.calls == calls
+
+
+def test_replies_stand_in_the_order_of_their_requests(wire: ByteProtocol) -> None:
+    assert say(wire, "10 02 07 20 aa 10 52") == "44014507440254" + (3 * US).to_bytes(8, "big").hex()
+
+
+def test_hello_tells_version_and_everything_attached(wire: ByteProtocol) -> None:
+    wire.receive(b"\x01\x01")
+    reply = wire.take()
+    assert reply[:1] == b"V"
+    assert int.from_bytes(reply[1:3], "big") == len(reply) - 3
+    assert decode_hello(reply[3:]) == (
+        1,
+        PortInfo(
+            "bench",
+            "slaved",
+            0.0,
+            [ChipInfo("x", "LM629N-8", "lm628", 1, US), ChipInfo("y", "LM629N-8", "lm628", 1, US)],
+            list(LINES),
+            list(OUTPUTS),
+            list(PINS),
+            ["events"],
+        ),
+    )
+
+
+def test_a_newer_host_is_told_the_version_spoken_here(wire: ByteProtocol) -> None:
+    wire.receive(b"\x01\x09")
+    assert decode_hello(wire.take()[3:])[0] == 1
+
+
+def test_a_session_too_big_to_describe_is_refused(
+    wire: ByteProtocol, port: FakePort, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    info = PortInfo("b", "lockstep", 0.0, pins=["x" * 1000] * 66)
+    monkeypatch.setattr(port, "info", lambda: info)
+    assert say(wire, "01 01") == "58040000"
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"\x80", b"\xc1", b"\x81\xa7version\x01", b"\x93\x01\x02\x03"]
+)
+def test_bytes_that_are_no_hello_give_a_clear_error(data: bytes) -> None:
+    with pytest.raises(ValueError, match=r"^HELLO's answer cannot be read: "):
+        decode_hello(data)
+
+
+def test_wait_tells_when_the_chip_is_still_busy(wire: ByteProtocol) -> None:
+    assert say(wire, "20 1e 34 00000000000f4240") == "5200" + (2 * US).to_bytes(8, "big").hex()
+    assert say(wire, "34 ffffffffffffffff") == "5201" + (16 * US).to_bytes(8, "big").hex()
+
+
+def test_sync_says_all_ones_when_no_edge_is_in_sight(wire: ByteProtocol, port: FakePort) -> None:
+    port.outputs = 2
+    assert say(wire, "53") == "5300000002ffffffffffffffff"
+
+
+# -- refusals --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "request_bytes",
+    ["30 ee", "31 ee 00", "32 ee 05", "33 ee 02 aa bb", "03 00 04", "40 00 10 00 00", "44 04 00",
+     "45 04", "60 00000004"],
+)  # fmt: skip
+def test_something_that_is_not_there_is_refused_and_the_session_goes_on(
+    wire: ByteProtocol, port: FakePort, request_bytes: str
+) -> None:
+    assert say(wire, "02 01" + request_bytes + "02 02") == "4501580200014502"
+    assert port.calls == []
+
+
+def test_an_at_before_the_last_at_is_refused_and_the_session_goes_on(wire: ByteProtocol) -> None:
+    assert say(wire, "51 0000000000000005 51 0000000000000004 02 01") == "580300014501"
+
+
+@pytest.mark.parametrize("when", [NEVER, (1 << 64) - 1])
+def test_an_at_beyond_the_end_of_time_is_refused(wire: ByteProtocol, when: int) -> None:
+    assert say(wire, f"51 {when:016x}") == "58030000"
+
+
+@pytest.mark.parametrize(
+    ("request_bytes", "code"),
+    [("00", 1), ("06", 1), ("54", 1), ("61", 1), ("ff", 1), ("32 00 00", 4), ("33 00 00", 4),
+     ("01 00", 5)],
+)  # fmt: skip
+def test_after_a_request_of_unknown_length_every_byte_is_refused_alike(
+    wire: ByteProtocol, port: FakePort, request_bytes: str, code: int
+) -> None:
+    refusal = f"58{code:02x}0001"
+    assert say(wire, "10" + request_bytes + "10 10") == "4401" + refusal * 3
+    assert say(wire, "0207") == refusal * 2
+    assert port.calls == [("read", 0)]
+
+
+def test_a_new_session_starts_clean_after_a_refusal(wire: ByteProtocol) -> None:
+    say(wire, "10 ff")
+    wire.reset()
+    assert say(wire, "02 07") == "4507"
+    assert say(wire, "ff") == "58010001"
+
+
+def test_half_a_request_is_forgotten_when_a_session_ends(wire: ByteProtocol) -> None:
+    assert say(wire, "33 00 05 01 02") == ""
+    wire.reset()
+    assert say(wire, "02 07") == "4507"
+
+
+def test_requests_without_a_reply_are_counted_and_the_count_wraps(wire: ByteProtocol) -> None:
+    wire.receive(b"\x20\x00" * 0x10001)
+    assert say(wire, "30 ee") == "58020001"
+
+
+# -- requests that have to wait --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("request_bytes", "reply"),
+    [("50 00000000000f4240", ""), ("20 00 34 00000000000f4240", "520000000000001e8480")],
+)
+def test_a_request_that_has_to_wait_keeps_everything_behind_it(
+    wire: ByteProtocol, port: FakePort, request_bytes: str, reply: str
+) -> None:
+    port.limit = 0
+    assert say(wire, request_bytes) == ""
+    assert say(wire, "02 01") == ""
+    assert port.held
+    port.limit = 10 * US
+    assert say(wire, "02 02") == ""
+    assert port.go_on()
+    wire.resume()
+    assert wire.take().hex() == reply + "45014502"
+
+
+def test_claim_waits_its_turn(wire: ByteProtocol, port: FakePort) -> None:
+    port.claimable = False
+    assert say(wire, "04 10") == ""
+    port.held = False
+    wire.resume()
+    assert wire.take() == b""
+    port.held = False
+    port.claimable = True
+    wire.resume()
+    assert wire.take().hex() == "43014401"
+
+
+def test_nothing_is_asked_of_a_port_that_is_held(wire: ByteProtocol, port: FakePort) -> None:
+    port.held = True
+    assert say(wire, "10") == ""
+    assert port.calls == []
+    port.held = False
+    wire.resume()
+    assert wire.take().hex() == "4401"
+
+
+# -- events ----------------------------------------------------------------------------------------
+
+
+def event(outputs: int, when: int) -> str:
+    return f"49{outputs:08x}{when:016x}"
+
+
+def test_an_event_stands_before_the_reply_of_the_request_it_happened_in(
+    wire: ByteProtocol,
+) -> None:
+    assert say(wire, "60 00000001 02 01 20 aa 02 02 20 bb 10") == (
+        "4501" + event(1, US) + "4502" + event(0, 2 * US) + "4401"
+    )
+
+
+def test_events_between_requests_are_reported_when_the_session_asks(
+    wire: ByteProtocol, port: FakePort
+) -> None:
+    say(wire, "60 00000003")
+    port.edge(2)
+    wire.report_events()
+    assert wire.take().hex() == event(2, 0)
+
+
+def test_events_are_reported_while_a_request_waits(wire: ByteProtocol, port: FakePort) -> None:
+    port.limit = 0
+    say(wire, "60 00000003 50 0000000000000001")
+    port.edge(2)
+    wire.report_events()
+    assert wire.take().hex() == event(2, 0)
+
+
+def test_nobody_is_told_of_events_who_did_not_ask(wire: ByteProtocol, port: FakePort) -> None:
+    port.edge(2)
+    wire.report_events()
+    assert wire.take() == b""
+    assert say(wire, "20 aa 60 00000001 60 00000000 20 aa") == ""
+
+
+def test_edges_seen_before_events_are_turned_off_are_still_reported(
+    wire: ByteProtocol, port: FakePort
+) -> None:
+    say(wire, "60 00000001")
+    port.edge(1)
+    assert say(wire, "60 00000000") == event(1, 0)
+
+
+def test_a_refused_events_request_loses_no_event(wire: ByteProtocol, port: FakePort) -> None:
+    say(wire, "60 00000001")
+    port.edge(1)
+    assert say(wire, "60 80000000") == event(1, 0) + "58020001"
+
+
+def test_opcodes_kept_for_leases_are_free() -> None:
+    assert REQUESTS.by_code(0x54) is None
+    assert REQUESTS.by_code(0x61) is None

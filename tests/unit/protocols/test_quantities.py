@@ -1,0 +1,46 @@
+"""Durations and instants as people type and read them."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vbus.kernel import MS, NEVER, SECOND, US
+from vbus.protocols.quantities import format_instant, parse_duration
+
+
+@pytest.mark.parametrize(
+    ("text", "ps"),
+    [
+        ("1ps", 1),
+        ("2ns", 2000),
+        ("100us", 100 * US),
+        ("10ms", 10 * MS),
+        ("3s", 3 * SECOND),
+        ("1.5 ms", 1_500_000_000),
+        ("0.000000000001s", 1),
+        ("341.333us", 341_333_000),
+        ("0s", 0),
+    ],
+)
+def test_a_duration_is_read_exactly(text: str, ps: int) -> None:
+    assert parse_duration(text) == ps
+
+
+@pytest.mark.parametrize(
+    "text", ["", "us", "10", "-1us", "1e3us", "1.us", ".5us", "10 minutes", "1us ", "0.5ps",
+             f"{NEVER}ps", "9" * 30 + "s"],
+)  # fmt: skip
+def test_what_is_no_duration_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"no duration|finer|too long"):
+        parse_duration(text)
+
+
+@given(st.integers(0, NEVER - 1))
+def test_an_instant_reads_back_exactly(ps: int) -> None:
+    assert parse_duration(format_instant(ps)) == ps
+
+
+def test_instants_are_printed_in_microseconds() -> None:
+    assert format_instant(341_333_333) == "341.333333us"
+    assert format_instant(15 * US) == "15us"
+    assert format_instant(100) == "0.0001us"

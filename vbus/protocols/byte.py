@@ -1,0 +1,279 @@
+"""The byte protocol: one byte says what is asked, replies come back in the same order."""
+
+from collections.abc import Callable
+from typing import Final
+
+from vbus.kernel.kernel import NEVER
+from vbus.protocols import codes
+from vbus.protocols.base import Protocol
+from vbus.protocols.hello import encode_hello
+from vbus.protocols.port import HostPort, PortError
+from vbus.protocols.requests import FATAL, NO_EDGE, REQUESTS, VERSION
+
+_READ4: Final = REQUESTS["READ4"].code
+_D: Final = ord("D")
+_U32: Final = (1 << 32) - 1
+
+SIZES: Final = bytes(
+    row.size if (row := REQUESTS.by_code(code)) is not None else 1 for code in range(256)
+)
+"""Bytes of the fixed part of a request, by its first byte."""
+
+COUNTED: Final = bytes(
+    (row := REQUESTS.by_code(code)) is not None and row.layout.counted for code in range(256)
+)
+"""Whether the fixed part ends with the length of a run of bytes, by the first byte."""
+
+
+class ByteProtocol(Protocol):
+    """The byte protocol, board's end; :mod:`vbus.protocols.requests` lists what it understands.
+
+    Requests are carried out in the order they come; each reply stands in its request's place. An
+    event stands before the reply of the request during which its edge happened.
+
+    A refused request is answered ``'X'``, reason, number. After an unknown request, a bad length
+    or a bad version nobody can tell where the next request starts: from then on every byte is
+    answered with that same refusal until :meth:`reset`.
+    """
+
+    def __init__(self, port: HostPort) -> None:
+        super().__init__(port)
+        self._kept: bytearray = bytearray()
+        self._number: int = 0
+        self._refusal: bytes = b""
+        self._watching: bool = False
+        self._handlers: list[Callable[[bytes, int], bool]] = [
+            self._handler(code) for code in range(256)
+        ]
+
+    def _handler(self, code: int) -> Callable[[bytes, int], bool]:
+        row = REQUESTS.by_code(code)
+        if row is None or row.code == _READ4:  # which never gets here
+            return self._do_unknown
+        handler: Callable[[bytes, int], bool] = getattr(self, "_do_" + row.name.lower())
+        return handler
+
+    def reset(self) -> None:
+        """Forget half a request, a refusal and the request count: a session ends or begins."""
+        self._kept.clear()
+        self.out.clear()
+        self._number = 0
+        self._refusal = b""
+        self._watching = False
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the host; carry out every request now complete."""
+        if self._kept:
+            self._kept += data
+            if self.port.held:
+                return
+            data = bytes(self._kept)
+            self._kept.clear()
+        position = 0
+        if not self._refusal:
+            position = self._carry_out(data)
+        if self._refusal:
+            self.out += self._refusal * (len(data) - position)
+        elif position < len(data):
+            self._kept += data[position:]
+
+    def _carry_out(self, data: bytes) -> int:
+        """Run requests until bytes are missing or one has to wait; return the bytes used."""
+        port = self.port
+        out = self.out
+        position = 0
+        end = len(data)
+        while position < end and not port.held:
+            code = data[position]
+            following = position + SIZES[code]
+            if following > end:
+                break
+            mark = len(out)
+            try:
+                if code & 0xF0 == _READ4:  # nearly all traffic is a driver polling its status
+                    value = port.read(code & 15)
+                    out.append(_D)
+                    out.append(value)
+                else:
+                    if COUNTED[code]:
+                        following += data[following - 1]
+                        if following > end:
+                            break
+                    if not self._handlers[code](data, position + 1):
+                        self.report_events()
+                        break
+            except PortError as error:
+                refusal = self._refuse(error.code)
+                out += refusal
+                if error.code in FATAL:
+                    self._refusal = refusal
+            self._number += 1
+            position = following
+            if self._watching:
+                self._insert_events(mark)
+            if self._refusal:
+                break
+        return position
+
+    def finish(self) -> bool:
+        """End a message that holds whole requests only; False while one of them has to wait.
+
+        Half a request is refused as a bad length. The next message starts with a request, so an
+        earlier refusal is forgotten.
+        """
+        if self._kept:
+            if self.port.held:
+                return False
+            self._kept.clear()
+            self.out += self._refuse(codes.BAD_LENGTH)
+            self._number += 1
+        self._refusal = b""
+        return True
+
+    def _refuse(self, code: int) -> bytes:
+        return b"X" + bytes((code,)) + (self._number & 0xFFFF).to_bytes(2, "big")
+
+    def report_events(self) -> None:
+        """Append what the watched lines did since the last call, if the host asked."""
+        if self._watching:
+            self._insert_events(len(self.out))
+
+    def _insert_events(self, mark: int) -> None:
+        events = self.port.take_events()
+        if events:
+            self.out[mark:mark] = b"".join(
+                b"I" + (outputs & _U32).to_bytes(4, "big") + when.to_bytes(8, "big")
+                for outputs, when in events
+            )
+
+    # -- one method for each row of the table; False: not now, make the same call when resumed --
+
+    def _do_unknown(self, data: bytes, start: int) -> bool:
+        raise PortError(codes.UNKNOWN_REQUEST, f"unknown request {data[start - 1]:02x}")
+
+    def _do_hello(self, data: bytes, start: int) -> bool:
+        if data[start] == 0:
+            raise PortError(codes.BAD_VERSION, f"version 0; allowed are 1 to {VERSION}")
+        hello = encode_hello(min(data[start], VERSION), self.port.info())
+        if len(hello) > 0xFFFF:
+            raise PortError(codes.BAD_LENGTH, "the session's description is over 65535 bytes")
+        self.out += b"V" + len(hello).to_bytes(2, "big") + hello
+        return True
+
+    def _do_echo(self, data: bytes, start: int) -> bool:
+        self.out += bytes((ord("E"), data[start]))
+        return True
+
+    def _do_select(self, data: bytes, start: int) -> bool:
+        self.port.select(data[start] << 8 | data[start + 1])
+        return True
+
+    def _do_claim(self, data: bytes, start: int) -> bool:
+        if not self.port.claim():
+            return False
+        self.out += b"C\x01"
+        return True
+
+    def _do_unclaim(self, data: bytes, start: int) -> bool:
+        self.port.unclaim()
+        return True
+
+    def _do_write4(self, data: bytes, start: int) -> bool:
+        self.port.write(data[start - 1] & 15, data[start])
+        return True
+
+    def _do_read(self, data: bytes, start: int) -> bool:
+        self.out += bytes((_D, self.port.read(data[start])))
+        return True
+
+    def _do_write(self, data: bytes, start: int) -> bool:
+        self.port.write(data[start], data[start + 1])
+        return True
+
+    def _do_reads(self, data: bytes, start: int) -> bool:
+        address = data[start]
+        count = data[start + 1]
+        if count == 0:
+            raise PortError(codes.BAD_LENGTH, "READS of 0 bytes")
+        port = self.port
+        values = bytearray((ord("B"), count))
+        for _ in range(count):
+            values.append(port.read(address))
+        self.out += values
+        return True
+
+    def _do_writes(self, data: bytes, start: int) -> bool:
+        address = data[start]
+        count = data[start + 1]
+        if count == 0:
+            raise PortError(codes.BAD_LENGTH, "WRITES of 0 bytes")
+        port = self.port
+        for position in range(start + 2, start + 2 + count):
+            port.write(address, data[position])
+        return True
+
+    def _do_wait(self, data: bytes, start: int) -> bool:
+        answer = self.port.wait(_u64(data, start))
+        if answer is None:
+            return False
+        ready, instant = answer
+        self.out += b"R\x01" if ready else b"R\x00"
+        self.out += instant.to_bytes(8, "big")
+        return True
+
+    def _do_lines(self, data: bytes, start: int) -> bool:
+        mask = data[start] << 8 | data[start + 1]
+        self.port.lines(mask, data[start + 2] << 8 | data[start + 3])
+        return True
+
+    def _do_drive(self, data: bytes, start: int) -> bool:
+        self.port.drive(data[start])
+        return True
+
+    def _do_release(self, data: bytes, start: int) -> bool:
+        self.port.release()
+        return True
+
+    def _do_sample(self, data: bytes, start: int) -> bool:
+        value, outputs = self.port.sample()
+        self.out += b"P" + bytes((value,)) + (outputs & _U32).to_bytes(4, "big")
+        return True
+
+    def _do_pin(self, data: bytes, start: int) -> bool:
+        self.port.pin(data[start], data[start + 1])
+        return True
+
+    def _do_getpin(self, data: bytes, start: int) -> bool:
+        self.out += bytes((_D, self.port.getpin(data[start])))
+        return True
+
+    def _do_delay(self, data: bytes, start: int) -> bool:
+        return self.port.delay(_u64(data, start))
+
+    def _do_at(self, data: bytes, start: int) -> bool:
+        when = _u64(data, start)
+        if when >= NEVER:
+            raise PortError(codes.BAD_AT, f"at {when}: time ends at {NEVER - 1} ps")
+        self.port.at(when)
+        return True
+
+    def _do_now(self, data: bytes, start: int) -> bool:
+        self.out += b"T" + self.port.now().to_bytes(8, "big")
+        return True
+
+    def _do_sync(self, data: bytes, start: int) -> bool:
+        outputs, edge = self.port.sync()
+        self.out += b"S" + (outputs & _U32).to_bytes(4, "big")
+        self.out += (NO_EDGE if edge >= NEVER else edge).to_bytes(8, "big")
+        return True
+
+    def _do_events(self, data: bytes, start: int) -> bool:
+        mask = int.from_bytes(data[start : start + 4], "big")
+        self.port.events(mask)
+        self.report_events()
+        self._watching = mask != 0
+        return True
+
+
+def _u64(data: bytes, start: int) -> int:
+    return int.from_bytes(data[start : start + 8], "big")

@@ -1,0 +1,35 @@
+"""Durations and instants as people type and read them."""
+
+import re
+from typing import Final
+
+from vbus.kernel.kernel import MS, NEVER, NS, SECOND, US
+
+_UNITS: Final = {"ps": 1, "ns": NS, "us": US, "ms": MS, "s": SECOND}
+_DURATION: Final = re.compile(r"(\d{1,18})(?:\.(\d{1,12}))?\s*(ps|ns|us|ms|s)")
+
+
+def parse_duration(text: str) -> int:
+    """Return the picoseconds of ``"100us"``, ``"1.5 ms"`` and the like, exactly.
+
+    Raises:
+        ValueError: no duration, finer than a picosecond, or longer than time can hold.
+    """
+    match = _DURATION.fullmatch(text)
+    if match is None:
+        raise ValueError(f"{text!r} is no duration; a number with ps, ns, us, ms or s is")
+    digits: str = match[2] or ""
+    scaled = int(match[1] + digits) * _UNITS[match[3]]
+    scale: int = 10 ** len(digits)
+    duration, rest = divmod(scaled, scale)
+    if rest:
+        raise ValueError(f"{text!r} is finer than a picosecond; that is as fine as time gets")
+    if duration >= NEVER:
+        raise ValueError(f"{text!r} is too long; at most {(NEVER - 1) // SECOND} s are possible")
+    return duration
+
+
+def format_instant(ps: int) -> str:
+    """Return an instant in microseconds, exactly: ``"341.333333us"``."""
+    whole, fraction = divmod(ps, US)
+    return f"{whole}us" if fraction == 0 else f"{whole}.{fraction:06d}".rstrip("0") + "us"

@@ -1,0 +1,351 @@
+"""The text protocol: one line, one request, one line back; for people, expect scripts and qtest."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from vbus.kernel.kernel import NEVER, NS
+from vbus.protocols.base import Protocol
+from vbus.protocols.port import HostPort, PortError
+from vbus.protocols.quantities import format_instant, parse_duration
+
+LONGEST_LINE: Final = 512
+"""Most characters of a line; the rest of a longer one is skipped and the line refused."""
+
+UNCLAIMED: Final = 0xFF
+"""What a card address reads that nobody answers."""
+
+_DIGITS: Final = frozenset("0123456789")
+_HEX_DIGITS: Final = frozenset("0123456789abcdef")
+
+_LF: Final = 0x0A
+_CR: Final = 0x0D
+
+
+@dataclass(frozen=True, slots=True)
+class Verb:
+    """One row of the text protocol.
+
+    Attributes:
+        name: first word of the line.
+        arguments: what follows, for people; ``...`` means more of the same.
+        fewest: how many words must follow.
+        most: how many may follow.
+        answer: example of an answer.
+        title: what it does.
+        qtest: it speaks as QEMU's qtest does: ``OK``, ``FAIL``, numbers as in C.
+    """
+
+    name: str
+    arguments: str
+    fewest: int
+    most: int
+    answer: str
+    title: str
+    qtest: bool = False
+
+    @property
+    def usage(self) -> str:
+        """The line as it is typed."""
+        return f"{self.name} {self.arguments}".strip()
+
+
+_MANY: Final = LONGEST_LINE
+
+VERBS: Final = {
+    verb.name: verb
+    for verb in (
+        Verb("r", "ADDRESS [COUNT]", 1, 2, "84", "read cycles at one address"),
+        Verb("w", "ADDRESS DATA ...", 2, _MANY, "ok", "write cycles at one address"),
+        Verb("select", "NAME ...|all|none", 1, _MANY, "ok", "cycles go to these chips"),
+        Verb("claim", "", 0, 0, "ok", "hold the selected chips' bus for a packet"),
+        Verb("unclaim", "", 0, 0, "ok", "let the bus go"),
+        Verb(
+            "wait",
+            "DURATION",
+            1,
+            2,
+            "ready 15us",
+            'until the chip takes the next cycle, at most this long; else "busy", and when',
+        ),
+        Verb("pin", "NAME [0|1|z]", 1, 2, "ok", "drive a pin, or let it go; alone: its level"),
+        Verb("lines", "NAME=LEVEL ...", 1, _MANY, "ok", "control lines, all at one instant"),
+        Verb("drive", "DATA", 1, 1, "ok", "drive D0-D7"),
+        Verb("release", "", 0, 0, "ok", "let D0-D7 float"),
+        Verb("sample", "", 0, 0, "84 1", "D0-D7 and the output lines as they stand"),
+        Verb("step", "DURATION", 1, 2, "10000us", "let time pass; tells chip time"),
+        Verb("now", "", 0, 0, "341.333333us", "chip time"),
+        Verb("chips", "", 0, 0, "x LM629N-8 selected", "what is attached"),
+        Verb("names", "", 0, 0, "pins x./RST; lines x./CS", "names of pins, lines and outputs"),
+        Verb("help", "[VERB]", 0, 1, "now: chip time", "what can be typed"),
+        Verb("inb", "ADDRESS", 1, 1, "OK 0x0084", "read a card's port", True),
+        Verb("outb", "ADDRESS DATA", 2, 2, "OK", "write a card's port", True),
+        Verb("readb", "ADDRESS", 1, 1, "OK 0x0000000000000084", "read a card's memory", True),
+        Verb("writeb", "ADDRESS DATA", 2, 2, "OK", "write a card's memory", True),
+        Verb("clock_step", "[NS]", 0, 1, "OK 1000000", "let time pass; tells ns", True),
+    )
+}
+"""Everything that can be typed."""
+
+
+class _Mistake(Exception):
+    """A line that is no request; its text goes back to the host."""
+
+
+class TextProtocol(Protocol):
+    """The text protocol, board's end; :data:`VERBS` lists what it understands.
+
+    A line ends with LF, CR or CR LF; the answer ends with what the line's first end character
+    calls for: CR LF after CR, LF after LF. Every line that is not empty gets exactly one line
+    back, in order. Numbers are hexadecimal, except behind qtest's verbs (as in C).
+    """
+
+    def __init__(self, port: HostPort) -> None:
+        super().__init__(port)
+        self._kept: bytearray = bytearray()
+        self._overlong: bool = False
+        self._mask: int = 1
+        self._handlers: dict[str, Callable[[list[str]], str | None]] = {
+            name: getattr(self, "_do_" + name) for name in VERBS
+        }
+
+    def reset(self) -> None:
+        """Forget half a line and the selection: a session has ended or begun."""
+        self._kept.clear()
+        self.out.clear()
+        self._overlong = False
+        self._mask = 1
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the host; carry out every line now complete."""
+        self._kept += data
+        kept = self._kept
+        start = 0
+        while not self.port.held:
+            end = _line_end(kept, start)
+            if end < 0:
+                if len(kept) - start > LONGEST_LINE:
+                    self._overlong = True
+                    start = len(kept)
+                break
+            answer = self._answer(kept, start, end)
+            if answer is None:
+                break
+            if answer:
+                self.out += answer.encode("ascii", "backslashreplace")
+                self.out += b"\r\n" if kept[end] == _CR else b"\n"
+            start = end + 1
+        del kept[:start]
+
+    def _answer(self, kept: bytearray, start: int, end: int) -> str | None:
+        """Return the line that answers ``kept[start:end]``; empty for none, None to wait."""
+        if self._overlong or end - start > LONGEST_LINE:
+            self._overlong = False
+            return f"error: the line is too long; at most {LONGEST_LINE} characters"
+        words = kept[start:end].decode("ascii", "replace").split()
+        if not words:
+            return ""
+        verb = VERBS.get(words[0])
+        if verb is None:
+            allowed = ", ".join(VERBS)
+            return f"error: unknown request {words[0]!r}; allowed are {allowed}"
+        arguments = words[1:]
+        try:
+            if not verb.fewest <= len(arguments) <= verb.most:
+                raise _Mistake(f"{verb.name} with {len(arguments)} arguments; usage: {verb.usage}")
+            return self._handlers[verb.name](arguments)
+        except (_Mistake, PortError) as error:
+            return f"{'FAIL' if verb.qtest else 'error:'} {error}"
+
+    # -- one method for each row of the table; None: not now, make the same call when resumed -----
+
+    def _do_r(self, arguments: list[str]) -> str | None:
+        address = _hex(arguments[0], "address", 0xFF)
+        count = _hex(arguments[1], "count", 0xFF) if len(arguments) > 1 else 1
+        if count == 0:
+            raise _Mistake("count 0; allowed are 1 to FF")
+        return " ".join(f"{self.port.read(address):02x}" for _ in range(count))
+
+    def _do_w(self, arguments: list[str]) -> str | None:
+        address = _hex(arguments[0], "address", 0xFF)
+        for data in [_hex(word, "data", 0xFF) for word in arguments[1:]]:
+            self.port.write(address, data)
+        return "ok"
+
+    def _do_select(self, arguments: list[str]) -> str | None:
+        mask = 0
+        for name in arguments:
+            if name == "all":
+                mask = (1 << len(self.port.info().chips)) - 1
+            elif name != "none":
+                mask |= 1 << self.port.chip_number(name)
+        self.port.select(mask)
+        self._mask = mask
+        return "ok"
+
+    def _do_claim(self, arguments: list[str]) -> str | None:
+        return "ok" if self.port.claim() else None
+
+    def _do_unclaim(self, arguments: list[str]) -> str | None:
+        self.port.unclaim()
+        return "ok"
+
+    def _do_wait(self, arguments: list[str]) -> str | None:
+        answer = self.port.wait(_duration(arguments))
+        if answer is None:
+            return None
+        ready, instant = answer
+        return f"{'ready' if ready else 'busy'} {format_instant(instant)}"
+
+    def _do_pin(self, arguments: list[str]) -> str | None:
+        number = self.port.pin_number(arguments[0])
+        if len(arguments) == 1:
+            return str(self.port.getpin(number))
+        level = {"0": 0, "1": 1, "z": 2, "Z": 2}.get(arguments[1])
+        if level is None:
+            raise _Mistake(f"level {arguments[1]!r}; allowed are 0, 1, and z to let go")
+        self.port.pin(number, level)
+        return "ok"
+
+    def _do_lines(self, arguments: list[str]) -> str | None:
+        mask = levels = 0
+        for word in arguments:
+            name, equals, level = word.rpartition("=")
+            if not equals or level not in ("0", "1"):
+                raise _Mistake(f"{word!r}; allowed is NAME=0 or NAME=1")
+            bit = 1 << self.port.line_number(name)
+            if mask & bit:
+                raise _Mistake(f"{name} stands there twice; name each line once")
+            mask |= bit
+            levels |= bit if level == "1" else 0
+        self.port.lines(mask, levels)
+        return "ok"
+
+    def _do_drive(self, arguments: list[str]) -> str | None:
+        self.port.drive(_hex(arguments[0], "data", 0xFF))
+        return "ok"
+
+    def _do_release(self, arguments: list[str]) -> str | None:
+        self.port.release()
+        return "ok"
+
+    def _do_sample(self, arguments: list[str]) -> str | None:
+        data, outputs = self.port.sample()
+        return f"{data:02x} {outputs:x}"
+
+    def _do_step(self, arguments: list[str]) -> str | None:
+        if not self.port.delay(_duration(arguments)):
+            return None
+        return format_instant(self.port.now())
+
+    def _do_now(self, arguments: list[str]) -> str | None:
+        return format_instant(self.port.now())
+
+    def _do_chips(self, arguments: list[str]) -> str | None:
+        return (
+            ", ".join(
+                f"{chip.name} {chip.part}" + (" selected" if self._mask >> number & 1 else "")
+                for number, chip in enumerate(self.port.info().chips)
+            )
+            or "none"
+        )
+
+    def _do_names(self, arguments: list[str]) -> str | None:
+        info = self.port.info()
+        groups = (("pins", info.pins), ("lines", info.lines), ("outputs", info.outputs))
+        return "; ".join(f"{title} {' '.join(names) or 'none'}" for title, names in groups)
+
+    def _do_help(self, arguments: list[str]) -> str | None:
+        if not arguments:
+            return "; ".join(verb.usage for verb in VERBS.values())
+        verb = VERBS.get(arguments[0])
+        if verb is None:
+            raise _Mistake(f"no help on {arguments[0]!r}; allowed are {', '.join(VERBS)}")
+        return f"{verb.usage}: {verb.title}"
+
+    # -- qtest ------------------------------------------------------------------------------------
+
+    def _do_inb(self, arguments: list[str]) -> str | None:
+        return f"OK 0x{self._card_read(arguments):04x}"
+
+    def _do_outb(self, arguments: list[str]) -> str | None:
+        self._card_write(arguments)
+        return "OK"
+
+    def _do_readb(self, arguments: list[str]) -> str | None:
+        return f"OK 0x{self._card_read(arguments):016x}"
+
+    def _do_writeb(self, arguments: list[str]) -> str | None:
+        self._card_write(arguments)
+        return "OK"
+
+    def _do_clock_step(self, arguments: list[str]) -> str | None:
+        if arguments:
+            duration = _c_number(arguments[0], "ns") * NS
+            if duration >= NEVER:
+                raise _Mistake(f"ns {arguments[0]}; at most {(NEVER - 1) // NS}")
+        else:
+            edge = self.port.sync()[1]
+            duration = 0 if edge >= NEVER else max(0, edge - self.port.now())
+        if not self.port.delay(duration):
+            return None
+        return f"OK {self.port.now() // NS}"
+
+    def _card_read(self, arguments: list[str]) -> int:
+        place = self.port.card(_c_number(arguments[0], "address"))
+        if place is None:
+            return UNCLAIMED
+        chip, address = place
+        self.port.select(1 << chip)
+        try:
+            return self.port.read(address)
+        finally:
+            self.port.select(self._mask)
+
+    def _card_write(self, arguments: list[str]) -> None:
+        place = self.port.card(_c_number(arguments[0], "address"))
+        data = _c_number(arguments[1], "data") & 0xFF
+        if place is not None:
+            chip, address = place
+            self.port.select(1 << chip)
+            try:
+                self.port.write(address, data)
+            finally:
+                self.port.select(self._mask)
+
+
+def _line_end(data: bytearray, start: int) -> int:
+    """Return where the line that starts at ``start`` ends, or -1."""
+    lf = data.find(_LF, start)
+    cr = data.find(_CR, start, lf if lf >= 0 else len(data))
+    return cr if cr >= 0 else lf
+
+
+def _duration(words: list[str]) -> int:
+    try:
+        return parse_duration("".join(words))
+    except ValueError as error:
+        raise _Mistake(str(error)) from error
+
+
+def _hex(text: str, what: str, most: int) -> int:
+    """Return a hexadecimal number; ``0x`` in front and ``h`` behind are allowed."""
+    digits = text.lower().removeprefix("0x").removesuffix("h")
+    if not digits or not set(digits) <= _HEX_DIGITS:
+        raise _Mistake(f"{what} {text!r} is no hexadecimal number; allowed are 0 to {most:X}")
+    value = int(digits, 16)
+    if value > most:
+        raise _Mistake(f"{what} {text}; allowed are 0 to {most:X}")
+    return value
+
+
+def _c_number(text: str, what: str) -> int:
+    """Return a number as C writes it, below 2^63."""
+    prefixed = text[:2] in ("0x", "0X")
+    digits = text[2:].lower() if prefixed else text
+    if not digits or not set(digits) <= (_HEX_DIGITS if prefixed else _DIGITS):
+        raise _Mistake(f"{what} {text!r} is no number; allowed are 0x1f or 31")
+    value = int(digits, 16 if prefixed else 10)
+    if value >= 1 << 63:
+        raise _Mistake(f"{what} {text}; allowed are numbers below 2^63")
+    return value
