@@ -1,0 +1,276 @@
+"""A move with limited jerk: planned once, then counted out sample by sample, in integers.
+
+The plan of MCP-SCV-1 to 5 and PMD-TRJ-4, 5 and 10. All quantities are integers in one unit of the
+chip's choosing (MCP-1200 2^-16 count, MC1241A 2^-32 microstep): distance in units, velocity per
+sample, acceleration per sample squared, jerk per sample cubed.
+
+Acceleration rises for ``m`` samples, holds for ``t`` and falls for ``m``; deceleration mirrors it.
+Two counters make that shape: ``k`` counts the acceleration, ``c`` sums it up, and the velocity is
+``c`` times a rational quantum chosen so that everything adds up to the distance with no remainder.
+No number is ever rounded; only what is read from outside is cut down to whole units. Python's
+integers hold the products however long a move is (PMD distances need 2^63 and more); those of the
+MCP-1200 stay below 2^62, where a compiled build keeps them in machine words.
+"""
+
+from math import isqrt
+
+
+def _ceil_div(a: int, b: int) -> int:
+    return -(-a // b)
+
+
+def _ceil_sqrt(value: int) -> int:
+    """Smallest integer whose square is at least ``value`` (1 or more)."""
+    return isqrt(value - 1) + 1
+
+
+def _ceil_cbrt(value: int) -> int:
+    """Smallest integer whose cube is at least ``value`` (1 or more)."""
+    if value <= 1:
+        return 1
+    # Newton's iteration from above ends at the largest root whose cube is not above the argument.
+    value -= 1
+    root = 1 << (value.bit_length() + 2) // 3
+    while True:
+        better = (2 * root + value // (root * root)) // 3
+        if better >= root:
+            return root + 1
+        root = better
+
+
+class SCurve:
+    """One move of an axis, counted from its start; the chip applies sign and starting place.
+
+    Call :meth:`plan`, then :meth:`step` once per sample until :attr:`done`.
+
+    Attributes:
+        distance: whole way of the move, in units.
+        offset: way covered so far, cut down to whole units.
+        velocity: velocity of the last sample, cut down; 0 once the move is done.
+        phase: 1..7, the phase of the last sample; 0 before the first and once the move is done.
+        done: the last sample that moves has been made (MCP-SCV-4).
+        rise: samples over which acceleration rises, and falls (``m``).
+        flat: samples of constant acceleration (``t``).
+        hold: samples at peak velocity (``Tv``).
+    """
+
+    __slots__ = (
+        "_c", "_den", "_end_part", "_k", "_left", "_num", "_part", "_peak", "_rest",
+        "_stopping", "distance", "done", "flat", "hold", "offset", "phase", "rise", "velocity",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.distance: int = 0
+        self.offset: int = 0
+        self.velocity: int = 0
+        self.phase: int = 0
+        self.done: bool = True
+        self.rise: int = 0
+        self.flat: int = 0
+        self.hold: int = 0
+        # Velocity is c * _num / _den; _part / _den is what ``offset`` was cut down by.
+        self._num: int = 0
+        self._den: int = 1
+        self._part: int = 0
+        self._end_part: int = 0
+        # Velocity of the one sample that takes what is left over (MCP-SCV-3), times _den.
+        self._rest: int = 0
+        self._k: int = 0
+        self._c: int = 0
+        self._peak: int = 0
+        self._left: int = 0
+        self._stopping: bool = False
+
+    def plan(self, distance: int, top: int, accel: int, jerk: int) -> bool:
+        """Plan a move from rest (MCP-SCV-1).
+
+        Args:
+            distance: way to go, 0 or more; with 0 the move is done at once.
+            top: largest velocity.
+            accel: largest acceleration.
+            jerk: largest jerk.
+
+        Returns:
+            Whether it moves. With ``top``, ``accel`` or ``jerk`` 0 it does not and is never done
+            (MCP-SCV-4).
+        """
+        self.distance = distance
+        self.offset = self.velocity = self.phase = 0
+        self.rise = self.flat = self.hold = 0
+        self._num = self._part = self._end_part = self._rest = 0
+        self._den = 1
+        self._k = self._c = self._peak = self._left = 0
+        self._stopping = False
+        self.done = distance == 0
+        if distance == 0 or top == 0 or accel == 0 or jerk == 0:
+            return False
+
+        if accel * accel >= top * jerk:
+            rise = _ceil_sqrt(_ceil_div(top, jerk))
+            flat = 0
+        else:
+            rise = _ceil_div(accel, jerk)
+            flat = max(0, _ceil_div(top, accel) - rise)
+        if distance >= top * (2 * rise + flat):
+            self._num = top
+            self._den = rise * (rise + flat)
+        else:
+            rise = _ceil_cbrt(_ceil_div(distance, 2 * jerk))
+            flat = 0
+            if distance > 2 * accel * rise * rise:
+                rise = _ceil_div(accel, jerk)
+                root = _ceil_sqrt(rise * rise + 4 * _ceil_div(distance, accel))
+                flat = max(0, _ceil_div(root - 3 * rise, 2))
+            self._num = distance
+            self._den = rise * (rise + flat) * (2 * rise + flat)
+        self.rise = rise
+        self.flat = flat
+        self._peak = rise * (rise + flat)
+        self._spread(distance)
+        return True
+
+    def step(self) -> int:
+        """Make one sample; return :attr:`offset` after it.
+
+        Without a plan, or once the move is done, nothing changes.
+        """
+        if self.done or self._peak == 0:
+            return self.offset
+        phase = self.phase if self.phase > 0 else 1
+        if self.phase == 0:
+            self._left = self.rise
+        # A hold can be lengthened after its last sample: what comes next is decided only here.
+        while self._left == 0:
+            phase += 1
+            self._left = self._samples(phase)
+        self.phase = phase
+
+        c = self._c
+        k = self._k
+        if phase == 1 or phase == 5:
+            k += 1
+        elif phase == 3 or phase == 7:
+            k -= 1
+        if phase < 4:
+            c += k
+        elif phase > 4:
+            c -= k
+        way = self._num * c
+        if phase > 4 and self._rest > 0 and way <= self._rest:
+            way = self._rest
+            self._rest = 0
+        else:
+            self._k = k
+            self._c = c
+            self._left -= 1
+
+        whole = way // self._den
+        part = self._part + way - whole * self._den
+        self.offset += whole
+        if part >= self._den:
+            part -= self._den
+            self.offset += 1
+        self._part = part
+        if self.offset == self.distance and part == self._end_part:
+            self.done = True
+            self.phase = 0
+            self.velocity = 0
+        else:
+            self.velocity = whole
+        return self.offset
+
+    def retarget(self, distance: int) -> bool:
+        """Change the whole way of a move under way, at the same peak velocity (MCP-SCV-5).
+
+        Args:
+            distance: new way, counted from the start of the move.
+
+        Returns:
+            Whether it was taken: only in phases 1 to 4, and if the new end can still be reached
+            by a longer or shorter hold. Otherwise nothing has changed. A chip that does not allow
+            shortening before phase 4 asks for that itself.
+        """
+        if self.done or self._stopping or self._peak == 0 or self.phase > 4:
+            return False
+        held = self.hold - self._left if self.phase == 4 else 0
+        ramps = 2 * self.rise + self.flat
+        if distance * self._den < self._num * self._peak * (ramps + held):
+            return False
+        self.distance = distance
+        self._spread(distance)
+        if self.phase == 4:
+            self._left = self.hold - held
+        return True
+
+    def stop(self) -> None:
+        """Stop smoothly: decelerate as the mirror image of the acceleration so far (PMD-TRJ-10).
+
+        :attr:`distance` becomes the resting place. In phases 5 to 7 the move just goes on.
+        """
+        if self.done or self.phase > 4:
+            return
+        if self.phase == 0:
+            self.distance = 0
+            self.done = True
+            return
+        if self.phase == 1:
+            self.rise -= self._left
+            self.flat = 0
+        elif self.phase == 2:
+            self.flat -= self._left
+        self.hold = self.hold - self._left if self.phase == 4 else 0
+        if self.phase != 3:
+            self._left = 0
+        self._stopping = True
+        self._rest = 0
+        self._peak = self.rise * (self.rise + self.flat)
+        total = self._num * self._peak * (2 * self.rise + self.flat + self.hold)
+        self.distance = total // self._den
+        self._end_part = total - self.distance * self._den
+        if self.offset == self.distance and self._part == self._end_part:
+            self.done = True
+            self.phase = 0
+            self.velocity = 0
+
+    @property
+    def acceleration_distance(self) -> int:
+        """Way from the start to the end of phase 3, cut down to whole units (MCP R31-R33)."""
+        return self._num * self._peak * (2 * self.rise + self.flat + 2) // (2 * self._den)
+
+    @property
+    def deceleration_distance(self) -> int:
+        """Way from the beginning of phase 5 to the end, cut down (MCP R39-R3B).
+
+        Without the one sample that takes what is left over (MCP-SCV-3).
+        """
+        return self._num * self._peak * max(0, 2 * self.rise + self.flat - 2) // (2 * self._den)
+
+    def _spread(self, distance: int) -> None:
+        """Fill ``distance`` with samples at peak velocity, and one with what is left over."""
+        peak = self._num * self._peak
+        samples = distance * self._den // peak
+        self.hold = samples - (2 * self.rise + self.flat)
+        self._rest = distance * self._den - samples * peak
+
+    def _samples(self, phase: int) -> int:
+        if phase == 4:
+            return self.hold
+        return self.flat if phase == 2 or phase == 6 else self.rise
+
+    def save(self) -> tuple[int, ...]:
+        """Return the whole state."""
+        return (
+            self.distance, self.offset, self.velocity, self.phase, int(self.done), self.rise,
+            self.flat, self.hold, self._num, self._den, self._part, self._end_part, self._rest,
+            self._k, self._c, self._peak, self._left, int(self._stopping),
+        )  # fmt: skip
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self.distance, self.offset, self.velocity, self.phase, done, self.rise,
+            self.flat, self.hold, self._num, self._den, self._part, self._end_part, self._rest,
+            self._k, self._c, self._peak, self._left, stopping,
+        ) = state  # fmt: skip
+        self.done = done != 0
+        self._stopping = stopping != 0
