@@ -1,0 +1,69 @@
+"""Coverage of clauses: says which have no test, and fails the run when one that should has none."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.clauses import Clause, read_clauses, stale, unknown, untested
+
+CLAUSES: pytest.StashKey[dict[str, Clause]] = pytest.StashKey()
+MARKED: pytest.StashKey[set[str]] = pytest.StashKey()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[CLAUSES] = read_clauses(Path(__file__).parent / "conformance")
+    config.stash[MARKED] = set()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    for item in items:
+        for mark in item.iter_markers("spec"):
+            config.stash[MARKED].update(mark.args)
+
+
+def _whole(config: pytest.Config) -> bool:
+    """Whether the whole suite was asked for: no path, -k, -m or other choice of tests."""
+    option = config.option
+    chosen = ("keyword", "markexpr", "deselect", "ignore", "ignore_glob", "lf", "stepwise")
+    if any(getattr(option, name, None) for name in chosen):
+        return False
+    return config.args_source is not pytest.Config.ArgsSource.ARGS or [
+        Path(arg).resolve() for arg in config.args
+    ] in ([Path(__file__).parent], [config.rootpath])
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    config = session.config
+    if session.exitstatus == pytest.ExitCode.OK and _problems(config):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def _problems(config: pytest.Config) -> list[str]:
+    clauses, marked = config.stash[CLAUSES], config.stash[MARKED]
+    whole = _whole(config)
+    lines = [f"{name}: a test names it, no list has it" for name in unknown(clauses, marked, whole)]
+    lines += [f"{c.name}: listed as open, but a test names it" for c in stale(clauses, marked)]
+    if whole:
+        lines += [f"{c.name}: no test ({c.title})" for c in untested(clauses, marked)]
+    return lines
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    problems = _problems(config)
+    clauses = config.stash[CLAUSES]
+    if not problems and not _whole(config):
+        return
+    terminalreporter.section("clauses")
+    for line in problems:
+        terminalreporter.line(line)
+    for clause in clauses.values():
+        if not clause.tested:
+            terminalreporter.line(f"{clause.name}: open, {clause.title}: {clause.reason}")
+    to_test = sum(clause.tested for clause in clauses.values())
+    tested = to_test - len(untested(clauses, config.stash[MARKED]))
+    terminalreporter.line(
+        f"{tested} of {len(clauses)} clauses tested, {len(clauses) - to_test} open"
+    )
