@@ -196,5 +196,7 @@ class FakePort(HostPort):
             return names.index(name)
         raise PortError(codes.NO_SUCH, f"no {kind} {name!r}; this session has {', '.join(names)}")
 
-    def card(self, address: int) -> tuple[int, int] | None:
+    def card(self, address: int, write: bool = False) -> tuple[int, int] | None:
+        if address == 0x342:
+            return (0, 1) if write else None
         return {0x340: (0, 0), 0x341: (0, 1), 0x348: (1, 0)}.get(address)

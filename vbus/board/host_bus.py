@@ -396,9 +396,9 @@ class HostBus(HostPort):
         """Return the number of a control line."""
         return self._pins.number(self._pins.lines, self._pins.line_names(), name, self._selected)
 
-    def card(self, address: int) -> tuple[int, int] | None:
+    def card(self, address: int, write: bool = False) -> tuple[int, int] | None:
         """Decode a card address into (chip number, chip address)."""
-        return self._card.decode(address) if self._card is not None else None
+        return self._card.decode(address, write) if self._card is not None else None
 
     # -- end ----------------------------------------------------------------------------------
 

@@ -183,6 +183,9 @@ class HostPort:
         """Return the number of the control line called ``name``."""
         raise NotImplementedError
 
-    def card(self, address: int) -> tuple[int, int] | None:
-        """Decode a card address into (chip number, chip address); None if nobody answers."""
+    def card(self, address: int, write: bool = False) -> tuple[int, int] | None:
+        """Decode a card address into (chip number, chip address); None if nobody answers.
+
+        A card's port may lead elsewhere in a write than in a read.
+        """
         raise NotImplementedError

@@ -303,7 +303,7 @@ class TextProtocol(Protocol):
             self.port.select(self._mask)
 
     def _card_write(self, arguments: list[str]) -> None:
-        place = self.port.card(_c_number(arguments[0], "address"))
+        place = self.port.card(_c_number(arguments[0], "address"), write=True)
         data = _c_number(arguments[1], "data") & 0xFF
         if place is not None:
             chip, address = place

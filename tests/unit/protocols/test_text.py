@@ -206,6 +206,8 @@ def test_claim_waits_its_turn(wire: TextProtocol, port: FakePort) -> None:
         ("outb 0x341 0x11f", "OK", [("select", 1), ("write", 1, 0x1F), ("select", 1)]),
         ("writeb 0x348 31", "OK", [("select", 2), ("write", 0, 0x1F), ("select", 1)]),
         ("outb 0x300 0x1f", "OK", []),
+        ("inb 0x342", "OK 0x00ff", []),
+        ("outb 0x342 0x1f", "OK", [("select", 1), ("write", 1, 0x1F), ("select", 1)]),
         ("clock_step 1000000", "OK 1000000", [("delay", MS)]),
         ("clock_step", "OK 5000", [("sync",), ("delay", 5 * US)]),
     ],
