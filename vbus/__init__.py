@@ -1,1 +1,33 @@
 """A virtual hardware bus server: motion-control chips, bit for bit, for unmodified drivers."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from vbus.board.board import Board as Board
+    from vbus.board.build import load_board as load_board
+    from vbus.errors import VbusError as VbusError
+    from vbus.signals.violation import Violation as Violation
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Board": "vbus.board.board",
+    "VbusError": "vbus.errors",
+    "Violation": "vbus.signals.violation",
+    "load_board": "vbus.board.build",
+}
+"""The public names and where they live: imported when first used, so ``import vbus`` is cheap."""
+
+__all__ = ["Board", "VbusError", "Violation", "load_board"]
+
+
+def __getattr__(name: str) -> object:
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'vbus' has no attribute {name!r}")
+    return getattr(import_module(home), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *_HOMES]

@@ -49,15 +49,17 @@ def read_board_text(text: str, file: str = "board.toml") -> tuple[sections.Board
     except RecursionError:
         raise BoardFileError([Problem(file, 0, "", "nested too deeply")]) from None
     except ValueError as error:
-        raise BoardFileError([_no_toml(file, str(error))]) from None
+        raise BoardFileError([_no_toml(file, text, str(error))]) from None
     source = Source(file, text)
     return _Reader(source, data).read(), source
 
 
-def _no_toml(file: str, reason: str) -> Problem:
+def _no_toml(file: str, text: str, reason: str) -> Problem:
     match = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", reason, re.DOTALL)
     if match is None:
-        return Problem(file, 0, "", f"no TOML: {reason}")
+        end = re.fullmatch(r"(.*) \(at end of document\)", reason, re.DOTALL)
+        line = text.count("\n") + 1 if end else 0
+        return Problem(file, line, "", f"no TOML: {end[1] if end else reason}")
     return Problem(file, int(match[2]), "", f"no TOML: {match[1]} (column {match[3]})")
 
 
@@ -85,32 +87,34 @@ class _Reader:
             cards=tuple(self._cards()),
             hosts=tuple(self._hosts()),
         )
-        known = {kind: list(self._table((kind,), self._data)) for kind in _NAMED}
+        known = {kind: list(self._table((kind,), self._data) or ()) for kind in _NAMED}
         checks.check(file, known, self._source)
         self._source.finish()
         return file
 
     # -- tables -------------------------------------------------------------------------------
 
-    def _table(self, path: Path, parent: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the table at the end of ``path`` in ``parent``; an absent one is empty."""
+    def _table(self, path: Path, parent: Mapping[str, Any]) -> dict[str, Any] | None:
+        """Return the table at the end of ``path``; an absent one is empty, a wrong one None."""
         value = parent.get(str(path[-1]), {})
         if isinstance(value, dict):
             return value
         self._source.fail(path, f"found {quoted(value)}; this is a table of keys")
-        return {}
+        return None
 
     def _named(self, kind: str) -> Iterator[tuple[str, dict[str, Any]]]:
         """Give the tables ``[kind.NAME]`` whose name may stand in ``"name.pin"``."""
-        section = self._table((kind,), self._data)
+        section = self._table((kind,), self._data) or {}
         for name in section:
             if not _NAME.fullmatch(name):
                 self._source.fail(
                     (kind, name),
                     "a name begins with a letter and goes on with letters, digits, - and _",
                 )
-            else:
-                yield name, self._table((kind, name), section)
+                continue
+            table = self._table((kind, name), section)
+            if table is not None:
+                yield name, table
 
     def _keys(
         self,
@@ -156,7 +160,11 @@ class _Reader:
             fields["settings"] = settings
         for row in options:
             if row.name in lists and row.name in table:
-                fields[row.name] = self._names((*path, row.name), table[row.name])
+                names = self._names((*path, row.name), table[row.name])
+                if names is None:
+                    wrong.append(row.name)
+                else:
+                    fields[row.name] = names
             elif row.name in lists and row.default is None:
                 complain("", f'key "{row.name}" is missing: {row.title}')
         try:
@@ -166,7 +174,7 @@ class _Reader:
                 raise
             return None
 
-    def _names(self, path: Path, value: object) -> tuple[str, ...]:
+    def _names(self, path: Path, value: object) -> tuple[str, ...] | None:
         if isinstance(value, list) and all(isinstance(item, str) for item in value):
             seen: set[str] = set()
             for place, item in enumerate(value):
@@ -175,7 +183,7 @@ class _Reader:
                 seen.add(item)
             return tuple(dict.fromkeys(value))
         self._source.fail(path, f'found {quoted(value)}; write a list of names, such as ["x"]')
-        return ()
+        return None
 
     def _plain(self, kind: str, section: type[_Section]) -> Iterator[_Section]:
         for name, table in self._named(kind):
@@ -186,7 +194,7 @@ class _Reader:
     # -- sections -----------------------------------------------------------------------------
 
     def _board(self) -> sections.BoardSection:
-        table = self._table(("board",), self._data)
+        table = self._table(("board",), self._data) or {}
         read = self._keys(sections.BoardSection, table, ("board",)) or sections.BoardSection()
         if not read.name:
             return msgspec.structs.replace(read, name=FilePath(self._source.file).stem)
@@ -202,7 +210,7 @@ class _Reader:
         """Give rule or family and level; an unquoted dotted rule arrives as a table in a table."""
         pending: list[tuple[Path, object]] = [
             (("violations", key), value)
-            for key, value in self._table(("violations",), self._data).items()
+            for key, value in (self._table(("violations",), self._data) or {}).items()
         ]
         while pending:
             path, value = pending.pop(0)
@@ -247,11 +255,12 @@ class _Reader:
             if options is None:
                 continue
             switches = {}
-            section = self._table((*path, "switches"), table)
+            section = self._table((*path, "switches"), table) or {}
             for switch in section:
                 where = (*path, "switches", switch)
                 keys = self._table(where, section)
-                switches[switch] = self._keys(sections.SwitchSection, keys, where)
+                if keys is not None:
+                    switches[switch] = self._keys(sections.SwitchSection, keys, where)
             extra = {key: value for key, value in switches.items() if value is not None}
             read = self._keys(
                 sections.PlantSection,
@@ -266,7 +275,7 @@ class _Reader:
                 yield read
 
     def _nets(self) -> Iterator[sections.NetSection]:
-        section = self._table(("nets",), self._data)
+        section = self._table(("nets",), self._data) or {}
         for name, value in section.items():
             path = ("nets", name)
             if isinstance(value, dict):
@@ -274,32 +283,37 @@ class _Reader:
                 if read is not None:
                     yield read
             else:
-                yield sections.NetSection(name=name, pins=self._names(path, value))
+                pins = self._names(path, value)
+                if pins is not None:
+                    yield sections.NetSection(name=name, pins=pins)
 
-    def _array(self, path: Path, value: object) -> Iterator[tuple[Path, dict[str, Any]]]:
+    def _array(self, section: type[_Section], path: Path, value: object) -> list[_Section | None]:
+        """Read a list of tables; one that cannot be read leaves None in its place."""
         if not isinstance(value, list):
             self._source.fail(path, f"found {quoted(value)}; this is a list of tables")
-            return
+            return []
+        read: list[_Section | None] = []
         for place, table in enumerate(value):
+            where: Path = (*path, place)
             if isinstance(table, dict):
-                yield (*path, place), table
+                read.append(self._keys(section, table, where))
             else:
-                self._source.fail((*path, place), f"found {quoted(table)}; this is a table")
+                self._source.fail(where, f"found {quoted(table)}; this is a table")
+                read.append(None)
+        return read
 
     def _cards(self) -> Iterator[sections.CardSection]:
         for name, table in self._named("cards"):
             path = ("cards", name)
-            rows = self._array((*path, "ports"), table.get("ports", []))
-            ports = [
-                self._keys(sections.CardPortSection, row, place) or sections.NO_PORT
-                for place, row in rows
-            ]
+            rows = table.get("ports", [])
+            ports = self._array(sections.CardPortSection, (*path, "ports"), rows)
+            known = tuple(port or sections.NO_PORT for port in ports)
             read = self._keys(
-                sections.CardSection, table, path, (), ("ports",), name=name, ports=tuple(ports)
+                sections.CardSection, table, path, (), ("ports",), name=name, ports=known
             )
-            if read is not None:
+            if read is not None and isinstance(rows, list):
                 yield read
 
     def _hosts(self) -> Iterator[sections.HostSection]:
-        for path, table in self._array(("hosts",), self._data.get("hosts", [])):
-            yield self._keys(sections.HostSection, table, path) or sections.NO_HOST
+        hosts = self._array(sections.HostSection, ("hosts",), self._data.get("hosts", []))
+        return (host or sections.NO_HOST for host in hosts)

@@ -39,7 +39,7 @@ def _entries(group: str) -> dict[str, EntryPoint]:
         other = found.get(entry.name)
         if other is not None and other.value != entry.value:
             raise PluginError(
-                f"{_KINDS[group]} {entry.name!r} is claimed twice: by {_origin(other)} and by"
+                f'{_KINDS[group]} "{entry.name}" is claimed twice: by {_origin(other)} and by'
                 f" {_origin(entry)}; uninstall one of them"
             )
         found[entry.name] = entry
@@ -68,7 +68,7 @@ def load(group: str, name: str) -> object:
     """
     entry = _entries(group).get(name)
     if entry is None:
-        raise PluginError(f"unknown {_KINDS[group]} {name!r}; {known(group, name)}")
+        raise PluginError(f'unknown {_KINDS[group]} "{name}"; {known(group, name)}')
     return _import(entry, group)
 
 
@@ -85,7 +85,7 @@ def _import(entry: EntryPoint, group: str) -> object:
         return entry.load()
     except Exception as error:
         raise PluginError(
-            f"{_KINDS[group]} {entry.name!r} of {_origin(entry)} cannot be loaded:"
+            f'{_KINDS[group]} "{entry.name}" of {_origin(entry)} cannot be loaded:'
             f" {type(error).__name__}: {error}"
         ) from error
 
@@ -101,7 +101,7 @@ def chip_class(part: str) -> type[Chip]:
     """
     fitting = [name for name in _entries(CHIPS) if part.startswith(name)]
     if not fitting:
-        raise PluginError(f"unknown part {part!r}; {known(CHIPS, part)}")
+        raise PluginError(f'unknown part "{part}"; {known(CHIPS, part)}')
     return _class(CHIPS, max(fitting, key=len), Chip)
 
 
@@ -118,7 +118,7 @@ def _class(group: str, name: str, base: type[_Part]) -> type[_Part]:
     found = load(group, name)
     if not isinstance(found, type) or not issubclass(found, base):
         raise PluginError(
-            f"{_KINDS[group]} {name!r} of {_origin(_entries(group)[name])} is not a subclass of"
-            f" vbus {base.__name__}"
+            f'{_KINDS[group]} "{name}" of {_origin(_entries(group)[name])} is not a subclass of'
+            f" {base.__name__}"
         )
     return found

@@ -128,7 +128,7 @@ def parse(value: object, kind: str) -> int | float:
     row = DIMENSIONS[kind]
     if not isinstance(value, str):
         if isinstance(value, int | float) and not isinstance(value, bool):
-            raise UnitError(f"{value} has no unit; write {describe(kind)}")
+            raise UnitError(f"it has no unit; write {describe(kind)}")
         raise UnitError(f"expected {describe(kind)}")
     text = value.strip()
     match = _NUMBER.match(text)

@@ -1,0 +1,5 @@
+"""``python -m vbus``: the command line."""
+
+from vbus.tools.cli import main
+
+main()

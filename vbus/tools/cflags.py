@@ -1,0 +1,34 @@
+"""``vbus cflags``: what a C compiler must be told to build a host against the C client."""
+
+import json
+from pathlib import Path
+
+import click
+
+from vbus.errors import VbusError
+
+
+def native_folder() -> Path:
+    """Return the folder of the C client's header and source, as installed."""
+    import vbus
+
+    return Path(next(iter(vbus.__path__))) / "native"
+
+
+@click.command("cflags")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(as_json: bool) -> None:
+    """Print the compiler options of the C client: include path and source file.
+
+    \b
+    cc $(vbus cflags) -o host host.c
+    """
+    folder = native_folder()
+    sources = sorted(str(source) for source in folder.glob("*.c"))
+    headers = sorted(str(header) for header in folder.glob("*.h"))
+    if not sources or not headers:
+        raise VbusError(f"the C client is missing from {folder}; install vbus again")
+    if as_json:
+        click.echo(json.dumps({"include": str(folder), "sources": sources, "headers": headers}))
+    else:
+        click.echo(" ".join([f"-I{folder}", *sources]))

@@ -1,0 +1,91 @@
+"""``vbus check``: every mistake of a board file at once, and the rules hosts are held to."""
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+import click
+
+from vbus.tools import exit_codes
+
+
+@click.command("check")
+@click.argument("boards", metavar="[BOARD]...", nargs=-1)
+@click.option("--rules", is_flag=True, help="List every violation rule, its clause and severity.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(boards: tuple[str, ...], rules: bool, as_json: bool) -> int:
+    """Check board files; list the rules hosts are held to.
+
+    Names every mistake with file, line and key, and what is allowed instead. With --rules,
+    lists what a host can break, by the names that [violations] uses.
+    """
+    if not boards and not rules:
+        raise click.UsageError("name a board file, or ask for --rules")
+    report: dict[str, Any] = {}
+    code = exit_codes.OK
+    if boards:
+        report["boards"] = [_check(board) for board in boards]
+        if not all(board["ok"] for board in report["boards"]):
+            code = exit_codes.BAD_BOARD
+    if rules:
+        report["rules"] = _rules()
+    if as_json:
+        click.echo(json.dumps(report))
+    else:
+        _print(report)
+    return code
+
+
+def _check(path: str) -> dict[str, Any]:
+    from vbus.board.build import build
+    from vbus.board.config import read_board_file
+    from vbus.board.source import BoardFileError
+
+    try:
+        file, source = read_board_file(path)
+        build(file, source)
+    except BoardFileError as error:
+        problems = [asdict(problem) for problem in error.problems]
+        return {"file": path, "ok": False, "problems": problems}
+    used = {plant for chip in file.chips for plant in chip.axes}
+    notes = [
+        f"[plants.{p.name}] is not used by any chip" for p in file.plants if p.name not in used
+    ]
+    if not file.hosts:
+        notes.append("there is no [[hosts]]: nothing can attach to this board from outside")
+    return {
+        "file": path,
+        "ok": True,
+        "name": file.board.name,
+        "time": file.board.time,
+        "chips": {chip.name: chip.part for chip in file.chips},
+        "hosts": [host.transport for host in file.hosts],
+        "notes": notes,
+    }
+
+
+def _rules() -> list[dict[str, str]]:
+    from vbus.board.checks import all_rules
+
+    return [asdict(rule) for rule in all_rules()]
+
+
+def _print(report: dict[str, Any]) -> None:
+    for board in report.get("boards", []):
+        if not board["ok"]:
+            from vbus.board.source import Problem
+
+            for problem in board["problems"]:
+                click.echo(str(Problem(**problem)), err=True)
+            continue
+        chips = ", ".join(f"{name} ({part})" for name, part in board["chips"].items())
+        hosts = ", ".join(board["hosts"]) or "no hosts"
+        click.echo(f"{board['file']}: ok: {chips}; {hosts}; {board['time']}")
+        for note in board["notes"]:
+            click.echo(f"{board['file']}: note: {note}")
+    rules = report.get("rules", [])
+    width = max((len(rule["name"]) for rule in rules), default=0)
+    for rule in rules:
+        click.echo(
+            f"{rule['name']:<{width}}  {rule['clause']:<11}  {rule['severity']:<7}  {rule['title']}"
+        )

@@ -1,0 +1,109 @@
+"""The ``vbus`` command. Subcommands are imported when they are called: start-up stays short."""
+
+import importlib
+import os
+import sys
+from typing import Any, Final
+
+import click
+
+import vbus
+from vbus.errors import ConfigError, PluginError, TransportError, VbusError
+from vbus.tools import exit_codes
+
+_COMMANDS: Final = {
+    "cflags": "Print the compiler options of the C client.",
+    "check": "Check board files; list the rules hosts are held to.",
+    "demo": "Watch a chip move a motor under a host in another process.",
+    "doctor": "Look for what is missing or broken on this machine.",
+    "ls": "List the boards that run on this machine.",
+    "run": "Run a board and serve its links until Ctrl-C.",
+}
+
+_EPILOG: Final = "\b\nExit codes:\n" + "\n".join(
+    f"  {code:<4}{meaning}" for code, meaning in exit_codes.MEANINGS.items()
+)
+
+
+class _Lazy(click.Group):
+    """A group whose commands live in ``vbus.tools.NAME`` as ``command``."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _COMMANDS:
+            return None
+        module = importlib.import_module(f"vbus.tools.{cmd_name}")
+        command: click.Command = module.command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(_COMMANDS.items()))
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name not in _COMMANDS and not name.startswith("-"):
+            from vbus.board.settings import suggestion
+
+            known = ", ".join(_COMMANDS)
+            hint = suggestion(name, _COMMANDS)
+            raise click.UsageError(f'there is no command "{name}"; {hint}there are {known}', ctx)
+        return super().resolve_command(ctx, args)
+
+
+@click.group(
+    cls=_Lazy,
+    epilog=_EPILOG,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="A virtual hardware bus server: motion-control chips, bit for bit, for real drivers.",
+)
+@click.version_option(vbus.__version__, "-V", "--version", message="vbus %(version)s")
+def cli() -> None:
+    """Hold the subcommands."""
+
+
+def exit_code_of(error: VbusError) -> int:
+    """Return the exit code that says what kind of mistake ``error`` is."""
+    if isinstance(error, ConfigError):
+        return exit_codes.BAD_BOARD
+    if isinstance(error, TransportError):
+        return exit_codes.NO_LINK
+    return exit_codes.NO_PLUGIN if isinstance(error, PluginError) else exit_codes.FAILURE
+
+
+def complain(message: str) -> None:
+    """Print an error message where errors belong."""
+    click.echo(message, err=True)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run ``vbus`` and exit with one of :data:`~vbus.tools.exit_codes.MEANINGS`."""
+    sys.exit(_run(arguments))
+
+
+def _run(arguments: list[str] | None) -> int:
+    try:
+        result: Any = cli.main(arguments, prog_name="vbus", standalone_mode=False)
+        sys.stdout.flush()
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except click.exceptions.Exit as error:
+        return error.exit_code
+    except ConfigError as error:
+        complain(str(error))
+        return exit_codes.BAD_BOARD
+    except VbusError as error:
+        complain(f"vbus: {error}")
+        return exit_code_of(error)
+    except (KeyboardInterrupt, click.Abort):
+        return exit_codes.INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read our output has seen enough; do not complain at exit either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return exit_codes.FAILURE
+    return result if isinstance(result, int) else exit_codes.OK

@@ -1,0 +1,21 @@
+"""What the exit code of ``vbus`` says; documented in ``vbus --help`` and kept stable."""
+
+from typing import Final
+
+OK: Final = 0
+FAILURE: Final = 1
+USAGE: Final = 2
+BAD_BOARD: Final = 3
+NO_LINK: Final = 4
+NO_PLUGIN: Final = 5
+INTERRUPTED: Final = 130
+
+MEANINGS: Final = {
+    OK: "it worked",
+    FAILURE: "it did not work; the message says why",
+    USAGE: "the command line is wrong",
+    BAD_BOARD: "the board file is wrong",
+    NO_LINK: "a PTY, socket or serial device cannot be opened",
+    NO_PLUGIN: "a plug-in is missing or broken",
+    INTERRUPTED: "interrupted by Ctrl-C",
+}

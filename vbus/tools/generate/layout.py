@@ -1,0 +1,42 @@
+"""Source text for generated files."""
+
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+from vbus.errors import VbusError
+
+ROOT: Final = Path(__file__).resolve().parents[3]
+"""The source tree."""
+
+WIDTH: Final = 100
+"""Longest line."""
+
+
+def formatted(text: str, name: str) -> str:
+    """Return Python source as ``ruff format`` lays it out, its imports sorted.
+
+    Raises:
+        VbusError: ruff is missing, or the text is not Python.
+    """
+    ruff = [sys.executable, "-m", "ruff"]
+    for command in (
+        [*ruff, "check", "--quiet", "--select", "I", "--fix-only", "--stdin-filename", name, "-"],
+        [*ruff, "format", "--quiet", "--stdin-filename", name, "-"],
+    ):
+        done = subprocess.run(command, input=text, capture_output=True, text=True, cwd=ROOT)
+        if done.returncode:
+            raise VbusError(f"{name} cannot be formatted: {done.stderr.strip()}")
+        text = done.stdout
+    return text
+
+
+def docstring(summary: str, details: Iterable[str] = (), indent: int = 8) -> list[str]:
+    """Return the lines of a docstring, quotes included, indented."""
+    space = " " * indent
+    rest = [line for line in details if line]
+    if not rest:
+        return [f'{space}"""{summary}"""']
+    return [f'{space}"""{summary}', "", *(f"{space}{line}" for line in rest), f'{space}"""']

@@ -1,0 +1,70 @@
+"""LM628/LM629: one method for each row of the command table."""
+
+from vbus.chips.tables import Command, CommandTable
+from vbus.tools.generate.layout import docstring, formatted
+
+_HEAD = '''# Made from the command table by vbus.tools.generate; change the table, or the generator.
+"""The LM628's and LM629's commands, one call each, for asyncio."""
+
+from vbus.bits import sign_extend
+from vbus.client.aio.lm628_packets import Lm628Packets
+
+
+class Lm628Commands(Lm628Packets):
+    """Every command of the manual by its mnemonic, in lower case.
+
+    Values are plain integers in the chip's own units; a word is 16 bits, a long value two words,
+    high word first.
+    """
+'''
+
+
+def commands(table: CommandTable) -> str:
+    """Return the source of the asyncio command calls."""
+    lines = [_HEAD]
+    for row in table:
+        lines += [*_method(row), ""]
+    return formatted("\n".join(lines), "vbus/client/aio/lm628_commands.py")
+
+
+def _method(row: Command) -> list[str]:
+    name = row.name.lower()
+    code = f"0x{row.code:02X}"
+    title = f"{row.title[:1].upper()}{row.title[1:]} ({row.name}, {row.code:02X}H, {row.clause})."
+    if row.read:
+        return [
+            f"    async def {name}(self) -> int:",
+            *docstring(title, [_returns(row)]),
+            f"        value = await self.query({code}, {row.read})",
+            f"        return sign_extend(value, {16 * row.read})" if row.signed
+            else "        return value",
+        ]  # fmt: skip
+    if row.up_to > row.write:
+        return [
+            f"    async def {name}(self, control: int, *words: int) -> None:",
+            *docstring(title, ["Args:", "    control: the control word, which says what follows.",
+                               f"    words: 0 to {row.up_to - row.write} data words."]),
+            f"        await self.command({code}, control, *words)",
+        ]  # fmt: skip
+    if row.write:
+        bits = 16 * row.write
+        words = "value" if row.write == 1 else "*words_of(value)"
+        return [
+            f"    async def {name}(self, value: int) -> None:",
+            *docstring(title, ["Args:", f"    value: {bits} bits, {_sense(row)}."]),
+            f"        await self.command({code}, {words})",
+        ]
+    return [
+        f"    async def {name}(self) -> None:",
+        *docstring(title),
+        f"        await self.command({code})",
+    ]
+
+
+def _returns(row: Command) -> str:
+    scale = f", in 1/{1 << row.fraction}" if row.fraction else ""
+    return f"Returns {16 * row.read} bits, {_sense(row)}{scale}."
+
+
+def _sense(row: Command) -> str:
+    return "two's complement" if row.signed else "unsigned"
