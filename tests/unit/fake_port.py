@@ -199,4 +199,7 @@ class FakePort(HostPort):
     def card(self, address: int, write: bool = False) -> tuple[int, int] | None:
         if address == 0x342:
             return (0, 1) if write else None
-        return {0x340: (0, 0), 0x341: (0, 1), 0x348: (1, 0)}.get(address)
+        return {0x340: (0, 0), 0x341: (0, 1), 0x344: (1, 0), 0x348: (1, 0)}.get(address)
+
+    def card_floating(self, address: int) -> int:
+        return 0x7F if address == 0x344 else 0

@@ -400,6 +400,10 @@ class HostBus(HostPort):
         """Decode a card address into (chip number, chip address)."""
         return self._card.decode(address, write) if self._card is not None else None
 
+    def card_floating(self, address: int) -> int:
+        """Return the data bits that nobody drives when a card address is read."""
+        return self._card.floating(address) if self._card is not None else 0
+
     # -- end ----------------------------------------------------------------------------------
 
     def close(self) -> None:

@@ -189,3 +189,7 @@ class HostPort:
         A card's port may lead elsewhere in a write than in a read.
         """
         raise NotImplementedError
+
+    def card_floating(self, address: int) -> int:
+        """Return the data bits that nobody drives when a card address is read: they read as 1."""
+        return 0

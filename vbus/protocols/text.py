@@ -292,13 +292,14 @@ class TextProtocol(Protocol):
         return f"OK {self.port.now() // NS}"
 
     def _card_read(self, arguments: list[str]) -> int:
-        place = self.port.card(_c_number(arguments[0], "address"))
+        card_address = _c_number(arguments[0], "address")
+        place = self.port.card(card_address)
         if place is None:
             return UNCLAIMED
         chip, address = place
         self.port.select(1 << chip)
         try:
-            return self.port.read(address)
+            return self.port.read(address) | self.port.card_floating(card_address)
         finally:
             self.port.select(self._mask)
 
