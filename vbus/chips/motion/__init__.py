@@ -1,1 +1,1 @@
-"""What several chips share: trapezoid step, S-curve plan, quadrature decoder, comparators."""
+"""What several chips share: trapezoid step, velocity ramp, S-curve, quadrature decoder."""
