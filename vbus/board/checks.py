@@ -213,8 +213,17 @@ class _Checks:
             path: Path = ("hosts", place)
             if not host.transport:
                 continue
-            self._plugin((*path, "transport"), plugins.TRANSPORTS, host.transport.split(":")[0])
-            self._plugin((*path, "protocol"), plugins.PROTOCOLS, host.protocol)
+            scheme, colon, _ = host.transport.partition(":")
+            if colon:
+                self._plugin((*path, "transport"), plugins.TRANSPORTS, scheme)
+            else:
+                self._source.fail(
+                    (*path, "transport"),
+                    f"found {quoted(host.transport)}; write SCHEME:ADDRESS, such as"
+                    ' "pty:$VBUS_RUNTIME/x" or "tcp:5000"',
+                )
+            if host.protocol:
+                self._plugin((*path, "protocol"), plugins.PROTOCOLS, host.protocol)
             if host.transport in links:
                 self._source.fail(
                     (*path, "transport"),

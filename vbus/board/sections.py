@@ -167,8 +167,10 @@ class CardSection(Section, frozen=True, kw_only=True):
 class HostSection(Section, frozen=True, kw_only=True):
     """``[[hosts]]``: a link on which a host may attach."""
 
-    transport: Annotated[str, _key("text", 'the link, such as "pty" or "tcp:127.0.0.1:5000"')]
-    protocol: Annotated[str, _key("text", "the wire format spoken on it")] = "bytes"
+    transport: Annotated[str, _key("text", 'the link, such as "pty:$VBUS_RUNTIME/x" or "tcp:5000"')]
+    protocol: Annotated[
+        str, _key("text", "the wire format spoken on it; else the one usual on such a link")
+    ] = ""
     chips: Annotated[
         tuple[str, ...], _key(NAMES, "what it reaches, in the order of SELECT's bits; else all")
     ] = ()

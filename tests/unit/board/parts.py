@@ -82,7 +82,7 @@ ENTRIES = {
         "ODD": f"{HERE}:NOT_A_CHIP",
     },
     "vbus.plants": {"motor": f"{HERE}:Motor", "steps": f"{HERE}:Steps"},
-    "vbus.protocols": {"bytes": f"{HERE}:NOT_A_CHIP", "text": f"{HERE}:NOT_A_CHIP"},
+    "vbus.protocols": {"byte": f"{HERE}:NOT_A_CHIP", "text": f"{HERE}:NOT_A_CHIP"},
     "vbus.transports": {"pty": f"{HERE}:NOT_A_CHIP", "tcp": f"{HERE}:NOT_A_CHIP"},
 }
 

@@ -69,7 +69,7 @@ ports = [
 ]
 
 [[hosts]]
-transport = "pty"
+transport = "pty:x"
 card = "isa"
 
 [[hosts]]
@@ -294,7 +294,7 @@ MISTAKES = [
     (
         "[plants.m]", Y.replace('"n"', '"m"') + "[plants.m]",
         'b.toml:8: chips.y.plant: plant "m" is driven by chips.x already; every axis needs a plant'
-        " of its own",
+        " one of its own",
     ),
     (
         '"motor"\nsupply = "24 V"', '"steps"',
@@ -379,20 +379,22 @@ MISTAKES = [
         "b.toml:11: cards.c.ports[2].chip: there is no [chips.q]; this file has x",
     ),
     ("", "[hosts]\n", "b.toml:8: hosts: found {}; this is a list of tables"),
+    ("", "[[hosts]]\ntransport = 'pty'\n", 'b.toml:9: hosts[0].transport: found "pty"; write'
+     ' SCHEME:ADDRESS, such as "pty:$VBUS_RUNTIME/x" or "tcp:5000"'),
     ("[chips.x]", "hosts = [3]\n[chips.x]", "b.toml:1: hosts[0]: found 3; this is a table"),
     ("", '[[hosts]]\ntransport = "ptty:x"\nprotocol = "txt"\n', 'b.toml:9: hosts[0].transport:'
      ' found "ptty"; did you mean "pty"? known are pty, tcp', 'b.toml:10: hosts[0].protocol: found'
-     ' "txt"; did you mean "text"? known are bytes, text'),
+     ' "txt"; did you mean "text"? known are byte, text'),
     (
-        "", '[[hosts]]\ntransport = "pty"\n[[hosts]]\ntransport = "pty"\nchips = ["y"]\n',
-        'b.toml:11: hosts[1].transport: "pty" is the link of hosts[0] already; every host needs one'
-        " of its own",
+        "", '[[hosts]]\ntransport = "pty:x"\n[[hosts]]\ntransport = "pty:x"\nchips = ["y"]\n',
+        'b.toml:11: hosts[1].transport: "pty:x" is the link of hosts[0] already; every host needs'
+        " one of its own",
         "b.toml:12: hosts[1].chips[0]: there is no [chips.y]; this file has x",
     ),
     (
         "", Y + '[cards.c]\ndecode = "isa"\nchips = ["y"]\n'
-        '[[hosts]]\ntransport = "pty"\nchips = ["x"]\ncard = "c"\n'
-        '[[hosts]]\ntransport = "tcp"\ncard = "d"\ncycle = 5\n',
+        '[[hosts]]\ntransport = "pty:x"\nchips = ["x"]\ncard = "c"\n'
+        '[[hosts]]\ntransport = "tcp:5"\ncard = "d"\ncycle = 5\n',
         'b.toml:21: hosts[0].card: card "c" decodes to "y", which is not among the chips of this'
         " host: x",
         'b.toml:24: hosts[1].card: there is no [cards.d]; this file has c',
