@@ -70,9 +70,9 @@ class BoardSection(Section, frozen=True, kw_only=True):
         _key(
             "choice",
             "after the machine was too slow: make up the lost time, or let it go",
-            ("catch-up", "slip"),
+            ("catch_up", "slip"),
         ),
-    ] = "catch-up"
+    ] = "catch_up"
     seed: Annotated[int, _key("count", "seed of everything random", low=0, high=(1 << 63) - 1)] = 0
     power_on: Annotated[
         str,

@@ -294,7 +294,7 @@ MISTAKES = [
     (
         "[plants.m]", Y.replace('"n"', '"m"') + "[plants.m]",
         'b.toml:8: chips.y.plant: plant "m" is driven by chips.x already; every axis needs a plant'
-        " one of its own",
+        " of its own",
     ),
     (
         '"motor"\nsupply = "24 V"', '"steps"',

@@ -1,0 +1,67 @@
+"""Serving what a board file describes."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from vbus.board.build import build, card_of
+from vbus.board.config import read_board_file
+from vbus.board.sections import BoardFile
+from vbus.board.source import Source
+from vbus.errors import ConfigError
+from vbus.server.server import LinkSpec, Server, run
+
+
+def links_of(file: BoardFile) -> list[LinkSpec]:
+    """Return the hosts of a board file as the server wants them."""
+    return [
+        LinkSpec(
+            host.transport, host.protocol, list(host.chips), host.cycle, card_of(file, host)
+        )
+        for host in file.hosts
+    ]  # fmt: skip
+
+
+def serve(
+    path: str | Path,
+    rate: float | None = None,
+    on_ready: Callable[[Server], None] | None = None,
+    report: Callable[[str], None] | None = None,
+) -> None:
+    """Serve the board a file describes until SIGINT or SIGTERM.
+
+    Args:
+        path: the board file.
+        rate: replaces the file's own rate: chip seconds per second, ``inf`` for no limit.
+        on_ready: called once when every link is open.
+        report: takes sentences about what happens to links (a device was unplugged).
+
+    Raises:
+        ConfigError: the file has mistakes, or no hosts.
+        TransportError: a link cannot be opened.
+    """
+    serve_read(*read_board_file(path), rate, on_ready, report)
+
+
+def serve_read(
+    file: BoardFile,
+    source: Source,
+    rate: float | None = None,
+    on_ready: Callable[[Server], None] | None = None,
+    report: Callable[[str], None] | None = None,
+) -> None:
+    """Serve a board file that has been read; see :func:`serve`."""
+    if not file.hosts:
+        raise ConfigError(
+            f"{file.path}: there is no [[hosts]], so nothing could attach; write one, such as\n"
+            f'[[hosts]]\ntransport = "pty:$VBUS_RUNTIME/{file.board.name}"'
+        )
+    if rate is not None:
+        if file.board.time != "realtime":
+            raise ConfigError(
+                f"{file.path}: a rate makes sense in real time only; this board is"
+                f" {file.board.time}"
+            )
+        file = msgspec.structs.replace(file, board=msgspec.structs.replace(file.board, rate=rate))
+    run(build(file, source), links_of(file), file.board.stall, on_ready, report)

@@ -1,0 +1,232 @@
+"""``vbus doctor``: what is missing or broken on this machine, and what to do about it."""
+
+import json
+import platform
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Final
+
+import click
+
+from vbus.tools import exit_codes
+
+OK: Final = "ok"
+WARN: Final = "warn"
+FAIL: Final = "fail"
+OLDEST_PYTHON: Final = (3, 11)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing looked at.
+
+    Attributes:
+        state: ``"ok"``, ``"warn"`` (something cannot be used) or ``"fail"`` (nothing will work).
+        what: the thing.
+        detail: what was found.
+        advice: what to do; empty if it is in order.
+    """
+
+    state: str
+    what: str
+    detail: str
+    advice: str = ""
+
+    def __str__(self) -> str:
+        text = f"{self.state:<5} {self.what}: {self.detail}"
+        return f"{text}\n      {self.advice}" if self.advice else text
+
+
+@click.command("doctor")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(as_json: bool) -> int:
+    """Look for what is missing or broken on this machine, and say what to do.
+
+    The exit code is 1 if something will not work at all.
+    """
+    findings = [finding for look in LOOKS for finding in look()]
+    if as_json:
+        click.echo(json.dumps([asdict(finding) for finding in findings]))
+    else:
+        for finding in findings:
+            click.echo(str(finding))
+    failed = any(finding.state == FAIL for finding in findings)
+    return exit_codes.FAILURE if failed else exit_codes.OK
+
+
+def python() -> Iterator[Finding]:
+    """Look at the interpreter and the system."""
+    version = platform.python_version()
+    if sys.version_info < OLDEST_PYTHON:
+        oldest = ".".join(map(str, OLDEST_PYTHON))
+        yield Finding(FAIL, "python", version, f"install Python {oldest} or later")
+    else:
+        yield Finding(OK, "python", f"{version} ({sys.executable})")
+    if sys.platform == "linux":
+        yield Finding(OK, "system", platform.platform())
+    else:
+        yield Finding(FAIL, "system", sys.platform, "PTYs and timers are Linux's; use Linux")
+
+
+def dependencies() -> Iterator[Finding]:
+    """Look for the packages vbus needs, at the versions it was tested with."""
+    from importlib.metadata import PackageNotFoundError, requires, version
+
+    try:
+        wanted = [text for text in requires("vbus") or [] if "extra" not in text]
+    except PackageNotFoundError:
+        yield Finding(FAIL, "vbus", "not installed", 'run "pip install -e ." in the source tree')
+        return
+    yield Finding(OK, "vbus", version("vbus"))
+    for text in wanted:
+        name, _, oldest = text.partition(">=")
+        try:
+            found = version(name)
+        except PackageNotFoundError:
+            yield Finding(FAIL, name, "not installed", f"run \"pip install '{text}'\"")
+            continue
+        if _numbers(found) < _numbers(oldest):
+            yield Finding(FAIL, name, found, f"too old: run \"pip install -U '{text}'\"")
+        else:
+            yield Finding(OK, name, found)
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    numbers = []
+    for part in version.split("."):
+        digits = "".join(char for char in part if char.isdigit())
+        numbers.append(int(digits or 0))
+    return tuple(numbers)
+
+
+def plugins() -> Iterator[Finding]:
+    """Load every chip, plant, protocol and transport that is registered."""
+    from vbus.board import plugins as registry
+    from vbus.errors import PluginError
+
+    for group in (registry.CHIPS, registry.PLANTS, registry.PROTOCOLS, registry.TRANSPORTS):
+        try:
+            names = registry.names(group)
+        except PluginError as error:
+            yield Finding(FAIL, group, "none", str(error))
+            continue
+        working = []
+        for name in names:
+            try:
+                registry.load(group, name)
+            except PluginError as error:
+                yield Finding(WARN, group, f"{name} is broken", str(error))
+            else:
+                working.append(name)
+        yield Finding(OK, group, ", ".join(working) or "none")
+
+
+def compiler() -> Iterator[Finding]:
+    """Look for a C compiler and the C client it would build."""
+    from vbus.tools.cflags import native_folder
+
+    path = shutil.which("gcc") or shutil.which("cc")
+    if path is None:
+        yield Finding(
+            WARN, "C compiler", "none", "hosts in C need one: install gcc (package gcc, libc6-dev)"
+        )
+    else:
+        yield Finding(OK, "C compiler", path)
+    folder = native_folder()
+    if any(folder.glob("*.h")):
+        yield Finding(OK, "C client", str(folder))
+    else:
+        yield Finding(WARN, "C client", f"missing from {folder}", "install vbus again")
+
+
+def terminal() -> Iterator[Finding]:
+    """Open a pseudo terminal and pass a byte through it that a cooked one would eat."""
+    import os
+    import tty
+
+    try:
+        master, slave = os.openpty()
+    except OSError as error:
+        advice = "mount devpts on /dev/pts, or use unix: and tcp: links"
+        yield Finding(WARN, "PTY", str(error), advice)
+        return
+    try:
+        tty.setraw(slave)
+        os.write(master, b"\x03\x11\r")
+        passed = os.read(slave, 3) == b"\x03\x11\r"
+        name = os.ttyname(slave)
+    finally:
+        os.close(master)
+        os.close(slave)
+    if passed:
+        yield Finding(OK, "PTY", f"{name} passes every byte")
+    else:
+        yield Finding(WARN, "PTY", f"{name} changes bytes", "use unix: and tcp: links")
+
+
+def runtime() -> Iterator[Finding]:
+    """Write to the runtime directory; look for what dead servers left in it."""
+    from vbus.errors import TransportError
+    from vbus.server.registry import boards_directory
+    from vbus.transports.runtime import runtime_directory
+
+    try:
+        directory = runtime_directory()
+        probe = directory / ".doctor"
+        probe.write_bytes(b"")
+        probe.unlink()
+    except (TransportError, OSError) as error:
+        advice = "set VBUS_RUNTIME to a directory of your own"
+        yield Finding(FAIL, "runtime directory", str(error), advice)
+        return
+    yield Finding(OK, "runtime directory", str(directory))
+    stale = [path for folder in (directory, boards_directory()) for path in _stale(folder)]
+    if stale:
+        listed = " ".join(str(path) for path in stale)
+        yield Finding(
+            WARN,
+            "left-overs",
+            f"{len(stale)} of servers that were killed",
+            f"the next start takes these names over; to tidy up now: rm {listed}",
+        )
+    else:
+        yield Finding(OK, "left-overs", "none")
+
+
+def _stale(folder: Path) -> list[Path]:
+    """Return the locks in ``folder`` that no living process holds, and the names they guard."""
+    import fcntl
+
+    found = []
+    for lock in sorted(folder.glob(".*.lock")):
+        try:
+            with lock.open() as file:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            continue
+        name = folder / lock.name[1:].removesuffix(".lock")
+        found += [lock, name] if name.is_symlink() or name.exists() else [lock]
+    return found
+
+
+def timers() -> Iterator[Finding]:
+    """Make the timer and the file watch that the server needs of the kernel."""
+    from vbus.transports.linux import OpenWatch, TimerFd
+
+    try:
+        TimerFd().close()
+        OpenWatch("/dev/null").close()
+    except OSError as error:
+        advice = "raise fs.inotify.max_user_instances, or the limit of open files"
+        yield Finding(FAIL, "timerfd, inotify", str(error), advice)
+    else:
+        yield Finding(OK, "timerfd, inotify", "both work")
+
+
+LOOKS: Final[tuple[Callable[[], Iterator[Finding]], ...]] = (
+    python, dependencies, plugins, compiler, terminal, runtime, timers,
+)  # fmt: skip
+"""What is looked at, in order."""

@@ -1,0 +1,59 @@
+"""``vbus ls``: the boards that run on this machine."""
+
+import json
+from typing import Any
+
+import click
+
+from vbus.tools import exit_codes
+
+
+@click.command("ls")
+@click.argument("names", metavar="[NAME]...", nargs=-1)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON; instants and spans in ps.")
+def command(names: tuple[str, ...], as_json: bool) -> int:
+    """List the boards that run on this machine, with their chips, links, time and lag.
+
+    With NAMEs, only those; the exit code is 1 if one of them does not run or does not answer.
+    """
+    from vbus.server.registry import running
+
+    boards = [board for board in running() if not names or board["board"] in names]
+    answering = {board["board"] for board in boards if "error" not in board}
+    missing = [name for name in names if name not in answering]
+    if as_json:
+        click.echo(json.dumps(boards))
+    elif boards:
+        click.echo("\n".join(line for board in boards for line in _lines(board)))
+    elif not names:
+        click.echo("no board is running")
+    for name in missing:
+        click.echo(f'vbus: no board called "{name}" answers', err=True)
+    return exit_codes.FAILURE if missing else exit_codes.OK
+
+
+def _lines(board: dict[str, Any]) -> list[str]:
+    if "error" in board:
+        return [f"{board['board']}: {board['error']}"]
+    from vbus.board.units import show
+
+    time = board["policy"] if board["policy"] != "realtime" else f"realtime x{board['rate']}"
+    lines = [
+        f"{board['board']}: process {board['pid']}, {time}, chip time {_seconds(board['time_ps'])},"
+        f" lag {_seconds(board['lag_ps'])} (worst {_seconds(board['worst_lag_ps'])}),"
+        f" {board['counters']['violations']} violations"
+    ]
+    for chip in board["chips"]:
+        lines.append(f"  chip {chip['name']}: {chip['part']} at {show(chip['clock_hz'], 'Hz')}")
+    for link in board["links"]:
+        lines.append(
+            f"  link {link['url']}: {link['protocol']} to {', '.join(link['chips'])},"
+            f" {link['state']}, {link['received']} bytes in, {link['sent']} out"
+        )
+    return lines
+
+
+def _seconds(ps: int) -> str:
+    if ps >= 10**12:
+        return f"{ps / 1e12:.3f} s"
+    return f"{ps / 1e9:.3f} ms"
