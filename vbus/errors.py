@@ -6,6 +6,7 @@
     +-- ConfigError       the board file is wrong: file, line, key, what is allowed
     +-- ProtocolError     a host's bytes cannot be understood; ends that session only
     +-- TransportError    a link cannot be opened or was lost (also an OSError)
+    +-- NotReadyError     a chip stays busy, or does not get there, beyond the host's own limit
     +-- PluginError       an entry point is missing or broken
     +-- SnapshotError     a saved state does not fit the board it is loaded into
 
@@ -35,6 +36,10 @@ class ProtocolError(VbusError):
 
 class TransportError(VbusError, OSError):
     """A PTY, socket or serial line that cannot be opened, or was lost."""
+
+
+class NotReadyError(VbusError, TimeoutError):
+    """A chip that stays busy, or an axis that does not get there, beyond the limit the host set."""
 
 
 class PluginError(VbusError):

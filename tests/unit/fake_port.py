@@ -13,7 +13,8 @@ OUTPUTS = ("x.HI", "y.HI")
 class FakePort(HostPort):
     """Two chips ``x`` and ``y`` on a slaved board.
 
-    * Read number n at address a gives ``17 * a + n`` modulo 256; each cycle takes 1 us.
+    * Read number n at address a gives ``17 * a + n`` modulo 256, or what stands in
+      :attr:`answers` for that address, of which the last is given for ever. A cycle takes 1 us.
     * A write at address 0 toggles output line 0: an edge, if line 0 is watched.
     * The chips are ready 15 us after the last write.
     * Time cannot pass :attr:`limit`: a call that would need it holds the session.
@@ -21,6 +22,7 @@ class FakePort(HostPort):
 
     def __init__(self) -> None:
         self.calls: list[tuple[object, ...]] = []
+        self.answers: dict[int, list[int]] = {}
         self.time = 0
         self.limit = NEVER
         self.claimable = True
@@ -85,6 +87,9 @@ class FakePort(HostPort):
         self.time += US
         self._reads += 1
         self.calls.append(("read", address))
+        scripted = self.answers.get(address)
+        if scripted:
+            return scripted.pop(0) if len(scripted) > 1 else scripted[0]
         return (17 * address + self._reads) & 0xFF
 
     def write(self, address: int, data: int) -> None:

@@ -7,7 +7,7 @@ _HEAD = '''# Made from the command table by vbus.tools.generate; change the tabl
 """The LM628's and LM629's commands, one call each, for asyncio."""
 
 from vbus.bits import sign_extend
-from vbus.client.aio.lm628_packets import Lm628Packets
+from vbus.client.aio.lm628_packets import Lm628Packets, words_of
 
 
 class Lm628Commands(Lm628Packets):
@@ -32,12 +32,12 @@ def _method(row: Command) -> list[str]:
     code = f"0x{row.code:02X}"
     title = f"{row.title[:1].upper()}{row.title[1:]} ({row.name}, {row.code:02X}H, {row.clause})."
     if row.read:
+        value = f"await self.query({code}, {row.read})"
         return [
             f"    async def {name}(self) -> int:",
             *docstring(title, [_returns(row)]),
-            f"        value = await self.query({code}, {row.read})",
-            f"        return sign_extend(value, {16 * row.read})" if row.signed
-            else "        return value",
+            f"        return sign_extend({value}, {16 * row.read})" if row.signed
+            else f"        return {value}",
         ]  # fmt: skip
     if row.up_to > row.write:
         return [
@@ -68,3 +68,10 @@ def _returns(row: Command) -> str:
 
 def _sense(row: Command) -> str:
     return "two's complement" if row.signed else "unsigned"
+
+
+def from_datasheet() -> str:
+    """Return the calls for the command table of the chip's own datasheet."""
+    from vbus.chips.lm628.datasheet import COMMANDS
+
+    return commands(COMMANDS)

@@ -1,0 +1,358 @@
+"""A bus over any link, for asyncio."""
+
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+from time import monotonic
+from types import TracebackType
+from typing import Concatenate, Final, ParamSpec, Self, TypeVar
+
+from vbus.client.aio.ready import Lock, until_ready
+from vbus.client.links import Link, open_link
+from vbus.client.wire import Event, Later, Message, Ready, Sample, Sync, Wire
+from vbus.errors import TransportError
+from vbus.protocols.port import PortInfo
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+TIMEOUT: Final = 5.0
+"""Seconds a reply may take, on top of the time its requests let pass."""
+
+_LONGEST_WAIT: Final = 86400.0
+
+
+class Cycles:
+    """What can be done to one chip, or to whatever is selected."""
+
+    def _names(self) -> PortInfo | None:
+        """What is known of the names of chips, lines and pins."""
+        raise NotImplementedError
+
+    async def _exchange(self, message: Message) -> None:
+        """Send a message and take its replies."""
+        raise NotImplementedError
+
+    async def _ask(
+        self,
+        make: Callable[Concatenate[Message, P], Later[T]],
+        *args: P.args,
+        **kwargs: P.kwargs,
+    ) -> T:
+        message = Message(self._names())
+        later = make(message, *args, **kwargs)
+        await self._exchange(message)
+        return later.value
+
+    async def _post(
+        self, make: Callable[Concatenate[Message, P], None], *args: P.args, **kwargs: P.kwargs
+    ) -> None:
+        message = Message(self._names())
+        make(message, *args, **kwargs)
+        await self._exchange(message)
+
+    async def read(self, address: int) -> int:
+        """Run one read cycle at ``address`` (0 to 255); return the byte."""
+        return await self._ask(Message.read, address)
+
+    async def write(self, address: int, data: int) -> None:
+        """Run one write cycle at ``address`` (0 to 255) with ``data`` (0 to 255)."""
+        await self._post(Message.write, address, data)
+
+    async def reads(self, address: int, count: int) -> bytes:
+        """Run ``count`` (1 to 255) read cycles at one address; return the bytes."""
+        return await self._ask(Message.reads, address, count)
+
+    async def writes(self, address: int, data: bytes) -> None:
+        """Run a write cycle at one address for each byte of ``data`` (1 to 255 of them)."""
+        await self._post(Message.writes, address, data)
+
+    async def wait(self, longest: int | str) -> Ready:
+        """Let time pass until the chip takes the next cycle, at most ``longest``.
+
+        ``longest`` is in picoseconds, or text such as ``"100us"``.
+        """
+        return await self._ask(Message.wait, longest)
+
+    @asynccontextmanager
+    async def batch(self) -> AsyncIterator[Message]:
+        """Collect requests and send them as one message when the block is left.
+
+        Inside the block, calls go to the message it gives; each call that has a reply returns a
+        :class:`~vbus.client.wire.Later`, whose ``value`` can be had after the block. Several
+        cycles in one message cost little more than one.
+        """
+        message = Message(self._names())
+        yield message
+        await self._exchange(message)
+
+
+class Bus(Cycles):
+    """One session with a board, over one link.
+
+    Calls run strictly in order. Calls without a result return when their bytes are sent; if the
+    board refuses one of them, the next call that waits for a reply raises. Several threads or
+    tasks may share a bus: each call, and each batch, goes through whole.
+
+    Raises:
+        TransportError: (every call) the link is lost, or no reply came in time.
+        ProtocolError: (every call) the board refused a request; says which and why.
+        ValueError: (every call) an argument that does not fit.
+
+    Args:
+        link: an open link; closed with the bus.
+        timeout: seconds a reply may take, on top of the time the requests let pass.
+    """
+
+    def __init__(self, link: Link, timeout: float = TIMEOUT) -> None:
+        self.link: Link = link
+        self.timeout: float = timeout
+        self._wire: Wire = Wire()
+        self._lock = Lock()
+        self._info: PortInfo | None = None
+        self._passing: int = 0
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Close the link; again is harmless."""
+        self._wire.end(TransportError(f"{self.link.where}: this end has closed it"))
+        self.link.close()
+
+    @property
+    def info(self) -> PortInfo:
+        """What HELLO told: board, chips, lines, outputs, pins."""
+        if self._info is None:
+            raise ValueError("nothing is known of the session yet; call hello first")
+        return self._info
+
+    def chip(self, *names: str) -> "Chip":
+        """Return the chip called so; with several names, chips written in one strobe.
+
+        Raises:
+            ValueError: no such chip; says which there are.
+        """
+        known = [chip.name for chip in self.info.chips]
+        for name in names:
+            if name not in known:
+                raise ValueError(f"no chip {name!r}; this session has {', '.join(known)}")
+        return Chip(self, sum(1 << known.index(name) for name in set(names)))
+
+    # -- one call for each request ----------------------------------------------------------------
+
+    async def hello(self) -> PortInfo:
+        """Ask what is attached; kept as :attr:`info`."""
+        message = Message()
+        later = message.hello()
+        await self._exchange(message)
+        self._info = later.value
+        return later.value
+
+    async def echo(self, number: int = 0) -> int:
+        """Return ``number`` (0 to 255) when everything before it is done."""
+        return await self._ask(Message.echo, number)
+
+    async def select(self, mask: int) -> None:
+        """Let the following cycles of the bus go to these chips; bit n is ``info.chips[n]``."""
+        await self._post(Message.select, mask)
+
+    @asynccontextmanager
+    async def claim(self) -> AsyncIterator[None]:
+        """Hold the selected chips' bus for the length of the block; waits its turn."""
+        await self._ask(Message.claim)
+        try:
+            yield
+        finally:
+            await self._post(Message.unclaim)
+
+    async def lines(self, levels: Mapping[int | str, int]) -> None:
+        """Put control lines, by number or name, to levels 0 or 1, all at one instant."""
+        await self._post(Message.lines, levels)
+
+    async def drive(self, data: int) -> None:
+        """Drive D0-D7 with ``data`` (0 to 255)."""
+        await self._post(Message.drive, data)
+
+    async def release(self) -> None:
+        """Let D0-D7 float."""
+        await self._post(Message.release)
+
+    async def sample(self) -> Sample:
+        """Return D0-D7 as they stand, and the output lines."""
+        return await self._ask(Message.sample)
+
+    async def pin(self, pin: int | str, level: int | None) -> None:
+        """Drive a side pin, by number or name, to 0 or 1; None lets it go."""
+        await self._post(Message.pin, pin, level)
+
+    async def getpin(self, pin: int | str) -> int:
+        """Return the level of a side pin, by number or name."""
+        return await self._ask(Message.getpin, pin)
+
+    async def delay(self, duration: int | str) -> None:
+        """Let time pass for this host: picoseconds, or text such as ``"10ms"``.
+
+        Returns at once; what is asked afterwards is answered after that time.
+        """
+        await self._post(Message.delay, duration)
+
+    async def at(self, instant: int | str) -> None:
+        """Set the host's own clock (slaved boards): the next cycle happens at ``instant``."""
+        await self._post(Message.at, instant)
+
+    async def now(self) -> int:
+        """Return chip time (ps)."""
+        return await self._ask(Message.now)
+
+    async def sync(self) -> Sync:
+        """Bring the chips up to the host's time; return output lines and the next edge's bound."""
+        return await self._ask(Message.sync)
+
+    async def events(self, *outputs: int | str) -> None:
+        """Have each edge of these output lines reported from now on; of none: stop."""
+        await self._post(Message.events, *outputs)
+
+    def take_events(self) -> list[Event]:
+        """Return and forget the events that are here; every call lets some arrive."""
+        events = list(self._wire.events)
+        self._wire.events.clear()
+        return events
+
+    async def next_event(self, timeout: float | None = None) -> Event | None:
+        """Return the oldest event; None if none comes within ``timeout`` seconds.
+
+        Other calls wait meanwhile.
+        """
+        deadline = monotonic() + (self.timeout if timeout is None else timeout)
+        async with self._lock:
+            while not self._wire.events:
+                if not await until_ready(self.link.fd, False, deadline):
+                    return None
+                self._receive()
+        return self._wire.events.popleft()
+
+    # -- the link ---------------------------------------------------------------------------------
+
+    def _names(self) -> PortInfo | None:
+        return self._info
+
+    async def _exchange(self, message: Message) -> None:
+        await self.exchange(message, None)
+
+    async def exchange(self, message: Message, mask: int | None) -> None:
+        """Send ``message`` with these chips selected (None: as it is) and take its replies."""
+        async with self._lock:
+            rest = memoryview(self._wire.send(message, mask))
+            self._passing += message.duration
+            deadline = monotonic() + self._patience()
+            try:
+                rest = self._send(rest)
+                while rest or not message.done:
+                    if not await until_ready(self.link.fd, bool(rest), deadline):
+                        raise self._late(message)
+                    self._receive()
+                    rest = self._send(rest)
+            finally:
+                if rest:
+                    self._wire.end(
+                        TransportError(f"{self.link.where}: a message was cut off half-way")
+                    )
+            if any(later is not None for _, later in message.requests):
+                self._passing = 0
+            self._wire.raise_refusal()
+
+    def _send(self, data: memoryview) -> memoryview:
+        """Send what the link takes now; return the rest."""
+        if not data:
+            return data
+        try:
+            return data[self.link.write(data) :]
+        except TransportError as error:
+            self._wire.end(error)
+            raise
+
+    def _receive(self) -> None:
+        try:
+            self._wire.feed(self.link.read())
+        except TransportError as error:
+            self._wire.end(error)
+            raise
+
+    def _patience(self) -> float:
+        """Return how many seconds the replies may take."""
+        passing = self._passing * 1e-12
+        if self._info is not None and self._info.rate > 0:
+            passing /= self._info.rate
+        return min(self.timeout + passing, _LONGEST_WAIT)
+
+    def _late(self, message: Message) -> TransportError:
+        for name, later in message.requests:
+            if later is not None and not later.done:
+                return TransportError(
+                    f"{self.link.where}: no reply to {name} within {self._patience():g} s;"
+                    " is the board still running? (vbus ls)"
+                )
+        return TransportError(f"{self.link.where}: the other end takes no more bytes")
+
+
+class Chip(Cycles):
+    """One chip of a session, or several written together; made by :meth:`Bus.chip`.
+
+    Every call selects the chip first if another one was selected.
+
+    Args:
+        bus: the session.
+        mask: bit n stands for ``info.chips[n]``.
+    """
+
+    def __init__(self, bus: Bus, mask: int) -> None:
+        self.bus: Bus = bus
+        self.mask: int = mask
+
+    def _names(self) -> PortInfo | None:
+        return self.bus.info
+
+    async def _exchange(self, message: Message) -> None:
+        await self.bus.exchange(message, self.mask)
+
+
+async def connect(where: str, timeout: float = TIMEOUT) -> Bus:
+    """Open a session with a board and ask what is attached.
+
+    Args:
+        where: ``"pty:PATH"``, ``"unix:PATH"``, ``"tcp:HOST:PORT"``,
+            ``"serial:PATH?baud=115200"``, or the path of a PTY. ``$NAME`` stands for an
+            environment variable.
+        timeout: seconds a reply may take.
+
+    Raises:
+        TransportError: the link cannot be opened, or nobody answers; says what to do.
+        ProtocolError: whoever answers speaks no byte protocol, or another version.
+        ValueError: ``where`` is no link.
+    """
+    link = open_link(where)
+    bus = Bus(link, timeout)
+    try:
+        if not await until_ready_to_write(link, timeout):
+            raise TransportError(f"{link.where} cannot be opened within {timeout:g} s")
+        await bus.hello()
+    except BaseException:
+        await bus.close()
+        raise
+    return bus
+
+
+async def until_ready_to_write(link: Link, timeout: float) -> bool:
+    """Wait until a link that is being opened is open; False if time ran out first."""
+    if not await until_ready(link.fd, True, monotonic() + timeout):
+        return False
+    link.check()
+    return True

@@ -1,0 +1,155 @@
+"""Links to a board: PTY, Unix socket, TCP and serial device, as non-blocking descriptors."""
+
+import contextlib
+import errno
+import os
+import socket
+import termios
+import tty
+from typing import Final
+from urllib.parse import parse_qs
+
+from vbus.errors import TransportError
+
+KINDS: Final = "pty:PATH, unix:PATH, tcp:HOST:PORT, serial:PATH?baud=RATE, or the path of a PTY"
+
+_READ: Final = 65536
+_GONE: Final = (errno.EIO, errno.EPIPE, errno.ECONNRESET, errno.ENXIO, errno.EBADF)
+
+
+class Link:
+    """An open link to a board.
+
+    Args:
+        where: how it was asked for, for messages.
+        fd: the descriptor; it is made non-blocking and belongs to the link from now on.
+    """
+
+    def __init__(self, where: str, fd: int) -> None:
+        self.where: str = where
+        self.fd: int = fd
+        os.set_blocking(fd, False)
+
+    def write(self, data: memoryview) -> int:
+        """Send as much of ``data`` as the link takes now; return how much that was."""
+        try:
+            return os.write(self.fd, data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise self._lost(error) from error
+
+    def read(self) -> bytes:
+        """Return the bytes that are here; none if there are none."""
+        try:
+            data = os.read(self.fd, _READ)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise self._lost(error) from error
+        if not data:
+            raise TransportError(f"{self.where}: closed by the other end")
+        return data
+
+    def check(self) -> None:
+        """Tell whether a link that was being opened is open.
+
+        Raises:
+            TransportError: it is not; says why.
+        """
+        if self.where.startswith("tcp:"):
+            with socket.socket(fileno=os.dup(self.fd)) as connected:
+                code = connected.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+            if code:
+                raise TransportError(f"{self.where} cannot be opened: {os.strerror(code)}")
+
+    def close(self) -> None:
+        """Close the descriptor; again is harmless."""
+        if self.fd >= 0:
+            with contextlib.suppress(OSError):
+                os.close(self.fd)
+            self.fd = -1
+
+    def _lost(self, error: OSError) -> TransportError:
+        if error.errno in _GONE:
+            return TransportError(f"{self.where}: closed by the other end")
+        return TransportError(f"{self.where}: {error.strerror}")
+
+
+def open_link(where: str) -> Link:
+    """Open a link; a TCP connection may still be on its way (see :meth:`Link.check`).
+
+    ``where`` is ``"pty:PATH"``, ``"unix:PATH"``, ``"tcp:HOST:PORT"``,
+    ``"serial:PATH?baud=115200"``, or the path of a PTY. ``$NAME`` stands for an environment
+    variable.
+
+    Raises:
+        TransportError: the link cannot be opened; says why and what to do.
+        ValueError: ``where`` is none of these.
+    """
+    place = os.path.expandvars(where)
+    kind, colon, rest = place.partition(":")
+    if place.startswith(("/", ".")):
+        kind, rest = "pty", place
+    elif not colon:
+        raise ValueError(f"{where!r} is no link; allowed are {KINDS}")
+    opener = {"pty": _open_pty, "unix": _open_unix, "tcp": _open_tcp, "serial": _open_serial}
+    if kind not in opener or not rest:
+        raise ValueError(f"{where!r} is no link; allowed are {KINDS}")
+    try:
+        return Link(f"{kind}:{rest}", opener[kind](rest))
+    except (OSError, termios.error) as error:
+        reason = error.args[1] if len(error.args) > 1 else str(error)
+        if error.args[:1] == (errno.ENOENT,):
+            reason = "no such name; is the board running? (vbus ls)"
+        elif error.args[:1] == (errno.ECONNREFUSED,):
+            reason = "nobody listens there; is the board running? (vbus ls)"
+        raise TransportError(f"{kind}:{rest} cannot be opened: {reason}") from error
+
+
+def _open_pty(path: str) -> int:
+    fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        if not os.isatty(fd):
+            raise OSError(errno.ENOTTY, "not a PTY")
+        tty.setraw(fd, termios.TCSANOW)
+    except (OSError, termios.error):
+        os.close(fd)
+        raise
+    return fd
+
+
+def _open_unix(path: str) -> int:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+        link.connect(path)
+        return link.detach()
+
+
+def _open_tcp(address: str) -> int:
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdecimal():
+        raise ValueError(f"'tcp:{address}' is no link; allowed is tcp:HOST:PORT")
+    family, kind, protocol, _, target = socket.getaddrinfo(
+        host.strip("[]"), int(port), type=socket.SOCK_STREAM
+    )[0]
+    with socket.socket(family, kind, protocol) as link:
+        link.setblocking(False)
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        code = link.connect_ex(target)
+        if code not in (0, errno.EINPROGRESS):
+            raise OSError(code, os.strerror(code))
+        return link.detach()
+
+
+def _open_serial(address: str) -> int:
+    import serial
+
+    path, _, query = address.partition("?")
+    options = parse_qs(query, keep_blank_values=True)
+    baud = options.pop("baud", ["115200"])[-1]
+    if options or not baud.isdecimal():
+        raise ValueError(f"'serial:{address}' is no link; allowed is serial:PATH?baud=RATE")
+    device = serial.Serial(path, int(baud), timeout=0)
+    fd = os.dup(device.fileno())
+    device.close()
+    return fd

@@ -1,0 +1,14 @@
+"""Waiting for a descriptor, blocking."""
+
+import select
+import threading
+from time import monotonic
+
+Lock = threading.Lock
+
+
+def until_ready(fd: int, write: bool, deadline: float) -> bool:
+    """Wait until ``fd`` can be read (or written, if asked); False if time ran out first."""
+    poll = select.poll()
+    poll.register(fd, select.POLLIN | select.POLLOUT if write else select.POLLIN)
+    return bool(poll.poll(max(0.0, deadline - monotonic()) * 1000))
