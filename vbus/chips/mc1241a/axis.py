@@ -1,0 +1,325 @@
+"""One axis: registers, update, and the order of work in a cycle."""
+
+from collections.abc import Callable
+from typing import Final
+
+from vbus.chips.mc1241a.breakpoints import cycles_to_go, is_met
+from vbus.chips.mc1241a.datasheet import (
+    BREAKPOINT,
+    BRK_OFF,
+    CAPTURE,
+    COMMAND_ERROR,
+    COMMAND_REFUSED,
+    EVENTS,
+    MOTION_COMPLETE,
+    MOTION_ERROR,
+    MOTOR_COMMAND_LOST,
+    S_CURVE,
+    STOP_TWICE,
+    TRAPEZOIDAL,
+    WRAP,
+)
+from vbus.chips.mc1241a.encoder import Encoder
+from vbus.chips.mc1241a.limits import LimitDetector
+from vbus.chips.mc1241a.microstep import Microstepper
+from vbus.chips.mc1241a.parameters import Registers
+from vbus.chips.mc1241a.profile import Profile
+from vbus.signals import Rule
+
+ERROR_LIMIT: Final = 32_767
+"""Largest position error the axis tolerates after reset."""
+
+Report = Callable[[Rule, str], None]
+"""Takes a rule the host has broken on an axis, and what happened."""
+
+
+class Axis:
+    """Everything the chip set keeps for one axis.
+
+    Args:
+        number: 0-based.
+        encoder: its counts, index and home.
+        stepper: its microstep look-ups.
+        report: takes findings about the host.
+    """
+
+    def __init__(
+        self, number: int, encoder: Encoder, stepper: Microstepper, report: Report
+    ) -> None:
+        self.number: int = number
+        self.encoder: Encoder = encoder
+        self.stepper: Microstepper = stepper
+        self.profile: Profile = Profile()
+        self.limits: LimitDetector = LimitDetector()
+        self.buffer: Registers = Registers()
+        self.active: Registers = Registers()
+        self._report: Report = report
+        self.reset()
+
+    def reset(self) -> None:
+        """Take the values of the manual's reset table (PMD-RST-2)."""
+        self.events: int = 0
+        self.motor_on: bool = True
+        self.auto_stop: int = 1
+        self.auto_update: int = 1
+        self.update_pending: int = 0
+        self.position_given: bool = False
+        """SET_POS was given since the last update (PMD-TRJ-12)."""
+        self.motor_command_direct: bool = False
+        """The active motor command was set by SET_MTR_CMD, past the buffer."""
+        self.interrupt_mask: int = 0
+        self.breakpoint_mode: int = BRK_OFF
+        self.breakpoint_value: int = 0
+        self.start_velocity: int = 0
+        self.step_ratio: int = 0
+        self.position_error_limit: int = ERROR_LIMIT
+        self.position_error: int = 0
+        """Target minus actual position (counts), clamped to 16 bits."""
+        self._error_offset: int = 0
+        self.buffer.load((0,) * 10)
+        self.active.load((0,) * 10)
+        self.profile.reset()
+        self.limits.reset()
+        self.encoder.reset()
+        self.stepper.reset()
+
+    # -- one cycle ----------------------------------------------------------------------------
+
+    def cycle(self, time: int, home: int, positive: bool, negative: bool, sensing: bool) -> None:
+        """Do the work of one cycle, in the order of PMD-CYC-1.
+
+        Args:
+            time: number of this cycle since reset.
+            home: level of the home input.
+            positive: whether the positive limit switch is active.
+            negative: whether the negative limit switch is active.
+            sensing: whether limit switches count.
+        """
+        profile = self.profile
+        counts = self.encoder.read()
+        if self.encoder.take_capture():
+            self.events |= CAPTURE
+        if self.encoder.wrapped:
+            self.events |= WRAP
+        # A breakpoint looks at how the last cycle ended (PMD-UPD-3).
+        met = self.breakpoint_mode != BRK_OFF and is_met(
+            self.breakpoint_mode, self.breakpoint_value, time, profile.target(),
+            self.encoder.actual, self.events, home,
+        )  # fmt: skip
+        if self.update_pending:
+            self.update_pending = 0
+            self.update(positive and sensing, negative and sensing)
+        if met:
+            self.breakpoint_mode = BRK_OFF
+            self.events |= BREAKPOINT
+            if self.auto_update:
+                self.update(positive and sensing, negative and sensing)
+        hit = self.limits.look(positive, negative, self.events, sensing)
+        if hit:
+            profile.halt()
+            self.events |= hit | MOTION_COMPLETE  # PMD-LIM-1
+        start = profile.position
+        self.events |= profile.step(self.active, self.start_velocity, counts)
+        self.stepper.begin_cycle(start, profile.moved)
+        self._check_error()
+
+    def _check_error(self) -> None:
+        """Compare target and actual position (PMD-STL-1)."""
+        if not self.step_ratio:
+            self.position_error = 0
+            return
+        error = self._expected() - self.encoder.counted - self._error_offset
+        self.position_error = max(-32_768, min(32_767, error))
+        if self._has_motion_error():
+            self.events |= MOTION_ERROR
+            if self.auto_stop and self.motor_on:
+                self.motor_off()
+
+    def _expected(self) -> int:
+        """Where the encoder should be for the target position (counts)."""
+        return self.profile.travelled() * self.step_ratio >> 8
+
+    def _has_motion_error(self) -> bool:
+        return self.step_ratio != 0 and abs(self.position_error) > self.position_error_limit
+
+    def zero_error(self) -> None:
+        """Make the present position error the new zero (PMD-STL-2)."""
+        self.position_error = 0
+        self._error_offset = self._expected() - self.encoder.counted
+
+    # -- update -------------------------------------------------------------------------------
+
+    def update(self, at_positive: bool, at_negative: bool) -> None:
+        """Copy the buffered registers and carry out the buffered actions (PMD-UPD-1).
+
+        Args:
+            at_positive: the positive limit switch is active and counts.
+            at_negative: the negative limit switch is.
+        """
+        buffer, profile = self.buffer, self.profile
+        position_given, self.position_given = self.position_given, False
+        refused = self._copy()
+        if buffer.stop and buffer.smooth_stop:
+            self._report(STOP_TWICE, f"axis {self.number + 1}: STOP wins over SMOOTH_STOP")
+        stop, smooth, synch = buffer.stop, buffer.smooth_stop, buffer.synch
+        buffer.stop = buffer.smooth_stop = buffer.synch = 0
+        if synch:
+            self._renumber(self.encoder.actual)
+        if refused:
+            self._refuse(refused)
+        if stop:
+            profile.halt()
+            self.events |= MOTION_COMPLETE  # PMD-TRJ-9
+            return
+        if not self.motor_on:
+            return  # PMD-MTR-2
+        if smooth and profile.smooth_stop():
+            return
+        if profile.mode in (TRAPEZOIDAL, S_CURVE):
+            way = (buffer.position << 32) - profile.position
+            if (way > 0 and at_positive) or (way < 0 and at_negative):
+                self._refuse("the move leads toward an active limit switch")  # PMD-ERR-3
+                return
+        profile.start(self.active, position_given)
+
+    def _copy(self) -> str:
+        """Copy buffer to active, but for what must not change in motion; say what was refused."""
+        buffer, active, profile = self.buffer, self.active, self.profile
+        refused = ""
+        if profile.in_motion():
+            if profile.mode == TRAPEZOIDAL and buffer.acceleration != active.acceleration:
+                refused = "acceleration changed in a trapezoidal move"  # PMD-ERR-1
+            elif profile.mode == S_CURVE and (
+                buffer.velocity != active.velocity
+                or buffer.max_acceleration != active.max_acceleration
+                or buffer.jerk != active.jerk
+            ):
+                refused = "velocity, acceleration or jerk changed in an S-curve move"  # PMD-ERR-2
+        keep_trapezoid = refused != "" and profile.mode == TRAPEZOIDAL
+        keep_s_curve = refused != "" and profile.mode == S_CURVE
+        if not refused:
+            active.velocity = buffer.velocity
+        if not keep_trapezoid:
+            active.acceleration = buffer.acceleration
+        if not keep_s_curve:
+            active.max_acceleration = buffer.max_acceleration
+            active.jerk = buffer.jerk
+        active.position = buffer.position
+        active.ratio = buffer.ratio
+        if self.motor_command_direct and buffer.motor_command != active.motor_command:
+            self._report(
+                MOTOR_COMMAND_LOST,
+                f"axis {self.number + 1}: motor command {active.motor_command} set by SET_MTR_CMD"
+                f" is replaced by the buffered {buffer.motor_command}",
+            )
+        active.motor_command = buffer.motor_command
+        self.motor_command_direct = False
+        return refused
+
+    def _refuse(self, why: str) -> None:
+        self.events |= COMMAND_ERROR
+        self._report(COMMAND_REFUSED, f"axis {self.number + 1}: {why}")
+
+    # -- commands of this axis ----------------------------------------------------------------
+
+    def set_start_velocity(self, value: int) -> None:
+        """SET_START_VEL: at once, but not in motion (PMD-CMD-14)."""
+        if self.profile.in_motion():
+            self._refuse("start velocity changed in motion")
+        else:
+            self.start_velocity = value
+
+    def set_step_ratio(self, value: int) -> None:
+        """SET_STEP_RATIO: counts per ustep times 256; the error starts from 0."""
+        self.step_ratio = value
+        self.zero_error()
+
+    def set_actual_position(self, value: int) -> None:
+        """SET_ACTL_POS: both positions take a number, and nothing moves (PMD-CMD-69)."""
+        self.encoder.set_position(value)
+        self._renumber(value)
+
+    def _renumber(self, target: int) -> None:
+        self.stepper.renumber(self.profile.target(), target)
+        self.profile.set_target(target)
+        self.zero_error()
+
+    def motor_off(self) -> None:
+        """Freeze the microstep angle; the windings keep their currents (PMD-MTR-2)."""
+        if self.profile.in_motion():
+            self.events |= MOTION_COMPLETE
+        self.motor_on = False
+        self.profile.halt()
+
+    def motor_turn_on(self) -> None:
+        """Enable the generator; nothing moves until the next update (PMD-MTR-1)."""
+        if self.profile.in_motion():
+            self.events |= MOTION_COMPLETE
+        self.motor_on = True
+        self.profile.halt()
+        self.zero_error()
+
+    def clear_events(self, keep: int) -> None:
+        """Clear the events whose bits in ``keep`` are 0, but no lasting error (PMD-STA-4)."""
+        if self._has_motion_error():
+            keep |= MOTION_ERROR
+        self.events &= keep & EVENTS
+
+    # -- rest ---------------------------------------------------------------------------------
+
+    def idle_cycles(
+        self, time: int, home: int, positive: bool, negative: bool, sensing: bool
+    ) -> int:
+        """Return how many coming cycles would change nothing; 0 if the next may do something."""
+        if self.update_pending or not self.profile.resting(self.active) or not self.stepper.still():
+            return 0
+        if not self.encoder.resting():
+            return 0
+        if not self.limits.steady(positive, negative, self.events, sensing):
+            return 0
+        if self._has_motion_error() and not self.events & MOTION_ERROR:
+            return 0
+        if self.breakpoint_mode == BRK_OFF:
+            return 1 << 62
+        if is_met(
+            self.breakpoint_mode, self.breakpoint_value, time + 1, self.profile.target(),
+            self.encoder.actual, self.events, home,
+        ):  # fmt: skip
+            return 0
+        return cycles_to_go(self.breakpoint_mode, self.breakpoint_value, time) - 1
+
+    # -- state --------------------------------------------------------------------------------
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state."""
+        return (
+            (
+                self.events, int(self.motor_on), self.auto_stop, self.auto_update,
+                self.update_pending, int(self.position_given), int(self.motor_command_direct),
+                self.interrupt_mask, self.breakpoint_mode, self.breakpoint_value,
+                self.start_velocity, self.step_ratio, self.position_error_limit,
+                self.position_error, self._error_offset,
+            ),
+            self.buffer.save(), self.active.save(), self.profile.save(), self.limits.save(),
+            self.encoder.save(), self.stepper.save(),
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        plain, buffer, active, profile, limits, encoder, stepper = state
+        (
+            self.events, motor_on, self.auto_stop, self.auto_update,
+            self.update_pending, position_given, motor_command_direct,
+            self.interrupt_mask, self.breakpoint_mode, self.breakpoint_value,
+            self.start_velocity, self.step_ratio, self.position_error_limit,
+            self.position_error, self._error_offset,
+        ) = plain  # type: ignore[misc]  # fmt: skip
+        self.motor_on = bool(motor_on)  # type: ignore[has-type]
+        self.position_given = bool(position_given)  # type: ignore[has-type]
+        self.motor_command_direct = bool(motor_command_direct)  # type: ignore[has-type]
+        self.buffer.load(buffer)  # type: ignore[arg-type]
+        self.active.load(active)  # type: ignore[arg-type]
+        self.profile.load(profile)  # type: ignore[arg-type]
+        self.limits.load(limits)  # type: ignore[arg-type]
+        self.encoder.load(encoder)  # type: ignore[arg-type]
+        self.stepper.load(stepper)  # type: ignore[arg-type]

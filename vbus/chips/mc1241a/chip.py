@@ -1,0 +1,603 @@
+"""The chip set: two axes, one host port, one time."""
+
+from collections.abc import Callable
+
+from vbus.chips.base import Chip
+from vbus.chips.mc1241a.axis import Axis
+from vbus.chips.mc1241a.commands import Commands
+from vbus.chips.mc1241a.datasheet import (
+    AC,
+    BUSY_HALF_CLK,
+    CARD_DECODES,
+    COMMAND_PORT,
+    CYCLE_CLK,
+    DATA_PORT,
+    FAMILY,
+    OPTIONS,
+    OUTPUT_PWM,
+    PINS,
+    RESET_CLK,
+    RESET_PORT,
+    RULES,
+    SLOT_CLK,
+    SLOTS,
+    STATUS_NO_INTERRUPT,
+    STATUS_READY,
+    VERSIONS,
+)
+from vbus.chips.mc1241a.encoder import Encoder
+from vbus.chips.mc1241a.events import NOBODY, Interrupts, mode_word, status_word
+from vbus.chips.mc1241a.microstep import FULL_SCALE, Microstepper
+from vbus.chips.mc1241a.output import Output
+from vbus.chips.mc1241a.packet import HostPort
+from vbus.chips.mc1241a.pins import HostPins
+from vbus.kernel import NEVER, Clock, Kernel
+from vbus.options import Settings
+from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Z
+
+
+class Shared:
+    """What the axes have in common."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Take the values of the manual's reset table (PMD-RST-2)."""
+        self.time: int = 0
+        """Cycles since reset, 32 bits."""
+        self.output_mode: int = OUTPUT_PWM
+        self.limit_sense: int = 0
+        self.sensing: bool = True
+
+    def save(self) -> tuple[int, ...]:
+        """Return the whole state."""
+        return (self.time, self.output_mode, self.limit_sense, int(self.sensing))
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self.time, self.output_mode, self.limit_sense, sensing = state
+        self.sensing = bool(sensing)
+
+
+class MC1241A(Chip):
+    """MC1241A (two axes) and MC1141A (one): microstepping motion processors.
+
+    Addresses of a whole cycle: 0 data, 1 command; reading 1 gives the *adapter's* status byte
+    (D7 HostRdy, D6 ~HostIntrpt) and moves no strobe. Writing 2 makes the adapter pulse ~Reset.
+
+    Work is done at whole clock numbers counted from the end of the last reset: every 1696 clocks
+    a microstep look-up, every eighth of them a cycle with profiles, breakpoints and events.
+
+    Not modelled: the traffic between the two ICs of the set, supply and clock pins, and the rows
+    of the reset table that belong to servo members of the family.
+    """
+
+    FAMILY = FAMILY
+    ADDRESS_BITS = 1
+    AXES = 2
+    PARTS = ("MC1241A", "MC1141A")
+    PINS = PINS
+    RULES = RULES
+    OPTIONS = OPTIONS
+    CARD_DECODES = CARD_DECODES
+
+    def __init__(
+        self,
+        name: str,
+        part: str,
+        kernel: Kernel,
+        clock: Clock,
+        settings: Settings | None = None,
+        policy: Policy | None = None,
+        file: Callable[[Violation], None] | None = None,
+    ) -> None:
+        if part not in self.PARTS:
+            raise ValueError(f"part {part!r}: allowed are {', '.join(self.PARTS)}")
+        super().__init__(name, part, kernel, clock, settings, policy, file)
+        self.AXES = 2 if part == "MC1241A" else 1
+        self.read_low_ps = 100_000
+        self.cycle_ps = 200_000
+        self.instant: int = 0
+        """Instant of what the chip is doing now (ps)."""
+        self.busy_stretch: int = 0
+        """Fault: this much is added to every busy time (ps)."""
+        self.version: int = int(self.settings["version_word"]) or VERSIONS[part]
+        self.shared: Shared = Shared()
+        self.interrupts: Interrupts = Interrupts()
+        self.motors: list[Plant | None] = [None] * self.AXES
+        b_leads = self.settings["phase_b"] == "leads"
+        self.axes: list[Axis] = [
+            Axis(number, Encoder(self, number, self._encoder_source(number)),
+                 Microstepper(b_leads), self.find)
+            for number in range(self.AXES)
+        ]  # fmt: skip
+        self.port: HostPort = HostPort(self)
+        self.commands: Commands = Commands(self)
+        self.output: Output = Output(self)
+        self._slot_busy: bool = self.settings["host_busy"] == "slot"
+        self._origin: int = 0
+        self._slot: int = 0
+        self._boundary: int = NEVER
+        self._wake: int = 0
+        self._slotted: bool = False
+        self._reset_since: int = 0
+        self._hold_at: int = NEVER
+        self._held: bool = False
+        self._adapter_read: bool = False
+        self._slot_start: int = 0
+        self._slot_end: int = 0
+        self._driven: list[tuple[int, int]] = [(0, 0)] * self.AXES
+        self.host_pins: HostPins = HostPins(self)
+        self._ready_pin: Pin = self.pins["HostRdy"]
+        self._interrupt_pin: Pin = self.pins["~HostIntrpt"]
+        self.restart(self.kernel.now, 0)
+        self._reckon()
+        self.advance()
+
+    def _encoder_source(self, number: int) -> int:
+        source = int(str(self.settings[f"encoder_{number + 1}"])[-1]) - 1
+        if source >= self.AXES:
+            raise ValueError(f"encoder_{number + 1}: the {self.part} has no axis {source + 1}")
+        return source
+
+    # -- the bus ------------------------------------------------------------------------------
+
+    def begin_read(self, address: int) -> None:
+        """The read strobe falls; address 1 and 2 are the adapter's and have none."""
+        self.advance()
+        if address == DATA_PORT:
+            self._adapter_read = False
+            self.port.begin_read()
+        else:
+            self._adapter_read = True
+
+    def end_read(self) -> int:
+        """The read strobe rises; return the byte."""
+        self.advance()
+        if self._adapter_read:
+            return self.adapter_status()
+        data = self.port.end_read()
+        self.rearm()
+        return data
+
+    def write(self, address: int, data: int) -> None:
+        """A byte is latched."""
+        self.advance()
+        if address == DATA_PORT:
+            self.port.write_data(data)
+        elif address == COMMAND_PORT:
+            self.port.write_command(data)
+        elif address == RESET_PORT:
+            self.release_reset(False)
+        self._reckon()
+        self.rearm()
+
+    def adapter_status(self) -> int:
+        """Return the status byte of a card: D7 HostRdy, D6 ~HostIntrpt, the others float high."""
+        status = 0xFF
+        if self.kernel.now < self.port.busy_until:
+            status &= ~STATUS_READY
+        if self.interrupts.axis != NOBODY:
+            status &= ~STATUS_NO_INTERRUPT
+        return status
+
+    def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
+        """Return the edges of a whole cycle; none where the adapter answers by itself."""
+        if address == RESET_PORT:
+            return [(-1_000_000, "~Reset", LOW), (0, "~Reset", Z)] if write else []
+        if not write:
+            if address != DATA_PORT:
+                return []
+            return [
+                (-110_000, "HostCmd", LOW), (-110_000, "~HostSlct", LOW),
+                (-100_000, "~HostRead", LOW),
+                (0, "~HostRead", HIGH),
+                (25_000, "~HostSlct", HIGH), (25_000, "HostCmd", Z),
+            ]  # fmt: skip
+        return [
+            (-110_000, "HostCmd", address), (-110_000, "~HostSlct", LOW),
+            (-100_000, "~HostWrite", LOW), (-100_000, "D0-D7", data),
+            (0, "~HostWrite", HIGH),
+            (30_000, "~HostSlct", HIGH), (30_000, "HostCmd", Z), (30_000, "D0-D7", Z),
+        ]  # fmt: skip
+
+    def ready_at(self) -> int:
+        """Return when HostRdy is high: now or earlier, or the end of the busy time."""
+        return self.port.busy_until
+
+    def busy_end(self) -> int:
+        """Return when a busy time that begins now will end (PMD-BUS-7)."""
+        now = self.kernel.now
+        if self._slot_busy:
+            slot = (self.clock.cycle_at(now) - self._origin) // SLOT_CLK + 1
+            end = self.ps_of(slot * SLOT_CLK)
+        else:
+            end = now + BUSY_HALF_CLK * 10**12 // (2 * self.clock.hz)
+        return end + self.busy_stretch
+
+    def show_ready(self, ready: bool, when: int) -> None:
+        """Put HostRdy to its level at ``when``."""
+        self.instant = when
+        self.put(self._ready_pin, HIGH if ready else LOW)
+
+    def put(self, pin: Pin, level: int) -> None:
+        """Drive an output at the instant of what the chip is doing, be it found out later."""
+        if pin.level != level:
+            pin.drive(level)
+            if pin.net.changed_at == self.kernel.now:
+                pin.net.changed_at = self.instant
+
+    # -- reset --------------------------------------------------------------------------------
+
+    def power_on(self, done: bool) -> None:
+        """Start with the reset now, or as if it had just ended; judge the clock (T4, T5)."""
+        period = 10**12 // self.clock.hz
+        for symbol, measured in (("T4", period // 2), ("T5", period)):
+            row = AC[symbol]
+            if measured < row.min_ps:
+                self.report(AC.rules[symbol], measured, row.min_ps)
+            elif measured // 1000 * 1000 > row.max_ps:
+                self.report(AC.rules[symbol], measured, row.max_ps)
+        self.instant = self.kernel.now
+        self.restart(self.kernel.now, 0 if done else RESET_CLK)
+        self._reckon()
+        self.advance()
+        self.rearm()
+
+    def stopped(self) -> bool:
+        """Whether ~Reset holds the chip set."""
+        return self._held
+
+    def hold_reset(self, when: int) -> None:
+        """~Reset is low; if it still is at ``when``, everything stops."""
+        self._hold_at = when
+        self._reckon()
+        self.rearm()
+
+    def release_reset(self, lost: bool) -> None:
+        """~Reset rises: the reset runs, unless the pulse was too short and is ``lost``."""
+        self._hold_at = NEVER
+        if not lost or self._held:
+            self._held = False
+            self.restart(self.kernel.now)
+        self._reckon()
+        self.rearm()
+
+    def restart(self, since: int, clocks: int = RESET_CLK) -> None:
+        """Take every reset value; the host port is ready ``clocks`` after ``since`` (PMD-RST-1)."""
+        self.shared.reset()
+        self.interrupts.reset()
+        self.commands.current = 0
+        for axis in self.axes:
+            axis.reset()
+        self.put(self._interrupt_pin, HIGH)
+        self.output.rest()
+        if self._boundary != NEVER and self._slot:
+            self._reset_since = self.instant
+        if self._held:
+            self._boundary = NEVER
+            self.port.reset(since, NEVER)
+        else:
+            ready = since + self.clock.span(clocks)
+            self.port.reset(since, ready)
+            # Counting starts with the first clock at which the port is ready.
+            self._origin = self.clock.cycle_at(ready - 1) + 1
+            self._slot = 0
+            self._boundary = self.ps_of(0)
+            self.output.reset()
+        self.show_ready(False, self.instant)
+
+    def _end_reset(self) -> None:
+        """Counting starts: the axes are at 0, wherever the motors have gone without current."""
+        periods = (self.instant - self._reset_since) // self.clock.span(SLOT_CLK)
+        for motor in self.motors:
+            for _ in range(periods if motor is not None else 0):
+                assert motor is not None
+                motor.phases(0.0, 0.0, 0.0)
+                if motor.resting():
+                    break
+        for axis in self.axes:
+            axis.encoder.follow(self.instant, 1.0)
+            axis.encoder.reset()
+
+    # -- time ---------------------------------------------------------------------------------
+
+    def ps_of(self, clk: int) -> int:
+        """Return the instant of clock ``clk``, counted from the end of the last reset."""
+        return self.clock.ps(self._origin + clk)
+
+    def advance(self) -> None:
+        """Do everything due up to now, in the order of its instants.
+
+        At one instant: first what the host has asked for, then the cycle, then the output pins.
+        """
+        now = self.kernel.now
+        while self._wake <= now:
+            when = self._wake
+            self.instant = when
+            if self.port.due() == when:
+                self._host_effect(when)
+            elif self.interrupts.quiet_until == when:
+                self.interrupts.quiet_until = NEVER
+                self._look_for_interrupt()
+            elif self._hold_at == when:
+                self._hold_at = NEVER
+                self._held = True
+                self.restart(when)
+            elif self._boundary == when:
+                self._run_boundary(now)
+            else:
+                self.output.run(when)
+            self._reckon()
+        self.instant = now
+
+    def _reckon(self) -> None:
+        """Work out when the next thing is due."""
+        wake = self._boundary
+        due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at, self.output.due())
+        self._wake = due if due < wake else wake
+
+    def _host_effect(self, when: int) -> None:
+        mode = self.shared.output_mode
+        self.port.finish()
+        if self.shared.output_mode != mode:
+            self.output.rest()
+        if self.port.due() == NEVER:
+            self.show_ready(True, when)
+        self._look_for_interrupt()
+
+    def _look_for_interrupt(self) -> None:
+        if self.interrupts.look(self.axes):
+            self.put(self._interrupt_pin, LOW)
+
+    def release_interrupt(self) -> None:
+        """RST_INTRPT: the line goes high for a clock at least (PMD-INT-3)."""
+        self.interrupts.release(self.instant + self.clock.span_up(1))
+        self.put(self._interrupt_pin, HIGH)
+
+    def _run_boundary(self, now: int) -> None:
+        """Run a microstep slot, and the cycle that begins with it."""
+        slot = self._slot
+        if slot % SLOTS == 0 and slot and self._skip_rest(now):
+            return
+        for axis in self.axes:
+            axis.encoder.follow(self.instant, 1.0)
+        if slot == 0:
+            self._end_reset()
+        elif slot % SLOTS == 0:
+            self._cycle()
+        if self._slotted:
+            self._slot_start = self.instant
+            self._slot_end = self.ps_of((slot + 1) * SLOT_CLK)
+            for number, motor in enumerate(self.motors):
+                if motor is not None:
+                    self._drive(number, motor)
+            self.output.begin_slot(slot * SLOT_CLK)
+        self._slot = slot + 1
+        self._plan_boundary()
+
+    def _plan_boundary(self) -> None:
+        """Find the next boundary; slots between cycles count only if something takes them."""
+        if not self._slotted:
+            self._slot = -(-self._slot // SLOTS) * SLOTS
+        self._boundary = self.ps_of(self._slot * SLOT_CLK)
+
+    def _cycle(self) -> None:
+        shared = self.shared
+        shared.time = shared.time + 1 & 0xFFFFFFFF
+        for axis in self.axes:
+            home = axis.encoder.home_level()
+            positive, negative = self._limits(axis)
+            axis.cycle(shared.time, home, positive, negative, shared.sensing)
+        self._look_for_interrupt()
+
+    def _limits(self, axis: Axis) -> tuple[bool, bool]:
+        """Return whether the limit switches of an axis are active, by their sense (PMD-LIM-1)."""
+        positive, negative = axis.encoder.limit_levels()
+        sense = self.shared.limit_sense >> 2 * axis.number
+        return positive != sense & 1, negative != sense >> 1 & 1
+
+    def _drive(self, number: int, motor: Plant) -> None:
+        """Run a motor through the slot that begins, with the currents just looked up."""
+        a, b = self.phase_outputs(number)
+        self._driven[number] = (a, b)
+        c = 0 if self.axes[number].stepper.two_phase else -(a + b)
+        motor.phases(a / FULL_SCALE, b / FULL_SCALE, c / FULL_SCALE)
+
+    def _slot_at(self, instant: int) -> int:
+        """Return the number of the slot under way at ``instant``."""
+        return max(0, (self.clock.cycle_at(instant) - self._origin) // SLOT_CLK)
+
+    def phase_outputs(self, number: int) -> tuple[int, int]:
+        """Return phases A and B of an axis as they are now (-32767 to 32767)."""
+        slot = self._slot_at(self.instant)
+        axis = self.axes[number]
+        return axis.stepper.outputs(slot, slot % SLOTS + 1, axis.active.motor_command)
+
+    def hold_outputs(self, number: int) -> None:
+        """Keep an axis's outputs until the next look-up: its amplitude or waveform changes.
+
+        What the host asks for at an instant comes before a look-up at that instant.
+        """
+        slot = self._slot_at(self.instant - 1)
+        axis = self.axes[number]
+        axis.stepper.hold(slot, slot % SLOTS + 1, axis.active.motor_command)
+
+    def follow_encoders(self) -> None:
+        """Bring the position counters up to the present instant inside a slot."""
+        fraction = 1.0
+        if self.instant < self._slot_end:
+            fraction = (self.instant - self._slot_start) / (self._slot_end - self._slot_start)
+        for axis in self.axes:
+            axis.encoder.follow(self.instant, fraction)
+
+    # -- rest ---------------------------------------------------------------------------------
+
+    def _idle_cycles(self) -> int:
+        """Return how many coming cycles would change nothing but the time."""
+        idle = 1 << 62
+        for number, axis in enumerate(self.axes):
+            positive, negative = self._limits(axis)
+            quiet = axis.idle_cycles(
+                self.shared.time, axis.encoder.home_level(), positive, negative,
+                self.shared.sensing,
+            )  # fmt: skip
+            if quiet < idle:
+                idle = quiet
+            motor = self.motors[number]
+            if idle and motor is not None:
+                if self._driven[number] != self.phase_outputs(number) or not motor.resting():
+                    return 0
+            if not idle:
+                return 0
+        return idle
+
+    def _skip_rest(self, now: int) -> bool:
+        """Pass over whole cycles in which nothing would happen; tell whether there were any."""
+        if self.output.heard:
+            return False
+        idle = self._idle_cycles()
+        if not idle:
+            return False
+        due = (self.clock.cycle_at(now) - self._origin - self._slot * SLOT_CLK) // CYCLE_CLK + 1
+        cycles = min(idle, due)
+        self.shared.time = self.shared.time + cycles & 0xFFFFFFFF
+        self._slot += cycles * SLOTS
+        self._boundary = self.ps_of(self._slot * SLOT_CLK)
+        return True
+
+    def next_event(self) -> int:
+        """Return a lower bound of the next change of an output (ps)."""
+        self.advance()
+        due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at, self.output.due())
+        if self.output.heard:
+            due = min(due, self._boundary)
+        if self.interrupts.axis == NOBODY and any(axis.interrupt_mask for axis in self.axes):
+            due = min(due, self._next_interrupt())
+        return due
+
+    def _next_interrupt(self) -> int:
+        """Return the first cycle that may raise an event (ps)."""
+        if self._boundary == NEVER:
+            return NEVER
+        slot = -(-self._slot // SLOTS) * SLOTS
+        idle = self._idle_cycles() if slot else 0
+        if idle >= 1 << 62:
+            return NEVER
+        return self.ps_of((slot + idle * SLOTS) * SLOT_CLK)
+
+    # -- neighbours ---------------------------------------------------------------------------
+
+    def heard_changed(self) -> None:
+        """Somebody began or ceased to listen to an output."""
+        self.advance()
+        self.output.listen(self.clock.cycle_at(self.kernel.now) - self._origin)
+        self._choose_slots()
+        super().heard_changed()
+        self.rearm()
+
+    def _choose_slots(self) -> None:
+        slotted = self.output.heard or any(motor is not None for motor in self.motors)
+        if slotted != self._slotted:
+            self._slotted = slotted
+            if self._boundary != NEVER:
+                if self._slot:
+                    self._slot = self._slot_at(self.instant) + 1
+                self._plan_boundary()
+        self._reckon()
+
+    def connect(self, axis: int, plant: Plant) -> None:
+        """Attach a stepper motor with its encoder and switches to ``axis`` (0-based).
+
+        Raises:
+            ValueError: no such axis, or a plant that does not take phase currents.
+        """
+        if not 0 <= axis < self.AXES:
+            raise ValueError(f"the {self.part} has no axis {axis + 1}")
+        if "phases" not in plant.TAKES:
+            raise ValueError(
+                f"the {self.part} gives phase currents; this plant takes {', '.join(plant.TAKES)}"
+            )
+        plant.prepare(SLOT_CLK / self.clock.hz)
+        self.motors[axis] = plant
+        for other in self.axes:
+            other.encoder.attach(axis, plant)
+        self._choose_slots()
+
+    def find(self, rule: Rule, detail: str) -> None:
+        """File a finding about the host at the instant of what the chip is doing."""
+        self.report(rule, detail=detail, when=self.instant)
+
+    # -- state --------------------------------------------------------------------------------
+
+    def telemetry(self) -> dict[str, int | float | str]:
+        """Return what a live view shows, per axis with its number in front."""
+        self.advance()
+        values: dict[str, int | float | str] = {
+            "time": self.shared.time,
+            "ready": int(self.kernel.now >= self.port.busy_until),
+            "interrupt": self.interrupts.axis + 1,
+        }
+        for axis in self.axes:
+            n = axis.number + 1
+            a, b = self.phase_outputs(axis.number)
+            values[f"target {n}"] = axis.profile.target()
+            values[f"velocity {n}"] = axis.profile.velocity / (1 << 32)
+            values[f"actual {n}"] = axis.encoder.actual
+            values[f"error {n}"] = axis.position_error
+            values[f"status {n}"] = status_word(axis)
+            values[f"mode {n}"] = mode_word(axis)
+            values[f"phase A {n}"] = a
+            values[f"phase B {n}"] = b
+        return values
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state, with the plants'."""
+        self.advance()
+        return (
+            (
+                self._origin,
+                self._slot,
+                self._boundary,
+                self._wake,
+                self._reset_since,
+                self._hold_at,
+                int(self._held),
+                int(self._adapter_read),
+                self._slot_start,
+                self._slot_end,
+                self.busy_stretch,
+                self.commands.current,
+            ),
+            self.shared.save(),
+            self.interrupts.save(),
+            self.port.save(),
+            self.output.save(),
+            self.host_pins.save(),
+            tuple(axis.save() for axis in self.axes),
+            tuple(self._driven),
+            tuple(None if motor is None else motor.save() for motor in self.motors),
+        )
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        plain, shared, interrupts, port, output, pins, axes, driven, motors = state
+        (
+            self._origin, self._slot, self._boundary, self._wake, self._reset_since,
+            self._hold_at, held, adapter, self._slot_start,
+            self._slot_end, self.busy_stretch, self.commands.current,
+        ) = plain  # type: ignore[misc]  # fmt: skip
+        self._held = bool(held)  # type: ignore[has-type]
+        self._adapter_read = bool(adapter)  # type: ignore[has-type]
+        self.shared.load(shared)  # type: ignore[arg-type]
+        self.interrupts.load(interrupts)  # type: ignore[arg-type]
+        self.port.load(port)  # type: ignore[arg-type]
+        self.output.load(output)  # type: ignore[arg-type]
+        self.host_pins.load(pins)  # type: ignore[arg-type]
+        for axis, axis_state in zip(self.axes, axes, strict=True):  # type: ignore[call-overload]
+            axis.load(axis_state)
+        self._driven = [tuple(pair) for pair in driven]  # type: ignore[attr-defined]
+        for motor, motor_state in zip(self.motors, motors, strict=True):  # type: ignore[call-overload]
+            if motor is not None:
+                motor.load(motor_state)

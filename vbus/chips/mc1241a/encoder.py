@@ -1,0 +1,324 @@
+"""One axis's inputs: encoder counts, index, home, position capture, limit switches."""
+
+from typing import TYPE_CHECKING, Final
+
+from vbus.bits import wrap
+from vbus.chips.mc1241a.datasheet import (
+    AC,
+    CAPTURE_HOME,
+    CAPTURE_INDEX,
+    FILTER_CLK,
+    POSITION_BITS,
+    TWO_CHANNELS,
+)
+from vbus.chips.motion.quadrature import (
+    ALL_LOW,
+    COUNTED,
+    INDEX_FELL,
+    INDEX_INSIDE,
+    SHORT_DWELL,
+    SHORT_PULSE,
+    SKIPPED,
+    InputFilter,
+    Quadrature,
+)
+from vbus.kernel import NEVER
+from vbus.signals import HIGH, LOW, Pin, Plant, Switch, Watcher
+
+if TYPE_CHECKING:
+    from vbus.chips.mc1241a.chip import MC1241A
+
+FAR: Final = 1 << 62
+"""Beyond every count."""
+
+
+def falls_between(switch: Switch, start: int, end: int) -> tuple[bool, int]:
+    """Tell whether a switch's level falls on the way from ``start`` to ``end``, and where.
+
+    Returns:
+        ``(True, first count at which it is low)`` or ``(False, 0)``.
+    """
+    if switch.active == LOW:
+        return switch.closing_between(start, end)
+    for gap in (Switch(-FAR, switch.low), Switch(switch.high, FAR)):
+        found, count = gap.closing_between(start, end)
+        if found:
+            return True, count
+    return False, 0
+
+
+class Encoder:
+    """Position counter, capture register, home and limit inputs of one axis.
+
+    Counts come from the plant, or from the A and B pins once somebody drives one of them
+    (PMD-ENC-1). Home and limit levels come from the pins while they are driven, else from the
+    plant's switches ``home``, ``limit+`` and ``limit-``, else they rest.
+
+    Args:
+        chip: the chip set whose pins they are.
+        number: axis, 0-based.
+        source: axis whose plant turns this encoder.
+    """
+
+    def __init__(self, chip: "MC1241A", number: int, source: int) -> None:
+        n = number + 1
+        self._chip: MC1241A = chip
+        self._number: int = number
+        self._source: int = source
+        self._plant: Plant | None = None
+        self._mechanics: Plant | None = None
+        pins = chip.pins
+        self._a: Pin = pins[f"QuadA{n}"]
+        self._b: Pin = pins[f"QuadB{n}"]
+        self._index: Pin = pins[f"~Index{n}"]
+        self._home: Pin = pins[f"~Home{n}"]
+        self._positive: Pin = pins[f"PosLimit{n}"]
+        self._negative: Pin = pins[f"NegLimit{n}"]
+        dwell = chip.clock.span_up(FILTER_CLK)
+        self._decoder: Quadrature = Quadrature(
+            dwell, dwell, dwell_limit=AC["T2"].min_ps, pulse_limit=AC["T1"].min_ps
+        )
+        self._home_filter: InputFilter = InputFilter(dwell)
+        for pin in (self._a, self._b, self._index):
+            pin.net.watch(Watcher(chip.kernel, self._encoder_moved))
+        self._home.net.watch(Watcher(chip.kernel, self._home_moved))
+        limits = Watcher(chip.kernel, self._limit_moved)
+        self._positive.net.watch(limits)
+        self._negative.net.watch(limits)
+        self._wired: bool = False
+        self._home_wired: bool = False
+        self._levels: list[int] = [-1, -1]
+        self._seen: int = 0
+        self._mechanics_seen: int = 0
+        self.count: int = 0
+        """The hardware counter since the board was made; plain, never wraps."""
+        self.reset()
+
+    def reset(self) -> None:
+        """Position 0, no capture, source index, ready to capture (PMD-RST-2)."""
+        self._zero: int = self.count
+        self._read: int = self.count
+        self.counted: int = 0
+        """Actual position as of the last cycle, as if it did not wrap."""
+        self.actual: int = 0
+        """Actual position as of the last cycle (counts)."""
+        self.wrapped: bool = False
+        """Whether the actual position has wrapped in the last cycle."""
+        self._turn: int = 0
+        self._capture_source: int = CAPTURE_INDEX
+        self._armed: bool = True
+        self._captured: int = 0
+        self._fresh: bool = False
+
+    def attach(self, axis: int, plant: Plant) -> None:
+        """Axis ``axis`` has got its mechanics."""
+        if axis == self._source:
+            self._plant = plant
+            self._seen = plant.count
+        if axis == self._number:
+            self._mechanics = plant
+            self._mechanics_seen = plant.count
+
+    # -- counting -----------------------------------------------------------------------------
+
+    def follow(self, instant: int, fraction: float) -> None:
+        """Count up to ``instant``, which is ``fraction`` of the present slot away from its start.
+
+        Everything that happens by then is seen with the capture set-up as it is.
+        """
+        if not self._home_wired and self._mechanics is not None:
+            self._follow_home(self._mechanics, fraction)
+        if not self._wired and self._plant is not None:
+            self._follow_plant(self._plant, fraction)
+        self._settle(instant)
+
+    def _follow_plant(self, plant: Plant, fraction: float) -> None:
+        count = plant.count if fraction >= 1.0 else plant.count_at(fraction)
+        if count != self._seen:
+            if self._armed and self._capture_source == CAPTURE_INDEX:
+                found, at = plant.index_between(self._seen, count)
+                if found:
+                    self._capture(self.count + at - self._seen)
+            self.count += count - self._seen
+            self._seen = count
+
+    def _follow_home(self, plant: Plant, fraction: float) -> None:
+        count = plant.count if fraction >= 1.0 else plant.count_at(fraction)
+        if count == self._mechanics_seen:
+            return
+        switch = plant.switches.get("home")
+        if switch is not None and self._armed and self._capture_source == CAPTURE_HOME:
+            found, at = falls_between(switch, self._mechanics_seen, count)
+            if found:
+                self._capture(self._count_when(plant, at))
+        self._mechanics_seen = count
+
+    def _count_when(self, mechanics: Plant, at: int) -> int:
+        """Return the counter's value when the mechanics of this axis come to count ``at``."""
+        if self._plant is mechanics and not self._wired:
+            return self.count + at - self._seen
+        if self._plant is None or self._wired:
+            return self.count
+        return self.count + self._plant.count_at(mechanics.fraction_at(at)) - self._seen
+
+    def _settle(self, instant: int) -> None:
+        """Take what the driven pins have done by ``instant``, in its order."""
+        decoder, home = self._decoder, self._home_filter
+        while True:
+            quadrature, switch = decoder.due(), home.due()
+            if min(quadrature, switch) > instant:
+                return
+            if switch < quadrature:
+                home.take()
+                if home.level == LOW and self._armed and self._capture_source == CAPTURE_HOME:
+                    self._capture(self.count)
+                continue
+            found = decoder.settle(instant)
+            if found & COUNTED:
+                self.count += decoder.direction
+            if found & SKIPPED:
+                self._chip.report(TWO_CHANNELS, when=decoder.at)
+            # The index must have fallen before the later of A and B (PMD-CAP-1).
+            if found & (ALL_LOW | INDEX_FELL) == ALL_LOW:
+                if self._armed and self._capture_source == CAPTURE_INDEX:
+                    self._capture(self.count)
+
+    def read(self) -> int:
+        """Take the counter over at the start of a cycle; return the counts since the last."""
+        moved = self.count - self._read
+        self._read = self.count
+        self.counted = self.count - self._zero
+        turn = self.counted + (1 << POSITION_BITS - 1) >> POSITION_BITS
+        self.wrapped = turn != self._turn
+        self._turn = turn
+        self.actual = wrap(self.counted, POSITION_BITS)
+        return moved
+
+    def set_position(self, value: int) -> None:
+        """Make the present place ``value`` (SET_ACTL_POS)."""
+        self._zero = self.count - value
+        self.counted = self.actual = value
+        self._turn = 0
+
+    def resting(self) -> bool:
+        """Whether nothing that has happened at the inputs is still to be taken over."""
+        return (
+            self._read == self.count
+            and not self._fresh
+            and self._decoder.due() == NEVER
+            and self._home_filter.due() == NEVER
+        )
+
+    # -- capture ------------------------------------------------------------------------------
+
+    def _capture(self, count: int) -> None:
+        self._captured = wrap(count - self._zero, POSITION_BITS)
+        self._armed = False
+        self._fresh = True
+
+    def take_capture(self) -> bool:
+        """Tell once, in the cycle after it, that a capture has happened."""
+        fresh, self._fresh = self._fresh, False
+        return fresh
+
+    def set_source(self, source: int) -> None:
+        """Capture by index or home from now on; armed, the stored value stays (PMD-CAP-2)."""
+        self._capture_source = source
+        self._armed = True
+
+    def collect(self) -> int:
+        """Return the captured position and arm the register again (PMD-CAP-1)."""
+        self._armed = True
+        return self._captured
+
+    # -- levels -------------------------------------------------------------------------------
+
+    def home_level(self) -> int:
+        """Return the level of the home input."""
+        if self._home_wired:
+            return self._home_filter.level
+        return self._switch("home", HIGH)
+
+    def limit_levels(self) -> tuple[int, int]:
+        """Return the levels of the positive and the negative limit input."""
+        positive, negative = self._levels
+        return (
+            self._switch("limit+", LOW) if positive < 0 else positive,
+            self._switch("limit-", LOW) if negative < 0 else negative,
+        )
+
+    def _switch(self, name: str, rest: int) -> int:
+        if self._mechanics is None:
+            return rest
+        switch = self._mechanics.switches.get(name)
+        return rest if switch is None else switch.level(self._mechanics_seen)
+
+    # -- edges at the pins --------------------------------------------------------------------
+
+    def _encoder_moved(self) -> None:
+        """A, B or index has moved."""
+        chip = self._chip
+        chip.advance()
+        now = chip.kernel.now
+        self._settle(now)
+        if not self._wired and (self._a.net.driven or self._b.net.driven):
+            chip.follow_encoders()
+            self._wired = True
+        found = self._decoder.edge(now, self._a.value, self._b.value, self._index.value)
+        if found and chip.judged:
+            if found & SHORT_DWELL:
+                chip.report(AC.rules["T2"], self._decoder.dwell, AC["T2"].min_ps)
+            if found & SHORT_PULSE:
+                chip.report(AC.rules["T1"], self._decoder.pulse, AC["T1"].min_ps)
+            if found & INDEX_INSIDE:
+                chip.report(AC.rules["T3"], -1, AC["T3"].min_ps)
+        chip.rearm()
+
+    def _home_moved(self) -> None:
+        """~Home has moved."""
+        chip = self._chip
+        chip.advance()
+        chip.follow_encoders()
+        self._home_wired = self._home.net.driven
+        self._settle(chip.kernel.now)
+        self._home_filter.edge(chip.kernel.now, self._home.value)
+        chip.rearm()
+
+    def _limit_moved(self) -> None:
+        """A limit switch pin has moved."""
+        self._chip.advance()
+        for place, pin in enumerate((self._positive, self._negative)):
+            self._levels[place] = pin.value if pin.net.driven else -1
+        self._chip.rearm()
+
+    # -- state --------------------------------------------------------------------------------
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state, but for the plant's."""
+        return (
+            (
+                int(self._wired), int(self._home_wired), *self._levels, self._seen,
+                self._mechanics_seen, self.count, self._zero, self._read, self.counted,
+                self.actual, int(self.wrapped), self._turn, self._capture_source,
+                int(self._armed), self._captured, int(self._fresh),
+            ),
+            self._decoder.save(), self._home_filter.save(),
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        plain, decoder, home = state
+        (
+            wired, home_wired, positive, negative, self._seen,
+            self._mechanics_seen, self.count, self._zero, self._read, self.counted,
+            self.actual, wrapped, self._turn, self._capture_source,
+            armed, self._captured, fresh,
+        ) = plain  # type: ignore[misc]  # fmt: skip
+        self._wired = bool(wired)  # type: ignore[has-type]
+        self._home_wired = bool(home_wired)  # type: ignore[has-type]
+        self._levels = [positive, negative]  # type: ignore[has-type]
+        self.wrapped = bool(wrapped)  # type: ignore[has-type]
+        self._armed = bool(armed)  # type: ignore[has-type]
+        self._fresh = bool(fresh)  # type: ignore[has-type]
+        self._decoder.load(decoder)  # type: ignore[arg-type]
+        self._home_filter.load(home)  # type: ignore[arg-type]

@@ -1,0 +1,131 @@
+"""Microstep waveforms: from the angle and the motor command to two phase outputs."""
+
+from math import pi, sin
+from typing import Final
+
+FULL_SCALE: Final = 32_767
+"""Largest phase output and motor command."""
+STEPS: Final = 256
+"""Microsteps in an electrical cycle: four full steps of 64 (PMD-USTP-1)."""
+
+
+def _wave(lead: float) -> tuple[int, ...]:
+    """Return one electrical cycle of a sine that leads phase A by ``lead`` cycles."""
+    return tuple(round(FULL_SCALE * sin(2 * pi * (i / STEPS + lead))) for i in range(STEPS))
+
+
+PHASE_A: Final = _wave(0)
+PHASE_B: Final[dict[tuple[bool, bool], tuple[int, ...]]] = {
+    # (two phases, B leads A): a quarter or a third of a cycle apart (PMD-USTP-3).
+    (True, True): _wave(1 / 4),
+    (True, False): _wave(-1 / 4),
+    (False, True): _wave(1 / 3),
+    (False, False): _wave(-1 / 3),
+}
+
+
+def scaled(command: int, wave: int) -> int:
+    """Return ``command * wave / 32767`` rounded, halves away from zero (PMD-USTP-4)."""
+    product = command * wave
+    if product < 0:
+        return -((2 * -product + FULL_SCALE) // (2 * FULL_SCALE))
+    return (2 * product + FULL_SCALE) // (2 * FULL_SCALE)
+
+
+def dac_word(output: int) -> int:
+    """Return the DAC16 word of a phase output: offset binary (PMD-USTP-5)."""
+    return 32_768 + output
+
+
+def pwm_magnitude(output: int) -> int:
+    """Return how many of a frame's 256 clocks the magnitude pin is high (PMD-USTP-6)."""
+    return abs(output) + 64 >> 7
+
+
+class Microstepper:
+    """The look-ups of one axis: eight angles a cycle, two outputs each (PMD-USTP-2).
+
+    Args:
+        b_leads: phase B leads phase A.
+    """
+
+    def __init__(self, b_leads: bool) -> None:
+        self._b_leads: bool = b_leads
+        self.two_phase: bool = False
+        self._shift: int = 0
+        self._from: int = 0
+        self._moved: int = 0
+        self._held_slot: int = -1
+        self._held_a: int = 0
+        self._held_b: int = 0
+
+    def reset(self) -> None:
+        """Angle 0, three phases."""
+        self.two_phase = False
+        self._shift = 0
+        self._from = 0
+        self._moved = 0
+        self._held_slot = -1
+
+    def begin_cycle(self, start: int, moved: int) -> None:
+        """Spread a cycle's motion over its eight slots.
+
+        Args:
+            start: target position at the cycle's start (2^-32 usteps).
+            moved: what the profile generator adds to it in this cycle.
+        """
+        self._from = start + (self._shift << 32)
+        self._moved = moved
+
+    def renumber(self, before: int, after: int) -> None:
+        """The target changes its number from ``before`` to ``after`` (usteps) and the angle stays.
+
+        SET_ACTL_POS and SYNCH_PRFL give a position another name; no step is made (PMD-USTP-1).
+        """
+        self._shift = self._shift + before - after & (STEPS - 1)
+
+    def angle(self, slot: int) -> int:
+        """Return the place in the electrical cycle (0..255) of slot 1 to 8 of this cycle."""
+        return (8 * self._from + self._moved * slot >> 35) & (STEPS - 1)
+
+    def hold(self, slot_number: int, slot: int, command: int) -> None:
+        """Remember the present outputs until the next look-up: the command is about to change.
+
+        Args:
+            slot_number: number of the present slot since reset.
+            slot: the same inside its cycle, 1 to 8.
+            command: motor command of that look-up.
+        """
+        if self._held_slot != slot_number:
+            self._held_a, self._held_b = self._look_up(slot, command)
+            self._held_slot = slot_number
+
+    def outputs(self, slot_number: int, slot: int, command: int) -> tuple[int, int]:
+        """Return both phase outputs (-32767 to 32767) as looked up in a slot."""
+        if slot_number == self._held_slot:
+            return self._held_a, self._held_b
+        return self._look_up(slot, command)
+
+    def _look_up(self, slot: int, command: int) -> tuple[int, int]:
+        angle = self.angle(slot)
+        b = PHASE_B[self.two_phase, self._b_leads][angle]
+        return scaled(command, PHASE_A[angle]), scaled(command, b)
+
+    def still(self) -> bool:
+        """Whether every slot of this cycle has the same angle."""
+        return self._moved == 0
+
+    def save(self) -> tuple[int, ...]:
+        """Return the whole state."""
+        return (
+            int(self.two_phase), self._shift, self._from, self._moved,
+            self._held_slot, self._held_a, self._held_b,
+        )  # fmt: skip
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            two_phase, self._shift, self._from, self._moved,
+            self._held_slot, self._held_a, self._held_b,
+        ) = state  # fmt: skip
+        self.two_phase = bool(two_phase)

@@ -1,0 +1,143 @@
+"""Motor output pins: PWM frames and DAC words, made only while somebody looks at them."""
+
+from heapq import heappop, heappush
+from typing import TYPE_CHECKING, Final
+
+from vbus.chips.mc1241a.datasheet import FRAME_CLK, OUTPUT_DAC16, OUTPUT_PWM
+from vbus.chips.mc1241a.microstep import dac_word, pwm_magnitude
+from vbus.kernel import NEVER
+from vbus.signals import HIGH, LOW, Pin
+
+if TYPE_CHECKING:
+    from vbus.chips.mc1241a.chip import MC1241A
+
+PHASES: Final = ("1A", "1B", "2A", "2B")
+
+CLOCK_OUT_CLK: Final = 4
+"""ClkOut period; each DAC word takes one."""
+DAC_PINS: Final = ("I/OAddr0-3", "DAC16Addr0-1", "Data0-11", "DACLow0-3", "~I/OWrite", "DACSlct")
+ADDRESS_PS: Final = 25_000
+"""ClkOut low to address (T22: 10..40 ns)."""
+WRITE_PS: Final = 80_000
+"""ClkOut low to ~I/OWrite low and data valid (T23: 75..92 ns, T24: at most 92 ns)."""
+SELECT_PS: Final = 88_000
+"""ClkOut low to DACSlct (T26: 66 ns after the address, T27: 44.5 ns after ~I/OWrite)."""
+WRITTEN_PS: Final = 155_000
+"""ClkOut low to ~I/OWrite high (T20: 56..95 ns low)."""
+DAC_ADDRESS: Final = 15
+
+
+class Output:
+    """Edges on the PWM and DAC pins (PMD-USTP-5, PMD-USTP-6).
+
+    New PWM values are taken at the start of a frame; DAC words are written one after another at
+    each microstep look-up.
+
+    Args:
+        chip: the chip set whose pins they are.
+    """
+
+    def __init__(self, chip: "MC1241A") -> None:
+        self._chip: MC1241A = chip
+        self.heard: bool = False
+        self._positive_sign: int = HIGH if chip.settings["pwm_sign"] == "high" else LOW
+        names = [f"PWM{kind}{phase}" for phase in PHASES for kind in ("Mag", "Sign")]
+        self._pins: tuple[Pin, ...] = tuple(chip.pins[name] for name in (*names, *DAC_PINS))
+        self._queue: list[tuple[int, int, int, int]] = []
+        self._sequence: int = 0
+        self._frame: int = 0
+
+    def listen(self, next_clk: int) -> None:
+        """Somebody began or ceased to look at the pins.
+
+        Args:
+            next_clk: clocks since the count began, to find the next frame from.
+        """
+        heard = any(pin.net.heard for pin in self._pins)
+        if heard and not self.heard:
+            self._frame = max(0, -(-next_clk // FRAME_CLK))
+        if not heard:
+            self._queue = []
+        self.heard = heard
+
+    def reset(self) -> None:
+        """All outputs rest; frames are counted anew."""
+        self._frame = 0
+        self.rest()
+
+    def rest(self) -> None:
+        """Let every pin take its resting level: a reset, or a change of the output mode."""
+        self._queue = []
+        for pin in self._pins:
+            self._chip.put(pin, pin.net.rest)
+
+    def due(self) -> int:
+        """Return the instant of the next edge or frame (ps), NEVER if nobody looks."""
+        if not self.heard or self._chip.stopped():
+            return NEVER
+        due = self._queue[0][0] if self._queue else NEVER
+        if self._chip.shared.output_mode == OUTPUT_PWM:
+            frame = self._chip.ps_of(self._frame * FRAME_CLK)
+            return frame if frame < due else due
+        return due
+
+    def run(self, when: int) -> None:
+        """Do what is due at ``when``."""
+        while self._queue and self._queue[0][0] == when:
+            _, _, number, level = heappop(self._queue)
+            self._chip.put(self._pins[number], level)
+        if (
+            self._chip.shared.output_mode == OUTPUT_PWM
+            and self._chip.ps_of(self._frame * FRAME_CLK) == when
+        ):
+            self._begin_frame()
+
+    def _begin_frame(self) -> None:
+        chip = self._chip
+        start = self._frame * FRAME_CLK
+        self._frame += 1
+        for axis in range(len(chip.axes)):
+            for phase, output in enumerate(chip.phase_outputs(axis)):
+                number = 2 * (2 * axis + phase)
+                positive = output >= 0
+                sign = self._positive_sign if positive else 1 - self._positive_sign
+                chip.put(self._pins[number + 1], sign)
+                high = pwm_magnitude(output)
+                chip.put(self._pins[number], HIGH if high else LOW)
+                if 0 < high < FRAME_CLK:
+                    self._push(chip.ps_of(start + high), number, LOW)
+
+    def begin_slot(self, clk: int) -> None:
+        """A microstep look-up begins: write the DAC words (PMD-USTP-5)."""
+        chip = self._chip
+        if not self.heard or chip.shared.output_mode != OUTPUT_DAC16:
+            return
+        address, select, data, low, write, strobe = range(8, 14)
+        for axis in range(len(chip.axes)):
+            for phase, output in enumerate(chip.phase_outputs(axis)):
+                number = 2 * axis + phase
+                start = chip.ps_of(clk + number * CLOCK_OUT_CLK)
+                word = dac_word(output)
+                self._push(start + ADDRESS_PS, address, DAC_ADDRESS)
+                self._push(start + ADDRESS_PS, select, number)
+                self._push(start + WRITE_PS, data, word >> 4)
+                self._push(start + WRITE_PS, low, word & 15)
+                self._push(start + WRITE_PS, write, LOW)
+                self._push(start + SELECT_PS, strobe, HIGH)
+                self._push(start + WRITTEN_PS, strobe, LOW)
+                self._push(start + WRITTEN_PS, write, HIGH)
+        end = chip.ps_of(clk + 2 * len(chip.axes) * CLOCK_OUT_CLK)
+        self._push(end + ADDRESS_PS, address, 0)
+
+    def _push(self, when: int, number: int, level: int) -> None:
+        self._sequence += 1
+        heappush(self._queue, (when, self._sequence, number, level))
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state."""
+        return (self._frame, self._sequence, tuple(sorted(self._queue)))
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self._frame, self._sequence, queue = state  # type: ignore[assignment]
+        self._queue = list(queue)  # type: ignore[call-overload]

@@ -1,0 +1,237 @@
+"""The host port: HostRdy, words, packets, checksums."""
+
+from typing import TYPE_CHECKING, Final
+
+from vbus.chips.mc1241a.datasheet import (
+    ABORTED,
+    COMMANDS,
+    FAMILY_CODES,
+    ILLEGAL,
+    NOT_READY,
+    RESERVED,
+    RESERVED_CODE,
+    UNEXPECTED_READ,
+    UNEXPECTED_WRITE,
+)
+from vbus.chips.tables import Command
+from vbus.kernel import NEVER
+
+if TYPE_CHECKING:
+    from vbus.chips.mc1241a.chip import MC1241A
+
+NOTHING: Final = 0
+READY: Final = 1
+COMMAND: Final = 2
+WORD: Final = 3
+TAKEN: Final = 4
+
+
+class HostPort:
+    """Bytes in, bytes out; what they mean is decided at the end of the busy time (PMD-BUS-9).
+
+    Args:
+        chip: the chip set behind the port.
+    """
+
+    def __init__(self, chip: "MC1241A") -> None:
+        self._chip: MC1241A = chip
+        self._noop_codes: bool = chip.settings["family_codes"] == "noop"
+        self.busy_until: int = 0
+        """HostRdy rises at this instant (ps), NEVER if no end is in sight."""
+        self.busy_since: int = 0
+        self.last_driven: int = 0
+        self._pending: int = NOTHING
+        self._pending_value: int = 0
+        self._row: Command | None = None
+        self._code: int = 0
+        self._illegal: bool = False
+        self._writes: int = 0
+        self._reads: int = 0
+        self._given: int = 0
+        self._taken: int = 0
+        self._value: int = 0
+        self._result: int = 0
+        self._checksum: int = 0
+        self._high: int = 0
+        self._low_write_next: bool = False
+        self._low_read_next: bool = False
+        self._reading: bool = False
+
+    def reset(self, since: int, ready: int) -> None:
+        """Forget every packet and be busy from ``since`` to ``ready`` (ps)."""
+        self.busy_since = since
+        self.busy_until = ready
+        self._pending = READY
+        self._open(None, 0, 0)
+        self._code = 0
+        self._checksum = 0
+        self._reading = False
+        self.last_driven = 0
+
+    # -- from the bus -------------------------------------------------------------------------
+
+    def _ready(self) -> bool:
+        """Whether HostRdy is high; an access while it is low is lost (PMD-BUS-8)."""
+        now = self._chip.kernel.now
+        if now >= self.busy_until:
+            return True
+        self._chip.report(NOT_READY, now - self.busy_since, 0)
+        return False
+
+    def _go_busy(self, pending: int, value: int) -> None:
+        self._pending = pending
+        self._pending_value = value
+        self.busy_since = self._chip.kernel.now
+        self.busy_until = self._chip.busy_end()
+        self._chip.show_ready(False, self.busy_since)
+
+    def write_command(self, data: int) -> None:
+        """A byte was written with HostCmd high (PMD-BUS-2, PMD-BUS-6)."""
+        if not self._ready():
+            return
+        if self._given < self._writes:
+            self._chip.report(ABORTED, self._given, self._writes)  # PMD-BUS-10
+        self._open(None, 0, 0)
+        self._go_busy(COMMAND, data)
+
+    def write_data(self, data: int) -> None:
+        """A byte was written with HostCmd low: high byte first (PMD-BUS-5)."""
+        if not self._ready():
+            return
+        if not self._low_write_next:
+            self._high = data
+            self._low_write_next = True
+            return
+        self._low_write_next = False
+        if self._given >= self._writes and not self._illegal:
+            self._chip.report(UNEXPECTED_WRITE)  # PMD-BUS-11
+        self._go_busy(WORD, self._high << 8 | data)
+
+    def begin_read(self) -> int:
+        """A read of the data port begins; return the byte that is driven (PMD-BUS-3)."""
+        self._reading = self._ready()
+        if self._reading:
+            word = self._word()
+            self.last_driven = word & 0xFF if self._low_read_next else word >> 8
+        return self.last_driven
+
+    def end_read(self) -> int:
+        """The read ends: the byte pointer moves. Return the byte that was driven."""
+        if self._reading:
+            self._reading = False
+            self._low_read_next = not self._low_read_next
+            if not self._low_read_next:
+                self._go_busy(TAKEN, 0)
+        return self.last_driven
+
+    def cancel_read(self) -> None:
+        """The read under way does not count: the byte pointer stays (strict policy)."""
+        self._reading = False
+
+    def lose(self) -> None:
+        """The byte just written does not count after all; the busy time goes on (strict policy)."""
+        if self._pending in (COMMAND, WORD):
+            self._pending = READY
+        elif self._pending == NOTHING:
+            self._low_write_next = False
+
+    def _word(self) -> int:
+        """Return the word the host may read now."""
+        if self._illegal:
+            return 0
+        if self._given < self._writes:
+            if not self._low_read_next:
+                self._chip.report(UNEXPECTED_READ)  # PMD-BUS-11
+            return 0
+        if self._taken < self._reads:
+            return self._result >> 16 * (self._reads - 1 - self._taken) & 0xFFFF
+        return self._checksum
+
+    # -- at the end of the busy time ----------------------------------------------------------
+
+    def finish(self) -> None:
+        """The busy time is over: carry out what started it (PMD-BUS-9)."""
+        pending, value = self._pending, self._pending_value
+        self._pending = NOTHING
+        if pending == COMMAND:
+            self._begin_packet(value)
+        elif pending == WORD:
+            self._take_word(value)
+        elif pending == TAKEN and not self._illegal and self._given == self._writes:
+            if self._taken < self._reads:
+                word = self._result >> 16 * (self._reads - 1 - self._taken) & 0xFFFF
+                self._checksum = (self._checksum + word) & 0xFFFF
+                self._taken += 1
+
+    def _open(self, row: Command | None, writes: int, reads: int) -> None:
+        self._row = row
+        self._writes = writes
+        self._reads = reads
+        self._illegal = False
+        self._given = 0
+        self._taken = 0
+        self._value = 0
+        self._result = 0
+        self._low_write_next = False
+        self._low_read_next = False
+
+    def _begin_packet(self, code: int) -> None:
+        self._code = code
+        self._checksum = code
+        row = COMMANDS.by_code(code)
+        if row is not None:
+            self._open(row, row.write, row.read)
+            if not row.write:
+                self._result = self._chip.commands.execute(row, 0)
+            return
+        if code == RESERVED_CODE:
+            self._open(None, 0, 0)  # PMD-PKT-5
+            self._chip.report(RESERVED, code)
+            return
+        family = FAMILY_CODES.get(code)
+        if family is not None and self._noop_codes:
+            self._open(None, family[1], family[2])  # PMD-PKT-6
+            return
+        self._open(None, 0, 0)
+        self._illegal = True  # PMD-PKT-4
+        self._checksum = 0
+        self._chip.report(ILLEGAL, code, detail=f"{code:02X}H is not a command of this chip set")
+
+    def _take_word(self, word: int) -> None:
+        if self._illegal or self._given >= self._writes:
+            return
+        self._given += 1
+        self._value = self._value << 16 | word
+        self._checksum = (self._checksum + word) & 0xFFFF
+        if self._given == self._writes and self._row is not None:
+            self._result = self._chip.commands.execute(self._row, self._value)
+
+    # -- state --------------------------------------------------------------------------------
+
+    def due(self) -> int:
+        """Return the instant at which :meth:`finish` is due, NEVER if nothing is pending."""
+        return self.busy_until if self._pending != NOTHING else NEVER
+
+    def save(self) -> tuple[int, ...]:
+        """Return the whole state."""
+        return (
+            self.busy_until, self.busy_since, self.last_driven, self._pending,
+            self._pending_value, self._code, int(self._row is not None), int(self._illegal),
+            self._writes, self._reads, self._given, self._taken, self._value, self._result,
+            self._checksum, self._high, int(self._low_write_next), int(self._low_read_next),
+            int(self._reading),
+        )  # fmt: skip
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self.busy_until, self.busy_since, self.last_driven, self._pending,
+            self._pending_value, self._code, row, illegal,
+            self._writes, self._reads, self._given, self._taken, self._value, self._result,
+            self._checksum, self._high, low_write, low_read, reading,
+        ) = state  # fmt: skip
+        self._row = COMMANDS.by_code(self._code) if row else None
+        self._illegal = bool(illegal)
+        self._low_write_next = bool(low_write)
+        self._low_read_next = bool(low_read)
+        self._reading = bool(reading)

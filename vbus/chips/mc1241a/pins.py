@@ -1,0 +1,234 @@
+"""The host bus as pins: strobes to bus cycles, and the AC limits of the manual."""
+
+from typing import TYPE_CHECKING, Final
+
+from vbus.chips.mc1241a.datasheet import (
+    AC,
+    BOTH_STROBES,
+    COMMAND_PORT,
+    DATA_PORT,
+    READ_COMMAND,
+)
+from vbus.signals import LOW, Net, Watcher
+
+if TYPE_CHECKING:
+    from vbus.chips.mc1241a.chip import MC1241A
+
+LONG_AGO: Final = -1_000_000_000_000
+"""An instant from which every interval is long enough."""
+
+
+class HostPins:
+    """~HostSlct, ~HostWrite, ~HostRead, HostCmd and D0-D7 (PMD-BUS-1 to PMD-BUS-4).
+
+    A write is latched, and a read ends, at the trailing edge of select and strobe together, with
+    the levels before that edge.
+
+    Args:
+        chip: the chip set.
+    """
+
+    def __init__(self, chip: "MC1241A") -> None:
+        self._chip: MC1241A = chip
+        self._select: Net = chip.pins["~HostSlct"].net
+        self._write: Net = chip.pins["~HostWrite"].net
+        self._read: Net = chip.pins["~HostRead"].net
+        self._command: Net = chip.pins["HostCmd"].net
+        watcher = Watcher(chip.kernel, self._control_moved)
+        for name in ("~HostSlct", "~HostWrite", "~HostRead", "HostCmd"):
+            chip.pins[name].net.watch(watcher)
+        # The data bus moves by itself only in answer to strobes: being heard there needs no timer.
+        chip.data_pin.on_heard = None
+        chip.bus_net.watch(Watcher(chip.kernel, self._data_moved))
+        chip.pins["~Reset"].net.watch(Watcher(chip.kernel, self._reset_moved))
+        self._driving: bool = False
+        self._clashed: bool = False
+        self._last_was_write: bool = False
+        self._select_fell: int = LONG_AGO
+        self._write_fell: int = LONG_AGO
+        self._read_fell: int = LONG_AGO
+        self._strobe_ended: int = LONG_AGO
+        self._write_ended: int = LONG_AGO
+        self._read_ended: int = LONG_AGO
+        self._reset_fell: int = LONG_AGO
+
+    def find_nets(self) -> None:
+        """Look the nets up again: a board solders pins to other nets before time starts."""
+        pins = self._chip.pins
+        self._select = pins["~HostSlct"].net
+        self._write = pins["~HostWrite"].net
+        self._read = pins["~HostRead"].net
+        self._command = pins["HostCmd"].net
+
+    # -- edges --------------------------------------------------------------------------------
+
+    def _control_moved(self) -> None:
+        """One or more control lines have moved at this instant."""
+        self.find_nets()
+        now = self._chip.kernel.now
+        select, write, read = self._select.value, self._write.value, self._read.value
+        was_selected = self._select.before == LOW
+        was_writing = was_selected and self._write.before == LOW
+        was_reading = was_selected and self._read.before == LOW
+        if was_writing and (select or write):
+            self._end_write(now)
+        if was_reading and (select or read):
+            self._end_read(now)
+        if self._command.before != self._command.value:
+            self._after_strobe("T9", now - self._strobe_ended)
+        if was_selected and select:
+            self._released(now)
+        if not was_selected and not select:
+            self._select_fell = now
+        if self._write.before and not write:
+            self._write_fell = now
+        if self._read.before and not read:
+            self._read_fell = now
+        if not select and not write and not read:
+            self._clash()
+        elif not select and not read and not self._command.value and not self._driving:
+            self._begin_read(now)
+
+    def _end_write(self, now: int) -> None:
+        chip = self._chip
+        lost = False
+        if chip.judged:
+            begun = max(self._write_fell, self._select_fell)
+            lost = self._too_short("T14", now - self._write_fell)
+            lost |= self._too_short("T7w", self._write_fell - self._select_fell)
+            lost |= self._too_short("T8w", self._write_fell - self._command_changed())
+            lost |= self._too_short("T15", now - self._data_changed(now))
+            lost |= self._too_short("T18", self._write_fell - self._write_ended)
+            lost |= self._seen_too_early(begun)
+        self._strobe_ended = self._write_ended = now
+        self._last_was_write = True
+        if not lost:
+            address = COMMAND_PORT if self._command.before else DATA_PORT
+            chip.write(address, chip.bus_net.before)
+        if chip.bus_net.before != chip.bus_net.value:
+            self._after_strobe("T16", 0)
+
+    def _begin_read(self, now: int) -> None:
+        chip = self._chip
+        if chip.judged:
+            lost = self._too_short("T7r", self._read_fell - self._select_fell)
+            lost |= self._too_short("T8r", self._read_fell - self._command_changed())
+            lost |= self._too_short("T17", self._read_fell - self._read_ended)
+            lost |= self._seen_too_early(self._read_fell)
+            if lost:
+                return
+        self._driving = True
+        chip.begin_read(DATA_PORT)
+        chip.data_pin.drive(chip.port.last_driven)
+
+    def _end_read(self, now: int) -> None:
+        chip = self._chip
+        self._strobe_ended = self._read_ended = now
+        self._last_was_write = False
+        clashed, self._clashed = self._clashed, False
+        if self._driving:
+            self._driving = False
+            if chip.judged and self._too_short("T10", now - self._read_fell):
+                chip.port.cancel_read()
+            chip.end_read()
+            chip.data_pin.release()
+        elif self._command.before and not clashed:
+            chip.report(READ_COMMAND)  # PMD-BUS-4
+
+    def _clash(self) -> None:
+        """Both strobes are low: the host's byte counts, nothing is read."""
+        if not self._clashed:
+            self._clashed = True
+            self._chip.report(BOTH_STROBES)
+        if self._driving:
+            self._driving = False
+            self._chip.port.cancel_read()
+            self._chip.data_pin.release()
+
+    def _released(self, now: int) -> None:
+        """~HostSlct has risen (T6)."""
+        chip = self._chip
+        held = now - self._strobe_ended
+        self._after_strobe("T6", held)
+        limit = AC["T6"].max_ps
+        busy = chip.port.busy_since == self._strobe_ended
+        if chip.judged and busy and held > limit:
+            chip.report(AC.rules["T6"], held, limit)
+
+    def _data_moved(self) -> None:
+        chip = self._chip
+        if not chip.judged or self._driving:
+            return
+        now = chip.kernel.now
+        if now > self._write_ended:
+            self._after_strobe("T16", now - self._write_ended)
+        if chip.bus_net.driven:
+            self._too_short("T12", now - self._read_ended)
+
+    def _reset_moved(self) -> None:
+        """~Reset has moved: it takes hold after T-reset, and is over when it rises."""
+        chip = self._chip
+        now = chip.kernel.now
+        chip.advance()
+        if chip.pins["~Reset"].value == LOW:
+            self._reset_fell = now
+            chip.hold_reset(now + AC["reset"].min_ps)
+            return
+        lost = False
+        if chip.judged:
+            lost = self._too_short("reset", now - self._reset_fell)
+            if chip.settings["cold_start"]:
+                self._too_short("power", now)
+        chip.release_reset(lost)
+
+    # -- limits -------------------------------------------------------------------------------
+
+    def _command_changed(self) -> int:
+        net = self._command
+        return LONG_AGO if net.before != net.value else net.changed_at
+
+    def _data_changed(self, now: int) -> int:
+        net = self._chip.bus_net
+        return net.changed_at if net.changed_at < now or net.before == net.value else LONG_AGO
+
+    def _too_short(self, symbol: str, measured: int) -> bool:
+        """Judge an interval; tell whether the cycle is to be lost."""
+        limit = AC[symbol].min_ps
+        if measured >= limit:
+            return False
+        return self._chip.report(AC.rules[symbol], measured, limit)
+
+    def _seen_too_early(self, begun: int) -> bool:
+        """Whether the host took HostRdy for high while it was still falling (T13)."""
+        since = self._chip.port.busy_since
+        if begun >= since and self._chip.port.busy_until > begun:
+            return self._too_short("T13", begun - since)
+        return False
+
+    def _after_strobe(self, symbol: str, held: int) -> None:
+        """Judge a hold time; what was latched too soon released is lost again (strict)."""
+        chip = self._chip
+        if chip.judged and self._too_short(symbol, held) and self._last_was_write:
+            chip.port.lose()
+            chip.rearm()
+
+    # -- state --------------------------------------------------------------------------------
+
+    def save(self) -> tuple[int, ...]:
+        """Return the whole state."""
+        return (
+            int(self._driving), int(self._clashed), int(self._last_was_write),
+            self._select_fell, self._write_fell, self._read_fell, self._strobe_ended,
+            self._write_ended, self._read_ended, self._reset_fell,
+        )  # fmt: skip
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            driving, clashed, last_was_write,
+            self._select_fell, self._write_fell, self._read_fell, self._strobe_ended,
+            self._write_ended, self._read_ended, self._reset_fell,
+        ) = state  # fmt: skip
+        self._driving = bool(driving)
+        self._clashed = bool(clashed)
+        self._last_was_write = bool(last_was_write)

@@ -1,0 +1,283 @@
+"""The profile generator of one axis: trapezoid, velocity contouring, S-curve and gear."""
+
+from typing import Final
+
+from vbus.bits import wrap
+from vbus.chips.mc1241a.datasheet import (
+    ACCELERATION_BITS,
+    GEAR,
+    MAGNITUDE_BITS,
+    MOTION_COMPLETE,
+    POSITION_BITS,
+    S_CURVE,
+    TRAPEZOIDAL,
+    VELOCITY,
+    WRAP,
+)
+from vbus.chips.mc1241a.parameters import Registers
+from vbus.chips.motion.ramp import toward
+from vbus.chips.motion.scurve import SCurve
+from vbus.chips.motion.trapezoid import arrived, next_velocity
+
+DONE: Final = 0
+"""Nothing to do: before the first move, or after one has ended by itself."""
+RUNNING: Final = 1
+HALTED: Final = 2
+"""Stopped by STOP, a limit switch or the motor's being off: waits for an update, also in gear."""
+
+MAGNITUDE_MASK: Final = (1 << MAGNITUDE_BITS) - 1
+WORD_BITS: Final = POSITION_BITS + 32
+"""A position with its 32 fraction bits (PMD-TRJ-1)."""
+
+
+class Profile:
+    """Target position and velocity, and the mode that moves them once a cycle.
+
+    Positions have 32 fraction bits (PMD-TRJ-1); trapezoid, velocity contouring and gear use the
+    upper 16 of them.
+    """
+
+    def __init__(self) -> None:
+        self._curve: SCurve = SCurve()
+        self.reset()
+
+    def reset(self) -> None:
+        """Position 0, trapezoidal, at rest."""
+        self.mode: int = TRAPEZOIDAL
+        self.position: int = 0
+        """Target position (2^-32 usteps), wrapped."""
+        self.velocity: int = 0
+        """Target velocity (2^-32 usteps/cycle)."""
+        self.moved: int = 0
+        """Way of the last cycle (2^-32 usteps)."""
+        self._state: int = DONE
+        self._smooth: bool = False
+        self._destination: int = 0
+        self._turns: int = 0
+        self._sign: int = 1
+        self._start: int = 0
+        self._clear_curve()
+
+    def _clear_curve(self) -> None:
+        self._curve.plan(0, 0, 0, 0)
+
+    # -- what others ask ----------------------------------------------------------------------
+
+    def target(self) -> int:
+        """Return the target position (usteps): the integer part."""
+        return self.position >> 32
+
+    def travelled(self) -> int:
+        """Return the target position as if it did not wrap, for the comparison with an encoder."""
+        return self.target() + (self._turns << POSITION_BITS)
+
+    def phase(self) -> int:
+        """Return the S-curve phase, 1 to 7, or 0 at rest (PMD-STA-5)."""
+        return self._curve.phase if self._state == RUNNING else 0
+
+    def in_motion(self) -> bool:
+        """Whether the trajectory is in motion (PMD-TRJ-8, PMD-STA-3)."""
+        if self.mode == GEAR:
+            return False
+        if self.mode == VELOCITY:
+            return self.velocity != 0
+        return self._state == RUNNING or self.velocity != 0
+
+    def resting(self, active: Registers) -> bool:
+        """Whether further cycles with the same registers and a resting encoder change nothing."""
+        if self.velocity != 0:
+            return False
+        if self._state != RUNNING or self.mode == GEAR:
+            return True
+        return self.mode == VELOCITY and (active.velocity == 0 or active.acceleration == 0)
+
+    # -- what commands and updates do ---------------------------------------------------------
+
+    def set_mode(self, mode: int) -> bool:
+        """Change the mode; tell whether the axis should have been at rest (PMD-TRJ-13)."""
+        if mode == self.mode:
+            return False
+        moving = self.velocity != 0
+        rude = moving and mode in (TRAPEZOIDAL, S_CURVE)
+        self.mode = mode
+        self._clear_curve()
+        if mode == S_CURVE:
+            self.velocity = 0
+            moving = False
+        if self._state != HALTED:
+            self._state = RUNNING if moving else DONE
+        return rude
+
+    def set_target(self, position: int) -> None:
+        """Give the target another number (usteps) without a step; the velocity stays.
+
+        A running S-curve still ends on its destination if it can, else as far away as planned.
+        """
+        before = self.position
+        self.position = position << 32
+        self._turns = 0
+        if self.mode == S_CURVE and self._state == RUNNING:
+            self._start += self.position - before
+            self._retarget(self._destination)
+
+    def halt(self) -> None:
+        """Stop at once; wait for the next update (PMD-TRJ-9)."""
+        self.velocity = 0
+        self._state = HALTED
+        self._smooth = False
+        self._destination = self.target()
+        self._clear_curve()
+
+    def smooth_stop(self) -> bool:
+        """Begin to decelerate; tell whether this mode can (PMD-TRJ-10)."""
+        if self.mode == GEAR:
+            return False
+        if self.mode == S_CURVE:
+            self._curve.stop()
+        self._smooth = True
+        self._state = RUNNING
+        return True
+
+    def start(self, active: Registers, given: bool) -> None:
+        """Go on after an update, toward the active destination.
+
+        Args:
+            active: the active registers.
+            given: a destination was given, be it the present position (PMD-TRJ-12).
+        """
+        if self.mode in (VELOCITY, GEAR):
+            self._smooth = False
+            self._state = RUNNING
+            return
+        if self.mode == S_CURVE and self._state == RUNNING:
+            if active.position != self._destination and self._retarget(active.position):
+                self._destination = active.position
+            return
+        self._smooth = False
+        self._destination = active.position
+        way = (active.position << 32) - self.position
+        if way == 0 and self.velocity == 0 and not given:
+            self._state = DONE
+            return
+        self._state = RUNNING
+        if self.mode == S_CURVE:
+            self._sign = -1 if way < 0 else 1
+            self._start = self.position
+            self._curve.plan(
+                abs(way), active.velocity << 16, active.max_acceleration << 16, active.jerk
+            )
+
+    def _retarget(self, destination: int) -> bool:
+        """Stretch or cut a running S-curve to end elsewhere, if that can be (PMD-TRJ-5)."""
+        return self._curve.retarget(((destination << 32) - self._start) * self._sign)
+
+    # -- once a cycle -------------------------------------------------------------------------
+
+    def step(self, active: Registers, start_velocity: int, counts: int) -> int:
+        """Run one cycle; return the status events it caused.
+
+        Args:
+            active: the active registers.
+            start_velocity: in 1/65536 usteps/cycle.
+            counts: how far the encoder has moved since the last cycle.
+        """
+        self.moved = 0
+        if self.mode == GEAR:
+            if self._state != HALTED:
+                self._follow(counts * active.ratio)
+            return self._advance()
+        if self._state != RUNNING:
+            return 0
+        if self.mode == TRAPEZOIDAL:
+            done = self._trapezoid(active, start_velocity)
+        elif self.mode == VELOCITY:
+            done = self._contour(active, start_velocity)
+        else:
+            done = self._s_curve()
+        events = self._advance()
+        return events | MOTION_COMPLETE if done else events
+
+    def _follow(self, way: int) -> None:
+        """Gear: the encoder's way times the ratio, fraction carried (PMD-TRJ-7)."""
+        self.velocity = way << 16
+        self.moved = way << 16
+
+    def _trapezoid(self, active: Registers, start_velocity: int) -> bool:
+        """PMD-TRJ-2, in 1/65536 usteps: finer fractions left by an S-curve are dropped."""
+        acceleration = active.acceleration & MAGNITUDE_MASK
+        if self._smooth:
+            return self._slow_down(acceleration, start_velocity)
+        position = self.position >> 16
+        remaining = (self._destination << 16) - position
+        velocity = next_velocity(
+            remaining, self.velocity >> 16, active.velocity, acceleration, start_velocity
+        )
+        self.moved = (position + velocity << 16) - self.position
+        if arrived(remaining - velocity, velocity, acceleration, start_velocity):
+            self.velocity = 0
+            self._state = DONE
+            return True
+        self.velocity = velocity << 16
+        return False
+
+    def _contour(self, active: Registers, start_velocity: int) -> bool:
+        """PMD-TRJ-6: toward +V or -V, as the acceleration's sign says."""
+        acceleration = wrap(active.acceleration, ACCELERATION_BITS)
+        if self._smooth:
+            return self._slow_down(abs(acceleration), start_velocity)
+        before = self.velocity >> 16
+        goal = active.velocity if acceleration >= 0 else -active.velocity
+        velocity = toward(before, goal, abs(acceleration), start_velocity)
+        self.velocity = velocity << 16
+        self.moved = (self.position >> 16 << 16) - self.position + self.velocity
+        return velocity == 0 and before != 0 and goal == 0
+
+    def _slow_down(self, acceleration: int, start_velocity: int) -> bool:
+        """Smooth stop: linear, at once without an acceleration (PMD-TRJ-10, NOTES 8)."""
+        velocity = toward(self.velocity >> 16, 0, acceleration, start_velocity)
+        if acceleration == 0:
+            velocity = 0
+        self.velocity = velocity << 16
+        self.moved = (self.position >> 16 << 16) - self.position + self.velocity
+        return velocity == 0 and self._stopped()
+
+    def _stopped(self) -> bool:
+        self._smooth = False
+        self._state = DONE
+        self._destination = self.target()
+        return True
+
+    def _s_curve(self) -> bool:
+        """PMD-TRJ-4: the plan decides; its last step ends on the destination."""
+        curve = self._curve
+        before = curve.offset
+        self.moved = (curve.step() - before) * self._sign
+        self.velocity = curve.velocity * self._sign
+        return curve.done and self._stopped()
+
+    def _advance(self) -> int:
+        """Move the target; it goes on at the other end of its range (PMD-TRJ-1)."""
+        position = self.position + self.moved
+        self.position = wrap(position, WORD_BITS)
+        if position == self.position:
+            return 0
+        self._turns += (position - self.position) >> WORD_BITS
+        return WRAP
+
+    # -- state --------------------------------------------------------------------------------
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state."""
+        return (
+            self.mode, self.position, self.velocity, self.moved, self._state, int(self._smooth),
+            self._destination, self._turns, self._sign, self._start, self._curve.save(),
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self.mode, self.position, self.velocity, self.moved, self._state, smooth,
+            self._destination, self._turns, self._sign, self._start, curve,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        self._smooth = bool(smooth)
+        self._curve.load(curve)  # type: ignore[arg-type]
