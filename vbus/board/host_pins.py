@@ -49,7 +49,7 @@ class HostPins:
                     self.lines.append(pin)
                     continue
                 self.sides.append(pin)
-                if row.direction != "in":
+                if row.direction != "in" and not row.wave:
                     self.outputs.append(pin)
 
     def line_names(self) -> list[str]:

@@ -35,6 +35,8 @@ class StrobePlayer:
             chip.judged = False
             for offset, name, level in chip.strobes(write, address, data):
                 steps.append((offset, len(steps), pins.of(chip.pins[name]), level))
+        if not steps:
+            return self._answer(chips, write, address, data, when)
         steps.sort(key=_offset_and_order)
         value = 0
         latched = False
@@ -57,6 +59,19 @@ class StrobePlayer:
         kernel.settle()
         if self._tail and self._timer.due == NEVER:
             self._timer.at(self._tail[0][0])
+        return value
+
+    def _answer(self, chips: list[Chip], write: bool, address: int, data: int, when: int) -> int:
+        """Run a cycle that an adapter answers by itself: it moves no strobe of the chips."""
+        self._kernel.run_until(when)
+        value = 0
+        for chip in chips:
+            if write:
+                chip.write(address, data)
+            else:
+                chip.begin_read(address)
+                value = chip.end_read()
+        self._kernel.settle()
         return value
 
     def flush(self) -> None:

@@ -17,6 +17,7 @@ class PinRow:
         width: wires in the bundle (8 for D0-D7).
         strobe: a control line of the host bus, numbered for the LINES request.
         select: the chip's own select line, which a shared bus does not join.
+        wave: an output that carries a waveform (PWM), too fast to be one of a session's lines.
         title: what it is for.
     """
 
@@ -27,6 +28,7 @@ class PinRow:
     strobe: bool = False
     title: str = ""
     select: bool = False
+    wave: bool = False
 
     @property
     def shared(self) -> bool:
