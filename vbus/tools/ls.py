@@ -37,7 +37,9 @@ def _lines(board: dict[str, Any]) -> list[str]:
         return [f"{board['board']}: {board['error']}"]
     from vbus.board.units import show
 
-    time = board["policy"] if board["policy"] != "realtime" else f"realtime x{board['rate']}"
+    time = (
+        board["policy"] if board["policy"] != "realtime" else f"realtime x{_plain(board['rate'])}"
+    )
     lines = [
         f"{board['board']}: process {board['pid']}, {time}, chip time {_seconds(board['time_ps'])},"
         f" lag {_seconds(board['lag_ps'])} (worst {_seconds(board['worst_lag_ps'])}),"
@@ -57,3 +59,7 @@ def _seconds(ps: int) -> str:
     if ps >= 10**12:
         return f"{ps / 1e12:.3f} s"
     return f"{ps / 1e9:.3f} ms"
+
+
+def _plain(rate: float | str) -> str:
+    return rate if isinstance(rate, str) else f"{rate:g}"
