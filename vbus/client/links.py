@@ -100,7 +100,9 @@ def open_link(where: str) -> Link:
         return Link(f"{kind}:{rest}", opener[kind](rest))
     except (OSError, termios.error) as error:
         reason = error.args[1] if len(error.args) > 1 else str(error)
-        if error.args[:1] == (errno.ENOENT,):
+        if "$" in rest:
+            reason = "an environment variable in it is not set; vbus ls shows the link in full"
+        elif error.args[:1] == (errno.ENOENT,):
             reason = "no such name; is the board running? (vbus ls)"
         elif error.args[:1] == (errno.ECONNREFUSED,):
             reason = "nobody listens there; is the board running? (vbus ls)"

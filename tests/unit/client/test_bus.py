@@ -238,6 +238,10 @@ def test_a_board_that_never_answers_is_not_connected_to(pty_served: Served) -> N
     [
         ("pty:{}/none", "no such name; is the board running? (vbus ls)"),
         ("unix:{}/none", "no such name; is the board running? (vbus ls)"),
+        (
+            "pty:$VBUS_TEST_UNSET/x",
+            "an environment variable in it is not set; vbus ls shows the link in full",
+        ),
         ("{}/plain", "not a PTY"),
         ("unix:{}/plain", "nobody listens there; is the board running? (vbus ls)"),
         ("serial:{}/none", ""),

@@ -33,10 +33,16 @@ def formatted(text: str, name: str) -> str:
     return text
 
 
-def docstring(summary: str, details: Iterable[str] = (), indent: int = 8) -> list[str]:
-    """Return the lines of a docstring, quotes included, indented."""
+def docstring(summary: str, paragraphs: Iterable[str] = (), indent: int = 8) -> list[str]:
+    """Return the lines of a docstring, quotes included, indented.
+
+    Paragraphs are separated by empty lines and may have several lines; empty ones are left out.
+    """
     space = " " * indent
-    rest = [line for line in details if line]
+    rest = [paragraph for paragraph in paragraphs if paragraph]
     if not rest:
         return [f'{space}"""{summary}"""']
-    return [f'{space}"""{summary}', "", *(f"{space}{line}" for line in rest), f'{space}"""']
+    lines = [f'{space}"""{summary}']
+    for paragraph in rest:
+        lines += ["", *(f"{space}{line}" for line in paragraph.splitlines())]
+    return [*lines, f'{space}"""']

@@ -1,5 +1,7 @@
 """LM628/LM629: one method for each row of the command table."""
 
+from collections.abc import Mapping
+
 from vbus.chips.tables import Command, CommandTable
 from vbus.tools.generate.layout import docstring, formatted
 
@@ -19,15 +21,15 @@ class Lm628Commands(Lm628Packets):
 '''
 
 
-def commands(table: CommandTable) -> str:
-    """Return the source of the asyncio command calls."""
+def commands(table: CommandTable, notes: Mapping[str, str]) -> str:
+    """Return the source of the asyncio command calls; ``notes`` are the table's footnotes."""
     lines = [_HEAD]
     for row in table:
-        lines += [*_method(row), ""]
+        lines += [*_method(row, notes.get(row.note, "")), ""]
     return formatted("\n".join(lines), "vbus/client/aio/lm628_commands.py")
 
 
-def _method(row: Command) -> list[str]:
+def _method(row: Command, note: str) -> list[str]:
     name = row.name.lower()
     code = f"0x{row.code:02X}"
     title = f"{row.title[:1].upper()}{row.title[1:]} ({row.name}, {row.code:02X}H, {row.clause})."
@@ -35,28 +37,33 @@ def _method(row: Command) -> list[str]:
         value = f"await self.query({code}, {row.read})"
         return [
             f"    async def {name}(self) -> int:",
-            *docstring(title, [_returns(row)]),
+            *docstring(title, [note, _returns(row)]),
             f"        return sign_extend({value}, {16 * row.read})" if row.signed
             else f"        return {value}",
         ]  # fmt: skip
     if row.up_to > row.write:
+        most = row.up_to - row.write
+        arguments = (
+            "Args:\n"
+            "    control: the control word, which says what follows.\n"
+            f"    words: 0 to {most} data words."
+        )
         return [
             f"    async def {name}(self, control: int, *words: int) -> None:",
-            *docstring(title, ["Args:", "    control: the control word, which says what follows.",
-                               f"    words: 0 to {row.up_to - row.write} data words."]),
+            *docstring(title, [note, arguments]),
             f"        await self.command({code}, control, *words)",
-        ]  # fmt: skip
+        ]
     if row.write:
-        bits = 16 * row.write
         words = "value" if row.write == 1 else "*words_of(value)"
+        arguments = f"Args:\n    value: {16 * row.write} bits, {_sense(row)}."
         return [
             f"    async def {name}(self, value: int) -> None:",
-            *docstring(title, ["Args:", f"    value: {bits} bits, {_sense(row)}."]),
+            *docstring(title, [note, arguments]),
             f"        await self.command({code}, {words})",
         ]
     return [
         f"    async def {name}(self) -> None:",
-        *docstring(title),
+        *docstring(title, [note]),
         f"        await self.command({code})",
     ]
 
@@ -72,6 +79,6 @@ def _sense(row: Command) -> str:
 
 def from_datasheet() -> str:
     """Return the calls for the command table of the chip's own datasheet."""
-    from vbus.chips.lm628.datasheet import COMMANDS
+    from vbus.chips.lm628.datasheet import COMMANDS, NOTES
 
-    return commands(COMMANDS)
+    return commands(COMMANDS, NOTES)

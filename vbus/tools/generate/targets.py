@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from vbus.tools.generate import documents, lm628
+from vbus.tools.generate import board_file, documents, lm628
 from vbus.tools.generate.layout import ROOT
 from vbus.tools.generate.twins import blocking
 
@@ -20,6 +20,7 @@ FAMILIES: Final[list[Target]] = [
 """Calls made from the tables of each chip family; add a family here."""
 
 DOCUMENTS: Final[list[Target]] = [
+    ("docs/board-file.md", board_file.board_file),
     ("docs/byte-protocol.md", documents.byte_protocol),
     ("docs/text-protocol.md", documents.text_protocol),
 ]

@@ -1,0 +1,300 @@
+"""The LM628's calls: packets word by word, and the calls made from the command table."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.unit.client.served import Served
+from tests.unit.fake_port import FakePort
+from vbus.chips.lm628.datasheet import COMMANDS
+from vbus.chips.tables import Command, CommandTable
+from vbus.client import Bus, connect
+from vbus.client.lm628 import Lm628
+from vbus.client.lm628_commands import Lm628Commands
+from vbus.errors import NotReadyError
+from vbus.tools.generate.lm628 import commands
+from vbus.tools.generate.targets import FAMILIES, stale
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[Served]:
+    with Served("unix", tmp_path) as board:
+        board.port.answers = {0: [0x00]}
+        yield board
+
+
+@pytest.fixture
+def bus(board: Served) -> Iterator[Bus]:
+    with connect(board.where) as bus:
+        yield bus
+
+
+@pytest.fixture(params=["poll", "wait"])
+def axis(request: pytest.FixtureRequest, bus: Bus) -> Lm628:
+    return Lm628(bus, "x", ready=request.param)
+
+
+def packet(port: FakePort) -> list[tuple[object, ...]]:
+    """Return the writes and data reads so far."""
+    return [call for call in port.calls if call[0] == "write" or call == ("read", 1)]
+
+
+def command(code: int, *words: int) -> list[tuple[object, ...]]:
+    calls: list[tuple[object, ...]] = [("write", 0, code)]
+    for word in words:
+        calls += [("write", 1, word >> 8), ("write", 1, word & 0xFF)]
+    return calls
+
+
+def test_every_command_has_a_call_and_every_call_a_command() -> None:
+    calls = {name for name in vars(Lm628Commands) if not name.startswith("_")}
+    assert calls == {row.name.lower() for row in COMMANDS}
+
+
+def test_the_calls_are_what_would_be_made_now() -> None:
+    assert stale(FAMILIES) == []
+
+
+@pytest.mark.parametrize(
+    ("call", "written"),
+    [
+        (lambda axis: axis.stt(), command(0x01)),
+        (lambda axis: axis.mski(0x0004), command(0x1C, 0x0004)),
+        (lambda axis: axis.sbpa(-2), command(0x20, 0xFFFF, 0xFFFE)),
+        (lambda axis: axis.ltrj(0x0002, 0x0003, 0x0D40), command(0x1F, 2, 3, 0x0D40)),
+        (
+            lambda axis: axis.load_filter(kp=100, kd=0x7FFF, ds=2),
+            command(0x1E, 0x020A, 100, 0x7FFF) + command(0x04),
+        ),
+        (
+            lambda axis: axis.load_filter(ki=5, il=6, update=False),
+            command(0x1E, 0x0005, 5, 6),
+        ),
+        (
+            lambda axis: axis.load_trajectory(acc=15, vel=0x6D1EC, pos=200_000, start=True),
+            command(0x1F, 0x002A, 0, 15, 6, 0xD1EC, 3, 0x0D40) + command(0x01),
+        ),
+        (
+            lambda axis: axis.load_trajectory(pos=-1, relative=True),
+            command(0x1F, 0x0003, 0xFFFF, 0xFFFF),
+        ),
+        (
+            lambda axis: axis.load_trajectory(acc=-1, vel=-2, relative=True),
+            command(0x1F, 0x003C, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFE),
+        ),
+        (
+            lambda axis: axis.load_trajectory(vel=0x10000, velocity_mode=True),
+            command(0x1F, 0x1808, 1, 0),
+        ),
+        (
+            lambda axis: axis.load_trajectory(velocity_mode=True, forward=False),
+            command(0x1F, 0x0800),
+        ),
+        (lambda axis: axis.stop(), command(0x1F, 0x0400) + command(0x01)),
+        (lambda axis: axis.stop("abruptly"), command(0x1F, 0x0200) + command(0x01)),
+        (lambda axis: axis.stop("off"), command(0x1F, 0x0100) + command(0x01)),
+    ],
+)  # fmt: skip
+def test_a_call_writes_its_packet_high_byte_first(
+    axis: Lm628, board: Served, call: Callable[[Lm628], None], written: list[tuple[object, ...]]
+) -> None:
+    call(axis)
+    axis.bus.echo()
+    assert packet(board.port) == written
+
+
+def test_a_long_value_is_read_high_word_first(axis: Lm628, board: Served) -> None:
+    board.port.answers[1] = [0xFF, 0xFF, 0xF2, 0xC0]
+    assert axis.rdrp() == -3392
+    assert packet(board.port) == [("write", 0, 0x0A)] + [("read", 1)] * 4
+
+
+def test_a_word_is_read_unsigned_or_signed_as_the_table_says(axis: Lm628, board: Served) -> None:
+    board.port.answers[1] = [0x81, 0x84]
+    assert axis.rdsigs() == 0x8184
+    board.port.answers[1] = [0x81, 0x84]
+    assert axis.rdrv() == 0x8184 - 0x10000
+
+
+def test_busy_is_polled_before_every_command_and_word(bus: Bus, board: Served) -> None:
+    board.port.answers[0] = [1, 1, 0, 0, 1, 0]
+    Lm628(bus).mski(0x0102)
+    bus.echo()
+    assert board.port.calls == [
+        ("read", 0), ("read", 0), ("read", 0), ("write", 0, 0x1C), ("read", 0),
+        ("write", 1, 1), ("write", 1, 2),
+    ]  # fmt: skip
+
+
+def test_a_packet_whose_waiting_the_board_does_is_one_message(bus: Bus, board: Served) -> None:
+    axis = Lm628(bus, ready="wait")
+    board.messages.clear()
+    board.port.answers[1] = [0, 0, 0, 7]
+    assert axis.rdrp() == 7
+    assert len(board.messages) == 1
+    ms10 = ("wait", 10_000_000_000)
+    assert board.port.calls == [
+        ms10, ("write", 0, 0x0A), ms10, ("read", 1), ("read", 1), ms10, ("read", 1), ("read", 1),
+    ]  # fmt: skip
+
+
+def test_a_chip_that_stays_busy_is_given_up(bus: Bus, board: Served) -> None:
+    board.port.answers[0] = [1]
+    axis = Lm628(bus, polls=30)
+    with pytest.raises(NotReadyError, match=r"^the chip is still busy after 30 status reads$"):
+        axis.stt()
+    assert board.port.calls == [("read", 0)] * 30
+
+
+def test_a_chip_the_board_waits_for_in_vain_is_given_up(bus: Bus, board: Served) -> None:
+    board.port.busy_until = 10**15
+    with pytest.raises(NotReadyError, match=r"^the chip is still busy after 10ms$"):
+        Lm628(bus, ready="wait").stt()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda axis: axis.load_filter(kp=0x8000), "kp = 32768: allowed are 0 to 32767"),
+        (lambda axis: axis.load_filter(ds=256), "ds = 256: allowed are 0 to 255"),
+        (lambda axis: axis.load_trajectory(acc=-1), "acc = -1: allowed are 0 to 1073741823"),
+        (
+            lambda axis: axis.load_trajectory(vel=1 << 30, relative=True),
+            "vel = 1073741824: allowed are -1073741823 to 1073741823",
+        ),
+        (
+            lambda axis: axis.load_trajectory(pos=1 << 30),
+            "pos = 1073741824: allowed are -1073741824 to 1073741823",
+        ),
+        (lambda axis: axis.stop("now"), "stop 'now': allowed are smoothly, abruptly, off"),
+        (lambda axis: axis.mski(0x10000), "65536 does not fit into 16 bits"),
+        (lambda axis: axis.sbpa(1 << 32), "4294967296 does not fit into 32 bits"),
+        (
+            lambda axis: Lm628(axis.bus, ready="guess"),
+            "ready = 'guess': allowed are 'poll' and 'wait'",
+        ),
+    ],
+)
+def test_a_value_out_of_range_is_refused_before_anything_is_written(
+    axis: Lm628, board: Served, call: Callable[[Lm628], None], message: str
+) -> None:
+    with pytest.raises(ValueError, match=r".") as caught:
+        call(axis)
+    assert str(caught.value) == message
+    axis.bus.echo()
+    assert packet(board.port) == []
+
+
+@pytest.mark.spec("LM-RST-5", "LM-RST-6")
+@pytest.mark.parametrize(("after", "cleared"), [(0x84, 0x80), (0xC4, 0xC0)])
+def test_the_reset_check_demands_84_then_80_or_c4_then_c0(
+    bus: Bus, board: Served, after: int, cleared: int
+) -> None:
+    board.port.answers[0] = [0x00, 0x00, after, after, after, cleared]
+    assert Lm628(bus).check_reset() == cleared
+    assert packet(board.port) == command(0x1D, 0)
+    assert [call for call in board.port.calls if call[0] == "delay"] == [("delay", 10**8)] * 2
+
+
+@pytest.mark.parametrize(
+    ("answers", "message"),
+    [
+        ([0x00], "status 00h 10ms after reset; 84h or C4h is required"),
+        ([0x84, 0x84, 0x84, 0x84], "status 84h after RSTI; 80h or C0h is required"),
+    ],
+)
+def test_a_reset_that_went_wrong_is_told(
+    bus: Bus, board: Served, answers: list[int], message: str
+) -> None:
+    board.port.answers[0] = answers
+    with pytest.raises(NotReadyError, match=f"^{message}$"):
+        Lm628(bus).check_reset()
+
+
+def test_waiting_for_a_status_bit_lets_chip_time_pass(bus: Bus, board: Served) -> None:
+    board.port.answers[0] = [0x80, 0x80, 0x84]
+    assert Lm628(bus).wait_status(0x04, every="2ms") == 0x84
+    assert [call for call in board.port.calls if call[0] == "delay"] == [("delay", 2 * 10**9)] * 2
+    with pytest.raises(
+        NotReadyError, match=r"^status 84h after 5000us; none of the bits 20h is set$"
+    ):
+        Lm628(bus).wait_status(0x20, longest="5ms")
+
+
+def test_a_move_resets_the_flag_loads_starts_and_waits(axis: Lm628, board: Served) -> None:
+    board.port.answers = {0: [0x04], 1: [0, 0, 1, 0]}
+    assert axis.move(256, acc=1, vel=2) == 256
+    writes = [call for call in packet(board.port) if call[0] == "write"]
+    assert writes == (
+        command(0x1D, 0xFFFB)
+        + command(0x1F, 0x0028, 0, 1, 0, 2)
+        + command(0x1F, 0x0002, 0, 256)
+        + command(0x01)
+        + command(0x0A)
+    )
+
+
+TABLE = CommandTable(
+    Command("GO", 0x01, clause="T-1", title="go there", note="1"),
+    Command("SET", 0x02, write=1, signed=True, clause="T-2", title="set it"),
+    Command("LONG", 0x03, write=2, clause="T-3", title="set more"),
+    Command("LOAD", 0x04, write=1, up_to=3, clause="T-4", title="load"),
+    Command("GET", 0x05, read=1, clause="T-5", title="get it"),
+    Command("DEEP", 0x06, read=2, signed=True, fraction=16, clause="T-6", title="get more"),
+)
+
+
+def test_the_generator_writes_a_typed_and_documented_call_for_each_row() -> None:
+    source = commands(TABLE, {"1": "At any time."})
+    body = source[source.index("    async def go") :]
+    assert (
+        body
+        == '''\
+    async def go(self) -> None:
+        """Go there (GO, 01H, T-1).
+
+        At any time.
+        """
+        await self.command(0x01)
+
+    async def set(self, value: int) -> None:
+        """Set it (SET, 02H, T-2).
+
+        Args:
+            value: 16 bits, two's complement.
+        """
+        await self.command(0x02, value)
+
+    async def long(self, value: int) -> None:
+        """Set more (LONG, 03H, T-3).
+
+        Args:
+            value: 32 bits, unsigned.
+        """
+        await self.command(0x03, *words_of(value))
+
+    async def load(self, control: int, *words: int) -> None:
+        """Load (LOAD, 04H, T-4).
+
+        Args:
+            control: the control word, which says what follows.
+            words: 0 to 2 data words.
+        """
+        await self.command(0x04, control, *words)
+
+    async def get(self) -> int:
+        """Get it (GET, 05H, T-5).
+
+        Returns 16 bits, unsigned.
+        """
+        return await self.query(0x05, 1)
+
+    async def deep(self) -> int:
+        """Get more (DEEP, 06H, T-6).
+
+        Returns 32 bits, two's complement, in 1/65536.
+        """
+        return sign_extend(await self.query(0x06, 2), 32)
+'''
+    )
