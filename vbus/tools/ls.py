@@ -37,9 +37,9 @@ def _lines(board: dict[str, Any]) -> list[str]:
         return [f"{board['board']}: {board['error']}"]
     from vbus.board.units import show
 
-    time = (
-        board["policy"] if board["policy"] != "realtime" else f"realtime x{_plain(board['rate'])}"
-    )
+    time = board["policy"]
+    if time == "realtime":
+        time += f" x{_plain(board['rate'])}"
     lines = [
         f"{board['board']}: process {board['pid']}, {time}, chip time {_seconds(board['time_ps'])},"
         f" lag {_seconds(board['lag_ps'])} (worst {_seconds(board['worst_lag_ps'])}),"

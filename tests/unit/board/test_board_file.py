@@ -286,15 +286,16 @@ MISTAKES = [
     ('plant = "m"', 'plant = "m"\nplants = ["m"]', 'b.toml:5: chips.x.plants: write either "plant"'
      ' or "plants", not both'),
     (
-        'ACME-1"\nclock = "8 MHz"\nplant = "m"', 'TWIN-1"\nclock = "8 MHz"\nplants = ["m", "n", "o"]',
+        'ACME-1"\nclock = "8 MHz"\nplant = "m"',
+        'TWIN-1"\nclock = "8 MHz"\nplants = ["m", "n", "o"]',
         "b.toml:4: chips.x.plants: TWIN-1 has 2 axes, and 3 plants are named",
         "b.toml:4: chips.x.plants[1]: there is no [plants.n]; this file has m",
         "b.toml:4: chips.x.plants[2]: there is no [plants.o]; this file has m",
     ),
     (
         '"ACME-1"\nclock = "8 MHz"\nplant = "m"', '"TWIN-1"\nclock = "8 MHz"',
-        "b.toml:1: chips.x: no plant: write plants = [...] with up to 2 names, and a [plants.NAME] with"
-        " the motor, load and encoder",
+        "b.toml:1: chips.x: no plant: write plants = [...] with up to 2 names, and a [plants.NAME]"
+        " with the motor, load and encoder",
     ),
     (
         "[plants.m]", Y.replace('"n"', '"m"') + "[plants.m]",

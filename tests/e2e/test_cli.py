@@ -1,0 +1,318 @@
+"""The command line as its users meet it: processes, exit codes, what stands on which output."""
+
+import json
+import os
+import re
+import signal
+import socket
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import vbus as package
+from tests.e2e.command import BOARD, plug_in, running, start, vbus
+
+
+@pytest.fixture(autouse=True)
+def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", "")
+    plug_in(tmp_path)
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Path:
+    path = tmp_path / "bench.toml"
+    path.write_text(BOARD)
+    return path
+
+
+# -- version, help, usage -----------------------------------------------------------------------
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    done = vbus("--version")
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"vbus {package.__version__}\n", "")
+    pyproject = (Path(__file__).parents[2] / "pyproject.toml").read_text()
+    assert f'\nversion = "{package.__version__}"\n' in pyproject
+
+
+def test_help_names_every_command_and_exit_code() -> None:
+    done = vbus("--help")
+    assert done.returncode == 0
+    for command in ("cflags", "check", "demo", "doctor", "ls", "run"):
+        assert re.search(rf"^  {command} +[A-Z]", done.stdout, re.M)
+        assert vbus(command, "--help").returncode == 0
+    for code in (0, 1, 2, 3, 4, 5, 130):
+        assert re.search(rf"^    {code} +\w", done.stdout, re.M)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["chek"],
+            'Error: there is no command "chek"; did you mean "check"? there are cflags, check,'
+            " demo, doctor, ls, run",
+        ),
+        (["check"], "Error: name a board file, or ask for --rules"),
+        (["run"], "Error: Missing argument 'BOARD'."),
+        (
+            ["run", "b.toml", "--rate", "fast"],
+            "Error: Invalid value for '--rate': \"fast\" is no rate; write a number from 0.001 up,"
+            ' or "max"',
+        ),
+    ],
+)
+def test_a_wrong_command_line_ends_with_2_and_says_what_is_wrong(
+    arguments: list[str], message: str
+) -> None:
+    done = vbus(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.rstrip("\n").split("\n")[-1] == message
+
+
+# -- check --------------------------------------------------------------------------------------
+
+
+def test_check_tells_what_a_good_board_has(board: Path) -> None:
+    done = vbus("check", board)
+    assert done.returncode == 0
+    assert done.stdout == (
+        f"{board}: ok: x (ACME-1); pty:$VBUS_RUNTIME/x, unix:$VBUS_RUNTIME/x.sock; realtime\n"
+    )
+
+
+def test_check_notes_what_is_of_no_use(board: Path) -> None:
+    text = BOARD.partition("[[hosts]]")[0] + '[plants.n]\nmodel = "motor"\nsupply = "9 V"\n'
+    board.write_text(text)
+    done = vbus("check", board)
+    assert done.returncode == 0
+    assert done.stdout.split("\n")[1:3] == [
+        f"{board}: note: [plants.n] is not used by any chip",
+        f"{board}: note: there is no [[hosts]]: nothing can attach to this board from outside",
+    ]
+
+
+def test_check_puts_mistakes_on_standard_error_and_ends_with_3(board: Path) -> None:
+    good = vbus("check", board).stdout
+    bad = board.with_name("bad.toml")
+    bad.write_text(BOARD.replace("plant =", "plnt =").replace("24 V", "24 A"))
+    done = vbus("check", bad, board)
+    assert done.returncode == 3
+    assert done.stdout == good
+    assert [line.partition(": ")[0] for line in done.stderr.splitlines()] == [
+        f"{bad}:4", f"{bad}:7", f"{bad}:11"
+    ]  # fmt: skip
+
+
+def test_check_gives_json(board: Path) -> None:
+    bad = board.with_name("bad.toml")
+    bad.write_text(BOARD.replace('"8 MHz"', "8"))
+    done = vbus("check", "--json", board, bad)
+    assert done.returncode == 3
+    good, wrong = json.loads(done.stdout)["boards"]
+    assert good["ok"] is True
+    assert good["chips"] == {"x": "ACME-1"}
+    assert wrong["ok"] is False
+    [problem] = wrong["problems"]
+    assert (problem["line"], problem["key"]) == (6, "chips.x.clock")
+
+
+def test_check_lists_every_rule_with_clause_and_title() -> None:
+    done = vbus("check", "--rules", "--json")
+    assert done.returncode == 0
+    rules = {rule["name"]: rule for rule in json.loads(done.stdout)["rules"]}
+    assert rules["acme.slow"] == {
+        "name": "acme.slow",
+        "clause": "ACME-1",
+        "title": "Look at least once a second.",
+        "severity": "error",
+    }
+    assert "board.contention" in rules
+    text = vbus("check", "--rules").stdout
+    assert re.search(r"^acme\.slow +ACME-1 +error +Look at least once a second\.$", text, re.M)
+    assert len(text.splitlines()) == len(rules)
+
+
+# -- run ----------------------------------------------------------------------------------------
+
+
+def test_run_tells_what_is_attached_where_and_ends_cleanly_with_ctrl_c(
+    board: Path, runtime: Path
+) -> None:
+    with running(board) as (process, lines):
+        assert lines == [
+            f"bench: realtime, process {process.pid}",
+            "  chip x: ACME-1 at 8 MHz",
+            f"  link pty:{runtime}/x: byte protocol, to x",
+            f"  link unix:{runtime}/x.sock: text protocol, to x",
+            "ready; Ctrl-C stops it",
+        ]
+        assert (runtime / "x").is_symlink()
+        began = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=10)
+        # A second, and what a busy machine takes to let a process run at all.
+        assert time.monotonic() - began < 3
+    assert (process.returncode, out, err) == (0, "", "")
+    assert [path.name for path in runtime.iterdir()] == ["boards"]
+    assert list((runtime / "boards").iterdir()) == []
+
+
+def test_run_with_json_gives_one_line_when_ready(board: Path) -> None:
+    with running(board, "--json", "--rate", "max") as (process, lines):
+        [line] = lines
+        status = json.loads(line)
+        assert (status["board"], status["pid"], status["rate"]) == ("bench", process.pid, "max")
+
+
+def test_a_host_reaches_the_chip_through_a_running_board(board: Path, runtime: Path) -> None:
+    with running(board), socket.socket(socket.AF_UNIX) as link:
+        link.connect(str(runtime / "x.sock"))
+        link.sendall(b"w 1 5a\nr 1\n")
+        answer = b""
+        while answer.count(b"\n") < 2:
+            answer += link.recv(100)
+    assert answer == b"ok\n5a\n"
+
+
+def test_run_of_a_bad_board_ends_with_3(board: Path) -> None:
+    board.write_text(BOARD.replace("ACME-1", "ACME-9"))
+    done = vbus("run", board)
+    assert (done.returncode, done.stdout) == (3, "")
+    assert done.stderr == (
+        f'{board}:5: chips.x.part: found "ACME-9"; did you mean "ACME-2"? known are ACME-1,'
+        " ACME-2\n"
+    )
+
+
+def test_run_of_a_board_without_hosts_says_what_to_write(board: Path) -> None:
+    board.write_text(BOARD.partition("[[hosts]]")[0])
+    done = vbus("run", board)
+    assert done.returncode == 3
+    assert done.stderr == (
+        f"{board}: there is no [[hosts]], so nothing could attach; write one, such as\n"
+        '[[hosts]]\ntransport = "pty:$VBUS_RUNTIME/bench"\n'
+    )
+
+
+def test_a_rate_needs_real_time(board: Path) -> None:
+    board.write_text(BOARD.replace('name = "bench"', 'time = "lockstep"'))
+    done = vbus("run", board, "--rate", "2")
+    assert done.returncode == 3
+    assert done.stderr == (
+        f"{board}: a rate makes sense in real time only; this board is lockstep\n"
+    )
+
+
+def test_a_link_that_cannot_be_opened_ends_with_4(board: Path, runtime: Path) -> None:
+    runtime.mkdir(mode=0o700)
+    (runtime / "x").write_text("mine")
+    done = vbus("run", board)
+    assert (done.returncode, done.stdout) == (4, "")
+    assert done.stderr == (
+        f"vbus: {runtime}/x exists and is not a link of ours; remove it or choose another name\n"
+    )
+    assert (runtime / "x").read_text() == "mine"
+
+
+def test_a_second_board_of_the_same_name_is_refused(board: Path) -> None:
+    with running(board) as (process, _):
+        done = vbus("run", board)
+        assert done.returncode == 4
+        assert re.fullmatch(
+            rf'vbus: a board called "bench" runs already \(.* process {process.pid}; .*\);'
+            " stop it, or give this one another name\n",
+            done.stderr,
+        )
+        assert vbus("ls", "bench").returncode == 0
+
+
+def test_a_killed_board_leaves_nothing_that_a_restart_does_not_repair(
+    board: Path, runtime: Path
+) -> None:
+    with running(board) as (process, _):
+        process.kill()
+    assert (runtime / "x").is_symlink()
+    assert "warn  left-overs: 6 of servers that were killed" in vbus("doctor").stdout
+    with running(board) as (process, lines):
+        assert lines[-1] == "ready; Ctrl-C stops it"
+        assert os.access(runtime / "x", os.R_OK | os.W_OK)
+    assert not (runtime / "x").exists()
+    assert list((runtime / "boards").iterdir()) == []
+
+
+# -- ls -----------------------------------------------------------------------------------------
+
+
+def test_ls_without_boards_says_so() -> None:
+    done = vbus("ls")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "no board is running\n", "")
+    assert json.loads(vbus("ls", "--json").stdout) == []
+
+
+def test_ls_sees_a_running_board_with_chips_links_time_and_lag(board: Path, runtime: Path) -> None:
+    with running(board) as (process, _):
+        text = vbus("ls").stdout
+        [status] = json.loads(vbus("ls", "--json").stdout)
+    head, chip, pty, unix = text.splitlines()
+    assert re.fullmatch(
+        rf"bench: process {process.pid}, realtime x1, chip time [\d.]+ m?s,"
+        r" lag [\d.]+ m?s \(worst [\d.]+ m?s\), 0 violations",
+        head,
+    )
+    assert chip == "  chip x: ACME-1 at 8 MHz"
+    assert pty == f"  link pty:{runtime}/x: byte to x, waiting, 0 bytes in, 0 out"
+    assert unix == f"  link unix:{runtime}/x.sock: text to x, waiting, 0 bytes in, 0 out"
+    assert status["chips"] == [{"name": "x", "part": "ACME-1", "clock_hz": 8_000_000}]
+    assert status["time_ps"] > 0
+    assert status["lag_ps"] >= 0
+
+
+def test_ls_of_a_board_that_does_not_run_ends_with_1() -> None:
+    done = vbus("ls", "bench")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == 'vbus: no board called "bench" answers\n'
+
+
+# -- doctor, cflags -----------------------------------------------------------------------------
+
+
+def test_doctor_says_what_is_in_order_and_what_to_do_about_the_rest() -> None:
+    done = vbus("doctor")
+    assert done.returncode == 0
+    lines = done.stdout.splitlines()
+    assert f"ok    python: {sys.version.split()[0]} ({sys.executable})" in lines
+    assert "warn  vbus.chips: HOLE is broken" in lines
+    place = lines.index("warn  vbus.chips: HOLE is broken")
+    assert lines[place + 1] == (
+        '      part "HOLE" of acme (no_such_module:Chip) cannot be loaded: ModuleNotFoundError:'
+        " No module named 'no_such_module'"
+    )
+    for what in ("msgspec", "PTY", "runtime directory", "left-overs", "timerfd, inotify"):
+        assert any(line.startswith(f"ok    {what}: ") for line in lines)
+
+
+def test_doctor_fails_where_nothing_can_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "file"))
+    done = vbus("doctor", "--json")
+    assert done.returncode == 1
+    failed = [finding for finding in json.loads(done.stdout) if finding["state"] == "fail"]
+    assert [finding["what"] for finding in failed] == ["runtime directory"]
+    assert failed[0]["advice"] == "set VBUS_RUNTIME to a directory of your own"
+
+
+def test_output_into_a_closed_pipe_ends_quietly() -> None:
+    process = start("check", "--rules")
+    assert process.stdout is not None
+    process.stdout.close()
+    process.wait(timeout=60)
+    assert process.stderr is not None
+    assert process.stderr.read() == ""
+    process.stderr.close()

@@ -1,0 +1,87 @@
+"""The architecture as a test: who imports whom, what stays pure, how long a file may be."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import vbus
+
+ROOT = Path(next(iter(vbus.__path__)))
+FILES = sorted(ROOT.rglob("*.py"))
+TEXTS = sorted(
+    path
+    for folder in (ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
+    for path in folder.rglob("*")
+    if path.suffix in {".py", ".md", ".toml", ".c", ".h", ".txt"}
+)
+LEAVES = {"bits", "errors", "options"}
+SIGNALS = LEAVES | {"kernel", "signals"}
+BOARD = SIGNALS | {"board", "chips", "plant", "protocols", "trace"}
+EDGE = BOARD | {"server", "transports"}
+MAY_IMPORT = {
+    "bits": set(),
+    "errors": set(),
+    "options": set(),
+    "kernel": LEAVES | {"kernel"},
+    "signals": SIGNALS,
+    "chips": SIGNALS | {"chips"},
+    "plant": SIGNALS | {"plant"},
+    "protocols": SIGNALS | {"protocols"},
+    "board": BOARD,
+    "trace": BOARD,
+    "transports": EDGE,
+    "server": EDGE,
+    "client": LEAVES | {"chips", "client", "kernel", "protocols"},
+    "testing": EDGE | {"client", "testing"},
+    "tools": EDGE | {"client", "testing", "tools"},
+    "__main__": {"tools"},
+    "__init__": EDGE | {"client"},  # for type checkers only
+}
+PURE = BOARD
+IMPURE = {"asyncio", "time", "random", "socket", "threading", "select", "os", "subprocess"}
+SHARED_BY_CHIPS = {"base", "motion", "registers", "strobes", "tables"}
+DATA = {"tables", "datasheet"}
+LONGEST = 450
+BANNED = re.compile(
+    r"(?<![\w.~])/(work|root|home)/|(?i:\b(sub-?agents?|LLM|work sessions?)\b)|TODO|FIXME"
+)
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Give every module a file imports, wherever in the file it does so."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports are absolute"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_file_keeps_to_its_layer(path: Path) -> None:
+    places = [part.removesuffix(".py") for part in path.relative_to(ROOT).parts]
+    mine = places[0]
+    for module in imports(path):
+        package, *rest = module.split(".")
+        assert mine not in PURE or package not in IMPURE, f"{mine} is pure: no {module}"
+        if package != "vbus" or not rest:
+            continue
+        assert rest[0] in MAY_IMPORT[mine], f"{mine} must not import {module}"
+        if mine == rest[0] == "chips":
+            assert rest[1] in SHARED_BY_CHIPS | {places[1]}, f"one chip must not know {module}"
+        if mine == "client" and rest[0] == "chips":
+            assert DATA & set(rest), f"a client knows a chip's tables, not {module}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_one_file_is_one_idea(path: Path) -> None:
+    if path.stem not in DATA and "Generated from" not in path.read_text()[:500]:
+        assert len(path.read_text().splitlines()) <= LONGEST
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT.parent)))
+def test_the_text_speaks_of_the_product_only(path: Path) -> None:
+    assert not BANNED.search(path.read_text())
