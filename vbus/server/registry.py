@@ -1,0 +1,58 @@
+"""Boards that run on this computer: how they are found and asked."""
+
+import json
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from vbus.errors import TransportError
+from vbus.transports.runtime import runtime_directory
+
+ANSWER_SECONDS: Final = 2.0
+"""How long a running board may take to tell about itself."""
+
+
+def boards_directory() -> Path:
+    """Return the directory in which running boards have their status sockets."""
+    directory = runtime_directory() / "boards"
+    directory.mkdir(mode=0o700, exist_ok=True)
+    return directory
+
+
+def status_path(board: str) -> Path:
+    """Return the status socket of the board called ``board``."""
+    safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in board)
+    return boards_directory() / f"{safe}.sock"
+
+
+def ask(path: Path) -> dict[str, Any]:
+    """Return what the board behind a status socket tells.
+
+    Raises:
+        TransportError: nobody answers.
+    """
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+        link.settimeout(ANSWER_SECONDS)
+        try:
+            link.connect(str(path))
+            data = b""
+            while chunk := link.recv(65536):
+                data += chunk
+            answer: dict[str, Any] = json.loads(data)
+        except (OSError, ValueError) as error:
+            raise TransportError(f"{path.stem}: does not answer ({error})") from error
+    return answer
+
+
+def running() -> Iterator[dict[str, Any]]:
+    """Yield what each running board tells, by name; remove sockets of boards that died."""
+    for path in sorted(boards_directory().glob("*.sock")):
+        try:
+            yield ask(path)
+        except TransportError as error:
+            if isinstance(error.__cause__, ConnectionRefusedError):
+                path.unlink(missing_ok=True)
+                path.with_name(f".{path.name}.lock").unlink(missing_ok=True)
+            else:
+                yield {"board": path.stem, "error": str(error)}

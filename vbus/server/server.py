@@ -1,0 +1,232 @@
+"""All hosts of one board: listening, serving, telling about itself, stopping."""
+
+import asyncio
+import json
+import logging
+import os
+import signal
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from vbus.board import plugins
+from vbus.board.board import Board
+from vbus.board.cards import Card
+from vbus.errors import PluginError, TransportError
+from vbus.protocols.base import Protocol
+from vbus.server.pacer import Pacer
+from vbus.server.registry import status_path
+from vbus.server.session import Session
+from vbus.transports.base import Link, Transport, split_url
+from vbus.transports.sockets import UnixTransport
+
+log = logging.getLogger("vbus")
+
+
+@dataclass(slots=True)
+class LinkSpec:
+    """One host entry of a board file.
+
+    Attributes:
+        transport: address, e.g. ``"pty:$VBUS_RUNTIME/x"``.
+        protocol: name of the wire format; empty for the transport's usual one.
+        chips: names of the chips its sessions may select; empty for all.
+        cycle_ps: cost of a whole bus cycle; 0 for the default.
+        card: address decoding of a card, if any.
+    """
+
+    transport: str
+    protocol: str = ""
+    chips: list[str] = field(default_factory=list)
+    cycle_ps: int = 0
+    card: Card | None = None
+
+
+class _Host:
+    """A host entry while the board runs: its transport and its sessions."""
+
+    def __init__(
+        self, spec: LinkSpec, transport: Transport, protocol: str, wire: type[Protocol]
+    ) -> None:
+        self.spec: LinkSpec = spec
+        self.transport: Transport = transport
+        self.protocol: str = protocol
+        self.wire: type[Protocol] = wire
+        self.sessions: list[Session] = []
+        self.served: int = 0
+
+
+class Server:
+    """Serves a board to its hosts until told to stop.
+
+    Args:
+        board: the board; it is moved by nobody else from here on.
+        links: the hosts' entries.
+        stall: what happens after a stall of the machine; see :class:`Pacer`.
+        report: takes sentences about what happens to links (a device was unplugged).
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        links: list[LinkSpec],
+        stall: str = "catch_up",
+        report: Callable[[str], None] | None = None,
+    ) -> None:
+        self.board: Board = board
+        self.pacer: Pacer = Pacer(board, stall)
+        self._report: Callable[[str], None] = report if report is not None else log.warning
+        self._hosts: list[_Host] = [self._host(spec) for spec in links]
+        self._status: UnixTransport | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    @staticmethod
+    def _host(spec: LinkSpec) -> _Host:
+        scheme, path, options = split_url(spec.transport)
+        made = plugins.load(plugins.TRANSPORTS, scheme)
+        if not isinstance(made, type) or not issubclass(made, Transport):
+            raise PluginError(f'transport "{scheme}" is not a subclass of Transport')
+        transport = made(path, options)
+        name = spec.protocol or transport.PROTOCOL
+        wire = plugins.load(plugins.PROTOCOLS, name)
+        if not isinstance(wire, type) or not issubclass(wire, Protocol):
+            raise PluginError(f'protocol "{name}" is not a subclass of Protocol')
+        return _Host(spec, transport, name, wire)
+
+    @property
+    def urls(self) -> list[str]:
+        """Addresses of all hosts' links, in the order of the board file."""
+        return [host.transport.url for host in self._hosts]
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Open every link and let time run.
+
+        Raises:
+            TransportError: a link cannot be opened, or a board of this name runs already;
+                nothing is left open.
+        """
+        self._loop = loop
+        try:
+            self._open_status(loop)
+            for host in self._hosts:
+                host.transport.report = self._report
+                host.transport.open(loop, self._linker(host, loop))
+        except TransportError:
+            self.stop()
+            raise
+        self.pacer.start(loop)
+
+    def _linker(self, host: _Host, loop: asyncio.AbstractEventLoop) -> Callable[[Link], None]:
+        def linked(link: Link) -> None:
+            host.served += 1
+            label = f"host{self._hosts.index(host)}"
+            spec = host.spec
+            port = self.board.open_port(label, spec.chips or None, spec.cycle_ps, spec.card)
+            protocol = host.wire(port)
+            session = Session(loop, link, port, protocol, self.pacer, host.sessions.remove)
+            port.on_resume = session.resume_soon
+            port.on_events = session.events_soon
+            host.sessions.append(session)
+
+        return linked
+
+    def stop(self) -> None:
+        """End every session and remove every name; may be called again."""
+        self.pacer.stop()
+        for host in self._hosts:
+            host.transport.closing = True
+            for session in list(host.sessions):
+                session.end("the board stops")
+            host.transport.close()
+        if self._status is not None:
+            self._status.close()
+            self._status = None
+
+    async def serve(self, stop: asyncio.Event, ready: Callable[[], None] | None = None) -> None:
+        """Serve until ``stop`` is set."""
+        self.start(asyncio.get_running_loop())
+        try:
+            if ready is not None:
+                ready()
+            await stop.wait()
+        finally:
+            self.stop()
+
+    # -- telling about itself -------------------------------------------------------------------
+
+    def _open_status(self, loop: asyncio.AbstractEventLoop) -> None:
+        path = status_path(self.board.name)
+        status = UnixTransport(str(path), {})
+        try:
+            status.open(loop, self._tell)
+        except TransportError as error:
+            raise TransportError(
+                f'a board called "{self.board.name}" runs already ({error}); stop it, or give'
+                " this one another name"
+            ) from error
+        self._status = status
+
+    def _tell(self, link: Link) -> None:
+        try:
+            os.set_blocking(link.fd, True)
+            os.write(link.fd, json.dumps(self.statistics()).encode())
+        except OSError:  # who asked did not wait for the answer
+            pass
+        link.close()
+
+    def statistics(self) -> dict[str, Any]:
+        """Return what ``vbus ls --json`` shows of this board; times in ps."""
+        board = self.board
+        self.pacer.catch_up()
+        return {
+            "board": board.name,
+            "pid": os.getpid(),
+            "policy": board.policy,
+            "rate": "max" if self.pacer.free else board.rate,
+            "time_ps": board.now,
+            "lag_ps": self.pacer.lag,
+            "worst_lag_ps": self.pacer.worst_lag,
+            "slipped_ps": self.pacer.slipped,
+            "chips": [
+                {"name": chip.name, "part": chip.part, "clock_hz": chip.clock.hz}
+                for chip in board.chips
+            ],
+            "links": [
+                {
+                    "url": host.transport.url,
+                    "protocol": host.protocol,
+                    "chips": host.spec.chips or [chip.name for chip in board.chips],
+                    "state": host.transport.state,
+                    "sessions": len(host.sessions),
+                    "served": host.served,
+                    "received": sum(session.received for session in host.sessions),
+                    "sent": sum(session.sent for session in host.sessions),
+                }
+                for host in self._hosts
+            ],
+            "counters": dict(board.counters),
+        }
+
+
+def run(
+    board: Board,
+    links: list[LinkSpec],
+    stall: str = "catch_up",
+    on_ready: Callable[[Server], None] | None = None,
+    report: Callable[[str], None] | None = None,
+) -> None:
+    """Serve ``board`` until SIGINT or SIGTERM.
+
+    Raises:
+        TransportError: a link cannot be opened.
+    """
+
+    async def main() -> None:
+        server = Server(board, links, stall, report)
+        stop = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, stop.set)
+        await server.serve(stop, None if on_ready is None else lambda: on_ready(server))
+
+    asyncio.run(main())

@@ -1,0 +1,215 @@
+"""One connected host: bytes from its link, through its protocol, back to its link."""
+
+import asyncio
+import logging
+import os
+from collections.abc import Callable
+from typing import Final
+
+from vbus.kernel import NEVER
+from vbus.protocols.base import Protocol
+from vbus.protocols.port import HostPort
+from vbus.server.pacer import Pacer
+from vbus.transports.base import Link
+
+READ_SIZE: Final = 16384
+MOST_PENDING: Final = 65536
+"""Unsent bytes beyond which a host that does not read is not read from either."""
+
+log = logging.getLogger("vbus")
+
+
+class Session:
+    """Serves one link in a single callback: read, carry out, write.
+
+    No task, queue or future stands between a byte and its answer.
+
+    Args:
+        loop: the event loop.
+        link: where the bytes come from and go.
+        port: the host's hold on the board.
+        protocol: the wire format, on that port.
+        pacer: moves the board's time.
+        on_end: called once when the session has ended.
+    """
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        link: Link,
+        port: HostPort,
+        protocol: Protocol,
+        pacer: Pacer,
+        on_end: Callable[["Session"], None],
+    ) -> None:
+        self.link: Link = link
+        self.port: HostPort = port
+        self._loop: asyncio.AbstractEventLoop = loop
+        self._protocol: Protocol = protocol
+        self._pacer: Pacer = pacer
+        self._on_end: Callable[[Session], None] = on_end
+        self._pending: bytes = b""
+        self._reading: bool = False
+        self._open: bool = True
+        self._waiting: int = 0
+        self._flush_scheduled: bool = False
+        self.received: int = 0
+        self.sent: int = 0
+        link.on_end = self._host_gone
+        self._read_on()
+
+    # -- reading ------------------------------------------------------------------------------
+
+    def _read_on(self) -> None:
+        if not self._reading and self._open:
+            self._reading = True
+            self._loop.add_reader(self.link.fd, self._readable)
+
+    def _read_off(self) -> None:
+        if self._reading:
+            self._reading = False
+            self._loop.remove_reader(self.link.fd)
+
+    def _readable(self) -> None:
+        self.link.before_read()
+        if not self._open:
+            return
+        try:
+            data = os.read(self.link.fd, READ_SIZE)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self.end(f"lost: {error.strerror}")
+            return
+        if not data:
+            self.end("closed by the host")
+            return
+        self.received += len(data)
+        self._serve(data)
+
+    def _serve(self, data: bytes) -> None:
+        self._pacer.catch_up()
+        protocol = self._protocol
+        try:
+            if data:
+                protocol.receive(data)
+            else:
+                protocol.resume()
+        except Exception:
+            log.exception(
+                "internal error while serving %s; its session ends, the board goes on",
+                self.link.peer,
+            )
+            self.end("internal error")
+            return
+        if protocol.out:
+            self._send()
+        if self.port.held:
+            self._wait()
+        self._pacer.touched()
+
+    # -- waiting ------------------------------------------------------------------------------
+
+    def _wait(self) -> None:
+        """The port is held: read no more until what it waits for has come."""
+        self._read_off()
+        until = self.port.hold_until
+        if until != NEVER and self._waiting != until:
+            self._waiting = until
+            self._pacer.wake_at(until, self.resume)
+
+    def resume(self) -> None:
+        """What the session waited for may have come."""
+        if not self._open:
+            return
+        self._waiting = 0
+        self._pacer.catch_up()
+        if not self.port.go_on():
+            self._wait()
+            return
+        self._serve(b"")
+        if self._open and not self.port.held and len(self._pending) <= MOST_PENDING:
+            self._read_on()
+
+    def resume_soon(self) -> None:
+        """Another session has given back its claim."""
+        self._loop.call_soon(self.resume)
+
+    def events_soon(self) -> None:
+        """A watched line has moved: send the report once the board is done with this instant."""
+        if not self._flush_scheduled:
+            self._flush_scheduled = True
+            self._loop.call_soon(self._send_events)
+
+    def _send_events(self) -> None:
+        self._flush_scheduled = False
+        if self._open:
+            self._protocol.report_events()
+            if self._protocol.out:
+                self._send()
+
+    # -- writing ------------------------------------------------------------------------------
+
+    def _send(self) -> None:
+        data = self._protocol.take()
+        if self._pending:
+            self._pending += data
+        else:
+            sent = self._write(data)
+            if sent < 0:
+                return
+            if sent < len(data):
+                self._pending = data[sent:]
+                self._loop.add_writer(self.link.fd, self._writable)
+        if len(self._pending) > MOST_PENDING:
+            self._read_off()
+
+    def _write(self, data: bytes) -> int:
+        try:
+            sent = os.write(self.link.fd, data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            self.end(f"lost: {error.strerror}")
+            return -1
+        self.sent += sent
+        return sent
+
+    def _writable(self) -> None:
+        sent = self._write(self._pending)
+        if sent < 0:
+            return
+        self._pending = self._pending[sent:]
+        if not self._pending:
+            self._loop.remove_writer(self.link.fd)
+        if len(self._pending) <= MOST_PENDING and not self.port.held:
+            self._read_on()
+
+    # -- ending -------------------------------------------------------------------------------
+
+    def _host_gone(self) -> None:
+        """The link says the host has gone; what it sent before is still carried out."""
+        while self._open and not self.port.held:
+            try:
+                data = os.read(self.link.fd, READ_SIZE)
+            except OSError:
+                break
+            if not data:
+                break
+            self.received += len(data)
+            self._serve(data)
+        self.end("closed by the host")
+
+    def end(self, reason: str) -> None:
+        """End the session: the port lets go of everything, half a request is forgotten."""
+        if not self._open:
+            return
+        self._open = False
+        self._read_off()
+        if self._pending:
+            self._loop.remove_writer(self.link.fd)
+        log.debug("%s: %s", self.link.peer, reason)
+        self._protocol.reset()
+        self.port.close()
+        self.link.close()
+        self._on_end(self)

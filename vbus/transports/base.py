@@ -1,0 +1,97 @@
+"""What a transport is: it waits for hosts and gives each a link that carries bytes."""
+
+import asyncio
+import os
+from collections.abc import Callable
+
+from vbus.errors import TransportError
+
+
+class Link:
+    """One connected host: a non-blocking descriptor to read from and write to.
+
+    Args:
+        fd: the descriptor.
+        peer: who is at the other end, for people.
+    """
+
+    def __init__(self, fd: int, peer: str) -> None:
+        self.fd: int = fd
+        self.peer: str = peer
+        self.on_end: Callable[[], None] | None = None
+        """Called by the transport when the host has gone (where reading does not tell)."""
+
+    def close(self) -> None:
+        """End the link from this side."""
+        os.close(self.fd)
+
+    def before_read(self) -> None:
+        """Called before bytes are read: the place to notice that one host has followed another."""
+
+
+class Transport:
+    """Waits for hosts at one address.
+
+    Attributes:
+        url: the address as it can be given to a client, with everything filled in.
+        state: ``"waiting"``, ``"connected"`` or a sentence about what is wrong.
+
+    Args:
+        path: what stands after the colon in the board file.
+        options: what stands after the question mark.
+    """
+
+    SCHEME: str = ""
+    PROTOCOL: str = "byte"
+    """The protocol a host entry gets that names none."""
+
+    def __init__(self, path: str, options: dict[str, str]) -> None:
+        self.path: str = path
+        self.options: dict[str, str] = options
+        self.url: str = f"{self.SCHEME}:{path}"
+        self.state: str = "waiting"
+        self.closing: bool = False
+        """The server is about to close this transport: what ends now is meant to."""
+        self.report: Callable[[str], None] = _ignore
+        """Takes a sentence when something worth knowing happens (unplugged, plugged in)."""
+
+    def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
+        """Start waiting; ``on_link`` gets each new link.
+
+        Raises:
+            TransportError: the address cannot be used; says why and what to do.
+        """
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Stop waiting and remove every name made."""
+        raise NotImplementedError
+
+
+def _ignore(sentence: str) -> None:
+    pass
+
+
+def split_url(url: str) -> tuple[str, str, dict[str, str]]:
+    """Split ``"scheme:path?key=value"`` and expand ``$NAME`` in the path.
+
+    Raises:
+        TransportError: there is no scheme, or an environment variable is not set.
+    """
+    from urllib.parse import parse_qsl
+
+    from vbus.transports.runtime import runtime_directory
+
+    scheme, colon, rest = url.partition(":")
+    if not colon or not scheme or "/" in scheme:
+        raise TransportError(
+            f'"{url}" is no link: write SCHEME:ADDRESS, e.g. "pty:$VBUS_RUNTIME/x"'
+        )
+    path, _, query = rest.partition("?")
+    if "$VBUS_RUNTIME" in path or "${VBUS_RUNTIME}" in path:
+        directory = str(runtime_directory())
+        path = path.replace("${VBUS_RUNTIME}", directory).replace("$VBUS_RUNTIME", directory)
+    path = os.path.expandvars(os.path.expanduser(path))
+    if "$" in path:
+        raise TransportError(f'"{url}": an environment variable in it is not set: {path}')
+    return scheme, path, dict(parse_qsl(query))

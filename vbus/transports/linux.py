@@ -1,0 +1,81 @@
+"""Two Linux calls that Python 3.11 does not have: timerfd and inotify."""
+
+import contextlib
+import ctypes
+import os
+import struct
+from typing import Final
+
+IN_OPEN: Final = 0x20
+IN_CLOSE: Final = 0x18
+_CLOCK_MONOTONIC: Final = 1
+_CLOEXEC_NONBLOCK: Final = 0o2004000
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = [("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long)]
+
+
+class _Itimerspec(ctypes.Structure):
+    _fields_ = [("interval", _Timespec), ("value", _Timespec)]
+
+
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+def _checked(result: int) -> int:
+    if result < 0:
+        code = ctypes.get_errno()
+        raise OSError(code, os.strerror(code))
+    return result
+
+
+class TimerFd:
+    """A timer that makes a descriptor readable, late by tens of microseconds at most.
+
+    The event loop's own timers are rounded to whole milliseconds.
+    """
+
+    def __init__(self) -> None:
+        self.fd: int = _checked(_libc.timerfd_create(_CLOCK_MONOTONIC, _CLOEXEC_NONBLOCK))
+        self._spec = _Itimerspec()
+
+    def set(self, nanoseconds: int) -> None:
+        """Fire once after ``nanoseconds`` (at least 1); 0 disarms."""
+        self._spec.value.seconds, self._spec.value.nanoseconds = divmod(nanoseconds, 10**9)
+        _checked(_libc.timerfd_settime(self.fd, 0, ctypes.byref(self._spec), None))
+
+    def acknowledge(self) -> None:
+        """Make the descriptor unreadable again."""
+        with contextlib.suppress(BlockingIOError):
+            os.read(self.fd, 8)
+
+    def close(self) -> None:
+        """Free the descriptor."""
+        os.close(self.fd)
+
+
+class OpenWatch:
+    """Tells when somebody opens and closes one file: how a PTY learns of its clients."""
+
+    def __init__(self, path: str) -> None:
+        self.fd: int = _checked(_libc.inotify_init1(_CLOEXEC_NONBLOCK))
+        _checked(_libc.inotify_add_watch(self.fd, path.encode(), IN_OPEN | IN_CLOSE))
+
+    def read(self) -> list[bool]:
+        """Return what happened since the last call, in order: True opened, False closed."""
+        events: list[bool] = []
+        try:
+            data = os.read(self.fd, 65536)
+        except BlockingIOError:
+            return events
+        position = 0
+        while position < len(data):
+            _, mask, _, length = struct.unpack_from("iIII", data, position)
+            position += 16 + length
+            events.append(bool(mask & IN_OPEN))
+        return events
+
+    def close(self) -> None:
+        """Free the descriptor."""
+        os.close(self.fd)

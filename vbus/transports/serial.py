@@ -1,0 +1,103 @@
+"""A real serial device, with a board at its other end."""
+
+import asyncio
+import contextlib
+import os
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+from vbus.errors import TransportError
+from vbus.transports.base import Link, Transport
+
+if TYPE_CHECKING:
+    from serial import Serial
+
+RETRY_SECONDS: Final = 0.5
+"""How often an unplugged device is looked for."""
+
+
+class SerialLink(Link):
+    """The device while it is plugged in."""
+
+    def __init__(self, transport: "SerialTransport", port: "Serial") -> None:
+        super().__init__(port.fileno(), transport.path)
+        self._transport: SerialTransport = transport
+        self._port: Serial = port
+
+    def close(self) -> None:
+        """The device is gone, or the server ends: look for it again if it still runs."""
+        with contextlib.suppress(OSError):  # the descriptor of an unplugged device
+            self._port.close()
+        self._transport.lost()
+
+
+class SerialTransport(Transport):
+    """``serial:DEVICE?baud=115200``: 8 data bits, no parity, 1 stop bit.
+
+    An unplugged device is reported, looked for and taken into use again.
+    """
+
+    SCHEME = "serial"
+    PROTOCOL = "framed"
+
+    def __init__(self, path: str, options: dict[str, str]) -> None:
+        super().__init__(path, options)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._on_link: Callable[[Link], None] | None = None
+        self._retry: asyncio.TimerHandle | None = None
+        self._baud: int = 115_200
+
+    def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
+        """Open the device.
+
+        Raises:
+            TransportError: it is not there, in use, or refuses the speed.
+        """
+        unknown = set(self.options) - {"baud"}
+        if unknown:
+            raise TransportError(f"{self.url}: unknown option {sorted(unknown)[0]!r}; known: baud")
+        baud = self.options.get("baud", "115200")
+        if not baud.isdigit() or int(baud) == 0:
+            raise TransportError(f"{self.url}: baud={baud!r} is not a speed, e.g. baud=115200")
+        self._baud = int(baud)
+        self.url = f"serial:{self.path}?baud={self._baud}"
+        self._loop = loop
+        self._on_link = on_link
+        self._connect()
+
+    def _connect(self) -> None:
+        from serial import Serial, SerialException
+
+        try:
+            port = Serial(self.path, self._baud, timeout=0, write_timeout=0, exclusive=True)
+        except (SerialException, ValueError, OSError) as error:
+            raise TransportError(f"{self.url}: {error}") from error
+        os.set_blocking(port.fileno(), False)
+        self.state = "connected"
+        if self._on_link is not None:
+            self._on_link(SerialLink(self, port))
+
+    def lost(self) -> None:
+        """The device is gone: report it and look for it."""
+        if self._loop is not None and self._retry is None and not self.closing:
+            self.state = "unplugged"
+            self.report(f"{self.path} was unplugged; waiting for it")
+            self._retry = self._loop.call_later(RETRY_SECONDS, self._again)
+
+    def _again(self) -> None:
+        self._retry = None
+        if self._loop is None:
+            return
+        try:
+            self._connect()
+        except TransportError:
+            self._retry = self._loop.call_later(RETRY_SECONDS, self._again)
+            return
+        self.report(f"{self.path} is back")
+
+    def close(self) -> None:
+        """Stop looking for the device."""
+        self._loop = None
+        if self._retry is not None:
+            self._retry.cancel()
+            self._retry = None

@@ -1,0 +1,146 @@
+"""Stream sockets: Unix and TCP."""
+
+import asyncio
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+from vbus.errors import TransportError
+from vbus.transports.base import Link, Transport
+from vbus.transports.runtime import NameLock
+
+
+class SocketLink(Link):
+    """One accepted connection."""
+
+    def __init__(self, connection: socket.socket, peer: str) -> None:
+        super().__init__(connection.fileno(), peer)
+        self._connection: socket.socket = connection
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._connection.close()
+
+
+class _SocketTransport(Transport):
+    """What both kinds share: a listening socket that accepts without waiting."""
+
+    def __init__(self, path: str, options: dict[str, str]) -> None:
+        super().__init__(path, options)
+        self._listener: socket.socket | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._on_link: Callable[[Link], None] | None = None
+
+    def _listen(
+        self,
+        listener: socket.socket,
+        loop: asyncio.AbstractEventLoop,
+        on_link: Callable[[Link], None],
+    ) -> None:
+        listener.listen(16)
+        listener.setblocking(False)
+        self._listener = listener
+        self._loop = loop
+        self._on_link = on_link
+        loop.add_reader(listener.fileno(), self._accept)
+
+    def _accept(self) -> None:
+        if self._listener is None or self._on_link is None:
+            return
+        try:
+            connection, address = self._listener.accept()
+        except OSError:  # the client gave up in the meantime
+            return
+        connection.setblocking(False)
+        self._tune(connection)
+        self._on_link(SocketLink(connection, self._peer(address)))
+
+    def _tune(self, connection: socket.socket) -> None:
+        pass
+
+    def _peer(self, address: object) -> str:
+        return self.url
+
+    def close(self) -> None:
+        """Stop listening."""
+        if self._listener is not None:
+            if self._loop is not None:
+                self._loop.remove_reader(self._listener.fileno())
+            self._listener.close()
+            self._listener = None
+
+
+class UnixTransport(_SocketTransport):
+    """``unix:PATH``: a Unix stream socket that only its owner may open (0600)."""
+
+    SCHEME = "unix"
+
+    def __init__(self, path: str, options: dict[str, str]) -> None:
+        super().__init__(path, options)
+        self._lock: NameLock = NameLock(Path(path))
+
+    def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
+        """Make the socket; one left behind by a server that was killed is replaced."""
+        if not self.path:
+            raise TransportError('"unix:" needs a path, e.g. "unix:$VBUS_RUNTIME/x.sock"')
+        self._lock.take()
+        path = Path(self.path)
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            if path.exists() and not path.is_socket():
+                raise TransportError(
+                    f"{path} exists and is not a socket; remove it or choose another name"
+                )
+            path.unlink(missing_ok=True)
+            mask = os.umask(0o177)
+            try:
+                listener.bind(self.path)
+            finally:
+                os.umask(mask)
+            self._listen(listener, loop, on_link)
+        except OSError as error:
+            listener.close()
+            self._lock.give_back()
+            if isinstance(error, TransportError):
+                raise
+            raise TransportError(f"{path}: {error.strerror or error}") from error
+
+    def close(self) -> None:
+        """Stop listening and remove the socket."""
+        if self._listener is not None:
+            super().close()
+            Path(self.path).unlink(missing_ok=True)
+            self._lock.give_back()
+
+
+class TcpTransport(_SocketTransport):
+    """``tcp:[HOST]:PORT``: TCP, on loopback unless a host is given; port 0 takes a free one."""
+
+    SCHEME = "tcp"
+
+    def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
+        """Listen."""
+        host, _, port = self.path.rpartition(":")
+        host = host.strip("[]") or "127.0.0.1"
+        if not port.isdigit() or int(port) > 65535:
+            raise TransportError(
+                f'"tcp:{self.path}": write "tcp:PORT" or "tcp:HOST:PORT" with a port of 0 to 65535'
+            )
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        listener = socket.socket(family, socket.SOCK_STREAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((host, int(port)))
+            self._listen(listener, loop, on_link)
+        except OSError as error:
+            listener.close()
+            raise TransportError(f"tcp:{self.path}: {error.strerror or error}") from error
+        bound = listener.getsockname()[1]
+        self.url = f"tcp:[{host}]:{bound}" if family == socket.AF_INET6 else f"tcp:{host}:{bound}"
+
+    def _tune(self, connection: socket.socket) -> None:
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def _peer(self, address: object) -> str:
+        return f"{address[0]}:{address[1]}" if isinstance(address, tuple) else self.url
