@@ -170,7 +170,6 @@ class MC1241A(Chip):
             self.port.write_command(data)
         elif address == RESET_PORT:
             self.release_reset(False)
-        self._reckon()
         self.rearm()
 
     def adapter_status(self) -> int:
@@ -252,7 +251,6 @@ class MC1241A(Chip):
     def hold_reset(self, when: int) -> None:
         """~Reset is low; if it still is at ``when``, everything stops."""
         self._hold_at = when
-        self._reckon()
         self.rearm()
 
     def release_reset(self, lost: bool) -> None:
@@ -261,7 +259,6 @@ class MC1241A(Chip):
         if not lost or self._held:
             self._held = False
             self.restart(self.kernel.now)
-        self._reckon()
         self.rearm()
 
     def restart(self, since: int, clocks: int = RESET_CLK) -> None:
@@ -486,6 +483,11 @@ class MC1241A(Chip):
         if idle >= 1 << 62:
             return NEVER
         return self.ps_of((slot + idle * SLOTS) * SLOT_CLK)
+
+    def rearm(self) -> None:
+        """Take note of what something outside has changed."""
+        self._reckon()
+        super().rearm()
 
     # -- neighbours ---------------------------------------------------------------------------
 

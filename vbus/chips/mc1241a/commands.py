@@ -120,7 +120,8 @@ class Commands:
     # -- profile generation -------------------------------------------------------------------
 
     def _set_profile(self, mode: int) -> int:
-        if self._axis.profile.set_mode(mode):
+        axis = self._axis
+        if axis.profile.set_mode(mode, axis.active.position):
             self._chip.find(MOVING, f"axis {self.current + 1} is in motion")
         return 0
 

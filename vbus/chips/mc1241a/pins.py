@@ -51,6 +51,7 @@ class HostPins:
         self._write_ended: int = LONG_AGO
         self._read_ended: int = LONG_AGO
         self._reset_fell: int = LONG_AGO
+        self._data_judged: int = LONG_AGO
 
     def find_nets(self) -> None:
         """Look the nets up again: a board solders pins to other nets before time starts."""
@@ -106,6 +107,7 @@ class HostPins:
             address = COMMAND_PORT if self._command.before else DATA_PORT
             chip.write(address, chip.bus_net.before)
         if chip.bus_net.before != chip.bus_net.value:
+            self._data_judged = now
             self._after_strobe("T16", 0)
 
     def _begin_read(self, now: int) -> None:
@@ -160,7 +162,7 @@ class HostPins:
         if not chip.judged or self._driving:
             return
         now = chip.kernel.now
-        if now > self._write_ended:
+        if now != self._data_judged:
             self._after_strobe("T16", now - self._write_ended)
         if chip.bus_net.driven:
             self._too_short("T12", now - self._read_ended)
@@ -219,7 +221,7 @@ class HostPins:
         return (
             int(self._driving), int(self._clashed), int(self._last_was_write),
             self._select_fell, self._write_fell, self._read_fell, self._strobe_ended,
-            self._write_ended, self._read_ended, self._reset_fell,
+            self._write_ended, self._read_ended, self._reset_fell, self._data_judged,
         )  # fmt: skip
 
     def load(self, state: tuple[int, ...]) -> None:
@@ -227,7 +229,7 @@ class HostPins:
         (
             driving, clashed, last_was_write,
             self._select_fell, self._write_fell, self._read_fell, self._strobe_ended,
-            self._write_ended, self._read_ended, self._reset_fell,
+            self._write_ended, self._read_ended, self._reset_fell, self._data_judged,
         ) = state  # fmt: skip
         self._driving = bool(driving)
         self._clashed = bool(clashed)

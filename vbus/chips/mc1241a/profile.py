@@ -93,14 +93,20 @@ class Profile:
 
     # -- what commands and updates do ---------------------------------------------------------
 
-    def set_mode(self, mode: int) -> bool:
-        """Change the mode; tell whether the axis should have been at rest (PMD-TRJ-13)."""
+    def set_mode(self, mode: int, destination: int) -> bool:
+        """Change the mode; tell whether the axis should have been at rest (PMD-TRJ-13).
+
+        Args:
+            mode: the new mode.
+            destination: the active one, where a trapezoid entered in motion goes (usteps).
+        """
         if mode == self.mode:
             return False
         moving = self.velocity != 0
         rude = moving and mode in (TRAPEZOIDAL, S_CURVE)
         self.mode = mode
         self._clear_curve()
+        self._destination = destination
         if mode == S_CURVE:
             self.velocity = 0
             moving = False
@@ -125,7 +131,6 @@ class Profile:
         self.velocity = 0
         self._state = HALTED
         self._smooth = False
-        self._destination = self.target()
         self._clear_curve()
 
     def smooth_stop(self) -> bool:
@@ -244,7 +249,6 @@ class Profile:
     def _stopped(self) -> bool:
         self._smooth = False
         self._state = DONE
-        self._destination = self.target()
         return True
 
     def _s_curve(self) -> bool:

@@ -1,0 +1,209 @@
+"""Reset by pin, by command and at power-on (PMD-RST)."""
+
+import pytest
+
+from tests.conformance.mc1241a.conftest import CYCLE, Bench
+from vbus.chips.mc1241a.datasheet import COMMANDS
+from vbus.kernel import MS, NEVER, NS, US
+from vbus.signals import STRICT, Policy, Z
+
+spec = pytest.mark.spec
+
+
+def _disturb(bench: Bench) -> None:
+    """Change everything a host can change."""
+    for axis in (1, 2):
+        bench.send(f"SET_{axis}")
+        bench.load(
+            pos=5000, vel=9 << 16, acc=1 << 16, max_acc=77, jerk=88, ratio=99, start_vel=100,
+            buf_mtr_cmd=0x1234, brk_pnt=4242, intrpt_mask=0xFF, step_ratio=80, pos_err=1000,
+        )  # fmt: skip
+        bench.send("SET_PRFL_S_CRV")
+        bench.send("UPDATE")
+        bench.next_cycle(3)
+        bench.send("SET_PRFL_VEL")
+        bench.send("SET_ACTL_POS", 12345)
+        bench.send("SET_POS_BRK")
+        bench.send("SET_AUTO_UPDATE_OFF")
+        bench.send("SET_AUTO_STOP_OFF")
+        bench.send("SET_CAPT_HOME")
+        bench.send("SET_PHASE_2")
+        bench.send("MTR_OFF")
+    bench.send("SET_OUTPUT_DAC16")
+    bench.send("SET_LMT_SENSE", 0x000F)
+    bench.send("LMTS_OFF")
+
+
+def _expect_reset_state(bench: Bench) -> None:
+    assert bench.level("~HostIntrpt") == 1
+    assert bench.send("GET_STATUS") == 0x0300  # so the current axis is 1
+    for axis in (1, 2):
+        bench.send(f"SET_{axis}")
+        assert bench.send("GET_MODE") == 0x0080
+        for name in (
+            "POS", "VEL", "ACC", "MAX_ACC", "JERK", "RATIO", "START_VEL", "TRGT_POS", "TRGT_VEL",
+            "BRK_PNT", "INTRPT_MASK", "ACTL_POS", "CAPT", "STEP_RATIO", "ACTL_POS_ERR",
+            "MTR_CMD", "BUF_MTR_CMD", "PHASE_INFO",
+        ):  # fmt: skip
+            assert bench.send("GET_" + name) == 0, name
+        assert bench.send("GET_POS_ERR") == 32767
+        assert bench.chip.axes[axis - 1].breakpoint_mode == 0
+    assert bench.send("GET_OUTPUT_MODE") == 0
+    assert bench.chip.shared.limit_sense == 0
+    assert bench.chip.shared.sensing
+
+
+@spec("PMD-RST-1", "PMD-RST-2", "PMD-CMD-75")
+def test_the_reset_command_restores_every_default(bench: Bench) -> None:
+    _disturb(bench)
+    bench.send("RESET")
+    _expect_reset_state(bench)
+    assert bench.send("GET_TIME") < 120
+
+
+@spec("PMD-RST-1", "PMD-RST-2")
+def test_the_reset_pin_restores_every_default(bench: Bench) -> None:
+    _disturb(bench)
+    bench.drive("~Reset", 0)
+    bench.run_for(10 * US)
+    bench.drive("~Reset", 1)
+    bench.run_for(2 * MS)
+    _expect_reset_state(bench)
+
+
+@spec("PMD-RST-3", "PMD-T-13")
+def test_words_after_reset(bench: Bench) -> None:
+    bench.send("RESET")
+    assert bench.send("GET_STATUS") == 0x0300
+    assert bench.send("SET_2") == 0x1300
+    assert bench.send("GET_MODE") == 0x0080
+    assert bench.send("GET_POS_ERR") == 0x7FFF
+    assert bench.send("GET_OUTPUT_MODE") == 0
+    assert bench.send("GET_PHASE_INFO") & 0x0008 == 0
+
+
+@spec("PMD-RST-1")
+def test_ready_2_ms_after_the_reset_command(bench: Bench) -> None:
+    bench.command(0x39)
+    edge = bench.now if bench.way == "cycle" else bench.now - 30 * NS
+    bench.run_until(edge + 2 * MS - 1)
+    assert bench.level("HostRdy") == 0
+    bench.run_until(edge + 2 * MS)
+    assert bench.level("HostRdy") == 1
+
+
+@spec("PMD-RST-1")
+def test_ready_2_ms_after_the_reset_pin_rises(chip: Bench) -> None:
+    chip.drive("~Reset", 0)
+    chip.run_for(5 * MS)
+    assert chip.level("HostRdy") == 0
+    assert chip.chip.ready_at() == NEVER
+    chip.drive("~Reset", 1)
+    at = chip.now
+    chip.run_until(at + 2 * MS - 1)
+    assert chip.level("HostRdy") == 0
+    chip.run_until(at + 2 * MS)
+    assert chip.level("HostRdy") == 1
+
+
+@spec("PMD-RST-1")
+def test_after_reset_there_is_no_checksum_to_read(bench: Bench) -> None:
+    bench.send("RESET")
+    assert bench.read_word() == 0
+
+
+@spec("PMD-RST-1", "PMD-BUS-8")
+def test_nothing_gets_through_during_reset(bench: Bench) -> None:
+    bench.command(0x39)
+    bench.run_for(MS)
+    bench.byte_out(1, COMMANDS["SET_2"].code)
+    assert bench.rules() == ["not-ready"]
+    bench.wait_ready()
+    assert bench.status() == 0x0300
+
+
+@spec("PMD-RST-2", "PMD-AMB-25", "PMD-CMD-77")
+def test_time_starts_at_0_with_every_reset(chip: Bench) -> None:
+    chip.next_cycle(1000)
+    chip.command(0x39)
+    edge = chip.now
+    chip.run_until(edge + 2 * MS)
+    assert chip.seen_time() == 0
+    first = -(-(edge + 2 * MS) // (40 * NS)) * 40 * NS + CYCLE
+    chip.run_until(first - 1)
+    assert chip.seen_time() == 0
+    chip.run_until(first)
+    assert chip.seen_time() == 1
+    assert chip.send("GET_TIME") == 1
+
+
+@spec("PMD-RST-2")
+def test_reset_stops_a_move_and_takes_the_currents_away(chip: Bench) -> None:
+    chip.send("SET_MTR_CMD", 0x7FFF)
+    chip.load(buf_mtr_cmd=0x7FFF)
+    chip.move(pos=100_000, vel=5 << 16, acc=1 << 16)
+    chip.next_cycle(20)
+    assert chip.seen("phase B") != 0
+    chip.send("RESET")
+    assert (chip.seen("phase A"), chip.seen("phase B")) == (0, 0)
+    chip.next_cycle(20)
+    assert chip.seen("target") == 0
+
+
+@spec("PMD-RST-4", "PMD-AMB-11")
+def test_servo_rows_of_the_reset_table_have_no_command_here(chip: Bench) -> None:
+    names = {row.name for row in COMMANDS}
+    for absent in ("GET_KP", "GET_I_LM", "GET_SMPL_TIME", "SET_PHASE_OFFSET", "GET_PRESCALE"):
+        assert absent not in names
+    for axis in chip.chip.axes:
+        assert axis.stepper.angle(1) == 0  # not FFFFH
+
+
+def test_power_on_runs_the_reset_or_starts_after_it() -> None:
+    bench = Bench()
+    bench.chip.power_on(False)
+    assert bench.chip.ready_at() == 2 * MS
+    bench.run_until(2 * MS - 1)
+    assert bench.level("HostRdy") == 0
+    bench.run_until(2 * MS)
+    assert bench.level("HostRdy") == 1
+    started = Bench()
+    assert started.chip.ready_at() == 0
+    assert started.level("HostRdy") == 1
+
+
+@spec("PMD-TIM-5")
+@pytest.mark.parametrize(
+    ("low", "strict", "found", "resets"),
+    [
+        (1000, False, [], True),
+        (999, False, ["reset"], True),
+        (999, True, ["reset"], False),
+        (1000, True, [], True),
+    ],
+)
+def test_reset_must_be_low_for_1_us(low: int, strict: bool, found: list[str], resets: bool) -> None:
+    bench = Bench(policy=Policy(STRICT) if strict else None)
+    bench.send("SET_POS_ERR", 5)
+    bench.chip.judged = True
+    bench.drive("~Reset", 0)
+    bench.run_for(low * NS)
+    bench.drive("~Reset", 1)
+    assert bench.rules() == found
+    bench.run_for(2 * MS)
+    assert bench.send("GET_POS_ERR") == (0x7FFF if resets else 5)
+
+
+@spec("PMD-TIM-4")
+@pytest.mark.parametrize(
+    ("cold", "at", "found"),
+    [(True, 250 * MS, []), (True, 250 * MS - 1, ["power"]), (False, 10 * MS, [])],
+)
+def test_reset_belongs_250_ms_after_power(cold: bool, at: int, found: list[str]) -> None:
+    bench = Bench(cold_start=cold)
+    bench.chip.judged = True
+    bench.run_until(at - 5 * US)
+    bench.drive("~Reset", 0)
+    bench.run_until(at)
+    bench.drive("~Reset", Z)
+    assert bench.rules() == found
