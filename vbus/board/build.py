@@ -1,6 +1,7 @@
 """From a checked board file to a board: chips, plants, wires, and power."""
 
-from collections.abc import Iterator
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import Final
@@ -12,6 +13,7 @@ from vbus.board.sections import RESTS, BoardFile, HostSection, PlantSection
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
 from vbus.chips.tables import CardRow
+from vbus.options import Option, Value
 from vbus.signals import HIGH, LOW, OFF, STRICT, WARN, Plant, Policy, Switch, Z
 
 _LEVELS: Final = {"off": OFF, "warn": WARN, "strict": STRICT}
@@ -42,11 +44,12 @@ def build(file: BoardFile, source: Source) -> Board:
     plants: dict[str, Plant] = {}
     for plant in file.plants:
         with _refusals(source, ("plants", plant.name)):
-            plants[plant.name] = _plant(plant)
+            plants[plant.name] = _plant(plant, board.seed)
     for chip in file.chips:
         with _refusals(source, ("chips", chip.name)):
             cls = plugins.chip_class(chip.part)
-            board.add_chip(cls, chip.name, chip.part, chip.clock, chip.settings)
+            settings = _seeded(f"chips.{chip.name}", chip.settings, cls.OPTIONS, board.seed)
+            board.add_chip(cls, chip.name, chip.part, chip.clock, settings)
             for axis, name in enumerate(chip.axes):
                 key: Path = ("plant",) if chip.plant else ("plants", axis)
                 with _refusals(source, ("chips", chip.name, *key)):
@@ -82,8 +85,21 @@ def _empty(file: BoardFile) -> Board:
     )
 
 
-def _plant(section: PlantSection) -> Plant:
-    plant = plugins.plant_class(section.model)(section.settings)
+def _seeded(
+    name: str, settings: Mapping[str, Value], options: Iterable[Option], seed: int
+) -> dict[str, Value]:
+    """Give a part that takes a seed, and got none, one of its own from the board's."""
+    result = dict(settings)
+    for option in options:
+        if option.name == "seed" and "seed" not in result:
+            digest = hashlib.sha256(f"{seed} {name}".encode()).digest()
+            result["seed"] = int.from_bytes(digest[:4], "big")
+    return result
+
+
+def _plant(section: PlantSection, seed: int) -> Plant:
+    cls = plugins.plant_class(section.model)
+    plant = cls(_seeded(f"plants.{section.name}", section.settings, cls.OPTIONS, seed))
     for name, switch in section.switches.items():
         if switch.last < switch.first:
             raise ValueError(

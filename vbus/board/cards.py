@@ -9,13 +9,13 @@ DIRECT = "direct"
 """The decode circuit every chip has: the address lines go straight to it."""
 
 
-def decodes(chip: type[Chip]) -> dict[str, tuple[CardRow, ...]]:
+def decodes(chip: Chip | type[Chip]) -> dict[str, tuple[CardRow, ...]]:
     """Return the decode circuits known for a chip, by name: ``direct``, and the manual's own."""
     direct = tuple(CardRow(address, address, address) for address in range(1 << chip.ADDRESS_BITS))
     return {DIRECT: direct, **chip.CARD_DECODES}
 
 
-def addresses(chip: type[Chip]) -> set[int]:
+def addresses(chip: Chip | type[Chip]) -> set[int]:
     """Return every address at which a card can reach a chip, ports of its adapter included."""
     found: set[int] = set()
     for rows in decodes(chip).values():

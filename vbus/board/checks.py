@@ -8,6 +8,7 @@ from vbus.board.toml_lines import Path
 from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
 from vbus.errors import PluginError
+from vbus.kernel import Clock, Kernel
 from vbus.signals import Rule
 
 MOST_CHIPS = 16
@@ -30,9 +31,8 @@ class _Checks:
         self._file: BoardFile = file
         self._known: dict[str, list[str]] = known
         self._source: Source = source
-        self._classes: dict[str, type[Chip]] = {
-            chip.name: plugins.chip_class(chip.part) for chip in file.chips
-        }
+        self._parts: dict[str, Chip] = {}
+        """A specimen of each chip: pins and axes may depend on the part number."""
         self._owners: dict[str, str] = {}
 
     def run(self) -> None:
@@ -61,12 +61,7 @@ class _Checks:
         users: dict[str, str] = {}
         for chip in self._file.chips:
             path: Path = ("chips", chip.name)
-            parts = self._classes[chip.name].PARTS
-            if parts and chip.part not in parts:
-                hint = suggestion(chip.part, parts)
-                self._source.fail(
-                    (*path, "part"), f"found {quoted(chip.part)}; {hint}known are {listed(parts)}"
-                )
+            self._specimen(chip, path)
             self._axes(chip, path)
             for axis, plant in enumerate(chip.axes):
                 place: Path = (*path, "plant") if chip.plant else (*path, "plants", axis)
@@ -81,8 +76,24 @@ class _Checks:
                     )
                 users.setdefault(plant, mine)
 
+    def _specimen(self, chip: ChipSection, path: Path) -> None:
+        cls = plugins.chip_class(chip.part)
+        if cls.PARTS and chip.part not in cls.PARTS:
+            hint = suggestion(chip.part, cls.PARTS)
+            self._source.fail(
+                (*path, "part"), f"found {quoted(chip.part)}; {hint}known are {listed(cls.PARTS)}"
+            )
+            return
+        try:
+            self._parts[chip.name] = cls(
+                chip.name, chip.part, Kernel(), Clock(chip.clock), chip.settings
+            )
+        except ValueError as error:
+            self._source.fail(path, str(error))
+
     def _axes(self, chip: ChipSection, path: Path) -> None:
-        axes = self._classes[chip.name].AXES
+        part = self._parts.get(chip.name)
+        axes = part.AXES if part is not None else plugins.chip_class(chip.part).AXES
         if chip.plant and chip.plants:
             self._source.fail((*path, "plants"), 'write either "plant" or "plants", not both')
         elif axes == 1 and chip.plants:
@@ -108,9 +119,9 @@ class _Checks:
             families: dict[str, str] = {}
             for place, name in enumerate(bus.chips):
                 path: Path = ("buses", bus.name, "chips", place)
-                if not self._exists(path, "chips", name) or name not in self._classes:
+                if not self._exists(path, "chips", name) or name not in self._parts:
                     continue
-                chip = self._classes[name]
+                chip = self._parts[name]
                 families.setdefault(chip.FAMILY, name)
                 if len(families) > 1:
                     first = next(iter(families.values()))
@@ -136,9 +147,9 @@ class _Checks:
         if not dot:
             self._source.fail(path, f'found "{name}"; write a pin as "chip.pin", such as "x./RST"')
             return None
-        if not self._exists(path, "chips", chip) or chip not in self._classes:
+        if not self._exists(path, "chips", chip) or chip not in self._parts:
             return None
-        rows = {row.name: row for row in self._classes[chip].PINS}
+        rows = {row.name: row for row in self._parts[chip].PINS}
         if pin not in rows:
             self._source.fail(
                 path, f'"{chip}" has no pin "{pin}"; {suggestion(pin, rows)}it has {listed(rows)}'
@@ -178,8 +189,8 @@ class _Checks:
         if bool(card.ports) == bool(card.decode):
             self._source.fail(path, 'a card has either "decode" and "chips", or a list of "ports"')
         for place, name in enumerate(card.chips):
-            if self._exists((*path, "chips", place), "chips", name) and name in self._classes:
-                self._decode(card, (*path, "decode"), self._classes[name])
+            if self._exists((*path, "chips", place), "chips", name) and name in self._parts:
+                self._decode(card, (*path, "decode"), self._parts[name])
         if card.decode and not card.chips:
             self._source.fail(path, f'"decode" needs chips: which ones are behind "{card.decode}"?')
         offsets: dict[int, int] = {}
@@ -193,7 +204,7 @@ class _Checks:
                     f"offset {port.offset} is decoded by row {offsets[port.offset] + 1} already",
                 )
             offsets.setdefault(port.offset, place)
-            chip = self._classes.get(port.chip)
+            chip = self._parts.get(port.chip)
             if chip is not None and port.address not in cards.addresses(chip):
                 highest = max(cards.addresses(chip))
                 self._source.fail(
@@ -201,7 +212,7 @@ class _Checks:
                     f'found {port.address}; addresses of "{port.chip}" are 0 to {highest}',
                 )
 
-    def _decode(self, card: CardSection, path: Path, chip: type[Chip]) -> None:
+    def _decode(self, card: CardSection, path: Path, chip: Chip) -> None:
         known = cards.decodes(chip)
         if card.decode and card.decode not in known:
             hint = suggestion(card.decode, known)
@@ -260,7 +271,7 @@ class _Checks:
 
     def _violations(self) -> None:
         wanted = [name for name in self._file.violations if name != "default"]
-        known = _rule_names([*board.RULES, *(r for c in self._classes.values() for r in c.RULES)])
+        known = _rule_names([*board.RULES, *(r for c in self._parts.values() for r in c.RULES)])
         if all(name in known for name in wanted):
             return
         known |= _rule_names(all_rules())

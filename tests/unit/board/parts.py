@@ -46,7 +46,7 @@ class Twin(Acme):
     FAMILY = "twin"
     AXES = 2
     PARTS = ("TWIN-1",)
-    OPTIONS = ()
+    OPTIONS = (Option("seed", "count", 0, "seed of its jitter"),)
 
 
 class Grumpy(Acme):

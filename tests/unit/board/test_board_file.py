@@ -139,6 +139,22 @@ def test_a_bus_joins_data_and_strobes_but_no_selects(board: Board) -> None:
     assert board.find_pin("x.D0-D7").net.rest == Z
 
 
+def test_parts_that_take_a_seed_get_one_each_from_the_board() -> None:
+    text = """
+        board.seed = %d
+        chips.x = { part = "TWIN-1", clock = "1 MHz", plant = "m" }
+        chips.y = { part = "TWIN-1", clock = "1 MHz", plant = "n" }
+        chips.z = { part = "TWIN-1", clock = "1 MHz", plant = "o", seed = 5 }
+        plants.m = { model = "motor", supply = "9 V" }
+        plants.n = { model = "motor", supply = "9 V" }
+        plants.o = { model = "motor", supply = "9 V" }
+    """
+    seeds = [[chip.settings["seed"] for chip in load_board_text(text % n).chips] for n in (1, 1, 2)]
+    assert seeds[0] == seeds[1]
+    assert len({seed for row in seeds for seed in row}) == 5
+    assert seeds[0][2] == 5
+
+
 @pytest.mark.parametrize(("key", "state"), [("done", "done"), ("reset", "reset")])
 def test_power_on_starts_in_or_after_the_reset(key: str, state: str) -> None:
     board = load_board_text(GOOD.replace('power_on = "done"', f'power_on = "{key}"'))

@@ -1,0 +1,31 @@
+"""Documentation that is made from tables is up to date, and its examples work."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from vbus.board.build import load_board_text
+from vbus.tools.generate.targets import DOCUMENTS, ROOT, Target, stale
+
+BLOCK = re.compile(r"^```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
+BLOCKS = [
+    (path.relative_to(ROOT), number, match[1])
+    for path in [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md"]
+    for number, match in enumerate(BLOCK.finditer(path.read_text()), 1)
+]
+
+
+@pytest.mark.parametrize("target", DOCUMENTS, ids=lambda target: target[0])
+def test_a_page_made_from_tables_is_up_to_date(target: Target) -> None:
+    assert stale([target]) == [], 'run "python -m vbus.tools.generate documents"'
+
+
+@pytest.mark.parametrize(
+    ("page", "number", "text"), BLOCKS, ids=[f"{page} {number}" for page, number, _ in BLOCKS]
+)
+def test_a_board_file_in_the_documentation_can_be_loaded(
+    page: Path, number: int, text: str
+) -> None:
+    if "[chips" in text:
+        assert load_board_text(text, f"{page}, example {number}").chips
