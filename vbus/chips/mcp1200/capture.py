@@ -1,0 +1,100 @@
+"""Hardware that watches the position counter: breakpoint compare, index and trigger capture."""
+
+from vbus.bits import sign_extend, wrap
+from vbus.chips.mcp1200 import datasheet as ds
+
+
+class Breakpoint:
+    """The 24-bit register compared with the position at every count (MCP-BRK).
+
+    Args:
+        registers: the register bytes.
+
+    Attributes:
+        compare: the position it waits for.
+    """
+
+    __slots__ = ("_bytes", "_found", "_loaded", "_reached", "compare")
+
+    def __init__(self, registers: bytearray) -> None:
+        self._bytes: bytearray = registers
+        self.compare: int = -(1 << 23)
+        self._reached: bool = False
+        """Repeat mode: reached since the last look at a sample's start."""
+        self._found: bool = False
+        """Reached before the present sample's start: the routine moves on."""
+        self._loaded: int = 0
+
+    @property
+    def armed(self) -> bool:
+        """Whether the feature is on."""
+        return bool(self._bytes[ds.CONFIG] & ds.BREAK_ENABLE)
+
+    def clear(self) -> None:
+        """Back to the state after reset."""
+        self.compare = -(1 << 23)
+        self._reached = False
+        self._found = False
+
+    def reached(self) -> None:
+        """The position has become equal to :attr:`compare`."""
+        self._reached = bool(self._bytes[ds.CONFIG] & ds.BREAK_REPEAT)
+
+    def sample(self) -> bool:
+        """Look at the registers at a sample's start; tell whether the routine has work to do."""
+        data = self._bytes
+        value = data[ds.BREAK_MSB] << 16 | data[ds.BREAK_CSB] << 8 | data[ds.BREAK_LSB]
+        self._loaded = sign_extend(value, 24)
+        if data[ds.CONFIG] & ds.BREAK_REPEAT:
+            self._found = self._reached
+            return self._found
+        self._reached = False
+        self._found = False
+        return self._loaded != self.compare
+
+    def routine(self) -> bool:
+        """Load or move the compare register; tell whether flag and pin are to be released.
+
+        A repeat pulse noticed at the sample's start ends here, so none is shorter than the 67
+        clocks this comes later (MCP-BRK-3).
+        """
+        if not self._found:
+            self.compare = self._loaded
+            return False
+        self.compare = wrap(self.compare + self._loaded, 24)
+        self._found = False
+        self._reached = False
+        return True
+
+    def save(self) -> tuple[int, ...]:
+        """Return the state."""
+        return (self.compare, int(self._reached), int(self._found), self._loaded)
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self.compare, reached, found, self._loaded = state
+        self._reached = bool(reached)
+        self._found = bool(found)
+
+
+def index_edge(registers: bytearray, rising: bool, position: int) -> None:
+    """INDEX has changed: set its latch, and store the position if asked (MCP-CAP-2, 3)."""
+    control = registers[ds.CAPTURE_CONTROL]
+    if rising == bool(control & ds.INDEX_RISING) and not control & ds.INDEX_LATCH:
+        registers[ds.CAPTURE_CONTROL] = control | ds.INDEX_LATCH
+        if control & ds.INDEX_CAPTURE:
+            _store(registers, position)
+
+
+def trigger_edge(registers: bytearray, position: int) -> None:
+    """TRIG has fallen: the same for its latch, while the pin is an input (MCP-CAP-2, 3)."""
+    control = registers[ds.CAPTURE_CONTROL]
+    if control & ds.TRIG_INPUT and not control & ds.TRIG_LATCH:
+        registers[ds.CAPTURE_CONTROL] = control | ds.TRIG_LATCH
+        if control & ds.TRIG_CAPTURE:
+            _store(registers, position)
+
+
+def _store(registers: bytearray, position: int) -> None:
+    for place in range(3):
+        registers[ds.CAPTURE_LSB + place] = position >> 8 * place & 0xFF

@@ -1,0 +1,342 @@
+"""The MCP-1200 as a board sees it."""
+
+from collections.abc import Callable
+from typing import Final
+
+from vbus.chips.base import Chip
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.clockwork import STANDING, Clockwork
+from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
+from vbus.chips.mcp1200.outputs import OutputPins
+from vbus.chips.mcp1200.pins import LONG_AGO, HostPins
+from vbus.chips.mcp1200.timer import FAR
+from vbus.chips.strobes import AcTable
+from vbus.kernel import NEVER, Clock, Kernel
+from vbus.options import Settings
+from vbus.signals import HIGH, LOW, Plant, Policy, Rule, Violation, Watcher, Z
+
+STROBE_PS: Final = 80_000
+"""From the first edge of :meth:`MCP1200.strobes` to the last."""
+
+MODES: Final = {
+    0: "position", ds.F0: "profile", ds.F3: "position interpolation",
+    ds.F4: "velocity interpolation", ds.F5: "velocity",
+}  # fmt: skip
+
+
+class MCP1200(Chip):
+    """MCP-1200, a motion controller with the register map of the HCTL-1100, extended.
+
+    All of its own time is counted in clock cycles, by :class:`Clockwork`; this class is the
+    way in: bus cycles, nets, the kernel's picoseconds.
+
+    Not modelled: supply current, temperature, input thresholds, metastability of the
+    synchronisers. The HCTL-1100's commutator and proportional velocity mode do not exist here,
+    as in the real chip.
+    """
+
+    FAMILY = ds.FAMILY
+    ADDRESS_BITS = ds.ADDRESS_BITS
+    PARTS = ds.PARTS
+    PINS = ds.PINS
+    RULES = ds.RULES
+    OPTIONS = ds.OPTIONS
+
+    def __init__(
+        self,
+        name: str,
+        part: str,
+        kernel: Kernel,
+        clock: Clock,
+        settings: Settings | None = None,
+        policy: Policy | None = None,
+        file: Callable[[Violation], None] | None = None,
+    ) -> None:
+        super().__init__(name, part, kernel, clock, settings, policy, file)
+        self.ac: AcTable = ds.AC[str(self.settings["supply"])]
+        self.read_low_ps = self.ac["tALDB"].max_ps
+        self.cycle_ps = STROBE_PS + self.ac.minimum("tCSAL", clock)
+        self.works: Clockwork = Clockwork(clock, self.settings, self._report_at)
+        self._reading: int = -1
+        self._latch: int = 0
+        self._last_rise: int = LONG_AGO
+        self._due_ps: int = NEVER
+        self._pulse_heard: bool = False
+        self._own: dict[str, Watcher] = {}
+        self.outputs: OutputPins = OutputPins(self, self.works)
+        self.side: SidePins = SidePins(self, self.works)
+        self.works.side = self.side
+        self.encoder_pins: EncoderPins = EncoderPins(self, self.works)
+        self.works.encoder_pins = self.encoder_pins
+        self.bus: HostPins = HostPins(self)
+        self._own = {"TRIG": self.side.own, ds.DATA: self.bus.own}
+        self._judge_clock()
+        self.works.hold(self.cycle_now())
+        self.changed()
+
+    # -- bus cycles ---------------------------------------------------------------------------
+
+    def begin_read(self, address: int) -> None:
+        """The output latch follows the register at ``address`` from now on (MCP-BUS-6)."""
+        self.advance()
+        self._reading = address & 0x7F
+
+    def end_read(self) -> int:
+        """/CS rises on a read: the output latch is frozen, and reading has its effects."""
+        self.advance()
+        if self._reading >= 0:
+            host = self.works.host
+            address = host.map(self._reading)
+            self._reading = -1
+            if not self._too_soon(ds.RECOVERY_READ_CLK):
+                cycle = self.cycle_now()
+                self._latch = host.read(address, cycle)
+                host.taken(address, cycle)
+                self._stall()
+        return self._latch
+
+    def drop_read(self) -> None:
+        """A read that was begun does not take place; the latch keeps what it had."""
+        self._reading = -1
+
+    def output(self) -> int:
+        """What /OE puts on the bus now."""
+        if self._reading < 0:
+            return self._latch
+        host = self.works.host
+        return host.read(host.map(self._reading), self.cycle_now())
+
+    def write(self, address: int, data: int) -> None:
+        """/CS rises on a write: the byte is visible inside four clocks later (MCP-BUS-5)."""
+        self.advance()
+        if not self._too_soon(ds.RECOVERY_WRITE_CLK):
+            self.works.write(self.cycle_now(), address & 0x7F, data & 0xFF)
+            self._stall()
+        self.changed()
+
+    def _too_soon(self, clocks: int) -> bool:
+        """Note a /CS rise; judge the time since the last one (MCP-BUS-12)."""
+        now = self.kernel.now
+        passed = now - self._last_rise
+        self._last_rise = now
+        least = self.clock.span_up(clocks)
+        return passed < least and self.report(ds.RECOVERY, passed, least)
+
+    def _stall(self) -> None:
+        self.works.stall()
+        self._refresh_due()
+
+    def ready_at(self) -> int:
+        """Return when the recovery time of the last access is over (MCP-BUS-12)."""
+        return self._last_rise + self.clock.span_up(ds.RECOVERY_WRITE_CLK)
+
+    def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
+        """Return the edges of a cycle in the non-overlapped order, well above the minima."""
+        edges = [
+            (-70_000, "R/W", int(not write)),
+            (-70_000, ds.DATA, address),
+            (-70_000, "/ALE", LOW),
+            (-60_000, "/ALE", HIGH),
+        ]
+        if write:
+            edges += [(-50_000, ds.DATA, data), (-50_000, "/CS", LOW), (0, "/CS", HIGH)]
+            edges += [(10_000, ds.DATA, Z), (10_000, "R/W", HIGH)]
+        else:
+            edges += [(-50_000, ds.DATA, Z), (-50_000, "/CS", LOW), (-45_000, "/OE", LOW)]
+            edges += [(0, "/CS", HIGH), (10_000, "/OE", HIGH)]
+        return edges
+
+    # -- time ---------------------------------------------------------------------------------
+
+    def cycle_now(self) -> int:
+        """Clock cycle that is under way."""
+        return self.clock.cycle_at(self.kernel.now)
+
+    def next_cycle(self) -> int:
+        """First clock cycle that starts now or later: when an edge now is taken in."""
+        cycle = self.cycle_now()
+        return cycle if self.clock.ps(cycle) == self.kernel.now else cycle + 1
+
+    def advance(self) -> None:
+        """Bring the chip up to now."""
+        if self.kernel.now >= self._due_ps:
+            cycle = self.cycle_now()
+            self.works.run(cycle)
+            self._refresh_due()
+            self.outputs.show(cycle)
+            if self._reading >= 0:
+                self.bus.refresh()
+        elif self.works.state >= STANDING and self.works.pulsing():
+            self.outputs.show_pulse(self.cycle_now())
+
+    def changed(self) -> None:
+        """Something from outside has touched the chip: show it, and set the timer anew."""
+        self._refresh_due()
+        self.outputs.show(self.cycle_now())
+        self.bus.refresh()
+        self.rearm()
+
+    def _refresh_due(self) -> None:
+        due = self.works.next()
+        self._due_ps = NEVER if due == FAR else self.clock.ps(due)
+
+    def next_event(self) -> int:
+        """Return an instant not later than the next change of an output (ps)."""
+        self.advance()
+        due = self.works.next_output()
+        if self._pulse_heard:
+            due = min(due, self.outputs.pulse_edge(self.cycle_now()))
+        return NEVER if due == FAR else self.clock.ps(due)
+
+    def heard_changed(self) -> None:
+        """Somebody began or ceased to listen; the chip's own watchers do not count."""
+        if not self._own:
+            return
+        heard = False
+        for name, pin in self.pins.items():
+            if pin.on_heard is not None:
+                own = self._own.get(name)
+                others = any(watcher is not own for watcher in pin.net.watchers)
+                heard = heard or others or bool(pin.net.observers)
+        self._pulse_heard = self.pins["PULSE"].net.heard or self.pins["SIGN"].net.heard
+        self._heard = heard
+        if heard:
+            self.advance()
+            self.rearm()
+        else:
+            self._timer.cancel()
+
+    # -- board --------------------------------------------------------------------------------
+
+    def power_on(self, done: bool) -> None:
+        """Supply is up; /RESET is released now unless something holds it low."""
+        cycle = self.next_cycle()
+        self.works.hold(cycle)
+        self.clear_bus()
+        self.side.settle_levels()
+        self.encoder_pins.settle_levels()
+        if self.pins["/RESET"].value == HIGH:
+            self.works.release(cycle)
+            if done:
+                self.works.finish_reset(cycle)
+        self.changed()
+
+    def reset_pin(self, level: int) -> None:
+        """/RESET has moved."""
+        if level == LOW:
+            self.works.hold(self.cycle_now())
+            self.clear_bus()
+        else:
+            self.works.release(self.next_cycle())
+
+    def clear_bus(self) -> None:
+        """The I/O control logic is cleared."""
+        self._reading = -1
+        self._latch = 0
+        self.bus.clear()
+
+    def connect(self, axis: int, plant: Plant) -> None:
+        """Attach a motor (``drive``), or a stepper with its driver (``pulses``)."""
+        if axis != 0:
+            raise ValueError(f"{self.part} has one axis, number 0, not {axis}")
+        if "drive" not in plant.TAKES and "pulses" not in plant.TAKES:
+            kinds = ", ".join(plant.TAKES)
+            raise ValueError(f"{self.part} gives drive or pulses; this plant takes {kinds}")
+        home = self.settings["home_switch"] != "none"
+        encoder = self.works.encoder
+        encoder.connect(plant, bool(self.settings["limit_switches"]), home)
+        encoder.end = self.cycle_now()
+        self.side.settle_levels()
+        self.changed()
+
+    # -- AC limits ----------------------------------------------------------------------------
+
+    def _report_at(self, rule: Rule, measured: int, limit: int, detail: str, when: int) -> bool:
+        return self.report(rule, measured, limit, detail, when)
+
+    def limit(self, symbol: str) -> int:
+        """Smallest legal interval (ps) of an AC row at this clock and supply."""
+        return self.ac.minimum(symbol, self.clock)
+
+    def judge(self, symbol: str, measured: int) -> bool:
+        """Report an interval below its minimum; tell whether the access is lost."""
+        least = self.ac.minimum(symbol, self.clock)
+        return measured < least and self.report(self.ac.rules[symbol], measured, least)
+
+    def judge_latest(self, symbol: str, measured: int) -> None:
+        """Report a host that takes an output before its longest delay is over."""
+        most = self.ac[symbol].max_ps
+        if measured < most:
+            self.report(self.ac.rules[symbol], measured, most)
+
+    def judge_filtered(self, symbol: str, measured: int, divider: int) -> None:
+        """Report an encoder interval below its minimum, which counts filter clocks."""
+        row = self.ac[symbol]
+        least = row.min_ps + self.clock.span_up(int(row.min_clk) * divider)
+        if measured < least:
+            self.report(self.ac.rules[symbol], measured, least)
+
+    def _judge_clock(self) -> None:
+        """Judge what the board file says about the clock and the edges of inputs."""
+        rules = self.ac.rules
+        period = self.clock.span(1)
+        row = self.ac["tCPER"]
+        if period < row.min_ps or self.clock.span_up(1) > row.max_ps:
+            limit = row.min_ps if period < row.min_ps else row.max_ps
+            self.report(rules["tCPER"], period, limit)
+        high = int(period * float(self.settings["clock_high"]))
+        self.judge("tCPWH", high)
+        self.judge("tCPWL", period - high)
+        for symbol, key in (
+            ("tCR", "clock_edge"), ("tIABR", "input_edge"), ("tIR", "input_edge"),
+        ):  # fmt: skip
+            edge = int(self.settings[key])
+            if edge > self.ac[symbol].max_ps:
+                self.report(rules[symbol], edge, self.ac[symbol].max_ps)
+
+    # -- looking in, and state ----------------------------------------------------------------
+
+    def telemetry(self) -> dict[str, int | float | str]:
+        """Return what a live view shows."""
+        self.advance()
+        works = self.works
+        file = works.file
+        core = works.core
+        if works.state < STANDING:
+            mode = "reset"
+        elif works.state == STANDING:
+            mode = "idle"
+        else:
+            mode = "halted" if core.halted else MODES[core.mode]
+        return {
+            "mode": mode,
+            "command": file.value("COMMAND_POSITION"),
+            "actual": works.position(self.cycle_now()),
+            "error": file.value("POSITION_ERROR"),
+            "velocity": file.value("ACTUAL_VELOCITY"),
+            "drive": round(works.drive(), 4),
+            "flags": file.bytes[ds.FLAG],
+            "status": file.bytes[ds.STATUS],
+            "phase": file.bytes[ds.PHASE],
+        }
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state, the plant's included."""
+        self.advance()
+        return (
+            self._reading, self._latch, self._last_rise, self.judged, self.works.save(),
+            self.side.save(), self.encoder_pins.save(), self.bus.save(),
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self._reading, self._latch, self._last_rise, self.judged, works, side, encoder_pins,
+            bus,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        self.works.load(works)  # type: ignore[arg-type]
+        self.side.load(side)  # type: ignore[arg-type]
+        self.encoder_pins.load(encoder_pins)  # type: ignore[arg-type]
+        self.bus.load(bus)  # type: ignore[arg-type]
+        self.outputs.forget()
+        self._refresh_due()

@@ -1,0 +1,580 @@
+"""What happens inside at which clock cycle: writes, resets, samples, counts, plant periods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+from vbus.bits import clamp, wrap
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.capture import Breakpoint, index_edge
+from vbus.chips.mcp1200.core import IDLE, Core
+from vbus.chips.mcp1200.encoder import Encoder
+from vbus.chips.mcp1200.output import DAC_ZERO, Pwm
+from vbus.chips.mcp1200.registers import HostRegisters
+from vbus.chips.mcp1200.stepper import Stepper
+from vbus.chips.mcp1200.timer import FAR, SampleTimer
+from vbus.chips.registers import RegisterFile
+from vbus.kernel import Clock
+from vbus.options import Value
+from vbus.signals import Rule
+
+if TYPE_CHECKING:
+    from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
+
+HELD: Final = 0
+"""/RESET is low, or the supply has just come."""
+RESETTING: Final = 1
+STANDING: Final = 2
+"""Idle mode."""
+CONTROL: Final = 3
+
+NO_REQUEST: Final = -1
+
+Report = Callable[[Rule, int, int, str, int], bool]
+
+
+class Clockwork:
+    """Everything inside that has its instant, as a clock cycle, worked off in order.
+
+    At one cycle the order is: position counter (encoder, breakpoint, index), written bytes
+    becoming visible, end of a reset, results of a sample, start of a sample, breakpoint routine,
+    next period of the plant.
+
+    The plant runs in periods that end where its drive can change: at each sample start and at
+    each end of BUSY. In idle mode a motor command the host writes reaches the pins at once and
+    the plant with its next period (NOTES 5).
+
+    Args:
+        clock: the CLK input.
+        settings: the chip's board file keys.
+        report: files a violation.
+
+    Attributes:
+        state: :data:`HELD`, :data:`RESETTING`, :data:`STANDING` or :data:`CONTROL`.
+        released: cycle in which Pulse is high after a hard reset, else -1.
+    """
+
+    __slots__ = (
+        "_aiming", "_at_match", "_at_reset", "_at_results", "_at_routine", "_at_sample",
+        "_clock", "_counted", "_counts_before", "_drive_dac", "_driven", "_index_level",
+        "_report", "_request", "_sent", "_stall_clk", "_steps_before", "_steps_given", "_target",
+        "_writes", "breakpoint", "core", "encoder", "encoder_pins", "file", "host", "pwm",
+        "released", "side", "state", "stepper", "timer",
+    )  # fmt: skip
+
+    def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
+        self._clock: Clock = clock
+        self._report: Report = report
+        self.file: RegisterFile = RegisterFile(ds.REGISTERS)
+        data = self.file.bytes
+        self.core: Core = Core(self.file)
+        self.timer: SampleTimer = SampleTimer(data)
+        self.encoder: Encoder = Encoder(clock.hz)
+        self.stepper: Stepper = Stepper(data)
+        self.pwm: Pwm = Pwm(data)
+        self.breakpoint: Breakpoint = Breakpoint(data)
+        self.host: HostRegisters = HostRegisters(self)
+        self.side: SidePins
+        self.encoder_pins: EncoderPins
+        self.state: int = HELD
+        self.released: int = -1
+        self._drive_dac: bool = settings["drive"] == "dac"
+        self._index_level: int = int(settings["index"] == "high")
+        self._stall_clk: int = int(settings["io_stall_clk"])
+        self._request: int = NO_REQUEST
+        self._writes: list[tuple[int, int, int]] = []
+        self._aiming: bool = False
+        """The loop has closed: followers may follow its aim."""
+        self._driven: float = 0.0
+        self._steps_given: int = 0
+        self._sent: int = 0
+        self._counted: int = 0
+        self._steps_before: int = 0
+        self._counts_before: int = 0
+        self._target: int = 0
+        self._at_reset: int = FAR
+        self._at_sample: int = FAR
+        self._at_results: int = FAR
+        self._at_routine: int = FAR
+        self._at_match: int = FAR
+
+    # -- order --------------------------------------------------------------------------------
+
+    def next(self) -> int:
+        """Cycle of the next thing due inside, written bytes included."""
+        due = self._next_own()
+        return min(due, self._writes[0][0]) if self._writes else due
+
+    def _next_own(self) -> int:
+        return min(
+            self.encoder.at, self.encoder_pins.due(), self._at_match, self._at_reset,
+            self._at_results, self._at_sample, self._at_routine, self.encoder.end,
+        )  # fmt: skip
+
+    def next_output(self) -> int:
+        """A cycle not later than the next change of an output other than Pulse and Sign."""
+        due = min(
+            self.encoder.at, self.encoder_pins.due(), self._at_match, self._at_reset,
+            self._at_results, self._at_routine,
+        )  # fmt: skip
+        if self._writes:
+            due = min(due, self._writes[0][0])
+        awake = (
+            self.state == CONTROL or self._request != NO_REQUEST or self.breakpoint.armed
+        )  # fmt: skip
+        if awake:
+            due = min(due, self._at_sample)
+        if self.encoder.plant is not None and (awake or not self._at_rest()):
+            due = min(due, self.encoder.end)
+        return due
+
+    def run(self, target: int) -> None:
+        """Work off everything due by the cycle ``target``."""
+        self._target = target
+        writes = self._writes
+        while True:
+            cycle = self._next_own()
+            if writes:
+                first = writes[0][0]
+                if first <= target and (
+                    first < cycle or (first == cycle and not self._counts_at(cycle))
+                ):
+                    self._take_write(*writes.pop(0))
+                    continue
+            if cycle > target:
+                return
+            if self.encoder.at == cycle:
+                self._edge(cycle)
+            elif self.encoder_pins.due() <= cycle:
+                self.encoder_pins.settle(cycle)
+            elif self._at_match == cycle:
+                self._match()
+                self._replan(cycle)
+            elif self._at_reset == cycle:
+                self._end_reset(cycle)
+            elif self._at_results == cycle:
+                self._results(cycle)
+            elif self._at_sample == cycle:
+                self._sample(cycle)
+            elif self._at_routine == cycle:
+                self._routine(cycle)
+            else:
+                self._next_period(cycle)
+
+    def _counts_at(self, cycle: int) -> bool:
+        """Whether the position counter has something to do at ``cycle``."""
+        return min(self.encoder.at, self.encoder_pins.due(), self._at_match) <= cycle
+
+    def pulsing(self) -> bool:
+        """Whether Pulse or Sign may move although nothing is due inside."""
+        if self.file.bytes[ds.CONFIG] & ds.STEP_MODE:
+            return True
+        return self.released >= 0 or not self.pwm.steady()
+
+    # -- what the bus does --------------------------------------------------------------------
+
+    def write(self, cycle: int, address: int, data: int) -> None:
+        """A byte has been written in ``cycle``; it is visible some clocks later (MCP-BUS-5)."""
+        if self.state != HELD:
+            self._writes.append((cycle + ds.WRITE_CLK, address, data))
+
+    def lose_write(self) -> None:
+        """Forget the byte written last, if it is not yet visible."""
+        if self._writes:
+            self._writes.pop()
+
+    def stall(self) -> None:
+        """An access costs the core a clock or more, if the board says so (MCP-BUS-11)."""
+        if self._stall_clk and self._at_results != FAR:
+            self._at_results += self._stall_clk
+
+    def _take_write(self, cycle: int, address: int, data: int) -> None:
+        before = self._equal(cycle)
+        self.pwm.roll(cycle - 1)
+        self.host.write(self.host.map(address), data, cycle)
+        self._look_equal(before, cycle)
+
+    def request(self, mode: int, cycle: int) -> None:
+        """R05 has been written (MCP-MOD-1)."""
+        self._request = mode
+        if self.state == STANDING and mode != ds.CONTROL_CODE:
+            self._request = NO_REQUEST
+            if mode == ds.SOFT_RESET_CODE:
+                self._begin_reset(cycle)
+            elif mode == ds.IDLE_CODE:
+                self.core.enter_idle()
+        elif self.state < STANDING:
+            self._request = NO_REQUEST
+
+    def report(self, rule: Rule, measured: int = 0, limit: int = 0, detail: str = "") -> None:
+        """File a violation that was found just now."""
+        self._report(rule, measured, limit, detail, -1)
+
+    # -- what the inputs do -------------------------------------------------------------------
+
+    @property
+    def limit_low(self) -> bool:
+        """/LIMIT is low."""
+        return self.side.limit == 0
+
+    @property
+    def stop_low(self) -> bool:
+        """/STOP is low."""
+        return self.side.stop == 0
+
+    def controlling(self) -> bool:
+        """Whether mode flags take effect: control mode, not halted."""
+        return self.state == CONTROL and not self.core.halted
+
+    def guard(self) -> None:
+        """Idle with /LIMIT low: the motor outputs stay off (MCP-MOD-4)."""
+        if self.state == STANDING and self.limit_low and self.file.bytes[ds.EXCEPTION] & 3:
+            self.core.outputs_off()
+
+    def limit_pin(self, level: int, cycle: int) -> None:
+        """/LIMIT has moved."""
+        if level == 0 and self.state >= STANDING:
+            self.core.fault(ds.LIMIT_OK)
+            self.core.faults.limit = True
+            self.pwm.roll(cycle - 1)
+            self.guard()
+
+    def stop_pin(self, level: int) -> None:
+        """/STOP has moved."""
+        if level == 0 and self.state >= STANDING:
+            self.core.fault(ds.STOP_OK)
+            self.core.faults.stop = True
+
+    def sync_pin(self, level: int, cycle: int) -> None:
+        """/SYNC has moved: in idle mode it holds the sample timer (MCP-SMP-2)."""
+        if self.state == STANDING:
+            if level == 0:
+                self._hold_timer()
+            else:
+                self._start_timer(cycle)
+
+    def _hold_timer(self) -> None:
+        self.timer.hold()
+        self._at_sample = FAR
+        self._at_routine = FAR
+
+    def _start_timer(self, cycle: int) -> None:
+        self.timer.reload(cycle)
+        self._at_sample = self.timer.next_zero()
+
+    def count_external(self, direction: int, cycle: int) -> None:
+        """An encoder on the CHA and CHB nets has moved by one count."""
+        before = self._equal(cycle)
+        self.encoder.add(direction)
+        self._look_equal(before, cycle)
+
+    def index_external(self, rising: bool, cycle: int) -> None:
+        """The INDEX net has moved and passed its filter."""
+        index_edge(self.file.bytes, rising, self.position(cycle))
+
+    # -- reset --------------------------------------------------------------------------------
+
+    def hold(self, cycle: int) -> None:
+        """Hard reset: everything as after power-on, until it is released (MCP-RST-1 to 3)."""
+        self.state = HELD
+        self.file.reset()
+        self.stepper.clear(cycle)
+        self.core.soft_reset()
+        self.file.bytes[ds.FLAG] = 0
+        self.file.bytes[ds.MODE] = 0
+        self.core.point = 0
+        self.core.velocity_point = 0
+        self.encoder.swap(False, cycle)
+        self.preset(0, cycle)
+        self.breakpoint.clear()
+        self.host.clear()
+        self.encoder_pins.configure(cycle)
+        self._writes.clear()
+        self._stop()
+        self._at_reset = FAR
+        self.released = -1
+        self._replan(cycle)
+
+    def _stop(self) -> None:
+        self._request = NO_REQUEST
+        self._hold_timer()
+        self._at_results = FAR
+        self._at_match = FAR
+        self._aiming = False
+
+    def release(self, cycle: int) -> None:
+        """/RESET has risen: Pulse is high for one clock, a soft reset follows (MCP-RST-1)."""
+        if self.state == HELD:
+            self.released = cycle
+            self.pwm.restart(cycle)
+            self._begin_reset(cycle)
+
+    def finish_reset(self, cycle: int) -> None:
+        """The reset is over at once: a board that starts after it."""
+        self.released = -1
+        self._end_reset(cycle)
+
+    def _begin_reset(self, cycle: int) -> None:
+        self.state = RESETTING
+        self._stop()
+        data = self.file.bytes
+        data[ds.FLAG] = 0
+        data[ds.MODE] = 0
+        data[ds.STATUS] &= ~ds.BUSY
+        self.stepper.stop(cycle)
+        self._at_reset = cycle + ds.RESET_CLK
+
+    def _end_reset(self, cycle: int) -> None:
+        self._at_reset = FAR
+        self.pwm.roll(cycle - 1)
+        self.core.soft_reset()
+        self.preset(0, cycle)
+        self.state = STANDING
+        self.host.clear_errors()
+        if self.side.sync:
+            self._start_timer(cycle)
+        self._replan(cycle)
+
+    # -- samples ------------------------------------------------------------------------------
+
+    def _sample(self, cycle: int) -> None:
+        """The sample timer is at zero: a sample starts."""
+        if self._at_results != FAR:
+            # The one before is not finished (MCP-SMP-4).
+            self.core.fault(ds.TIMER_OK)
+            self._enter_idle(cycle)
+        self._start_timer(cycle)
+        position = self.position(cycle)
+        request, self._request = self._request, NO_REQUEST
+        if self.state == CONTROL:
+            if request == ds.SOFT_RESET_CODE:
+                self._begin_reset(cycle)
+                return
+            if request == ds.IDLE_CODE:
+                self._enter_idle(cycle)
+            elif request == ds.CONTROL_CODE:
+                self.core.halted = False
+        elif request == ds.CONTROL_CODE:
+            self._enter_control(cycle, position)
+        if self.state == CONTROL:
+            self._begin_control_sample(cycle, position, request == ds.HALT_CODE)
+        else:
+            self.core.last_position = position
+        self._at_routine = cycle + ds.BREAK_ROUTINE_CLK if self.breakpoint.sample() else FAR
+        if self.state == STANDING:
+            if self.side.sync == 0:
+                self._hold_timer()
+            else:
+                self._skip_rest(cycle)
+
+    def _enter_control(self, cycle: int, position: int) -> None:
+        self.state = CONTROL
+        self.core.enter_control(position)
+        self.file.bytes[ds.MODE] = ds.CONTROL_CODE
+        self._aiming = False
+        self._steps_before = self.stepper.sent(cycle)
+        self._counts_before = self.encoder.count(cycle) + self.encoder.external
+
+    def _begin_control_sample(self, cycle: int, position: int, halt: bool) -> None:
+        work = self.core.begin(position, self.limit_low, self.stop_low, halt)
+        if work == IDLE:
+            self._enter_idle(cycle)
+            return
+        self._at_results = cycle + work
+        sent = self.stepper.sent(cycle)
+        counts = self.encoder.count(cycle) + self.encoder.external
+        self._sent, self._steps_before = sent - self._steps_before, sent
+        self._counted, self._counts_before = counts - self._counts_before, counts
+        if self.core.abrupt:
+            self.stepper.stop(cycle)
+
+    def _enter_idle(self, cycle: int) -> None:
+        self._at_results = FAR
+        self._aiming = False
+        self.state = STANDING
+        self.pwm.roll(cycle - 1)
+        self.stepper.stop(cycle)
+        self.core.enter_idle()
+        self.file.bytes[ds.MODE] = ds.IDLE_CODE
+        self._replan(cycle)
+
+    def _results(self, cycle: int) -> None:
+        """BUSY ends: the sample's results appear (MCP-SMP-5)."""
+        self._at_results = FAR
+        core = self.core
+        self.pwm.roll(cycle - 1)
+        core.finish(self._sent, self._counted)
+        self._aiming = True
+        data = self.file.bytes
+        data[ds.MODE] = ds.HALT_CODE if core.halted else ds.CONTROL_CODE
+        if core.goal_step:
+            self._report(ds.GOAL_STEP, core.goal_step, 127, "", self._clock.ps(cycle))
+        if data[ds.CONFIG] & ds.STEP_MODE:
+            period = self.timer.period
+            self.stepper.batch(cycle, core.steps, period)
+            if self.stepper.overrun(period):
+                most = period // self.stepper.width
+                self._report(ds.STEP_OVERRUN, abs(core.steps), most, "", self._clock.ps(cycle))
+            self._replan(cycle)
+
+    def _routine(self, cycle: int) -> None:
+        """The breakpoint routine of the sample (MCP-BRK-2, 3)."""
+        self._at_routine = FAR
+        before = self._equal(cycle)
+        if self.breakpoint.routine():
+            self.file.bytes[ds.STATUS] |= ds.BREAKPOINT_OK
+        self._look_equal(before, cycle)
+
+    def _at_rest(self) -> bool:
+        """Whether another period of the plant would change nothing."""
+        return self.encoder.resting() and self._driven == self.drive()
+
+    def _skip_rest(self, cycle: int) -> None:
+        """Idle, and nothing moves: whole periods go by at once."""
+        encoder = self.encoder
+        if self._request != NO_REQUEST or self._at_routine != FAR:
+            return
+        if encoder.plant is not None and (encoder.end != cycle or not self._at_rest()):
+            return
+        last = self._target
+        if self._writes:
+            last = min(last, self._writes[0][0] - 1)
+        periods = (last - cycle) // self.timer.period
+        if periods > 0:
+            passed = periods * self.timer.period
+            self.timer.start += passed
+            self._at_sample = self.timer.next_zero()
+            if encoder.plant is not None:
+                encoder.skip(passed)
+
+    # -- position counter ---------------------------------------------------------------------
+
+    def position(self, cycle: int) -> int:
+        """The 24-bit position counter: encoder counts, or steps in step mode."""
+        if self.file.bytes[ds.CONFIG] & ds.STEP_MODE:
+            return self.stepper.position(cycle)
+        return self.encoder.position(cycle)
+
+    def preset(self, position: int, cycle: int) -> None:
+        """Load the position counter."""
+        if self.file.bytes[ds.CONFIG] & ds.STEP_MODE:
+            self.stepper.preset(position, cycle)
+        else:
+            self.encoder.preset(position, cycle)
+
+    def _equal(self, cycle: int) -> bool:
+        return self.breakpoint.armed and self.position(cycle) == self.breakpoint.compare
+
+    def _look_equal(self, before: bool, cycle: int) -> None:
+        """Something has changed: entering equality is a match, staying in it is not (BRK-4)."""
+        if not before and self._equal(cycle):
+            self._match()
+        self._replan(cycle)
+
+    def _match(self) -> None:
+        """The position has reached the breakpoint (MCP-BRK-1)."""
+        self.core.fault(ds.BREAKPOINT_OK)
+        self.core.faults.breakpoint = True
+        self.breakpoint.reached()
+
+    def _edge(self, cycle: int) -> None:
+        """The encoder reaches a count that somebody waits for."""
+        encoder = self.encoder
+        data = self.file.bytes
+        count = encoder.at_count
+        entered = encoder.enters_index()
+        left = encoder.inside
+        encoder.seen = count
+        if data[ds.CONFIG] & ds.STEP_MODE:
+            position = self.position(cycle)
+        else:
+            position = wrap(encoder.offset + encoder.direction * count, 24)
+            if self.breakpoint.armed and position == self.breakpoint.compare:
+                self._match()
+        encoder.inside = entered
+        if left:
+            index_edge(data, self._index_level == 0, position)
+        if entered:
+            index_edge(data, self._index_level == 1, position)
+        self.side.look(cycle)
+        self._plan()
+
+    def _replan(self, cycle: int) -> None:
+        """Look anew for what the position counter will reach."""
+        self.encoder.look_from(cycle)
+        self._at_match = FAR
+        if self.file.bytes[ds.CONFIG] & ds.STEP_MODE and self.breakpoint.armed:
+            ahead = wrap(self.breakpoint.compare - self.stepper.position(cycle), 24)
+            self._at_match = self.stepper.when(ahead, cycle)
+        self._plan()
+
+    def _plan(self) -> None:
+        step_mode = self.file.bytes[ds.CONFIG] & ds.STEP_MODE
+        self.encoder.plan(self.breakpoint.armed and not step_mode, self.breakpoint.compare)
+
+    # -- the plant ----------------------------------------------------------------------------
+
+    def drive(self) -> float:
+        """The motor command the plant gets, as a fraction of full scale."""
+        data = self.file.bytes
+        if data[ds.CONFIG] & ds.STEP_MODE:
+            return 0.0
+        if not self._drive_dac:
+            return clamp(self.pwm.command(), -ds.PWM_FULL, ds.PWM_FULL) / ds.PWM_FULL
+        code = (data[ds.MOTOR_COMMAND] << 4 | data[ds.MOTOR_COMMAND_LOW] >> 4) - DAC_ZERO
+        if data[ds.FEATURE] & ds.UNIPOLAR and self.pwm.command() < 0:
+            # A unipolar amplifier takes its direction from Sign.
+            code = -code
+        return code / DAC_ZERO
+
+    def _next_period(self, cycle: int) -> None:
+        """The plant's period is over: run it to the next instant its drive may change."""
+        end = min(
+            self._at_sample if self._at_sample > cycle else FAR,
+            self._at_results if self._at_results > cycle else FAR,
+        )
+        if end == FAR:
+            end = cycle + max(self.timer.period, 1)
+        error = 0
+        steps = 0
+        self._driven = self.drive()
+        if self.file.bytes[ds.CONFIG] & ds.STEP_MODE:
+            sent = self.stepper.sent(end)
+            steps, self._steps_given = sent - self._steps_given, sent
+        elif self._aiming:
+            error = wrap(self.core.following.aim() - self.encoder.position(cycle), 24)
+        self.encoder.begin(cycle, end, self._driven, error, steps)
+        self._plan()
+
+    # -- state --------------------------------------------------------------------------------
+
+    def save(self) -> tuple[object, ...]:
+        """Return the state."""
+        return (
+            self.state, self.released, self._request, tuple(self._writes), self._aiming,
+            self._driven, self._steps_given, self._sent, self._counted, self._steps_before,
+            self._counts_before, self._at_reset, self._at_sample, self._at_results,
+            self._at_routine, self._at_match, self.file.save(), self.core.save(),
+            self.timer.save(), self.encoder.save(), self.stepper.save(), self.pwm.save(),
+            self.breakpoint.save(), self.host.save(),
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self.state, self.released, self._request, writes, self._aiming,
+            self._driven, self._steps_given, self._sent, self._counted, self._steps_before,
+            self._counts_before, self._at_reset, self._at_sample, self._at_results,
+            self._at_routine, self._at_match, file, core, timer, encoder, stepper, pwm,
+            breakpoint, host,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        self._writes[:] = [tuple(write) for write in writes]  # type: ignore[attr-defined]
+        self.file.load(file)  # type: ignore[arg-type]
+        self.core.load(core)  # type: ignore[arg-type]
+        self.timer.load(timer)  # type: ignore[arg-type]
+        self.encoder.load(encoder)  # type: ignore[arg-type]
+        self.stepper.load(stepper)  # type: ignore[arg-type]
+        self.pwm.load(pwm)  # type: ignore[arg-type]
+        self.breakpoint.load(breakpoint)  # type: ignore[arg-type]
+        self.host.load(host)  # type: ignore[arg-type]

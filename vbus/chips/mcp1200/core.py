@@ -1,0 +1,437 @@
+"""The chip's program: what it computes in a sample of control mode."""
+
+from typing import Final
+
+from vbus.bits import clamp, sign_extend, wrap
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.command import Command, acceleration, final_position, velocity_goal
+from vbus.chips.mcp1200.faults import Faults
+from vbus.chips.mcp1200.following import Following
+from vbus.chips.mcp1200.interpolate import PositionInterpolation, VelocityInterpolation
+from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN, LeadFilter
+from vbus.chips.mcp1200.output import dac_code
+from vbus.chips.mcp1200.pid import PidFilter
+from vbus.chips.mcp1200.scurve import SCurveMove
+from vbus.chips.mcp1200.stepper import StallCheck
+from vbus.chips.mcp1200.timer import work_clocks
+from vbus.chips.mcp1200.trapezoid import Stop, Trapezoid
+from vbus.chips.mcp1200.velocity import IntegralVelocity
+from vbus.chips.registers import RegisterFile
+
+IDLE: Final = -1
+"""Answer of :meth:`Core.begin`: the sample ends in idle mode."""
+
+
+class Core:
+    """Everything the chip computes once per control sample, in the order of MCP-SMP-5.
+
+    A sample has two ends. :meth:`begin` looks at registers and position as they are at its
+    start; :meth:`finish` computes from that picture, and all results appear together when the
+    core ceases to be busy. What the host writes in between is seen by the next sample.
+
+    Args:
+        file: the registers.
+
+    Attributes:
+        mode: flag of the control mode of this sample (F0, F3, F4, F5), 0 for position control.
+        mc: motor command before any limit, in 1/16 of an R08 step.
+        halted: the host has halted motion; position control holds until R05 = 03 (MCP-MOD-7).
+        abrupt: this sample makes the present place the command position.
+        steps: command change of the sample, for step mode.
+        goal_step: by how much a velocity command changed too far, else 0.
+        last_position: actual position at the sample before.
+        point: R2B-R29 as they were when R29 was last written (MCP-INT-2).
+        velocity_point: R23-R25 as they were when R25 was last written.
+        command_written: the host has written the command position during this sample.
+        increment_written: the host has written R0B during this sample.
+    """
+
+    __slots__ = (
+        "_action", "_dropped", "_entering", "_image", "_last_mode", "_position", "_sampled_point",
+        "_sampled_velocity", "_stopping", "abrupt", "bytes", "command", "command_written",
+        "faults", "following", "goal_step", "halted", "increment_written",
+        "interpolation", "last_position", "lead", "mc", "mode", "pid", "point",
+        "ramps", "registers", "scurve", "stall", "steps", "trapezoid", "velocity",
+        "velocity_point",
+    )  # fmt: skip
+
+    def __init__(self, file: RegisterFile) -> None:
+        self.registers: RegisterFile = file
+        self.bytes: bytearray = file.bytes
+        self.command: Command = Command()
+        self.trapezoid: Trapezoid = Trapezoid()
+        self.scurve: SCurveMove = SCurveMove()
+        self.velocity: IntegralVelocity = IntegralVelocity()
+        self.interpolation: PositionInterpolation = PositionInterpolation()
+        self.ramps: VelocityInterpolation = VelocityInterpolation()
+        self.following: Following = Following()
+        self.lead: LeadFilter = LeadFilter()
+        self.pid: PidFilter = PidFilter()
+        self.stall: StallCheck = StallCheck()
+        self.faults: Faults = Faults()
+        self.mode: int = 0
+        self.mc: int = 0
+        self.halted: bool = False
+        self.abrupt: bool = False
+        self.steps: int = 0
+        self.goal_step: int = 0
+        self.last_position: int = 0
+        self.point: int = 0
+        self.velocity_point: int = 0
+        self.command_written: bool = False
+        self.increment_written: bool = False
+        self._image: bytes = bytes(len(self.bytes))
+        self._position: int = 0
+        self._action: int = 0
+        self._last_mode: int = 0
+        self._dropped: int = 0
+        self._entering: bool = False
+        self._stopping: bool = False
+        self._sampled_point: int = 0
+        self._sampled_velocity: int = 0
+
+    # -- modes --------------------------------------------------------------------------------
+
+    def enter_idle(self) -> None:
+        """Motor off, old samples forgotten (MCP-MOD-2)."""
+        data = self.bytes
+        data[ds.FLAG] = data[ds.FLAG] & ~ds.F2 | ds.F1
+        data[ds.STATUS] &= ~ds.BUSY
+        self.outputs_off()
+        self.lead.clear()
+        self.pid.clear()
+        self.stall.clear()
+        self.faults.clear()
+        self.command.rest()
+        data[ds.PHASE] = 0
+        data[ds.INTERPOLATOR_COUNT] = 0
+        self.halted = False
+        self.mc = 0
+        self._last_mode = 0
+        self._stopping = False
+
+    def outputs_off(self) -> None:
+        """Both motor command outputs to zero."""
+        self.bytes[ds.MOTOR_COMMAND] = 0x80
+        self.bytes[ds.MOTOR_COMMAND_LOW] = 0
+        self.bytes[ds.PWM_COMMAND] = 0
+        self.bytes[ds.PWM_FRACTION] = 0
+
+    def soft_reset(self) -> None:
+        """Load what a soft reset loads, then idle (MCP-RST-4)."""
+        self.registers.reset(*ds.SOFT_RESET)
+        self.command.clear()
+        self.following.clear()
+        self.last_position = 0
+        self._dropped = 0
+        self.enter_idle()
+
+    def enter_control(self, position: int) -> None:
+        """The control loop closes at the command position as it is (MCP-MOD-6)."""
+        self.bytes[ds.FLAG] &= ~ds.F1
+        self.halted = False
+        self._dropped = 0
+        step_mode = self.bytes[ds.CONFIG] & ds.STEP_MODE
+        self.following.begin(position if step_mode else self._command_register(self.bytes))
+
+    def drop(self, flags: int) -> None:
+        """The host has cleared mode flags: a mode that is set again begins anew."""
+        self._dropped |= flags
+
+    def fault(self, flag: int) -> None:
+        """An active-low error flag becomes 0; the direction of motion is noted (MCP-STA-3)."""
+        status = self.bytes[ds.STATUS]
+        if status & flag:
+            reverse = ds.DIRECTION if self.bytes[ds.ACTUAL_VELOCITY_MSB] & 0x80 else 0
+            self.bytes[ds.STATUS] = status & ~(flag | ds.DIRECTION) | reverse
+
+    @staticmethod
+    def _command_register(data: bytes | bytearray) -> int:
+        value = data[ds.COMMAND_MSB] << 16 | data[ds.COMMAND_CSB] << 8 | data[ds.COMMAND_LSB]
+        return sign_extend(value, 24)
+
+    # -- a sample -----------------------------------------------------------------------------
+
+    def begin(self, position: int, limit_low: bool, stop_low: bool, halt: bool) -> int:
+        """Begin a sample: exceptions and mode (steps 1 and 3 of MCP-SMP-5).
+
+        Args:
+            position: actual position.
+            limit_low: /LIMIT is low.
+            stop_low: /STOP is low.
+            halt: the host has asked to halt motion.
+
+        Returns:
+            Clocks the core will be busy, or :data:`IDLE`.
+        """
+        image = bytes(self.bytes)
+        action = self.faults.action(image, limit_low, stop_low)
+        if action == ds.GO_IDLE:
+            return IDLE
+        if halt:
+            self.halted = True
+            action = ds.ABRUPT
+        flags = 0 if self.halted or action == ds.ABRUPT else image[ds.FLAG]
+        if flags & ds.F0:
+            mode = ds.F0
+        elif flags & ds.F4:
+            mode = ds.F4
+        elif flags & ds.F3:
+            mode = ds.F3
+        else:
+            mode = flags & ds.F5
+        self._image = image
+        self._action = action
+        self._position = position
+        self._entering = mode != self._last_mode or bool(self._dropped & mode)
+        if self._last_mode == 0 or self._dropped & self._last_mode:
+            self.command.velocity = 0
+            self.command.fraction = 0
+        self._dropped = 0
+        self._sampled_point = self.point
+        self._sampled_velocity = self.velocity_point
+        self.command_written = False
+        self.increment_written = False
+        self.mode = mode
+        self.abrupt = action == ds.ABRUPT or (action == ds.DECELERATE and mode in (0, ds.F3))
+        self.bytes[ds.STATUS] |= ds.BUSY
+        return work_clocks(image, mode)
+
+    def finish(self, steps_sent: int, counts: int) -> None:
+        """Compute the sample and show its results.
+
+        Args:
+            steps_sent: step pulses since the sample before (step mode).
+            counts: how far the encoder moved since then.
+        """
+        image = self._image
+        data = self.bytes
+        position = self._position
+        step_mode = image[ds.CONFIG] & ds.STEP_MODE
+        data[ds.FLAG] &= ~self._profile(image)
+        self._last_mode = self.mode & data[ds.FLAG]
+
+        velocity = wrap(position - self.last_position, 16)
+        self.last_position = position
+        self._put(ds.ACTUAL_VELOCITY_LSB, velocity, 2)
+
+        following = self.following
+        if self.abrupt and step_mode:
+            following.begin(self.command.position)
+        self.steps = following.step(image, self.command.position, position)
+        if step_mode:
+            too_large = self.stall.sample(image, steps_sent, counts)
+        else:
+            too_large = following.too_large
+        if too_large:
+            self.fault(ds.ERROR_OK)
+            self.faults.error = True
+
+        if not step_mode:
+            self._drive(image, following.error)
+        self._show(following)
+
+    def _profile(self, image: bytes) -> int:
+        """Move the command position; return the flags to clear."""
+        command = self.command
+        mode = self.mode
+        if mode == 0 or self._entering:
+            command.position = self._command_register(image)
+        self.goal_step = 0
+        cleared = 0
+        if self.abrupt:
+            command.rest()
+            command.position = self._position
+            self._stopping = False
+            if self._action == ds.ABRUPT:
+                cleared = ds.MODE_FLAGS
+            elif mode == ds.F3:
+                self.interpolation.hold()
+        elif mode == ds.F0:
+            cleared = self._point_to_point(image)
+        elif mode == ds.F4:
+            self._interpolate_velocity(image)
+        elif mode == ds.F3:
+            self._interpolate_position(image)
+        elif mode == ds.F5:
+            self._run_at_velocity(image)
+        else:
+            self._hold_position(image)
+            return 0
+        self._put(ds.COMMAND_LSB, command.position, -3)
+        return cleared
+
+    def _hold_position(self, image: bytes) -> None:
+        command = self.command
+        command.rest()
+        increment = sign_extend(image[ds.COMMAND_INCREMENT], 8)
+        if increment == 0:
+            return
+        command.position = wrap(command.position + increment, 24)
+        if not self.command_written:
+            self._put(ds.COMMAND_LSB, command.position, -3)
+        if not self.increment_written:
+            self.bytes[ds.COMMAND_INCREMENT] = 0
+
+    def _point_to_point(self, image: bytes) -> int:
+        command = self.command
+        command.left = 0
+        if self._entering:
+            self._stopping = False
+            command.phase = 0
+            self.trapezoid.enter()
+            self.scurve.enter()
+        if self._action == ds.DECELERATE and not self._stopping:
+            self._begin_stop(image)
+        over = 0
+        if not self._stopping:
+            if image[ds.FEATURE] & ds.S_CURVE:
+                over = self.scurve.step(command, image)
+            else:
+                over = self.trapezoid.step(command, image)
+            if over < 0:
+                self._begin_stop(image)
+        if self._stopping:
+            over = int(Stop.step(command, acceleration(image)))
+        command.moving = over <= 0
+        if over > 0:
+            self._stopping = False
+            command.phase = 0
+            command.fraction = 0
+            return ds.F0
+        return 0
+
+    def _begin_stop(self, image: bytes) -> None:
+        self._stopping = True
+        self.command.decel_position = self.command.position
+        if image[ds.FEATURE] & ds.S_CURVE:
+            self.command.fraction = 0
+
+    def _interpolate_position(self, image: bytes) -> None:
+        if self._entering:
+            self.interpolation.hold()
+        fresh = self._entering or bool(image[ds.CAPTURE_CONTROL] & ds.INTERPOLATOR_BUSY)
+        point = final_position(image) if self._entering else self._sampled_point
+        if self.interpolation.step(self.command, image, fresh, point):
+            self.bytes[ds.CAPTURE_CONTROL] &= ~ds.INTERPOLATOR_BUSY
+
+    def _interpolate_velocity(self, image: bytes) -> None:
+        ramps = self.ramps
+        if self._entering:
+            ramps.enter(self.command.velocity)
+        fresh = self._entering or bool(image[ds.CAPTURE_CONTROL] & ds.INTERPOLATOR_BUSY)
+        goal = self._sampled_velocity
+        if self._entering:
+            high = (
+                image[ds.VELOCITY_MSB] << 16 | image[ds.VELOCITY_CSB] << 8 | image[ds.VELOCITY_LSB]
+            )
+            goal = sign_extend(high, 24)
+        if self._action == ds.DECELERATE:
+            self._put(ds.VELOCITY_LSB, 0, -3)
+            self.velocity_point = 0
+            ramps.slow_down(self.command, image)
+            fresh = False
+        if ramps.step(self.command, image, fresh, goal):
+            self.bytes[ds.CAPTURE_CONTROL] &= ~ds.INTERPOLATOR_BUSY
+
+    def _run_at_velocity(self, image: bytes) -> None:
+        command = self.command
+        command.left = 0
+        command.phase = 0
+        if self._entering:
+            self.velocity.enter()
+        goal = velocity_goal(image)
+        if self._action == ds.DECELERATE:
+            goal = 0
+            if image[ds.FEATURE] & ds.HIGH_RESOLUTION:
+                self._put(ds.VELOCITY_LSB, 0, -3)
+            else:
+                self.bytes[ds.VELOCITY_COMMAND] = 0
+        self.goal_step = self.velocity.step(command, image, goal)
+
+    def _drive(self, image: bytes, error: int) -> None:
+        """Steps 8 and 9: filter and outputs."""
+        if image[ds.FEATURE] & ds.PID:
+            velocity = self.command.velocity
+            if self.mode == 0:
+                velocity = sign_extend(
+                    image[ds.FEED_FORWARD_MSB] << 8 | image[ds.FEED_FORWARD_LSB], 16
+                )
+            self.mc = self.pid.step(image, error, velocity)
+        else:
+            self.mc = self.lead.step(image, error)
+        shown = clamp(error * 16, MC_MIN, MC_MAX)
+        code = dac_code(image, shown if image[ds.FEATURE] & ds.DIAGNOSTIC_DAC else self.mc)
+        pwm = shown if image[ds.FEATURE] & ds.DIAGNOSTIC_PWM else clamp(self.mc, MC_MIN, MC_MAX)
+        data = self.bytes
+        data[ds.MOTOR_COMMAND] = code >> 4
+        data[ds.MOTOR_COMMAND_LOW] = code << 4 & 0xF0
+        data[ds.PWM_COMMAND] = pwm >> 4 & 0xFF
+        data[ds.PWM_FRACTION] = pwm << 4 & 0xF0
+
+    def _show(self, following: Following) -> None:
+        command = self.command
+        data = self.bytes
+        data[ds.PHASE] = command.phase
+        data[ds.INTERPOLATOR_COUNT] = command.left & 0xFF
+        self._put(ds.ACCEL_DELTA_LSB, command.accel_delta, 3)
+        self._put(ds.DECEL_LSB, command.decel_position, 3)
+        self._put(ds.ERROR_LSB, following.error, 2)
+        flags = data[ds.FLAG] & ~ds.F2
+        # A profile flag set during this sample is in motion from then on (NOTES 3).
+        if command.moving or (flags & ds.F0 and not self.halted):
+            flags |= ds.F2
+        data[ds.FLAG] = flags
+        status = data[ds.STATUS] & ~(ds.BUSY | ds.IN_POSITION)
+        if following.in_position:
+            status |= ds.IN_POSITION
+        data[ds.STATUS] = status
+
+    def _put(self, lsb: int, value: int, size: int) -> None:
+        """Store ``value``; ``size`` bytes upwards from ``lsb``, or downwards if negative."""
+        data = self.bytes
+        if size > 0:
+            for address in range(lsb, lsb + size):
+                data[address] = value & 0xFF
+                value >>= 8
+        else:
+            for address in range(lsb, lsb + size, -1):
+                data[address] = value & 0xFF
+                value >>= 8
+
+    # -- state --------------------------------------------------------------------------------
+
+    def save(self) -> tuple[object, ...]:
+        """Return the state."""
+        return (
+            self.mode, self.mc, self.halted, self.abrupt, self.steps, self.goal_step,
+            self.last_position, self.point, self.velocity_point, self.command_written,
+            self.increment_written, self._image, self._position, self._action, self._last_mode,
+            self._dropped, self._entering, self._stopping, self._sampled_point,
+            self._sampled_velocity, self.command.save(), self.trapezoid.save(),
+            self.scurve.save(), self.velocity.save(), self.interpolation.segment.save(),
+            self.ramps.segment.save(), self.following.save(), self.lead.save(), self.pid.save(),
+            self.stall.save(), self.faults.save(),
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self.mode, self.mc, self.halted, self.abrupt, self.steps, self.goal_step,
+            self.last_position, self.point, self.velocity_point, self.command_written,
+            self.increment_written, self._image, self._position, self._action, self._last_mode,
+            self._dropped, self._entering, self._stopping, self._sampled_point,
+            self._sampled_velocity, command, trapezoid, scurve, velocity, interpolation,
+            ramps, following, lead, pid, stall, faults,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        self.command.load(command)  # type: ignore[arg-type]
+        self.trapezoid.load(trapezoid)  # type: ignore[arg-type]
+        self.scurve.load(scurve)  # type: ignore[arg-type]
+        self.velocity.load(velocity)  # type: ignore[arg-type]
+        self.interpolation.segment.load(interpolation)  # type: ignore[arg-type]
+        self.ramps.segment.load(ramps)  # type: ignore[arg-type]
+        self.following.load(following)  # type: ignore[arg-type]
+        self.lead.load(lead)  # type: ignore[arg-type]
+        self.pid.load(pid)  # type: ignore[arg-type]
+        self.stall.load(stall)  # type: ignore[arg-type]
+        self.faults.load(faults)  # type: ignore[arg-type]

@@ -1,0 +1,466 @@
+"""What the MCP-1200 manual says, as data: registers, bits, pins, AC limits, timings, rules.
+
+Clause ids (``MCP-BUS-5``) are those of the project's list for this chip; where the manual is
+silent or contradicts itself, NOTES.md says what was chosen.
+"""
+
+from typing import Final
+
+from vbus.chips.strobes import AcLimit, AcTable
+from vbus.chips.tables import Bit, PinRow, Register, RegisterMap
+from vbus.options import Option
+from vbus.signals import LOW, Rule, Z
+
+FAMILY: Final = "mcp1200"
+PARTS: Final = ("MCP-1200", "MCP1200")
+ADDRESS_BITS: Final = 7
+
+# -- Register Reference Table -------------------------------------------------------------------
+# Multi-byte registers are listed most significant byte first, whatever their order in the map.
+
+REGISTERS: Final = RegisterMap(
+    128,
+    Register("FLAG", (0x00,), 0x02, clause="MCP-REG-1", title="Flag Register"),
+    Register("FEATURE", (0x01,), 0x00, clause="MCP-REG-2", title="Feature Control Register"),
+    Register("CONFIG", (0x02,), 0x00, clause="MCP-REG-3", title="Advanced Configuration Register"),
+    Register("CAPTURE_CONTROL", (0x03,), 0x00, clause="MCP-REG-4",
+             title="Capture Control Register"),
+    Register("EXCEPTION", (0x04,), 0x09, clause="MCP-REG-5", title="Exception Handling Register"),
+    Register("MODE", (0x05,), 0x01, clause="MCP-REG-6", title="Mode Brancher"),
+    Register("PHASE", (0x06,), 0x00, "r", clause="MCP-REG-7", title="Profile Phase Status"),
+    Register("STATUS", (0x07,), 0xF8, clause="MCP-REG-8", title="Status Register"),
+    Register("MOTOR_COMMAND", (0x08,), 0x80, clause="MCP-REG-9",
+             title="Motor Command Port (MSB)"),
+    Register("PWM_COMMAND", (0x09,), 0x00, signed=True, clause="MCP-REG-10",
+             title="PWM Command Port"),
+    Register("DAC_OFFSET", (0x0A,), 0x00, signed=True, clause="MCP-REG-11",
+             title="Motor Command DAC Offset"),
+    Register("COMMAND_INCREMENT", (0x0B,), 0x00, signed=True, clause="MCP-REG-12",
+             title="Command Position Increment"),
+    Register("COMMAND_POSITION", (0x0C, 0x0D, 0x0E), 0, signed=True, clause="MCP-REG-13",
+             title="Command Position"),
+    Register("SAMPLE_TIMER", (0x0F,), 0x40, clause="MCP-REG-14", title="Sample Timer"),
+    Register("PRESCALER", (0x10, 0x11), 0x003F, clause="MCP-REG-15",
+             title="Sample Timer Pre-scalar"),
+    Register("ACTUAL_POSITION", (0x12, 0x13, 0x14), 0, "r", signed=True, clause="MCP-REG-16",
+             title="Read Actual Position"),
+    Register("PRESET_POSITION", (0x15, 0x16, 0x17), 0, signed=True, clause="MCP-REG-17",
+             title="Preset Actual Position"),
+    Register("INTERPOLATOR_PRESET", (0x18,), 0, clause="MCP-REG-18",
+             title="Interpolator Counter Preset"),
+    Register("INTERPOLATOR_COUNT", (0x19,), 0, "r", clause="MCP-REG-19",
+             title="Interpolator Counter Value"),
+    Register("ENCODER_PWM", (0x1A,), 0, clause="MCP-REG-20",
+             title="Encoder Filter Clock / PWM Resolution"),
+    Register("STEP_WIDTH", (0x1B,), 0x0F, clause="MCP-REG-21", title="Stepper Pulse Width"),
+    Register("ENCODER_RATIO", (0x1C, 0x1D), 0, fraction=8, clause="MCP-REG-22",
+             title="Encoder / Stepper Ratio"),
+    Register("LEAD_ZERO", (0x20,), 0xE5, clause="MCP-REG-23", title="Lead Filter Zero"),
+    Register("LEAD_POLE", (0x21,), 0x40, clause="MCP-REG-23", title="Lead Filter Pole"),
+    Register("LEAD_GAIN", (0x22,), 0x40, clause="MCP-REG-23", title="Lead Filter Gain"),
+    Register("VELOCITY", (0x23, 0x24, 0x25), 0, signed=True, fraction=8, clause="MCP-REG-24",
+             title="High Resolution Velocity"),
+    Register("ACCELERATION", (0x27, 0x26), 0, fraction=8, clause="MCP-REG-25",
+             title="Acceleration"),
+    Register("PROFILE_VELOCITY", (0x28,), 0, clause="MCP-REG-26",
+             title="Profile Velocity (Low Res)"),
+    Register("FINAL_POSITION", (0x2B, 0x2A, 0x29), 0, signed=True, clause="MCP-REG-27",
+             title="Final Position"),
+    Register("POSITION_ERROR", (0x2D, 0x2C), 0, "r", signed=True, clause="MCP-REG-28",
+             title="Position Error"),
+    Register("CAPTURE", (0x30, 0x2F, 0x2E), 0, "r", signed=True, clause="MCP-REG-29",
+             title="Capture Count"),
+    Register("ACCEL_DELTA", (0x33, 0x32, 0x31), 0, "r", clause="MCP-REG-30",
+             title="Accel. Delta Position"),
+    Register("ACTUAL_VELOCITY", (0x35, 0x34), 0, "r", signed=True, clause="MCP-REG-31",
+             title="Actual Velocity"),
+    Register("DECEL_POSITION", (0x3B, 0x3A, 0x39), 0, "r", signed=True, clause="MCP-REG-32",
+             title="Deceleration Position"),
+    Register("VELOCITY_COMMAND", (0x3C,), 0, signed=True, clause="MCP-REG-33",
+             title="Velocity Command"),
+    Register("BREAKPOINT", (0x3F, 0x3E, 0x3D), 0x800000, signed=True, clause="MCP-REG-34",
+             title="Break-point Position"),
+    Register("BACKLASH", (0x44,), 0, clause="MCP-REG-35", title="Backlash"),
+    Register("DEADBAND", (0x45,), 0, clause="MCP-REG-36", title="Deadband"),
+    Register("FORCED_EXCEPTION", (0x46,), 0, clause="MCP-REG-37",
+             title="Forced Exception Register"),
+    Register("MAX_ERROR", (0x4A, 0x49), 0xFFFF, clause="MCP-REG-38", title="Maximum Error"),
+    Register("SATURATION", (0x4B,), 0xF0, clause="MCP-REG-39",
+             title="Saturation Foldback Setting"),
+    Register("MOTOR_COMMAND_LOW", (0x4C,), 0, clause="MCP-REG-40",
+             title="Motor Command Port (extended)"),
+    Register("PWM_FRACTION", (0x4D,), 0, clause="MCP-REG-41", title="PWM Command Port (extended)"),
+    Register("JERK", (0x55, 0x54), 0, fraction=16, clause="MCP-REG-42", title="Jerk"),
+    Register("FEED_FORWARD", (0x57, 0x56), 0, signed=True, fraction=8, clause="MCP-REG-43",
+             title="Command Feed-forward"),
+    Register("KP", (0x61,), 0x40, clause="MCP-REG-44", title="Proportional Gain, Kp"),
+    Register("KI", (0x62,), 0x00, clause="MCP-REG-44", title="Integral Gain, Ki"),
+    Register("KD", (0x63,), 0x40, clause="MCP-REG-44", title="Derivative Gain, Kd"),
+    Register("DERIVATIVE_SPAN", (0x64,), 0x01, clause="MCP-REG-45", title="Derivative Span"),
+    Register("INTEGRAL_LIMIT", (0x66, 0x65), 0x7FFF, clause="MCP-REG-46", title="Integral Limit"),
+    Register("KA", (0x69,), 0x00, clause="MCP-REG-47", title="Accel Feed-forward, Kaff"),
+    Register("KV", (0x6A,), 0x00, clause="MCP-REG-47", title="Velocity Feed-forward, Kvff"),
+)  # fmt: skip
+
+SOFT_RESET: Final = (
+    "FLAG", "EXCEPTION", "MODE", "PHASE", "STATUS", "MOTOR_COMMAND", "PWM_COMMAND",
+    "MOTOR_COMMAND_LOW", "PWM_FRACTION", "DAC_OFFSET", "COMMAND_INCREMENT", "COMMAND_POSITION",
+    "SAMPLE_TIMER", "LEAD_ZERO", "LEAD_POLE", "LEAD_GAIN", "SATURATION", "MAX_ERROR",
+    "ACTUAL_POSITION",
+)  # fmt: skip
+"""What a soft reset reloads; every other register keeps its value (MCP-RST-4)."""
+
+# Byte addresses the code uses, named as in the table above.
+
+FLAG: Final = 0x00
+FEATURE: Final = 0x01
+CONFIG: Final = 0x02
+CAPTURE_CONTROL: Final = 0x03
+EXCEPTION: Final = 0x04
+MODE: Final = 0x05
+PHASE: Final = 0x06
+STATUS: Final = 0x07
+MOTOR_COMMAND: Final = 0x08
+PWM_COMMAND: Final = 0x09
+DAC_OFFSET: Final = 0x0A
+COMMAND_INCREMENT: Final = 0x0B
+COMMAND_MSB: Final = 0x0C
+COMMAND_CSB: Final = 0x0D
+COMMAND_LSB: Final = 0x0E
+SAMPLE_TIMER: Final = 0x0F
+PRESCALER_MSB: Final = 0x10
+PRESCALER_LSB: Final = 0x11
+ACTUAL_MSB: Final = 0x12
+ACTUAL_CSB: Final = 0x13
+ACTUAL_LSB: Final = 0x14
+PRESET_MSB: Final = 0x15
+PRESET_CSB: Final = 0x16
+PRESET_LSB: Final = 0x17
+INTERPOLATOR_PRESET: Final = 0x18
+INTERPOLATOR_COUNT: Final = 0x19
+ENCODER_PWM: Final = 0x1A
+STEP_WIDTH: Final = 0x1B
+RATIO_MSB: Final = 0x1C
+RATIO_FRACTION: Final = 0x1D
+LEAD_ZERO: Final = 0x20
+LEAD_POLE: Final = 0x21
+LEAD_GAIN: Final = 0x22
+VELOCITY_MSB: Final = 0x23
+VELOCITY_CSB: Final = 0x24
+VELOCITY_LSB: Final = 0x25
+ACCEL_LSB: Final = 0x26
+ACCEL_MSB: Final = 0x27
+PROFILE_VELOCITY: Final = 0x28
+FINAL_LSB: Final = 0x29
+FINAL_CSB: Final = 0x2A
+FINAL_MSB: Final = 0x2B
+ERROR_LSB: Final = 0x2C
+ERROR_MSB: Final = 0x2D
+CAPTURE_LSB: Final = 0x2E
+ACCEL_DELTA_LSB: Final = 0x31
+ACTUAL_VELOCITY_LSB: Final = 0x34
+ACTUAL_VELOCITY_MSB: Final = 0x35
+DECEL_LSB: Final = 0x39
+VELOCITY_COMMAND: Final = 0x3C
+BREAK_LSB: Final = 0x3D
+BREAK_CSB: Final = 0x3E
+BREAK_MSB: Final = 0x3F
+BACKLASH: Final = 0x44
+DEADBAND: Final = 0x45
+FORCED_EXCEPTION: Final = 0x46
+MAX_ERROR_LSB: Final = 0x49
+MAX_ERROR_MSB: Final = 0x4A
+SATURATION: Final = 0x4B
+MOTOR_COMMAND_LOW: Final = 0x4C
+PWM_FRACTION: Final = 0x4D
+JERK_LSB: Final = 0x54
+JERK_MSB: Final = 0x55
+FEED_FORWARD_LSB: Final = 0x56
+FEED_FORWARD_MSB: Final = 0x57
+KP: Final = 0x61
+KI: Final = 0x62
+KD: Final = 0x63
+DERIVATIVE_SPAN: Final = 0x64
+INTEGRAL_LIMIT_LSB: Final = 0x65
+INTEGRAL_LIMIT_MSB: Final = 0x66
+KA: Final = 0x69
+KV: Final = 0x6A
+
+# -- Control Register Bit Values ----------------------------------------------------------------
+
+FLAG_BITS: Final = (
+    Bit(0, "F0", "Trapezoid/S-curve Profile"),
+    Bit(1, "F1", "IDLE Flag"),
+    Bit(2, "F2", "IN-MOTION Flag"),
+    Bit(3, "F3", "Position Interpolation Control"),
+    Bit(4, "F4", "Velocity Interpolation Control"),
+    Bit(5, "F5", "Integral Velocity Profile"),
+)
+FEATURE_BITS: Final = (
+    Bit(2, "UNIPOLAR", "Unipolar Select"),
+    Bit(3, "PID", "Filter Select (0 = Lead, 1 = PID)"),
+    Bit(4, "S_CURVE", "Profile Mode Select (0 = Trapezoid, 1 = S-Curve)"),
+    Bit(5, "HIGH_RESOLUTION", "High-Resolution Velocity"),
+    Bit(6, "DIAGNOSTIC_PWM", "Position Error sent to PWM"),
+    Bit(7, "DIAGNOSTIC_DAC", "Position Error sent to DAC"),
+)
+CONFIG_BITS: Final = (
+    Bit(0, "EXTENDED", "Extended Addressing"),
+    Bit(1, "STEP_MODE", "Step Mode Enable"),
+    Bit(2, "STEP_LOW", "Step Output Polarity (1 = low pulse)"),
+    Bit(4, "BREAK_ENABLE", "Breakpoint Feature Enable"),
+    Bit(5, "BREAK_REPEAT", "Breakpoint Mode (1 = Repeat)"),
+    Bit(6, "SIGN_INHIBIT", "PWM Sign Reversal Inhibit"),
+    Bit(7, "PWM_BIAS", "PWM Bias (1 = 50% Duty Cycle)"),
+)
+CAPTURE_BITS: Final = (
+    Bit(0, "TRIG_LATCH", "TRIG Latch Output / Clear"),
+    Bit(1, "TRIG_CAPTURE", "TRIG Input Capture Enable"),
+    Bit(2, "TRIG_INPUT", "TRIG_IO Pin Direction (1 = Input)"),
+    Bit(3, "INDEX_LATCH", "INDEX Latch Output / Clear"),
+    Bit(4, "INDEX_CAPTURE", "INDEX Input Capture Enable"),
+    Bit(5, "INDEX_RISING", "INDEX Pin Polarity (1 = Rising Edge)"),
+    Bit(6, "BUSY_ON_PROF", "Interp. Busy Status on PROF pin"),
+    Bit(7, "INTERPOLATOR_BUSY", "Interp. Busy Status"),
+)
+STATUS_BITS: Final = (
+    Bit(0, "BUSY", "BUSY pin state"),
+    Bit(1, "DIRECTION", "Motor Direction at Last Fault (1 = Reverse)"),
+    Bit(2, "IN_POSITION", "In-Position Flag"),
+    Bit(3, "TIMER_OK", "Sample Timer Error (active low)"),
+    Bit(4, "ERROR_OK", "Maximum Error Fault (active low)"),
+    Bit(5, "BREAKPOINT_OK", "Breakpoint Flag (active low)"),
+    Bit(6, "STOP_OK", "Stop Error (active low)"),
+    Bit(7, "LIMIT_OK", "Limit Error (active low)"),
+)
+
+F0: Final = 0x01
+F1: Final = 0x02
+F2: Final = 0x04
+F3: Final = 0x08
+F4: Final = 0x10
+F5: Final = 0x20
+MODE_FLAGS: Final = F0 | F3 | F4 | F5
+
+UNIPOLAR: Final = 0x04
+PID: Final = 0x08
+S_CURVE: Final = 0x10
+HIGH_RESOLUTION: Final = 0x20
+DIAGNOSTIC_PWM: Final = 0x40
+DIAGNOSTIC_DAC: Final = 0x80
+
+EXTENDED: Final = 0x01
+STEP_MODE: Final = 0x02
+STEP_LOW: Final = 0x04
+BREAK_ENABLE: Final = 0x10
+BREAK_REPEAT: Final = 0x20
+SIGN_INHIBIT: Final = 0x40
+PWM_BIAS: Final = 0x80
+
+TRIG_LATCH: Final = 0x01
+TRIG_CAPTURE: Final = 0x02
+TRIG_INPUT: Final = 0x04
+INDEX_LATCH: Final = 0x08
+INDEX_CAPTURE: Final = 0x10
+INDEX_RISING: Final = 0x20
+BUSY_ON_PROF: Final = 0x40
+INTERPOLATOR_BUSY: Final = 0x80
+
+BUSY: Final = 0x01
+DIRECTION: Final = 0x02
+IN_POSITION: Final = 0x04
+TIMER_OK: Final = 0x08
+ERROR_OK: Final = 0x10
+BREAKPOINT_OK: Final = 0x20
+STOP_OK: Final = 0x40
+LIMIT_OK: Final = 0x80
+ERROR_FLAGS: Final = 0xF8
+
+SWAP_AB: Final = 0x80
+
+REPORT: Final = 0
+GO_IDLE: Final = 1
+DECELERATE: Final = 2
+ABRUPT: Final = 3
+"""Exception actions, two bits each in R04: limit 1-0, stop 3-2, breakpoint 5-4, error 7-6."""
+
+SOFT_RESET_CODE: Final = 0
+IDLE_CODE: Final = 1
+HALT_CODE: Final = 2
+CONTROL_CODE: Final = 3
+"""Codes of the Mode Brancher R05 (MCP-MOD-1)."""
+
+# -- timings, in clock periods ------------------------------------------------------------------
+
+WRITE_CLK: Final = 4
+"""From /CS rise until a written byte is visible inside (MCP-BUS-5)."""
+RECOVERY_WRITE_CLK: Final = 4
+RECOVERY_READ_CLK: Final = 2
+"""From one /CS rise to the next (MCP-BUS-12)."""
+RESET_CLK: Final = 320
+"""Duration of a reset (MCP-RST-5)."""
+BREAK_ROUTINE_CLK: Final = 67
+"""From sample start to the breakpoint routine (MCP-BRK-3)."""
+DIRECTION_SETUP_CLK: Final = 1080
+"""From a change of the direction output to the next step (MCP-STP-2)."""
+
+WORK_BASE: Final = 500
+WORK_LEAD: Final = 500
+WORK_PID: Final = 800
+WORK_STEP: Final = 700
+WORK_PROFILE: Final = 900
+WORK_VELOCITY: Final = 400
+WORK_INTERPOLATION: Final = 300
+WORK_BACKLASH: Final = 100
+WORK_DEADBAND: Final = 100
+"""What the core has to do in a sample (MCP-SMP-3)."""
+
+PWM_RESOLUTION: Final = (100, 150, 200, 300, 400, 600, 800, 1200, 1600) + (1600,) * 7
+"""Clocks of a PWM frame by R1A bits 3-0 (MCP-OUT-5)."""
+PWM_FULL: Final = 1600
+"""Motor command, in 1/16, from which the duty is 100 %."""
+FILTER_DIVIDER: Final = (1, 2, 4, 8, 16, 32, 32, 32)
+"""Clocks of an encoder filter clock by R1A bits 6-4 (MCP-ENC-1)."""
+FILTER_STAGES: Final = 3
+
+DERIVATIVE_SPANS: Final = (1, 2, 3, 4, 8)
+
+# -- pins ---------------------------------------------------------------------------------------
+
+DATA: Final = "DB0-DB7"
+DAC: Final = "MC0-MC11"
+
+PINS: Final = (
+    PinRow("/ALE", "in", strobe=True, title="Address Latch Enable"),
+    PinRow("/CS", "in", strobe=True, select=True, title="Chip Select"),
+    PinRow("/OE", "in", strobe=True, title="Output Enable"),
+    PinRow("R/W", "in", strobe=True, title="Read/Write"),
+    PinRow(DATA, "io", rest=Z, width=8, title="Address/Data Bus AD0/DB0-AD6/DB6, DB7"),
+    PinRow("CHA", "in", title="Encoder channel A"),
+    PinRow("CHB", "in", title="Encoder channel B"),
+    PinRow("INDEX", "in", title="Index pulse"),
+    PinRow("/LIMIT", "in", title="Limit input"),
+    PinRow("/STOP", "in", title="Stop input"),
+    PinRow("/RESET", "in", title="Hard reset"),
+    PinRow("/SYNC", "in", title="Synchronises the sample timers of several chips"),
+    PinRow("TRIG", "od", title="Trigger I/O"),
+    PinRow("PROF", "out", rest=LOW, title="Profile Flag"),
+    PinRow("IDLE", "out", rest=LOW, title="Idle Flag"),
+    PinRow("BUSY", "out", rest=LOW, title="High during internal calculations"),
+    PinRow("PULSE", "out", rest=LOW, title="PWM Pulse, or step"),
+    PinRow("SIGN", "out", rest=LOW, title="PWM Sign, or direction"),
+    PinRow(DAC, "out", rest=Z, width=12, title="Motor Command Port, MC11 first"),
+)
+
+# -- AC Electrical Characteristics --------------------------------------------------------------
+
+SUPPLIES: Final = ("5 V", "3.3 V")
+SLOWEST_PS: Final = 500_000
+"""Longest clock period: 2 MHz."""
+
+
+def _ac(period: int, k: int, low: int, latch: int, valid: int, oe: int, high: int) -> AcTable:
+    """One of the manual's two tables; ``k`` is the constant in its formulae (all in ps)."""
+    return AcTable(
+        FAMILY,
+        AcLimit("tCPER", "MCP-TIM-1", "Clock Period (clk)", min_ps=period, max_ps=SLOWEST_PS),
+        AcLimit("tCPWH", "MCP-TIM-2", "Pulse Width, Clock High", min_clk=0.3),
+        AcLimit("tCPWL", "MCP-TIM-2", "Pulse Width, Clock Low", min_clk=0.3),
+        AcLimit("tCR", "MCP-TIM-3", "Clock Rise and Fall Time", max_ps=5_000),
+        AcLimit("tIRST", "MCP-TIM-4", "Input Pulse Width Reset, Sync", k, 1),
+        AcLimit("tIP", "MCP-TIM-5", "Input Pulse Width Stop, Limit", k, 1),
+        # The next three count filter clocks (R1A bits 6-4), not clocks.
+        AcLimit("tIX", "MCP-TIM-6", "Input Pulse Width Index", k, 3),
+        AcLimit("tIAB", "MCP-TIM-7", "Input Pulse Width CHA, CHB", k, 3),
+        AcLimit("tAB", "MCP-TIM-8", "Delay CHA to CHB Transition", k, 1),
+        AcLimit("tIABR", "MCP-TIM-9", "Input Rise/Fall Time CHA, CHB", max_ps=40_000),
+        AcLimit("tIR", "MCP-TIM-9", "Input Rise/Fall Time of the other inputs", max_ps=40_000),
+        AcLimit("tIPW", "MCP-TIM-10", "Input Pulse Width ALE, CS", low),
+        AcLimit("tAC", "MCP-TIM-11", "Delay Time, ALE Fall to CS Fall", k),
+        AcLimit("tACH", "MCP-TIM-12", "Delay Time, ALE Rise to CS Rise", k),
+        AcLimit("tASR1", "MCP-TIM-13", "Address Setup Time Before ALE Rise"),
+        AcLimit("tASR", "MCP-TIM-14", "Address Setup Time Before CS Fall"),
+        AcLimit("tSDR", "MCP-TIM-15", "Write Data Setup Time Before CS Rise", k),
+        AcLimit("tH", "MCP-TIM-16", "Address/Data Hold Time", k),
+        AcLimit("tWCS", "MCP-TIM-17", "Setup Time, R/W Before CS Rise", k),
+        AcLimit("tWH", "MCP-TIM-18", "Hold Time, R/W After CS Rise", k),
+        AcLimit("tCSAL", "MCP-TIM-19", "Delay Time, Write Cycle, CS Rise to ALE Fall", k, 4),
+        AcLimit("tCSCS", "MCP-TIM-20", "Delay Time, CS Rise to Next Address Latch", latch),
+        AcLimit("tWC", "MCP-TIM-21", "Write Cycle, ALE Fall to ALE Fall for Next Write", k, 4),
+        AcLimit("tOEDB", "MCP-TIM-22", "Delay Time, OE Fall to Data Bus Valid",
+                max_ps=valid, output=True),
+        AcLimit("tALDB", "MCP-TIM-23", "Delay Time, Address Latch to Data Bus Valid",
+                max_ps=valid, output=True),
+        AcLimit("tIPWOE", "MCP-TIM-24", "Input Pulse Width OE", oe),
+        AcLimit("tDOEH", "MCP-TIM-25", "Data Held After OE Rise", k, output=True),
+        AcLimit("tALAL", "MCP-TIM-26", "Read Cycle, Address Latch to Address Latch", k, 2),
+        AcLimit("tOF", "MCP-TIM-27", "Output Pulse Width", 0, 1, output=True),
+        AcLimit("tOR", "MCP-TIM-28", "Output Rise/Fall Time", max_ps=valid, output=True),
+        AcLimit("tEP", "MCP-TIM-28", "Delay Time, Clock Rise to Output", max_ps=valid,
+                output=True),
+        AcLimit("tALH", "MCP-TIM-29", "Hold Time, ALE High After CS Rise", k),
+        AcLimit("tALPWH", "MCP-TIM-30", "Pulse Width, ALE High", high),
+        AcLimit("tCA", "MCP-TIM-31", "Delay Time, CS Fall to ALE Fall", k),
+        AcLimit("tACL", "MCP-TIM-32", "Delay Time, ALE Rise to CS Fall", k),
+    )  # fmt: skip
+
+
+AC: Final = {
+    "5 V": _ac(50_000, 2_100, 2_500, 3_500, 25_000, 14_200, 3_100),
+    "3.3 V": _ac(70_000, 3_100, 3_800, 5_300, 36_000, 17_200, 5_300),
+}
+
+# -- rules a host can break ---------------------------------------------------------------------
+
+CONTENTION: Final = Rule(
+    "mcp1200.contention", "MCP-BUS-8", "/OE must be high while /CS is low in a write cycle."
+)
+RECOVERY: Final = Rule(
+    "mcp1200.recovery",
+    "MCP-BUS-12",
+    "From one /CS rise to the next at least 4 clk must pass for a write, 2 clk for a read.",
+)
+RESERVED: Final = Rule(
+    "mcp1200.reserved", "MCP-BUS-10", "This address is not in the register table.", "warning"
+)
+GOAL_STEP: Final = Rule(
+    "mcp1200.goal-step",
+    "MCP-VEL-2",
+    "Two successive velocity commands must differ by at most 127 (high resolution: 32767).",
+    "warning",
+)
+STEP_OVERRUN: Final = Rule(
+    "mcp1200.step-overrun",
+    "MCP-STP-3",
+    "The step pulses of a sample must fit into it.",
+    "warning",
+)
+DOUBLE_EDGE: Final = Rule(
+    "mcp1200.double-edge", "MCP-ENC-1", "CHA and CHB must not change together.", "warning"
+)
+RULES: Final = (
+    *AC["5 V"].rules.values(),
+    CONTENTION, RECOVERY, RESERVED, GOAL_STEP, STEP_OVERRUN, DOUBLE_EDGE,
+)  # fmt: skip
+
+# -- board file keys ----------------------------------------------------------------------------
+
+OPTIONS: Final = (
+    Option("supply", "choice", "5 V", "supply voltage; decides the AC limits",
+           choices=SUPPLIES, clause="MCP-CFG-1"),
+    Option("drive", "choice", "pwm", "which motor command output the amplifier takes",
+           choices=("pwm", "dac")),
+    Option("io_stall_clk", "count", 0, "clocks the core loses per bus cycle",
+           low=0, high=16, clause="MCP-BUS-11"),
+    Option("index", "choice", "low", "level of the encoder's index pulse",
+           choices=("low", "high")),
+    Option("limit_switches", "flag", True,
+           "the axis' limit+ and limit- switches are wired to /LIMIT"),
+    Option("home_switch", "choice", "none", "input the axis' home switch is wired to",
+           choices=("none", "/STOP", "INDEX", "TRIG")),
+    Option("clock_high", "ratio", 0.5, "part of the clock period the clock is high",
+           low=0.0, high=1.0, clause="MCP-TIM-2"),
+    Option("clock_edge", "s", 0, "rise and fall time of the clock", low=0, clause="MCP-TIM-3"),
+    Option("input_edge", "s", 0, "rise and fall time of the other inputs", low=0,
+           clause="MCP-TIM-9"),
+)  # fmt: skip

@@ -1,0 +1,225 @@
+"""The position counter, and the encoder's course through the plant's present period."""
+
+from vbus.bits import wrap
+from vbus.chips.mcp1200.timer import FAR
+from vbus.signals import Plant, Switch
+
+
+class Encoder:
+    """What the encoder does between two changes of the motor's drive.
+
+    A plant's course through a period is known from the period's start, so every edge in it has
+    its clock cycle: counts are placed by :meth:`Plant.fraction_at`, rounded up to the next clock.
+
+    Args:
+        clk_hz: clock frequency, to tell the plant its period.
+
+    Attributes:
+        direction: 1, or -1 while R1A bit 7 swaps the channels.
+        offset: position minus ``direction`` times the plant's count.
+        seen: plant count up to which edges have been handled.
+        at: cycle of the next edge worth a look, :data:`FAR` if the period has none.
+        at_count: plant count reached at it.
+        end: cycle at which the period ends.
+        inside: whether the encoder stands in its index position.
+        external: counts from driven CHA and CHB nets, for the stall check.
+    """
+
+    __slots__ = (
+        "_clk_hz", "_first", "_home", "_last", "_length", "_prepared", "_start", "at", "at_count",
+        "direction", "end", "external", "inside", "limits", "offset", "plant", "seen",
+    )  # fmt: skip
+
+    def __init__(self, clk_hz: int) -> None:
+        self._clk_hz: int = clk_hz
+        self.plant: Plant | None = None
+        self.limits: list[Switch] = []
+        self._home: Switch | None = None
+        self.direction: int = 1
+        self.offset: int = 0
+        self.seen: int = 0
+        self.at: int = FAR
+        self.at_count: int = 0
+        self.end: int = FAR
+        self.inside: bool = False
+        self.external: int = 0
+        self._start: int = 0
+        self._length: int = 1
+        self._first: int = 0
+        self._last: int = 0
+        self._prepared: int = 0
+
+    def connect(self, plant: Plant, limits: bool, home: bool) -> None:
+        """Attach the mechanics; ``limits`` and ``home`` say which of its switches are wired."""
+        self.plant = plant
+        self._first = self._last = self.seen = plant.count
+        self.offset = -plant.count
+        self.end = 0
+        if limits:
+            for name in ("limit+", "limit-"):
+                if name in plant.switches:
+                    self.limits.append(plant.switches[name])
+        if home:
+            self._home = plant.switches.get("home")
+
+    # -- where it stands ----------------------------------------------------------------------
+
+    def count(self, cycle: int) -> int:
+        """Plant count at ``cycle`` of the present period."""
+        if self._first == self._last or self.plant is None:
+            return self._last
+        past = cycle - self._start
+        if past >= self._length:
+            return self._last
+        if past <= 0:
+            return self._first
+        return self.plant.count_at(past / self._length)
+
+    def position(self, cycle: int) -> int:
+        """The 24-bit position counter at ``cycle``."""
+        return wrap(self.offset + self.direction * self.count(cycle), 24)
+
+    def preset(self, position: int, cycle: int) -> None:
+        """Load the counter."""
+        self.offset = position - self.direction * self.count(cycle)
+
+    def swap(self, swapped: bool, cycle: int) -> None:
+        """Exchange the channels, or put them back; the counter keeps its value."""
+        here = self.offset + self.direction * self.count(cycle)
+        self.direction = -1 if swapped else 1
+        self.offset = here - self.direction * self.count(cycle)
+
+    def add(self, counts: int) -> None:
+        """Counts of an encoder on the CHA and CHB nets."""
+        self.external += counts
+        self.offset += self.direction * counts
+
+    # -- periods ------------------------------------------------------------------------------
+
+    def begin(self, cycle: int, end: int, command: float, error: int, steps: int) -> None:
+        """Run the plant from ``cycle`` to ``end``; one of command and steps is what it takes."""
+        plant = self.plant
+        if plant is None:
+            return
+        length = end - cycle
+        if length != self._prepared:
+            self._prepared = length
+            plant.prepare(length / self._clk_hz)
+        self._first = self.seen = plant.count
+        if "pulses" in plant.TAKES:
+            self._last = plant.pulses(steps)
+        else:
+            self._last = plant.drive(command, error * self.direction)
+        self._start = cycle
+        self._length = length
+        self.end = end
+
+    def skip(self, cycles: int) -> None:
+        """Time has passed in which nothing moved."""
+        self._start += cycles
+        self.end += cycles
+
+    def resting(self) -> bool:
+        """Whether nothing will move until the drive changes."""
+        plant = self.plant
+        return plant is None or (self._first == self._last and plant.resting())
+
+    # -- edges --------------------------------------------------------------------------------
+
+    def limit_level(self) -> int:
+        """Level the wired limit switches pull /LIMIT to, with the axis at :attr:`seen`."""
+        level = 1
+        for switch in self.limits:
+            level &= switch.level(self.seen)
+        return level
+
+    def home_level(self) -> int:
+        """Level of the wired home switch, with the axis at :attr:`seen`."""
+        return 1 if self._home is None else self._home.level(self.seen)
+
+    def plan(self, armed: bool, compare: int) -> None:
+        """Find the next edge after :attr:`seen`: breakpoint, index, or a switch.
+
+        Args:
+            armed: whether position ``compare`` is worth an edge.
+            compare: breakpoint position.
+        """
+        self.at = FAR
+        here = self.seen
+        plant = self.plant
+        if plant is None or here == self._last:
+            return
+        towards = 1 if self._last > here else -1
+        nearest = abs(self._last - here) + 1
+        if armed:
+            away = wrap(compare - self.offset - self.direction * here, 24) * self.direction
+            if 0 < away * towards < nearest:
+                nearest = away * towards
+        found, count = plant.index_between(here, self._last)
+        if found:
+            nearest = min(nearest, abs(count - here))
+        if self.inside:
+            nearest = 1
+        for switch in self.limits:
+            nearest = min(nearest, _boundary(switch, here, towards, nearest))
+        if self._home is not None:
+            nearest = min(nearest, _boundary(self._home, here, towards, nearest))
+        if nearest > abs(self._last - here):
+            return
+        self.at_count = here + towards * nearest
+        self.at = self._cycle_of(self.at_count)
+
+    def _cycle_of(self, count: int) -> int:
+        plant = self.plant
+        if plant is None:
+            return FAR
+        place = plant.fraction_at(count) * self._length
+        cycles = int(place)
+        if cycles < place:
+            cycles += 1
+        return self._start + min(max(cycles, 0), self._length)
+
+    def enters_index(self) -> bool:
+        """Whether going from :attr:`seen` to :attr:`at_count` enters an index position."""
+        plant = self.plant
+        return plant is not None and plant.index_between(self.seen, self.at_count)[0]
+
+    def look_from(self, cycle: int) -> None:
+        """Edges before ``cycle`` are past: a setting has changed."""
+        here = self.count(cycle)
+        if self.at != FAR:
+            towards = 1 if self.at_count > self.seen else -1
+            if (here - self.at_count) * towards >= 0:
+                here = self.at_count - towards
+        self.seen = here
+
+    def save(self) -> tuple[object, ...]:
+        """Return the state, the plant's included."""
+        return (
+            self.direction, self.offset, self.seen, self.at, self.at_count, self.end,
+            self.inside, self.external, self._start, self._length, self._first, self._last,
+            self._prepared, () if self.plant is None else self.plant.save(),
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self.direction, self.offset, self.seen, self.at, self.at_count, self.end,
+            self.inside, self.external, self._start, self._length, self._first, self._last,
+            self._prepared, plant,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        if self.plant is not None:
+            if self._prepared:
+                self.plant.prepare(self._prepared / self._clk_hz)
+            self.plant.load(plant)  # type: ignore[arg-type]
+
+
+def _boundary(switch: Switch, here: int, towards: int, nearest: int) -> int:
+    """Counts from ``here`` to the next place where the switch changes, or ``nearest``."""
+    for edge in (switch.low, switch.high):
+        # Going up it changes on reaching the bound, going down on leaving it.
+        target = edge if towards > 0 else edge - 1
+        away = (target - here) * towards
+        if 0 < away < nearest:
+            nearest = away
+    return nearest

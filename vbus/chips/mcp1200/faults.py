@@ -1,0 +1,65 @@
+"""The exception handler: what happened since the last sample, and what R04 says to do about it."""
+
+from vbus.chips.mcp1200 import datasheet as ds
+
+
+class Faults:
+    """Exception sources noted since the last look; one action for all of them (MCP-EXC-1).
+
+    The flags in the status register are set by whoever sees the cause, at once; this is only
+    what the next control sample does about it.
+
+    Attributes:
+        limit: /LIMIT has gone low.
+        stop: /STOP has gone low.
+        breakpoint: the breakpoint has been reached.
+        error: the position error was too large, or the motor stalled.
+    """
+
+    __slots__ = ("breakpoint", "error", "limit", "stop")
+
+    def __init__(self) -> None:
+        self.limit: bool = False
+        self.stop: bool = False
+        self.breakpoint: bool = False
+        self.error: bool = False
+
+    def clear(self) -> None:
+        """Nothing has happened."""
+        self.limit = False
+        self.stop = False
+        self.breakpoint = False
+        self.error = False
+
+    def action(self, image: bytes, limit_low: bool, stop_low: bool) -> int:
+        """Return what to do in this sample and forget what was noted.
+
+        A pin that is still low, and R46, cause the action anew in every sample (MCP-EXC-5).
+        """
+        setting = image[ds.EXCEPTION]
+        wanted = 1 << (image[ds.FORCED_EXCEPTION] & 3)
+        if self.limit or limit_low:
+            wanted |= 1 << (setting & 3)
+        if self.stop or stop_low:
+            wanted |= 1 << (setting >> 2 & 3)
+        if self.breakpoint:
+            wanted |= 1 << (setting >> 4 & 3)
+        if self.error:
+            wanted |= 1 << (setting >> 6)
+        self.clear()
+        for action in (ds.GO_IDLE, ds.ABRUPT, ds.DECELERATE):
+            if wanted & 1 << action:
+                return action
+        return ds.REPORT
+
+    def save(self) -> tuple[int, ...]:
+        """Return the state."""
+        return (int(self.limit), int(self.stop), int(self.breakpoint), int(self.error))
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        limit, stop, at_breakpoint, error = state
+        self.limit = bool(limit)
+        self.stop = bool(stop)
+        self.breakpoint = bool(at_breakpoint)
+        self.error = bool(error)

@@ -1,0 +1,237 @@
+"""The inputs beside the host bus: encoder, limits, trigger, reset and sync."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.capture import index_edge, trigger_edge
+from vbus.chips.mcp1200.timer import FAR
+from vbus.chips.motion.quadrature import COUNTED, INDEX_FELL, INDEX_ROSE, SKIPPED, Quadrature
+from vbus.kernel import NEVER
+from vbus.signals import Watcher
+
+if TYPE_CHECKING:
+    from vbus.chips.mcp1200.chip import MCP1200
+    from vbus.chips.mcp1200.clockwork import Clockwork
+
+LONG_AGO: Final = -(1 << 62)
+
+PULSES: Final = (("/RESET", "tIRST"), ("/SYNC", "tIRST"), ("/LIMIT", "tIP"), ("/STOP", "tIP"))
+"""Inputs whose low pulses have a shortest length (MCP-TIM-4, 5)."""
+
+
+class EncoderPins:
+    """CHA, CHB and INDEX while something drives them: three-stage filter and 4x decoder.
+
+    Times are clock cycles. A plant does without: it hands over counts.
+
+    Args:
+        chip: whose pins.
+        works: where counts go.
+    """
+
+    __slots__ = (
+        "_a", "_a_at", "_b", "_b_at", "_chip", "_index", "_index_at", "_works", "decoder",
+    )  # fmt: skip
+
+    def __init__(self, chip: MCP1200, works: Clockwork) -> None:
+        self._chip: MCP1200 = chip
+        self._works: Clockwork = works
+        self.decoder: Quadrature = Quadrature(ds.FILTER_STAGES, ds.FILTER_STAGES)
+        self.decoder.preset(1, 1, 1)
+        self._a: int = 1
+        self._b: int = 1
+        self._index: int = 1
+        self._a_at: int = LONG_AGO
+        self._b_at: int = LONG_AGO
+        self._index_at: int = LONG_AGO
+        watcher = Watcher(chip.kernel, self._moved)
+        for name in ("CHA", "CHB", "INDEX"):
+            chip.pins[name].net.watch(watcher)
+
+    def settle_levels(self) -> None:
+        """Take the levels as they stand as what has been there for ever: power-on."""
+        pins = self._chip.pins
+        self._a, self._b, self._index = pins["CHA"].value, pins["CHB"].value, pins["INDEX"].value
+        self.decoder.preset(self._a, self._b, self._index)
+
+    def configure(self, cycle: int) -> None:
+        """R1A has changed: the filter clock."""
+        dwell = ds.FILTER_STAGES * self._divider()
+        self.decoder.set_dwell(cycle, dwell, dwell)
+
+    def _divider(self) -> int:
+        return ds.FILTER_DIVIDER[self._works.file.bytes[ds.ENCODER_PWM] >> 4 & 7]
+
+    def due(self) -> int:
+        """Cycle at which a level at the pins will have passed the filter."""
+        due = self.decoder.due()
+        return FAR if due == NEVER else due
+
+    def settle(self, cycle: int) -> None:
+        """Take what has passed the filter by ``cycle``."""
+        works = self._works
+        decoder = self.decoder
+        while (found := decoder.settle(cycle)) != 0:
+            if found & COUNTED:
+                works.count_external(decoder.direction, decoder.at)
+            if found & SKIPPED:
+                works.report(ds.DOUBLE_EDGE)
+            if found & (INDEX_FELL | INDEX_ROSE):
+                works.index_external(bool(found & INDEX_ROSE), decoder.at)
+
+    def _moved(self) -> None:
+        chip = self._chip
+        chip.advance()
+        pins = chip.pins
+        a, b, index = pins["CHA"].value, pins["CHB"].value, pins["INDEX"].value
+        if chip.judged:
+            self._judge(a, b, index)
+        now = chip.kernel.now
+        if a != self._a:
+            self._a, self._a_at = a, now
+        if b != self._b:
+            self._b, self._b_at = b, now
+        if index != self._index:
+            self._index, self._index_at = index, now
+        self.decoder.edge(chip.cycle_now(), a, b, index)
+        chip.changed()
+
+    def _judge(self, a: int, b: int, index: int) -> None:
+        chip = self._chip
+        now = chip.kernel.now
+        clocks = self._divider()
+        if index != self._index:
+            chip.judge_filtered("tIX", now - self._index_at, clocks)
+        if a != self._a:
+            chip.judge_filtered("tIAB", now - self._a_at, clocks)
+        if b != self._b:
+            chip.judge_filtered("tIAB", now - self._b_at, clocks)
+        if a != self._a and b != self._b:
+            chip.judge_filtered("tAB", 0, clocks)
+        elif a != self._a:
+            chip.judge_filtered("tAB", now - self._b_at, clocks)
+        elif b != self._b:
+            chip.judge_filtered("tAB", now - self._a_at, clocks)
+
+    def save(self) -> tuple[object, ...]:
+        """Return the state."""
+        return (
+            self._a, self._b, self._index, self._a_at, self._b_at, self._index_at,
+            self.decoder.save(),
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self._a, self._b, self._index, self._a_at, self._b_at, self._index_at, decoder,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        self.decoder.load(decoder)  # type: ignore[arg-type]
+
+
+class SidePins:
+    """/LIMIT, /STOP, /RESET, /SYNC and TRIG as an input.
+
+    The axis' own switches are wired in parallel with the nets: an input is low if its net or a
+    closed switch makes it low.
+
+    Args:
+        chip: whose pins.
+        works: what they act on.
+
+    Attributes:
+        limit: level of /LIMIT.
+        stop: level of /STOP.
+        sync: level of /SYNC.
+    """
+
+    __slots__ = (
+        "_chip", "_fell", "_home", "_home_index", "_levels", "_trigger", "_works", "limit", "own",
+        "stop", "sync",
+    )  # fmt: skip
+
+    def __init__(self, chip: MCP1200, works: Clockwork) -> None:
+        self._chip: MCP1200 = chip
+        self._works: Clockwork = works
+        self._levels: list[int] = [1, 1, 1, 1]
+        self._fell: list[int] = [LONG_AGO] * 4
+        self.limit: int = 1
+        self.stop: int = 1
+        self.sync: int = 1
+        self._trigger: int = 1
+        self._home_index: int = 1
+        self._home: str = str(chip.settings["home_switch"])
+        self.own: Watcher = Watcher(chip.kernel, self._moved)
+        for name in ("/RESET", "/SYNC", "/LIMIT", "/STOP", "TRIG"):
+            chip.pins[name].net.watch(self.own)
+
+    def _moved(self) -> None:
+        chip = self._chip
+        chip.advance()
+        now = chip.kernel.now
+        for place, (name, limit) in enumerate(PULSES):
+            level = chip.pins[name].value
+            if level == self._levels[place]:
+                continue
+            self._levels[place] = level
+            if level == 0:
+                self._fell[place] = now
+            elif chip.judged:
+                chip.judge(limit, now - self._fell[place])
+            if name == "/RESET":
+                chip.reset_pin(level)
+        self.look(chip.cycle_now())
+        chip.changed()
+
+    def look(self, cycle: int) -> None:
+        """Find out what has moved by ``cycle``: a net, or a switch of the axis."""
+        works = self._works
+        home = works.encoder.home_level()
+        limit = self._levels[2] & works.encoder.limit_level()
+        stop = self._levels[3] & (home if self._home == "/STOP" else 1)
+        trigger = self._chip.pins["TRIG"].value & (home if self._home == "TRIG" else 1)
+        if limit != self.limit:
+            self.limit = limit
+            works.limit_pin(limit, cycle)
+        if stop != self.stop:
+            self.stop = stop
+            works.stop_pin(stop)
+        if self._levels[1] != self.sync:
+            self.sync = self._levels[1]
+            works.sync_pin(self.sync, self._chip.next_cycle())
+        if trigger != self._trigger:
+            self._trigger = trigger
+            if trigger == 0:
+                trigger_edge(works.file.bytes, works.position(cycle))
+        if home != self._home_index:
+            self._home_index = home
+            if self._home == "INDEX":
+                index_edge(works.file.bytes, home == 1, works.position(cycle))
+
+    def settle_levels(self) -> None:
+        """Take the levels as they stand: power-on."""
+        for place, (name, _) in enumerate(PULSES):
+            self._levels[place] = self._chip.pins[name].value
+        encoder = self._works.encoder
+        home = encoder.home_level()
+        self.limit = self._levels[2] & encoder.limit_level()
+        self.stop = self._levels[3] & (home if self._home == "/STOP" else 1)
+        self.sync = self._levels[1]
+        self._trigger = self._chip.pins["TRIG"].value & (home if self._home == "TRIG" else 1)
+        self._home_index = home
+
+    def save(self) -> tuple[object, ...]:
+        """Return the state."""
+        return (
+            tuple(self._levels), tuple(self._fell), self.limit, self.stop, self.sync,
+            self._trigger, self._home_index,
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            levels, fell, self.limit, self.stop, self.sync, self._trigger, self._home_index,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        self._levels[:] = levels  # type: ignore[call-overload]
+        self._fell[:] = fell  # type: ignore[call-overload]

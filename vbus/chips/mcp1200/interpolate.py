@@ -1,0 +1,117 @@
+"""Position and velocity interpolation: flags F3 and F4 (MCP-INT)."""
+
+from vbus.bits import wrap
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.command import Command
+
+
+class Segment:
+    """A straight line over 2^(R18+1) samples from one value to the next.
+
+    Attributes:
+        start: value at the segment's start.
+        end: value at its end.
+        left: samples still to make; 0: no segment runs.
+    """
+
+    __slots__ = ("_shift", "end", "left", "start")
+
+    def __init__(self) -> None:
+        self.start: int = 0
+        self.end: int = 0
+        self.left: int = 0
+        self._shift: int = 1
+
+    def begin(self, image: bytes, start: int, end: int) -> None:
+        """Lay a segment; R18 is read now (MCP-INT-3)."""
+        self.start = start
+        self.end = end
+        self._shift = (image[ds.INTERPOLATOR_PRESET] & 7) + 1
+        self.left = 1 << self._shift
+
+    def next(self) -> int:
+        """Make one sample; return the value at its end (MCP-INT-1)."""
+        self.left -= 1
+        done = (1 << self._shift) - self.left
+        return self.start + ((self.end - self.start) * done >> self._shift)
+
+    def slope(self) -> int:
+        """Change of the value per sample, in 1/256."""
+        return (self.end - self.start << 8) >> self._shift
+
+    def save(self) -> tuple[int, ...]:
+        """Return the state."""
+        return (self.start, self.end, self.left, self._shift)
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self.start, self.end, self.left, self._shift = state
+
+
+class PositionInterpolation:
+    """Runs through a series of positions, one segment each (MCP-INT-1)."""
+
+    __slots__ = ("segment",)
+
+    def __init__(self) -> None:
+        self.segment: Segment = Segment()
+
+    def hold(self) -> None:
+        """Stay at the command position until a new point comes."""
+        self.segment.left = 0
+
+    def step(self, command: Command, image: bytes, fresh: bool, point: int) -> bool:
+        """Make one sample; tell whether the new ``point`` has been taken.
+
+        Args:
+            command: what moves.
+            image: the registers at the sample's start.
+            fresh: a new point is there.
+            point: position to reach by the next segment.
+        """
+        segment = self.segment
+        taken = segment.left == 0 and fresh
+        if taken:
+            here = command.position
+            segment.begin(image, here, here + wrap(point - here, 24))
+        if segment.left == 0:
+            command.rest()
+            return False
+        command.left = segment.left
+        command.moving = True
+        command.fraction = 0
+        command.phase = 0
+        command.position = wrap(segment.next(), 24)
+        command.velocity = segment.slope()
+        return taken
+
+
+class VelocityInterpolation:
+    """Runs through a series of velocities, one ramp each (MCP-INT-5)."""
+
+    __slots__ = ("segment",)
+
+    def __init__(self) -> None:
+        self.segment: Segment = Segment()
+
+    def enter(self, velocity: int) -> None:
+        """The next step begins a ramp from ``velocity``."""
+        self.segment.left = 0
+        self.segment.end = velocity
+
+    def slow_down(self, command: Command, image: bytes) -> None:
+        """Ramp to standstill over one segment, unless that is under way (MCP-EXC-2)."""
+        if self.segment.end != 0:
+            self.segment.begin(image, command.velocity, 0)
+
+    def step(self, command: Command, image: bytes, fresh: bool, velocity: int) -> bool:
+        """Make one sample; tell whether the new ``velocity`` has been taken."""
+        segment = self.segment
+        taken = segment.left == 0 and fresh
+        if taken:
+            segment.begin(image, segment.end, velocity)
+        command.left = segment.left
+        command.moving = segment.left > 0
+        command.phase = 0
+        command.move(segment.next() if segment.left else segment.end)
+        return taken

@@ -1,0 +1,46 @@
+"""The lead filter of the HCTL-1100 map (R20 zero A, R21 pole B, R22 gain K)."""
+
+from typing import Final
+
+from vbus.bits import clamp
+from vbus.chips.mcp1200 import datasheet as ds
+
+MC_MIN: Final = -2048
+MC_MAX: Final = 2047
+"""The 12-bit motor command, in 1/16 of an R08 step (MCP-FLT-1)."""
+
+
+class LeadFilter:
+    """MC(n) = K/4 E(n) - [A/256 K/4 E(n-1) + B/256 MC(n-1)], in 1/16 of an R08 step.
+
+    The old motor command enters as it was sent, limited to 12 bits; one floor for both old
+    terms (MCP-FLT-2).
+    """
+
+    __slots__ = ("_command", "_error")
+
+    def __init__(self) -> None:
+        self._error: int = 0
+        self._command: int = 0
+
+    def clear(self) -> None:
+        """Forget old samples (MCP-FLT-5)."""
+        self._error = 0
+        self._command = 0
+
+    def step(self, image: bytes, error: int) -> int:
+        """Return the motor command, not limited, for position error ``error`` (16 bits)."""
+        gain = image[ds.LEAD_GAIN]
+        old = 4 * image[ds.LEAD_ZERO] * gain * self._error + image[ds.LEAD_POLE] * self._command
+        command = 4 * gain * error - (old >> 8)
+        self._error = error
+        self._command = clamp(command, MC_MIN, MC_MAX)
+        return command
+
+    def save(self) -> tuple[int, ...]:
+        """Return the state."""
+        return (self._error, self._command)
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self._error, self._command = state

@@ -1,0 +1,285 @@
+"""The host bus at the pins: /ALE, /CS, /OE, R/W and the multiplexed address/data bus."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.kernel import NEVER
+from vbus.signals import LOW, Net, Watcher, Z
+
+if TYPE_CHECKING:
+    from vbus.chips.mcp1200.chip import MCP1200
+
+LONG_AGO: Final = -(1 << 62)
+
+AD6: Final = 0x40
+"""The one bus line with a pull-up of its own (MCP-BUS-1)."""
+
+
+class HostPins:
+    """Sees strobes on the nets, makes bus cycles of them, and judges their times.
+
+    The three bus orders differ in when /ALE is low: before /CS, across its fall, or inside it.
+    In all of them the address latch closes once per /ALE pulse, and the access is made when /CS
+    rises, with what the bus carried before that edge.
+
+    AC limits are judged while :attr:`Chip.judged` is set. What breaks a limit under a strict
+    policy is lost.
+
+    Args:
+        chip: whose pins.
+    """
+
+    __slots__ = (
+        "_address", "_ale", "_ale_fell", "_ale_rose", "_chip", "_closed_at", "_cs", "_cs_fell",
+        "_cs_rose", "_data", "_data_at", "_fresh", "_inside", "_lost", "_oe", "_oe_fell", "_open",
+        "_overlapped", "_previous_closed_at", "_release", "_rw", "_rw_at", "_was_read",
+        "_was_write", "own",
+    )  # fmt: skip
+
+    def __init__(self, chip: MCP1200) -> None:
+        self._chip: MCP1200 = chip
+        self._ale: int = 1
+        self._cs: int = 1
+        self._oe: int = 1
+        self._rw: int = 1
+        self._data: int = 0
+        self._address: int = 0
+        self._open: bool = False
+        """The address latch follows the bus."""
+        self._fresh: bool = False
+        """An address has been latched since the last access."""
+        self._overlapped: bool = False
+        self._inside: bool = False
+        self._lost: bool = False
+        self._was_read: bool = False
+        self._was_write: bool = False
+        self._ale_fell: int = LONG_AGO
+        self._ale_rose: int = LONG_AGO
+        self._cs_fell: int = LONG_AGO
+        self._cs_rose: int = LONG_AGO
+        self._oe_fell: int = LONG_AGO
+        self._rw_at: int = LONG_AGO
+        self._data_at: int = LONG_AGO
+        self._closed_at: int = LONG_AGO
+        self._previous_closed_at: int = LONG_AGO
+        self._release = chip.kernel.timer(self._let_go)
+        self.own: Watcher = Watcher(chip.kernel, self._moved)
+        for name in ("/ALE", "/CS", "/OE", "R/W", ds.DATA):
+            chip.pins[name].net.watch(self.own)
+
+    @property
+    def _net(self) -> Net:
+        return self._chip.bus_net
+
+    # -- edges --------------------------------------------------------------------------------
+
+    def _moved(self) -> None:
+        chip = self._chip
+        chip.advance()
+        now = chip.kernel.now
+        pins = chip.pins
+        ale, cs = pins["/ALE"].value, pins["/CS"].value
+        oe, rw = pins["/OE"].value, pins["R/W"].value
+        data = self._net.value
+        if rw != self._rw:
+            self._read_write(rw, now)
+        if ale != self._ale:
+            if ale == LOW:
+                self._ale_falls(now)
+            else:
+                self._ale_rises(now)
+        if cs != self._cs:
+            if cs == LOW:
+                self._cs_falls(now)
+            else:
+                self._cs_rises(now)
+        if oe != self._oe:
+            self._output_enable(oe, now)
+        if data != self._data:
+            self._data_moves(data, now)
+        self.refresh()
+        chip.changed()
+
+    def _judge(self, symbol: str, measured: int) -> None:
+        """Judge a limit of the access under way."""
+        if self._chip.judged and self._chip.judge(symbol, measured):
+            self._lost = True
+
+    def _read_write(self, rw: int, now: int) -> None:
+        chip = self._chip
+        if chip.judged and chip.judge("tWH", now - self._cs_rose):
+            chip.works.lose_write()
+        # If /CS rises in the same batch, the old level is what counts there: ``before``.
+        self._rw = rw
+        self._rw_at = now
+        if self._cs == LOW and not self._open:
+            if rw:
+                chip.begin_read(self._address)
+            else:
+                chip.drop_read()
+                self._check_contention()
+
+    def _ale_falls(self, now: int) -> None:
+        self._ale = 0
+        self._lost = False
+        if self._was_write:
+            self._judge("tCSAL", now - self._cs_rose)
+            self._judge("tWC", now - self._ale_fell)
+        if self._overlapped or self._inside:
+            self._judge("tALH", now - self._cs_rose)
+        self._judge("tALPWH", now - self._ale_rose)
+        self._inside = self._cs == LOW
+        self._overlapped = False
+        if self._inside:
+            self._judge("tCA", now - self._cs_fell)
+            self._chip.drop_read()
+        self._was_write = False
+        self._open = True
+        self._ale_fell = now
+
+    def _ale_rises(self, now: int) -> None:
+        self._ale = 1
+        self._judge("tIPW", now - self._ale_fell)
+        if self._open:
+            self._close("tASR1", now)
+            if self._cs == LOW:
+                self._access_begins()
+        self._ale_rose = now
+
+    def _close(self, setup: str, now: int) -> None:
+        """The address latch closes: with what the bus carried before this edge (MCP-BUS-2)."""
+        net = self._net
+        self._address = net.before if net.driven else net.before | AD6
+        self._address &= 0x7F
+        self._judge(setup, 0 if net.driven else -1)
+        self._judge("tCSCS", now - self._cs_rose)
+        self._open = False
+        self._fresh = True
+        self._previous_closed_at = self._closed_at
+        self._closed_at = now
+
+    def _cs_falls(self, now: int) -> None:
+        self._cs = 0
+        self._cs_fell = now
+        if self._open:
+            self._overlapped = True
+            self._judge("tAC", now - self._ale_fell)
+            self._close("tASR", now)
+        elif self._fresh:
+            self._judge("tACL", now - self._ale_rose)
+        self._access_begins()
+
+    def _access_begins(self) -> None:
+        if self._rw:
+            self._chip.begin_read(self._address)
+        else:
+            self._check_contention()
+
+    def _cs_rises(self, now: int) -> None:
+        chip = self._chip
+        self._cs = 1
+        write = chip.pins["R/W"].net.before == 0
+        self._judge("tIPW", now - self._cs_fell)
+        if self._overlapped or self._inside:
+            self._judge("tACH", now - self._ale_rose if self._ale else 0)
+        self._judge("tWCS", now - self._rw_at)
+        if self._open:
+            # The address was never latched: there is nothing to access.
+            chip.drop_read()
+        elif write:
+            # Our own driver has let go: this is the host's byte (MCP-BUS-8).
+            data = self._net.before
+            changed = now if self._net.value != self._data else self._data_at
+            self._judge("tSDR", now - changed)
+            chip.drop_read()
+            if not self._lost:
+                chip.write(self._address, data)
+        else:
+            if self._was_read and self._fresh:
+                self._judge("tALAL", self._closed_at - self._previous_closed_at)
+            if self._lost:
+                chip.drop_read()
+            else:
+                chip.begin_read(self._address)
+                chip.end_read()
+        self._was_write = write
+        self._was_read = not write
+        self._fresh = False
+        self._lost = False
+        self._cs_rose = now
+
+    def _output_enable(self, oe: int, now: int) -> None:
+        chip = self._chip
+        self._oe = oe
+        if oe == LOW:
+            self._oe_fell = now
+            self._release.cancel()
+            self._check_contention()
+        elif chip.judged:
+            low = now - self._oe_fell
+            chip.judge("tIPWOE", low)
+            chip.judge_latest("tOEDB", low)
+            chip.judge_latest("tALDB", now - self._closed_at)
+            if chip.data_pin.level != Z:
+                self._release.at(now + chip.limit("tDOEH"))
+
+    def _check_contention(self) -> None:
+        if self._oe == LOW and self._cs == LOW and self._rw == 0:
+            self._chip.report(ds.CONTENTION)
+
+    def _data_moves(self, data: int, now: int) -> None:
+        chip = self._chip
+        self._data = data
+        self._data_at = now
+        if not chip.judged:
+            return
+        # After a read nothing of the host's needs holding.
+        if self._was_write and self._cs:
+            if chip.judge("tH", now - self._cs_rose):
+                chip.works.lose_write()
+        elif not self._open and self._fresh:
+            self._judge("tH", now - self._closed_at)
+
+    # -- driving ------------------------------------------------------------------------------
+
+    def refresh(self) -> None:
+        """Drive the bus with the output latch, or let go of it (MCP-BUS-7)."""
+        chip = self._chip
+        if self._oe == LOW and not (self._cs == LOW and self._rw == 0):
+            chip.data_pin.drive(chip.output())
+        elif chip.data_pin.level != Z and self._release.due == NEVER:
+            chip.data_pin.release()
+        else:
+            return
+        self._data = self._net.value
+
+    def _let_go(self) -> None:
+        """The data hold time after /OE has passed (MCP-TIM-25)."""
+        self._chip.data_pin.release()
+        self._data = self._net.value
+
+    def clear(self) -> None:
+        """The I/O control logic is cleared: a hard reset."""
+        self._address = 0
+        self._open = False
+        self._fresh = False
+
+    def save(self) -> tuple[object, ...]:
+        """Return the state."""
+        return (
+            self._ale, self._cs, self._oe, self._rw, self._data, self._address, self._open,
+            self._fresh, self._overlapped, self._inside, self._lost, self._was_read,
+            self._was_write, self._ale_fell, self._ale_rose, self._cs_fell, self._cs_rose,
+            self._oe_fell, self._rw_at, self._data_at, self._closed_at, self._previous_closed_at,
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self._ale, self._cs, self._oe, self._rw, self._data, self._address, self._open,
+            self._fresh, self._overlapped, self._inside, self._lost, self._was_read,
+            self._was_write, self._ale_fell, self._ale_rose, self._cs_fell, self._cs_rose,
+            self._oe_fell, self._rw_at, self._data_at, self._closed_at, self._previous_closed_at,
+        ) = state  # type: ignore[assignment]  # fmt: skip

@@ -1,0 +1,190 @@
+"""Step mode: step pulses, direction, and the stall check against an encoder."""
+
+from vbus.bits import wrap
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.timer import FAR
+
+
+class Stepper:
+    """Step pulses of one sample, spread evenly; they count the position (MCP-STP-1).
+
+    A batch of n steps begins when the sample's results appear and lasts one sample: step j
+    starts at j/n of it. Steps that the next batch cuts off are carried over into it.
+
+    Args:
+        registers: the register bytes.
+
+    Attributes:
+        base: steps sent before the batch, backward ones negative.
+        offset: position minus steps sent.
+        sign: level of the direction output (1 = negative).
+    """
+
+    __slots__ = (
+        "_begin", "_bytes", "_limit", "_spacing", "_span", "_tail", "base", "offset", "sign",
+    )  # fmt: skip
+
+    def __init__(self, registers: bytearray) -> None:
+        self._bytes: bytearray = registers
+        self.base: int = 0
+        self.offset: int = 0
+        self.sign: int = 0
+        self._begin: int = 0
+        self._span: int = 1
+        self._spacing: int = 1
+        self._limit: int = 0
+        self._tail: int = 0
+        """End of the last pulse of the batch before."""
+
+    def clear(self, cycle: int) -> None:
+        """No more pulses from ``cycle`` on, and the direction as after reset."""
+        self.base = self.sent(cycle)
+        self._limit = 0
+        self._tail = 0
+        self.sign = 0
+
+    def emitted(self, cycle: int) -> int:
+        """How many steps of the batch have started by ``cycle``."""
+        past = cycle - self._begin
+        if past < 0 or self._limit == 0:
+            return 0
+        # Step j starts at begin + j * span // spacing.
+        return min(((past + 1) * self._spacing - 1) // self._span + 1, self._limit)
+
+    def sent(self, cycle: int) -> int:
+        """Steps sent by ``cycle``, backward ones negative."""
+        done = self.emitted(cycle)
+        return self.base - done if self.sign else self.base + done
+
+    def position(self, cycle: int) -> int:
+        """The 24-bit position counter at ``cycle``."""
+        return wrap(self.offset + self.sent(cycle), 24)
+
+    def preset(self, position: int, cycle: int) -> None:
+        """Load the counter."""
+        self.offset = position - self.sent(cycle)
+
+    def batch(self, cycle: int, steps: int, period: int) -> None:
+        """Begin a batch of ``steps`` (signed) at ``cycle``, to last ``period`` clocks."""
+        done = self.emitted(cycle)
+        if done > 0:
+            self._tail = self.instant(done - 1) + self.width
+        left = self._limit - done
+        self.base = self.sent(cycle)
+        steps += -left if self.sign else left
+        self._limit = abs(steps)
+        if steps == 0:
+            return
+        setup = 0
+        sign = int(steps < 0)
+        if sign != self.sign:
+            self.sign = sign
+            setup = ds.DIRECTION_SETUP_CLK
+        self._begin = cycle + setup
+        self._spacing = self._limit
+        self._span = max(period - setup, 1)
+
+    def stop(self, cycle: int) -> None:
+        """Take back the steps that have not started."""
+        self._limit = self.emitted(cycle)
+
+    def instant(self, step: int) -> int:
+        """Cycle at which step ``step`` (0-based) of the batch starts."""
+        return self._begin + step * self._span // self._spacing
+
+    def when(self, ahead: int, cycle: int) -> int:
+        """Cycle at which the position has moved by ``ahead`` (signed) from that at ``cycle``."""
+        if ahead == 0 or (ahead < 0) != bool(self.sign):
+            return FAR
+        step = self.emitted(cycle) + abs(ahead) - 1
+        return self.instant(step) if step < self._limit else FAR
+
+    @property
+    def width(self) -> int:
+        """Clocks of a step pulse (MCP-STP-2)."""
+        return self._bytes[ds.STEP_WIDTH] + 1
+
+    def overrun(self, period: int) -> bool:
+        """Whether the pulses of the batch do not fit into ``period`` clocks (MCP-STP-3)."""
+        return self._limit * self.width > period
+
+    def level(self, cycle: int) -> int:
+        """Level of Pulse at ``cycle``."""
+        done = self.emitted(cycle)
+        high = cycle < self._tail or (done > 0 and cycle < self.instant(done - 1) + self.width)
+        return int(high) ^ int(bool(self._bytes[ds.CONFIG] & ds.STEP_LOW))
+
+    def next_edge(self, cycle: int) -> int:
+        """Cycle of the next edge of Pulse after ``cycle``."""
+        done = self.emitted(cycle)
+        edge = self._tail if self._tail > cycle else FAR
+        if done > 0:
+            end = self.instant(done - 1) + self.width
+            if end > cycle:
+                edge = min(edge, end)
+        if done < self._limit:
+            edge = min(edge, self.instant(done))
+        return edge
+
+    def save(self) -> tuple[int, ...]:
+        """Return the state."""
+        return (
+            self.base, self.offset, self.sign, self._begin, self._span, self._spacing,
+            self._limit, self._tail,
+        )  # fmt: skip
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self.base, self.offset, self.sign, self._begin, self._span, self._spacing,
+            self._limit, self._tail,
+        ) = state  # fmt: skip
+
+
+class StallCheck:
+    """Compares encoder counts with steps over windows of some samples (MCP-STP-4).
+
+    A window closes when it holds at least four samples and at least one whole expected count.
+    """
+
+    __slots__ = ("_counts", "_expected", "_samples")
+
+    def __init__(self) -> None:
+        self._samples: int = 0
+        self._expected: int = 0
+        self._counts: int = 0
+
+    def clear(self) -> None:
+        """Begin a window."""
+        self._samples = 0
+        self._expected = 0
+        self._counts = 0
+
+    def sample(self, image: bytes, steps: int, counts: int) -> bool:
+        """Take in one sample; tell whether the motor has stalled.
+
+        Args:
+            image: the registers at the sample's start.
+            steps: steps sent since the sample before.
+            counts: how far the encoder has moved since then.
+        """
+        ratio = image[ds.RATIO_MSB] << 8 | image[ds.RATIO_FRACTION]
+        if ratio == 0:
+            self.clear()
+            return False
+        self._samples += 1
+        self._expected += abs(steps) * ratio
+        self._counts += abs(counts)
+        if self._samples < 4 or self._expected < 256:
+            return False
+        stalled = self._counts * 256 < self._expected
+        self.clear()
+        return stalled
+
+    def save(self) -> tuple[int, ...]:
+        """Return the state."""
+        return (self._samples, self._expected, self._counts)
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self._samples, self._expected, self._counts = state

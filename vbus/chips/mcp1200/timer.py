@@ -1,0 +1,97 @@
+"""The sample timer: a pre-scalar, a down counter, and what the core has to do in its period."""
+
+from typing import Final
+
+from vbus.chips.mcp1200 import datasheet as ds
+
+FAR: Final = 1 << 62
+"""A clock cycle that does not come."""
+
+
+class SampleTimer:
+    """Counts clocks: each ``pre`` of them lower the counter by one, at zero it reloads.
+
+    A sample starts at each reload. The registers R0F, R10 and R11 are looked at only then
+    (MCP-SMP-1, MCP-REG-49).
+
+    Args:
+        registers: the register bytes.
+
+    Attributes:
+        start: cycle of the last reload.
+        pre: clocks per count, in force since then.
+        counts: counts per period.
+        running: False while reset or /SYNC holds the counter at zero.
+    """
+
+    __slots__ = ("_bytes", "counts", "pre", "running", "start")
+
+    def __init__(self, registers: bytearray) -> None:
+        self._bytes: bytearray = registers
+        self.start: int = 0
+        self.pre: int = 1
+        self.counts: int = 1
+        self.running: bool = False
+
+    @property
+    def period(self) -> int:
+        """Clocks from one sample start to the next, as loaded."""
+        return self.pre * self.counts
+
+    def reload(self, cycle: int) -> None:
+        """Begin a period at ``cycle`` with the values now in the registers."""
+        data = self._bytes
+        self.start = cycle
+        self.pre = (data[ds.PRESCALER_MSB] << 8 | data[ds.PRESCALER_LSB]) + 1
+        self.counts = data[ds.SAMPLE_TIMER] + 1
+        self.running = True
+
+    def hold(self) -> None:
+        """Clear the counter and keep it at zero."""
+        self.running = False
+
+    def next_zero(self) -> int:
+        """Cycle of the next sample start."""
+        return self.start + self.pre * self.counts if self.running else FAR
+
+    def count(self, cycle: int) -> int:
+        """What R0F reads at ``cycle``: the reload value down to 0."""
+        if not self.running:
+            return 0
+        return max(self.counts - 1 - (cycle - self.start) // self.pre, 0)
+
+    def save(self) -> tuple[int, ...]:
+        """Return the state."""
+        return (self.start, self.pre, self.counts, int(self.running))
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self.start, self.pre, self.counts, running = state
+        self.running = bool(running)
+
+
+def work_clocks(image: bytes, mode: int) -> int:
+    """Return how long the core is busy in a sample (MCP-SMP-3).
+
+    Args:
+        image: the registers as they are at the sample's start.
+        mode: flag of the control mode that runs, 0 for position control.
+    """
+    work = ds.WORK_BASE
+    if image[ds.CONFIG] & ds.STEP_MODE:
+        work += ds.WORK_STEP
+    elif image[ds.FEATURE] & ds.PID:
+        work += ds.WORK_PID
+    else:
+        work += ds.WORK_LEAD
+    if mode == ds.F0:
+        work += ds.WORK_PROFILE
+    elif mode == ds.F5:
+        work += ds.WORK_VELOCITY
+    elif mode in (ds.F3, ds.F4):
+        work += ds.WORK_INTERPOLATION
+    if image[ds.BACKLASH]:
+        work += ds.WORK_BACKLASH
+    if image[ds.DEADBAND]:
+        work += ds.WORK_DEADBAND
+    return work

@@ -1,0 +1,114 @@
+"""Trapezoid profile mode: flag F0 with R01 bit 4 clear (MCP-TRP)."""
+
+from typing import Final
+
+from vbus.bits import wrap
+from vbus.chips.mcp1200.command import Command, acceleration, final_position, top_velocity
+from vbus.chips.motion.ramp import toward
+from vbus.chips.motion.trapezoid import arrived, next_velocity, stopping_distance
+
+ACCELERATING: Final = 2
+SLEWING: Final = 4
+DECELERATING: Final = 6
+"""Phases a trapezoid shows in R06 (MCP-TRP-4)."""
+
+
+class Stop:
+    """A linear deceleration to rest: for stops and for new final positions too near to reach."""
+
+    @staticmethod
+    def step(command: Command, accel: int) -> bool:
+        """Make one sample; tell whether the axis rests. No acceleration stops it at once."""
+        velocity = toward(command.velocity, 0, accel) if accel else 0
+        command.move(velocity)
+        command.phase = DECELERATING
+        return velocity == 0
+
+
+class Trapezoid:
+    """One move at a time; acceleration and top velocity may change under way (MCP-TRP-1)."""
+
+    __slots__ = ("_begun", "_final", "_origin")
+
+    def __init__(self) -> None:
+        self._begun: bool = False
+        self._final: int = 0
+        self._origin: int = 0
+
+    def enter(self) -> None:
+        """The next step begins a move."""
+        self._begun = False
+
+    def step(self, command: Command, image: bytes) -> int:
+        """Make one sample of the move.
+
+        Returns:
+            1 when it is over, 0 while it lasts, -1 if it must stop short of a final position
+            that was moved too near (MCP-TRP-6): nothing has been done in this sample then.
+        """
+        accel = acceleration(image)
+        top = top_velocity(image)
+        final = final_position(image)
+        if not self._begun:
+            if final == command.position and command.velocity == 0:
+                command.fraction = 0
+                return 1
+            if accel == 0 or top == 0:
+                command.velocity = 0
+                return 0
+            self._begun = True
+            self._final = final
+            self._origin = command.position
+            command.phase = ACCELERATING
+        elif final != self._final and command.phase < DECELERATING:
+            if not _reachable(command, final, accel):
+                return -1
+            self._final = final
+        before = command.velocity
+        here = command.position
+        ahead = (wrap(self._final - here, 24) << 8) - command.fraction
+        velocity = next_velocity(ahead, before, top, accel)
+        command.move(velocity)
+        if arrived(ahead - velocity, velocity, accel):
+            self._begun = False
+            return 1
+        away = before < 0 < ahead or ahead < 0 < before
+        self._show_phase(command, abs(velocity), 0 if away else abs(before), top, here)
+        return 0
+
+    def _show_phase(self, command: Command, speed: int, old: int, top: int, here: int) -> None:
+        if command.phase == DECELERATING:
+            return
+        if speed > old:
+            command.phase = ACCELERATING
+        elif speed >= top:
+            # Also while a lowered top velocity is being reached: the end is not in sight yet.
+            command.phase = SLEWING
+        elif speed < old:
+            command.phase = DECELERATING
+            command.decel_position = here
+            return
+        if command.phase == ACCELERATING:
+            command.accel_delta = abs(wrap(command.position - self._origin, 24))
+
+    def save(self) -> tuple[int, ...]:
+        """Return the state."""
+        return (int(self._begun), self._final, self._origin)
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        begun, self._final, self._origin = state
+        self._begun = bool(begun)
+
+
+def _reachable(command: Command, final: int, accel: int) -> bool:
+    """Whether ``final`` lies at least one stopping distance ahead."""
+    ahead = (wrap(final - command.position, 24) << 8) - command.fraction
+    velocity = command.velocity
+    if velocity < 0:
+        ahead, velocity = -ahead, -velocity
+    if accel == 0:
+        return ahead > 0
+    return ahead >= stopping_distance(max(velocity - accel, 0), accel) and (
+        ahead > 0 or velocity == 0
+    )
