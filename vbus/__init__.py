@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from vbus.board.board import Board as Board
     from vbus.board.build import load_board as load_board
+    from vbus.client.bus import connect as connect
     from vbus.errors import VbusError as VbusError
+    from vbus.server.serving import serve as serve
     from vbus.signals.violation import Violation as Violation
 
 __version__ = "0.1.0"
@@ -15,11 +17,13 @@ _HOMES = {
     "Board": "vbus.board.board",
     "VbusError": "vbus.errors",
     "Violation": "vbus.signals.violation",
+    "connect": "vbus.client.bus",
     "load_board": "vbus.board.build",
+    "serve": "vbus.server.serving",
 }
 """The public names and where they live: imported when first used, so ``import vbus`` is cheap."""
 
-__all__ = ["Board", "VbusError", "Violation", "load_board"]
+__all__ = ["Board", "VbusError", "Violation", "connect", "load_board", "serve"]
 
 
 def __getattr__(name: str) -> object:

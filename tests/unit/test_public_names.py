@@ -1,0 +1,29 @@
+"""The names a program imports from vbus, and what importing it costs."""
+
+import subprocess
+import sys
+
+import pytest
+
+import vbus
+
+
+@pytest.mark.parametrize("name", vbus.__all__)
+def test_a_public_name_is_there_with_a_docstring(name: str) -> None:
+    assert getattr(vbus, name).__doc__
+    assert name in dir(vbus)
+
+
+def test_another_name_is_not() -> None:
+    with pytest.raises(AttributeError, match=r"^module 'vbus' has no attribute 'sarve'$"):
+        vbus.sarve  # noqa: B018
+
+
+def test_importing_vbus_and_its_command_line_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; import vbus.tools.cli;"
+        "print(*{'asyncio', 'msgspec', 'msgpack', 'rich', 'serial', 'zenoh', 'vbus.board'}"
+        " & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
