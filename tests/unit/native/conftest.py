@@ -1,0 +1,53 @@
+"""The C client, compiled with every warning an error."""
+
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.unit.client.served import Served
+from vbus.native import include_dir
+
+WARNINGS = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow"]
+
+
+def require(program: str) -> str:
+    """Return the program's path; skip the test without it, unless everything is required."""
+    found = shutil.which(program)
+    if found is None and os.environ.get("VBUS_REQUIRE_ALL") != "1":
+        pytest.skip(f"needs {program}")
+    assert found is not None, f"{program} is required"
+    return found
+
+
+def compile_c(compiler: list[str], source: Path, output: Path) -> None:
+    """Compile a C host together with the C client."""
+    command = [require(compiler[0]), *compiler[1:], *WARNINGS, f"-I{include_dir()}"]
+    done = subprocess.run(
+        [*command, "-o", str(output), str(source), f"{include_dir()}/vbus.c"],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture(scope="session")
+def exercise(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    program = tmp_path_factory.mktemp("native") / "exercise"
+    compile_c(["gcc", "-std=c99", "-g"], Path(__file__).parent / "exercise.c", program)
+    return program
+
+
+@pytest.fixture(params=["pty", "unix", "tcp"])
+def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Served]:
+    with Served(request.param, tmp_path) as board:
+        yield board
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[Served]:
+    with Served("unix", tmp_path) as board:
+        yield board
