@@ -85,19 +85,19 @@ class Pacer:
         if not self.real or self.free:
             return True
         board = self.board
-        target = self.wall()
+        wall = target = self.wall()
         behind = target - board.kernel.now
         if behind > STALL:
             if self.stall == "slip":
                 self._anchor_ps -= behind
                 self.slipped += behind
-                target -= behind
+                wall = target = board.kernel.now
             else:
                 target = board.kernel.now + SLICE
         board.limit = target + AHEAD
         if target > board.kernel.now:
             board.run_until(target)
-        self.lag = max(0, behind - (target - board.kernel.now))
+        self.lag = max(0, wall - board.kernel.now)
         if behind > self.worst_lag:
             self.worst_lag = behind
         return behind <= STALL
