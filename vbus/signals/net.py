@@ -95,12 +95,13 @@ class Net:
         value: electrical level now.
         previous: level before the last batch of changes.
         changed_at: instant of the last change (ps).
+        let_go_at: instant at which the last driver let go (ps); -1 if that never happened.
         clash: called with the net when two push-pull pins disagree.
     """
 
     __slots__ = (
-        "_batch", "_kernel", "changed_at", "clash", "clashing", "name", "observers", "pins",
-        "previous", "rest", "value", "watchers", "width",
+        "_batch", "_kernel", "changed_at", "clash", "clashing", "let_go_at", "name", "observers",
+        "pins", "previous", "rest", "value", "watchers", "width",
     )  # fmt: skip
 
     def __init__(self, kernel: Kernel, name: str, *, rest: int = HIGH, width: int = 1) -> None:
@@ -111,6 +112,7 @@ class Net:
         self.value: int = 0 if rest == Z else rest
         self.previous: int = self.value
         self.changed_at: int = 0
+        self.let_go_at: int = -1
         self._batch: int = -1
         self.pins: list[Pin] = []
         self.watchers: list[Watcher] = []
@@ -176,6 +178,7 @@ class Net:
             self.clash(self)
         self.clashing = fight
         if level == Z:
+            self.let_go_at = self._kernel.now
             level = self.value if self.rest == Z else self.rest
         if level != self.value:
             if self._batch != self._kernel.batch:

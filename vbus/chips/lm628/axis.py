@@ -1,0 +1,327 @@
+"""The servo axis: position, flags, and what one sample does (LM-TRJ-17)."""
+
+from typing import Final
+
+from vbus.bits import clamp, wrap
+from vbus.chips.lm628 import datasheet as ds
+from vbus.chips.lm628.pid import Pid
+from vbus.chips.lm628.profile import Profile
+
+START_NONE: Final = 0
+START_STOP: Final = 1
+START_FULL: Final = 2
+
+_VELOCITY_MIN: Final = -0x4000
+_VELOCITY_MAX: Final = 0x3FFF
+
+
+class Axis:
+    """Registers and sample computation of one chip; knows nothing of time and pins.
+
+    Args:
+        wraps: filter products wrap instead of saturating (LM-PID-6).
+        stuck: the part whose breakpoint flag cannot be reset until a breakpoint was loaded
+            (LM-RST-5).
+
+    Attributes:
+        profile: the generator.
+        pid: the filter.
+        count: encoder count at the last sample; the plant's own number.
+        real: real position, 31-bit.
+        real_change: counts between the last two samples, as RDRV reads it.
+        error: position error, saturated to 16 bits.
+        following: position error as it is, for plants that follow exactly; 0 with the motor off.
+        command: motor command, 16 bits signed.
+        flags: status bits 6..1.
+        mask: enabled interrupts, bits 6..1.
+        motor_off: status bit 7.
+        port8: signals bit 8.
+        threshold: position error limit.
+        stop_on_error: signals bit 9, set by LPES.
+        sip: signals bit 0, armed index capture.
+        index: index register.
+        start: STT waiting for the next sample: START_NONE, START_STOP (its stop bits only), or
+            START_FULL.
+        udf: UDF waiting for the next sample: signals bit 13.
+        breakpoint: position of the breakpoint.
+        breakpoint_side: side it lay on when loaded: 1 ahead, -1 behind, 0 here.
+        breakpoint_armed: whether it can fire.
+        stuck: the breakpoint flag re-asserts itself.
+    """
+
+    __slots__ = (
+        "_stuck_part", "breakpoint", "breakpoint_armed", "breakpoint_side", "command", "count",
+        "error", "flags", "following", "index", "mask", "motor_off", "pid", "port8", "profile",
+        "real", "real_change", "sip", "start", "stop_on_error", "stuck", "threshold", "udf",
+    )  # fmt: skip
+
+    def __init__(self, wraps: bool, stuck: bool) -> None:
+        self.profile: Profile = Profile()
+        self.pid: Pid = Pid(wraps)
+        self._stuck_part: bool = stuck
+        self.count: int = 0
+        self.real: int = 0
+        self.real_change: int = 0
+        self.error: int = 0
+        self.following: int = 0
+        self.command: int = 0
+        self.flags: int = 0
+        self.mask: int = 0
+        self.motor_off: bool = True
+        self.port8: bool = True
+        self.threshold: int = 0
+        self.stop_on_error: bool = False
+        self.sip: bool = False
+        self.index: int = 0
+        self.start: int = START_NONE
+        self.udf: bool = False
+        self.breakpoint: int = 0
+        self.breakpoint_side: int = 0
+        self.breakpoint_armed: bool = False
+        self.stuck: bool = False
+
+    # -- what the host sees -------------------------------------------------------------------
+
+    def interrupt(self) -> bool:
+        """Level of HI: any flag that is enabled (LM-STA-7)."""
+        return self.flags & self.mask != 0
+
+    def status(self) -> int:
+        """Return the status byte without its busy bit (LM-STA-1)."""
+        return self.flags | ds.MOTOR_OFF if self.motor_off else self.flags
+
+    def signals(self) -> int:
+        """Return the signals register (LM-STA-2)."""
+        profile = self.profile
+        return (
+            (0x8000 if self.flags & self.mask else 0)
+            | profile.accel_loaded << 14
+            | self.udf << 13
+            | profile.forward << 12
+            | profile.velocity_mode << 11
+            | profile.done << 10
+            | self.stop_on_error << 9
+            | self.port8 << 8
+            | self.status()
+            | self.sip
+        )
+
+    def moving(self) -> bool:
+        """Whether the chip is in motion in the sense of LM-TRJ-4."""
+        return not self.motor_off and not self.profile.done
+
+    # -- what commands do ---------------------------------------------------------------------
+
+    def reset(self) -> None:
+        """Go to the state in which a reset runs: everything zero, no flag up (LM-RST-2)."""
+        self.profile.reset()
+        self.pid.reset()
+        self.real = self.real_change = self.error = self.following = self.command = 0
+        self.flags = 0
+        self.mask = ds.RESET_MASK
+        self.motor_off = True
+        self.port8 = True
+        self.threshold = ds.THRESHOLD_MAX
+        self.stop_on_error = False
+        self.sip = False
+        self.index = 0
+        self.start = START_NONE
+        self.udf = False
+        self.breakpoint = self.breakpoint_side = 0
+        self.breakpoint_armed = False
+        self.stuck = False
+
+    def finish_reset(self, count: int) -> None:
+        """The reset is over, with the encoder at ``count``: that is position 0 (LM-RST-5)."""
+        self.count = count
+        self.stuck = self._stuck_part
+        # LM-STA-4: motor-off has just risen.
+        self.flags = ds.TRAJECTORY_COMPLETE | (ds.BREAKPOINT if self.stuck else 0)
+
+    def reset_interrupts(self, keep: int) -> None:
+        """RSTI: zeros in bits 6..1 of ``keep`` clear the flags (LM-CMD-18, LM-RST-6)."""
+        self.flags &= keep
+        if self.stuck:
+            self.flags |= ds.BREAKPOINT
+
+    def set_breakpoint(self, position: int) -> None:
+        """SBPA and SBPR: arm the breakpoint and remember from which side it comes (LM-POS-5)."""
+        self.breakpoint = wrap(position, ds.POSITION_BITS)
+        self.breakpoint_side = (self.breakpoint > self.real) - (self.breakpoint < self.real)
+        self.breakpoint_armed = True
+        self.stuck = False
+
+    def define_home(self) -> None:
+        """DFH: here is 0; desired position and active target move along (LM-POS-4)."""
+        self.profile.shift(self.real)
+        self.real = 0
+
+    def capture(self, position: int) -> None:
+        """The index pulse has come at ``position`` (LM-POS-3)."""
+        self.index = wrap(position, ds.POSITION_BITS)
+        self.sip = False
+        self.flags |= ds.INDEX
+
+    def request_start(self) -> bool:
+        """STT: have the next sample take it; False if it is refused (LM-TRJ-4)."""
+        if self.profile.accel_loaded and self.moving():
+            if not self.profile.control & ds.STOPS:
+                self.flags |= ds.COMMAND_ERROR
+                return False
+            self.start = max(self.start, START_STOP)
+        else:
+            self.start = START_FULL
+        return True
+
+    # -- the sample ---------------------------------------------------------------------------
+
+    def sample(self, count: int) -> None:
+        """Run one sample with the encoder at ``count`` (LM-TRJ-17).
+
+        Leaves the motor command of the coming sample in :attr:`command`.
+        """
+        change = count - self.count
+        self.count = count
+        self.real_change = change
+        real = self.real + change
+        if real < ds.POSITION_MIN or real > ds.POSITION_MAX:
+            real = wrap(real, ds.POSITION_BITS)
+            self.flags |= ds.WRAPAROUND
+        self.real = real
+
+        if self.start:
+            self._take_start()
+        if self.udf:
+            self.pid.update()
+            self.udf = False
+
+        if self.motor_off:
+            self.error = self.following = self.command = 0
+        else:
+            if self.profile.step():
+                self.flags |= ds.TRAJECTORY_COMPLETE
+            self._servo()
+
+        if self.breakpoint_armed:
+            ahead = (self.breakpoint > real) - (self.breakpoint < real)
+            if ahead == 0 or ahead != self.breakpoint_side:
+                self.flags |= ds.BREAKPOINT
+                self.breakpoint_armed = False
+        if self.profile.wrapped:
+            self.profile.wrapped = False
+            self.flags |= ds.WRAPAROUND
+
+    def _servo(self) -> None:
+        error = (self.profile.position >> 16) - self.real
+        if error < ds.POSITION_MIN or error > ds.POSITION_MAX:
+            error = wrap(error, ds.POSITION_BITS)
+        self.following = error
+        if error > 32767:
+            error = 32767
+        elif error < -32768:
+            error = -32768
+        self.error = error
+        if abs(error) > self.threshold and not (error == -32768 and self.threshold == 32767):
+            self.flags |= ds.POSITION_ERROR
+            if self.stop_on_error:
+                if not self.profile.done:
+                    self.flags |= ds.TRAJECTORY_COMPLETE
+                self._turn_off()
+                self.following = self.command = 0
+                return
+        self.command = self.pid.step(error)
+
+    def _turn_off(self) -> None:
+        """LM-TRJ-10: no drive, no profile, no integral; the position is still tracked."""
+        self.motor_off = True
+        self.profile.velocity = 0
+        self.pid.clear()
+
+    def _take_start(self) -> None:
+        """Take an accepted STT (LM-TRJ-5 to LM-TRJ-9)."""
+        profile = self.profile
+        if self.start == START_FULL:
+            profile.take_buffers()
+        self.start = START_NONE
+        stops = profile.control & ds.STOPS
+        profile.control &= ~ds.STOPS
+        if stops & ds.TURN_OFF:
+            if not self.motor_off and not profile.done:
+                self.flags |= ds.TRAJECTORY_COMPLETE
+            self._turn_off()
+            return
+        if self.motor_off:
+            self.motor_off = False
+            profile.hold(self.real)
+            self.pid.clear()
+        profile.stopping = False
+        profile.done = False
+        if stops & ds.STOP_ABRUPTLY:
+            profile.hold(self.real)
+            profile.target = self.real
+            profile.done = True
+            self.flags |= ds.TRAJECTORY_COMPLETE
+        elif stops & ds.STOP_SMOOTHLY:
+            profile.stopping = True
+
+    def real_velocity(self) -> int:
+        """Return what RDRV reads (LM-CMD-12)."""
+        return clamp(self.real_change, _VELOCITY_MIN, _VELOCITY_MAX)
+
+    def telemetry(self) -> dict[str, int | float | str]:
+        """Return what a live view shows of the axis; positions in counts, rates per sample."""
+        profile = self.profile
+        signals = self.signals()
+        return {
+            "desired": profile.position / 65536,
+            "target": profile.target,
+            "velocity": profile.velocity / 65536,
+            "real": self.real,
+            "real_velocity": self.real_velocity(),
+            "error": self.error,
+            "integral": self.pid.term,
+            "command": self.command,
+            "signals": signals,
+            "signal_names": " ".join(bit.name for bit in ds.SIGNALS if signals & bit.mask),
+        }
+
+    # -- rest ---------------------------------------------------------------------------------
+
+    def steady(self) -> bool:
+        """Whether the filter's derivative has come to rest, if it runs at all."""
+        return self.motor_off or self.pid.steady(self.error)
+
+    def skip(self, samples: int) -> None:
+        """Let samples pass that would change nothing."""
+        if not self.motor_off:
+            self.pid.skip(samples)
+
+    def course(self) -> tuple[int, ...]:
+        """Return everything a sample changes, but for the place in the derivative interval."""
+        profile, pid = self.profile, self.pid
+        return (
+            self.count, self.real, self.real_change, self.error, self.following, self.command,
+            self.flags, self.motor_off, self.breakpoint_armed, self.start, self.udf,
+            profile.position, profile.velocity, profile.target, profile.stopping, profile.done,
+            pid.sum, pid.term, pid.derivative, pid.last_error,
+        )  # fmt: skip
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state."""
+        return (
+            self.profile.save(), self.pid.save(), self.count, self.real, self.real_change,
+            self.error, self.following, self.command, self.flags, self.mask, self.motor_off,
+            self.port8, self.threshold, self.stop_on_error, self.sip, self.index, self.start,
+            self.udf, self.breakpoint, self.breakpoint_side, self.breakpoint_armed, self.stuck,
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            profile, pid, self.count, self.real, self.real_change,
+            self.error, self.following, self.command, self.flags, self.mask, self.motor_off,
+            self.port8, self.threshold, self.stop_on_error, self.sip, self.index, self.start,
+            self.udf, self.breakpoint, self.breakpoint_side, self.breakpoint_armed, self.stuck,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        self.profile.load(profile)  # type: ignore[arg-type]
+        self.pid.load(pid)  # type: ignore[arg-type]

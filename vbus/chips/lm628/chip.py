@@ -1,0 +1,434 @@
+"""The LM628 and LM629: their parts put together, and time."""
+
+from collections.abc import Callable
+from typing import Final
+
+from vbus.chips.base import Chip
+from vbus.chips.lm628 import datasheet as ds
+from vbus.chips.lm628.axis import Axis
+from vbus.chips.lm628.clock_input import check_clock, judge_clock
+from vbus.chips.lm628.commands import Commands
+from vbus.chips.lm628.encoder import Encoder
+from vbus.chips.lm628.encoder_pins import EncoderPins
+from vbus.chips.lm628.host import Host
+from vbus.chips.lm628.output import Output, OutputPins
+from vbus.chips.lm628.pins import BusPins
+from vbus.kernel import NEVER, Clock, Kernel
+from vbus.options import Settings
+from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher, Z
+
+_RUNNING: Final = 0
+_RESET_BY_PIN: Final = 1
+_RESET_BY_COMMAND: Final = 2
+_UNPOWERED: Final = 3
+
+
+class LM628(Chip):
+    """Motion controller with a trapezoidal profile, a PID filter and one quadrature encoder.
+
+    One class for the LM628 (converter output) and the LM629 (sign and magnitude PWM), in both
+    speed grades. Address 0 is the command and status port, 1 the data port.
+
+    The chip waits unpowered until :meth:`power_on`. From then on it samples every 2048 clock
+    periods, also through later resets (NOTES 2). Mechanics are driven with the output of a sample
+    until the next one.
+
+    A clock outside the grade's limits is a violation (T4, T5), filed at power-on.
+
+    Not modelled: analog levels and delays; metastability of the host port; A, B and /IN nets while
+    a plant is connected (the plant has the encoder).
+
+    Raises:
+        ValueError: unknown part number, a setting out of range, or a clock that no such part
+            could be meant to have.
+    """
+
+    FAMILY = ds.FAMILY
+    ADDRESS_BITS = ds.ADDRESS_BITS
+    PARTS = ds.PARTS
+    PINS = ds.PINS
+    RULES = ds.RULES
+    OPTIONS = ds.OPTIONS
+
+    def __init__(
+        self,
+        name: str,
+        part: str,
+        kernel: Kernel,
+        clock: Clock,
+        settings: Settings | None = None,
+        policy: Policy | None = None,
+        file: Callable[[Violation], None] | None = None,
+    ) -> None:
+        if part not in ds.PARTS:
+            raise ValueError(f"part {part!r}: allowed are {', '.join(ds.PARTS)}")
+        check_clock(part, clock.hz)
+        pwm = part.startswith("LM629")
+        self.PINS = ds.PINS_LM629 if pwm else ds.PINS_LM628
+        super().__init__(name, part, kernel, clock, settings, policy, file)
+        self.read_low_ps = ds.READ_LOW
+        self.cycle_ps = ds.CYCLE
+        chosen = self.settings
+        self.axis: Axis = Axis(chosen["pid_overflow"] == "wrap", chosen["reset_status"] == "C4")
+        self.output: Output = Output(pwm, int(chosen["pwm_frame_clk"]))
+        self.encoder: Encoder = Encoder(clock)
+        self.commands: Commands = Commands(self.axis, pwm, self._command_reset, self._found)
+        self.host: Host = Host(clock, chosen, self._host_broke, self.commands.execute)
+        self.commands.host = self.host
+        self._mode: int = _UNPOWERED
+        self._reset_end: int = NEVER
+        self._fails_left: int = int(chosen["reset_fail"])
+        # What is being processed happens at this instant.
+        self._when: int = 0
+        # Clock cycle of the last sample, and instant of the next one.
+        self._cycle: int = 0
+        self._sample_at: int = NEVER
+        # The last sample's outcome, if nothing has touched the chip since; see _run_samples.
+        self._course: tuple[int, ...] = ()
+        self._still: bool = False
+        drivers = ("MAG", "SIGN") if pwm else tuple(f"DAC{n}" for n in range(8))
+        self._outputs: OutputPins = OutputPins(
+            self.output, clock, tuple(self.pins[name] for name in drivers)
+        )
+        # Nothing is due before this instant: advance() compares with it and is done.
+        self._due_at: int = NEVER
+        self._reset_fell: int = 0
+        self._front: BusPins = BusPins(self)
+        self._encoder_pins: EncoderPins = EncoderPins(self)
+        self.pins["/RST"].net.watch(Watcher(kernel, self._reset_moved))
+        self._hi: Pin = self.pins["HI"]
+        self._hi.drive(LOW)
+        self._outputs.show(kernel.now)
+
+    # -- power and reset ----------------------------------------------------------------------
+
+    def connect(self, axis: int, plant: Plant) -> None:
+        """Attach the mechanics; the chip has one axis, number 0."""
+        if axis != 0:
+            raise ValueError(f"axis {axis}: a {self.part} has axis 0 only")
+        if "drive" not in plant.TAKES:
+            raise ValueError(
+                f"a {self.part} gives a servo command; {type(plant).__name__} takes {plant.TAKES}"
+            )
+        self.encoder.connect(plant, ds.SAMPLE_CLK / self.clock.hz)
+
+    def power_on(self, done: bool) -> None:
+        """Supply is up and /RST is released now: the reset runs, or has just ended if ``done``.
+
+        If something holds /RST low, the reset runs when it lets go.
+        """
+        now = self._when = self.kernel.now
+        judge_clock(self, float(self.settings["clk_duty"]))
+        self._encoder_pins.preset()
+        self._cycle = self._outputs.anchor = self._cycle_from(now)
+        self.axis.reset()
+        self.output.zero()
+        self._run_encoder()
+        if self.pins["/RST"].value == LOW:
+            self._mode = _RESET_BY_PIN
+        elif done:
+            self._mode = _RUNNING
+            self.output.put(0, True)
+            self.axis.finish_reset(self.encoder.count_at(now))
+        else:
+            self._reset(_RESET_BY_PIN)
+        self.touched()
+
+    def _cycle_from(self, when: int) -> int:
+        """Return the first clock cycle that starts at ``when`` or later."""
+        return self.clock.cycle_at(when - 1) + 1 if when else 0
+
+    def _reset(self, mode: int) -> None:
+        """A reset begins (LM-RST-2 to LM-RST-4, LM-RST-9)."""
+        self._mode = mode
+        if self._fails_left:
+            self._fails_left -= 1
+            self._mode = _RESET_BY_PIN
+            self._reset_end = NEVER
+        else:
+            self._reset_end = self._when + int(self.settings["reset_time"])
+        self.host.reset()
+        self.axis.reset()
+        self.encoder.index_at = NEVER
+        self.output.zero()
+        self._outputs.anchor = self._cycle_from(self._when)
+
+    def _command_reset(self) -> None:
+        self._reset(_RESET_BY_COMMAND)
+
+    def _finish_reset(self) -> None:
+        self._reset_end = NEVER
+        self._mode = _RUNNING
+        self.axis.finish_reset(self.encoder.count_at(self._when))
+
+    def _reset_moved(self) -> None:
+        """/RST has moved; it acts when it rises (LM-RST-1)."""
+        now = self.kernel.now
+        self.advance()
+        if self.pins["/RST"].value == LOW:
+            self._reset_fell = now
+            return
+        if self._mode == _UNPOWERED:
+            return
+        low = now - self._reset_fell
+        limit = ds.AC.minimum("T6", self.clock)
+        if self.judged and low < limit and self.report(ds.AC.rules["T6"], low, limit):
+            return
+        self._when = now
+        self._reset(_RESET_BY_PIN)
+        self.touched()
+
+    # -- bus cycles ---------------------------------------------------------------------------
+
+    def begin_read(self, address: int) -> None:
+        """/RD falls: data is latched (LM-BUS-3)."""
+        self.advance()
+        if not address:
+            self.host.begin_status()
+        elif self._mode == _RUNNING:
+            self.host.begin_data(self.kernel.now)
+        else:
+            self.host.begin_in_reset()
+
+    def end_read(self) -> int:
+        """/RD rises: status is as it is now, the data pointer moves."""
+        self.advance()
+        host = self.host
+        if host.reading_status():
+            return self.status()
+        if host.unasked():
+            self.axis.flags |= ds.COMMAND_ERROR
+        data = host.end_data(self.kernel.now)
+        self.touched()
+        return data
+
+    def lose_read(self) -> None:
+        """The read under way counts for nothing; its byte is FFh."""
+        self.host.lose_read()
+
+    def shown(self) -> int:
+        """Return what D0-D7 show in the read under way."""
+        return self.status() if self.host.reading_status() else self.host.shown()
+
+    def write(self, address: int, data: int) -> None:
+        """A byte is latched."""
+        self.advance()
+        now = self._when = self.kernel.now
+        if self._mode != _RUNNING:
+            self.report(ds.RESET_WRITE)
+            return
+        if address:
+            if not self.host.write_data(data, now):
+                self.axis.flags |= ds.COMMAND_ERROR
+        else:
+            self.host.write_command(data, now)
+        self.touched()
+
+    def status(self) -> int:
+        """Return the status byte (LM-STA-1, LM-RST-4)."""
+        if self._mode == _RUNNING:
+            return self.axis.status() | self.host.busy
+        return ds.BUSY if self._mode == _RESET_BY_COMMAND else 0
+
+    def ready_at(self) -> int:
+        """Return when busy falls or the reset ends; now, if the chip is ready."""
+        if self._mode != _RUNNING:
+            return self._reset_end
+        return self.host.busy_end if self.host.busy else self.kernel.now
+
+    def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
+        """Return the edges of a whole cycle at the shortest times the manual allows."""
+        setup, hold = ds.AC["T8"].min_ps, ds.AC["T9"].min_ps
+        low = ds.WRITE_LOW if write else ds.READ_LOW
+        strobe = "/WR" if write else "/RD"
+        edges = [(-low - setup, "/PS", address), (-low - setup, "/CS", LOW), (-low, strobe, LOW)]
+        if write:
+            edges.append((-low, "D0-D7", data))
+        edges += [(0, strobe, HIGH), (hold, "/CS", HIGH)]
+        if write:
+            edges.append((ds.AC["T16"].min_ps, "D0-D7", Z))
+        return edges
+
+    def _host_broke(self, rule: Rule, detail: str, when: int) -> None:
+        self.report(rule, detail=detail, when=when)
+
+    def _found(self, rule: Rule, detail: str) -> None:
+        self.report(rule, detail=detail, when=self._when)
+
+    @property
+    def powered(self) -> bool:
+        """Whether supply is up."""
+        return self._mode != _UNPOWERED
+
+    def index_seen(self, count: int) -> None:
+        """The index has come at encoder ``count``; if armed, store its position (LM-POS-3)."""
+        if self.axis.sip:
+            self.axis.capture(self.axis.real + count - self.axis.count)
+
+    # -- time ---------------------------------------------------------------------------------
+
+    def advance(self) -> None:
+        """Bring the state up to now: busy ends, index pulses, samples, output edges."""
+        if self.kernel.now >= self._due_at:
+            self._catch_up()
+
+    def _catch_up(self) -> None:
+        now = self.kernel.now
+        while True:
+            when = self._next_inside()
+            # At one instant the sample comes last: what ends at it is seen by it.
+            if self._sample_at <= now and self._sample_at < when:
+                self._run_samples(min(now, when - 1))
+                continue
+            if when > now:
+                break
+            self._when = when
+            self._course = ()
+            self._still = False
+            if self.host.busy_end == when:
+                self.host.finish()
+                if self.axis.sip and self.encoder.index_at == NEVER:
+                    self.encoder.seek(when)
+            elif self._reset_end == when:
+                self._finish_reset()
+            elif self.encoder.index_at == when:
+                self.encoder.index_at = NEVER
+                self.index_seen(self.encoder.index_count)
+            else:
+                self._encoder_pins.settle(when)
+        self._front.settle()
+        self._refresh()
+
+    def _next_inside(self) -> int:
+        """Return the instant of the next thing that is not a sample."""
+        return min(self.host.busy_end, self._reset_end, self.encoder.due())
+
+    def _run_samples(self, stop: int) -> None:
+        """Run all samples up to instant ``stop``, or until one finds an index to capture.
+
+        A sample that leaves everything as the sample before it did, with a derivative and a plant
+        at rest, will be followed by samples that do the same: they are skipped.
+        """
+        cycle = self.clock.cycle_at(stop)
+        left = (cycle - self._cycle) // ds.SAMPLE_CLK
+        axis = self.axis
+        running = self._mode == _RUNNING
+        while left > 0:
+            if self._still:
+                self._cycle += left * ds.SAMPLE_CLK
+                if running:
+                    axis.skip(left)
+                self.encoder.skip(self._start_of_sample(), self._end_of_sample())
+                break
+            left -= 1
+            self._cycle += ds.SAMPLE_CLK
+            if running:
+                axis.sample(self.encoder.count())
+                self.output.put(axis.command, axis.port8)
+            self._run_encoder()
+            if axis.sip:
+                self.encoder.seek(self._start_of_sample() - 1)
+                if self.encoder.index_at != NEVER:
+                    break
+            if self.encoder.resting() and axis.profile.velocity == 0:
+                course = axis.course()
+                self._still = course == self._course and axis.steady()
+                self._course = course
+            else:
+                self._course = ()
+        if running:
+            self._outputs.anchor = self._cycle
+        self._sample_at = self._end_of_sample()
+
+    def _start_of_sample(self) -> int:
+        return self.clock.ps(self._cycle)
+
+    def _end_of_sample(self) -> int:
+        return self.clock.ps(self._cycle + ds.SAMPLE_CLK)
+
+    def _run_encoder(self) -> None:
+        self.encoder.run(
+            self._start_of_sample(), self._end_of_sample(),
+            self.output.command, self.axis.following,
+        )  # fmt: skip
+        self._sample_at = self._end_of_sample()
+
+    def touched(self) -> None:
+        """Something from outside has changed the chip: pins and timers follow."""
+        self._course = ()
+        self._still = False
+        self._refresh()
+        self.rearm()
+
+    def _refresh(self) -> None:
+        """Bring the output pins up to now, and find when anything is due next."""
+        hi = HIGH if self.axis.interrupt() else LOW
+        if hi != self._hi.level:
+            self._hi.drive(hi)
+        self._outputs.show(self.kernel.now)
+        if self._front.driving:
+            self._front.show()
+        self._due_at = min(
+            self._next_inside(), self._sample_at, self._outputs.due, self._front.show_at
+        )
+
+    def next_event(self) -> int:
+        """Return an instant not later than the next change of HI, an output pin or D0-D7."""
+        due = min(self._next_inside(), self._front.show_at)
+        heard = self._outputs.heard()
+        if heard:
+            due = min(due, self._outputs.due)
+        if not self._still or (heard and self.output.emits()):
+            due = min(due, self._sample_at)
+        return due
+
+    # -- looking in ---------------------------------------------------------------------------
+
+    def telemetry(self) -> dict[str, int | float | str]:
+        """Return desired and real motion, filter and output, status and signals by name."""
+        self.advance()
+        shown = self.axis.telemetry()
+        shown["output"] = self.output.command
+        shown["code"] = self.output.code()
+        shown["status"] = self.status()
+        shown["interrupt"] = self._hi.level
+        return shown
+
+    # -- state --------------------------------------------------------------------------------
+
+    def save_core(self) -> tuple[object, ...]:
+        """Return the state of everything behind the front-end."""
+        return (
+            self.axis.save(), self.host.save(), self.commands.save(), self.output.save(),
+            self.encoder.save(), self._mode, self._reset_end, self._fails_left, self._when,
+            self._cycle, self._sample_at, self._course, self._still, self._outputs.anchor,
+        )  # fmt: skip
+
+    def load_core(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save_core` gave, now or a little while ago."""
+        (
+            axis, host, commands, output, encoder, self._mode, self._reset_end, self._fails_left,
+            self._when, self._cycle, self._sample_at, self._course, self._still,
+            self._outputs.anchor,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        self.axis.load(axis)  # type: ignore[arg-type]
+        self.host.load(host)  # type: ignore[arg-type]
+        self.commands.load(commands)  # type: ignore[arg-type]
+        self.output.load(output)  # type: ignore[arg-type]
+        self.encoder.load(encoder)  # type: ignore[arg-type]
+        self._catch_up()
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state, the plant's included."""
+        self.advance()
+        return (
+            self.save_core(), self._front.save(), self._encoder_pins.save(), self._reset_fell,
+            self.judged,
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        core, front, encoder_pins, self._reset_fell, self.judged = state  # type: ignore[assignment]
+        self._front.load(front)  # type: ignore[arg-type]
+        self._encoder_pins.load(encoder_pins)  # type: ignore[arg-type]
+        self.load_core(core)  # type: ignore[arg-type]

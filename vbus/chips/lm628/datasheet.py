@@ -1,0 +1,321 @@
+"""What the LM628/LM629 manual says, as data: commands, bits, pins, AC limits, timings, rules.
+
+Clause ids (``LM-BUS-7``) are those of the project's list for this chip; where the manual is silent
+or contradicts itself, NOTES.md says what was chosen.
+"""
+
+from typing import Final
+
+from vbus.chips.strobes import AcLimit, AcTable
+from vbus.chips.tables import Bit, Command, CommandTable, PinRow
+from vbus.kernel import MS, NS, US
+from vbus.options import Option
+from vbus.signals import HIGH, LOW, Rule, Z
+
+FAMILY: Final = "lm628"
+PARTS: Final = ("LM628N-6", "LM628N-8", "LM629N-6", "LM629N-8", "LM629M-6", "LM629M-8")
+ADDRESS_BITS: Final = 1
+
+COMMAND_PORT: Final = 0
+"""Address with /PS low: commands are written, the status byte is read."""
+DATA_PORT: Final = 1
+"""Address with /PS high."""
+
+# -- Table 2. User command set ------------------------------------------------------------------
+
+COMMANDS: Final = CommandTable(
+    Command("RESET", 0x00, clause="LM-CMD-1", title="Reset LM628", note="1"),
+    Command("PORT8", 0x05, clause="LM-CMD-6", title="Select 8-Bit Output", note="2"),
+    Command("PORT12", 0x06, clause="LM-CMD-7", title="Select 12-Bit Output", note="2"),
+    Command("DFH", 0x02, clause="LM-CMD-3", title="Define Home", note="1"),
+    Command("SIP", 0x03, clause="LM-CMD-4", title="Set Index Position", note="1"),
+    Command("LPEI", 0x1B, write=1, clause="LM-CMD-16", title="Interrupt on Error", note="1"),
+    Command("LPES", 0x1A, write=1, clause="LM-CMD-15", title="Stop on Error", note="1"),
+    Command("SBPA", 0x20, write=2, clause="LM-CMD-21", title="Set Breakpoint, Absolute", note="1",
+            signed=True),
+    Command("SBPR", 0x21, write=2, clause="LM-CMD-22", title="Set Breakpoint, Relative", note="1",
+            signed=True),
+    Command("MSKI", 0x1C, write=1, clause="LM-CMD-17", title="Mask Interrupts", note="1"),
+    Command("RSTI", 0x1D, write=1, clause="LM-CMD-18", title="Reset Interrupts", note="1"),
+    Command("LFIL", 0x1E, write=1, up_to=5, clause="LM-CMD-19", title="Load Filter Parameters",
+            note="1"),
+    Command("UDF", 0x04, clause="LM-CMD-5", title="Update Filter", note="1"),
+    Command("LTRJ", 0x1F, write=1, up_to=7, clause="LM-CMD-20", title="Load Trajectory", note="1"),
+    Command("STT", 0x01, clause="LM-CMD-2", title="Start Motion", note="3"),
+    Command("RDSIGS", 0x0C, read=1, clause="LM-CMD-13", title="Read Signals Register", note="1"),
+    Command("RDIP", 0x09, read=2, clause="LM-CMD-10", title="Read Index Position", note="1",
+            signed=True),
+    Command("RDDP", 0x08, read=2, clause="LM-CMD-9", title="Read Desired Position", note="1",
+            signed=True),
+    Command("RDRP", 0x0A, read=2, clause="LM-CMD-11", title="Read Real Position", note="1",
+            signed=True),
+    Command("RDDV", 0x07, read=2, clause="LM-CMD-8", title="Read Desired Velocity", note="1",
+            signed=True, fraction=16),
+    Command("RDRV", 0x0B, read=1, clause="LM-CMD-12", title="Read Real Velocity", note="1",
+            signed=True),
+    Command("RDSUM", 0x0D, read=1, clause="LM-CMD-14", title="Read Integration Sum", note="1",
+            signed=True),
+)  # fmt: skip
+
+RESET: Final = 0x00
+"""The one command that is carried out at its strobe, not when busy falls (LM-RST-4)."""
+
+NOTES: Final = {
+    "1": "Commands may be executed on the fly during motion.",
+    "2": "Commands not applicable to execution during motion.",
+    "3": "Command may be executed during motion if acceleration parameter was not changed.",
+}
+
+# -- Tables 3 and 7. Status byte (RDSTAT, LM-CMD-23), interrupt mask and reset ------------------
+
+STATUS: Final = (
+    Bit(7, "MOTOR_OFF", "Motor Off"),
+    Bit(6, "BREAKPOINT", "Breakpoint Reached [Interrupt]"),
+    Bit(5, "POSITION_ERROR", "Excessive Position Error [Interrupt]"),
+    Bit(4, "WRAPAROUND", "Wraparound Occurred [Interrupt]"),
+    Bit(3, "INDEX", "Index Pulse Observed [Interrupt]"),
+    Bit(2, "TRAJECTORY_COMPLETE", "Trajectory Complete [Interrupt]"),
+    Bit(1, "COMMAND_ERROR", "Command Error [Interrupt]"),
+    Bit(0, "BUSY", "Busy Bit"),
+)
+
+MOTOR_OFF: Final = 0x80
+BREAKPOINT: Final = 0x40
+POSITION_ERROR: Final = 0x20
+WRAPAROUND: Final = 0x10
+INDEX: Final = 0x08
+TRAJECTORY_COMPLETE: Final = 0x04
+COMMAND_ERROR: Final = 0x02
+BUSY: Final = 0x01
+
+INTERRUPTS: Final = 0x7E
+"""The six flags that MSKI enables and RSTI resets."""
+RESET_MASK: Final = 0x3E
+"""After reset all but the breakpoint interrupt are enabled."""
+
+# -- Table 8. Signals register (RDSIGS) ---------------------------------------------------------
+
+SIGNALS: Final = (
+    Bit(15, "HOST_INTERRUPT", "Host Interrupt"),
+    Bit(14, "ACCELERATION_LOADED", "Acceleration Loaded (But Not Updated)"),
+    Bit(13, "UDF_EXECUTED", "UDF Executed (But Filter Not yet Updated)"),
+    Bit(12, "FORWARD", "Forward Direction"),
+    Bit(11, "VELOCITY_MODE", "Velocity Mode"),
+    Bit(10, "ON_TARGET", "On Target"),
+    Bit(9, "STOP_ON_ERROR", "Turn Off upon Excessive Position Error"),
+    Bit(8, "PORT8", "Eight-Bit Output Mode"),
+    *STATUS[:7],
+    Bit(0, "SIP", "Acquire Next Index (SIP Executed)"),
+)
+
+# -- Table 6. Trajectory control word (LTRJ) ----------------------------------------------------
+
+TRAJECTORY: Final = (
+    Bit(12, "FORWARD", "Forward Direction (Velocity Mode Only)"),
+    Bit(11, "VELOCITY_MODE", "Velocity Mode"),
+    Bit(10, "STOP_SMOOTHLY", "Stop Smoothly (Decelerate as Programmed)"),
+    Bit(9, "STOP_ABRUPTLY", "Stop Abruptly (Maximum Deceleration)"),
+    Bit(8, "TURN_OFF", "Turn Off Motor (Output Zero Drive)"),
+    Bit(5, "LOAD_ACCELERATION", "Acceleration Will Be Loaded"),
+    Bit(4, "RELATIVE_ACCELERATION", "Acceleration Data Is Relative"),
+    Bit(3, "LOAD_VELOCITY", "Velocity Will Be Loaded"),
+    Bit(2, "RELATIVE_VELOCITY", "Velocity Data Is Relative"),
+    Bit(1, "LOAD_POSITION", "Position Will Be Loaded"),
+    Bit(0, "RELATIVE_POSITION", "Position Data Is Relative"),
+)
+
+FORWARD: Final = 0x1000
+VELOCITY_MODE: Final = 0x0800
+STOP_SMOOTHLY: Final = 0x0400
+STOP_ABRUPTLY: Final = 0x0200
+TURN_OFF: Final = 0x0100
+STOPS: Final = 0x0700
+LOADS: Final = (0x20, 0x08, 0x02)
+"""Load bits of acceleration, velocity, position; the bit below each makes the data relative."""
+
+RATE_MAX: Final = 0x3FFFFFFF
+"""Largest acceleration and velocity, 1/65536 counts per sample (per sample)."""
+POSITION_BITS: Final = 31
+POSITION_MAX: Final = (1 << 30) - 1
+POSITION_MIN: Final = -(1 << 30)
+
+# -- Table 4. Filter control word (LFIL); bits 15-8 are the derivative interval, Table 5 --------
+
+FILTER: Final = (
+    Bit(3, "LOAD_KP", "Loading kp Data"),
+    Bit(2, "LOAD_KI", "Loading ki Data"),
+    Bit(1, "LOAD_KD", "Loading kd Data"),
+    Bit(0, "LOAD_IL", "Loading il Data"),
+)
+
+COEFFICIENT_MAX: Final = 0x7FFF
+THRESHOLD_MAX: Final = 0x7FFF
+
+# -- Pinout -------------------------------------------------------------------------------------
+
+_HOST: Final = (
+    PinRow("/CS", "in", HIGH, strobe=True, select=True, title="Pin 12 (5): chip select"),
+    PinRow("/PS", "in", HIGH, strobe=True, title="Pin 16 (9): low = command port, high = data"),
+    PinRow("/RD", "in", HIGH, strobe=True, title="Pin 13 (6): read"),
+    PinRow("/WR", "in", HIGH, strobe=True, title="Pin 15 (8): write"),
+    PinRow("D0-D7", "io", Z, width=8, title="Pins 4 to 11 (20 to 24, 2 to 4): host port"),
+    PinRow("/RST", "in", HIGH, title="Pin 27 (15): reset, acts when it rises"),
+    PinRow("HI", "out", LOW, title="Pin 17 (10): host interrupt, active high"),
+    PinRow("A", "in", LOW, title="Pin 2 (18): encoder, leads B while going forward"),
+    PinRow("B", "in", LOW, title="Pin 3 (19): encoder"),
+    PinRow("/IN", "in", HIGH, title="Pin 1 (17): index"),
+)
+_DAC: Final = tuple(
+    PinRow(f"DAC{7 - n}", "out", LOW, title=f"Pin {18 + n}: converter, bit {7 - n}")
+    for n in range(8)
+)
+_PWM: Final = (
+    PinRow("SIGN", "out", LOW, title="Pin 18 (11): PWM sign, high = reverse torque"),
+    PinRow("MAG", "out", LOW, title="Pin 19 (13): PWM magnitude"),
+)
+
+PINS_LM628: Final = _HOST + _DAC
+PINS_LM629: Final = _HOST + _PWM
+PINS: Final = _HOST + _DAC + _PWM
+"""Pins of either part."""
+
+# -- AC electrical characteristics --------------------------------------------------------------
+
+AC: Final = AcTable(
+    FAMILY,
+    AcLimit("T1", "LM-TIM-1", "Motor-phase pulse width at least 16/f", min_clk=16),
+    AcLimit("T2", "LM-TIM-2", "Dwell time per encoder state at least 8/f", min_clk=8),
+    AcLimit("T3", "LM-TIM-3", "Index pulse set-up and hold relative to A and B low, at least 0"),
+    AcLimit("T4", "LM-TIM-4", "Clock pulse width at least 57 ns (-8) or 78 ns (-6)",
+            min_ps=57 * NS),
+    AcLimit("T5", "LM-TIM-5", "Clock period at least 125 ns (-8) or 166 ns (-6), at most 1 us",
+            min_ps=125 * NS, max_ps=US),
+    AcLimit("T6", "LM-TIM-6", "Reset pulse width at least 8/f", min_clk=8),
+    AcLimit("T7", "LM-TIM-7", "Chip-select set-up and hold around the strobe, at least 0"),
+    AcLimit("T8", "LM-TIM-8", "Port-select set-up at least 30 ns", min_ps=30 * NS),
+    AcLimit("T9", "LM-TIM-9", "Port-select hold at least 30 ns", min_ps=30 * NS),
+    AcLimit("T10", "LM-TIM-10", "Read data access time: valid 180 ns after /RD falls",
+            max_ps=180 * NS, output=True),
+    AcLimit("T11", "LM-TIM-11", "Read data hold: nobody else drives D0-D7 until /RD rises",
+            output=True),
+    AcLimit("T12", "LM-TIM-12", "/RD high to hi-Z: nobody else drives D0-D7 for 180 ns",
+            max_ps=180 * NS, output=True),
+    AcLimit("T14", "LM-TIM-14", "/WR pulse width at least 100 ns", min_ps=100 * NS),
+    AcLimit("T15", "LM-TIM-15", "Write data set-up at least 50 ns", min_ps=50 * NS),
+    AcLimit("T16", "LM-TIM-16", "Write data hold at least 120 ns", min_ps=120 * NS),
+    AcLimit("T17", "LM-TIM-17", "Read recovery at least 120 ns (data port)", min_ps=120 * NS),
+    AcLimit("T18", "LM-TIM-18", "Write recovery at least 120 ns (data port)", min_ps=120 * NS),
+)  # fmt: skip
+
+CLOCK_LIMITS: Final = {"6": (78 * NS, 166 * NS), "8": (57 * NS, 125 * NS)}
+"""T4 and T5 minima (ps) by speed grade, the last character of the part number."""
+CLOCK_ABSURD: Final = (10_000, 80_000_000)
+"""Clocks (Hz) below and above which no such part can be meant at all."""
+
+# -- Timings ------------------------------------------------------------------------------------
+
+SAMPLE_CLK: Final = 2048
+"""Servo sample (LM-TRJ-17)."""
+BUSY_CLK: Final = 120
+"""Busy after an accepted byte (LM-BUS-8): 15 us at 8 MHz, 20 us at 6 MHz."""
+BUSY_CAP: Final = 100 * US
+"""Busy is never longer (ps)."""
+RESET_TIME: Final = MS
+"""Default duration of a reset (ps); the manual says less than 1.5 ms."""
+READ_LOW: Final = 180 * NS
+"""How long /RD is low in a whole bus cycle (ps): the access time."""
+WRITE_LOW: Final = 100 * NS
+"""How long /WR is low in a whole bus cycle (ps)."""
+CYCLE: Final = 360 * NS
+"""Shortest whole bus cycle (ps): /RD low, then the bus let go."""
+
+# -- Motor output -------------------------------------------------------------------------------
+
+ZERO_8: Final = 0x80
+ZERO_12: Final = 0x800
+MUX_CLK: Final = 8
+"""Step of the 12-bit port's sequence: word, strobe up, strobe down, next word (NOTES 6)."""
+PWM_FRAMES: Final = (128, 256, 512, 1024, 2048)
+"""Frame lengths (clk) that fit the sample a whole number of times."""
+
+# -- Rules --------------------------------------------------------------------------------------
+
+CONTENTION: Final = Rule(
+    "lm628.contention", "LM-BUS-4", "/RD and /WR must not be low together."
+)  # fmt: skip
+BUSY_WRITE: Final = Rule(
+    "lm628.busy-write", "LM-BUS-10", "Nothing is written while busy: the byte is ignored."
+)
+BUSY_READ: Final = Rule(
+    "lm628.busy-read", "LM-BUS-10", "No data is read while busy: the last byte is returned."
+)
+CUT_PACKET: Final = Rule(
+    "lm628.cut-packet", "LM-BUS-11",
+    "A command is written only after the data of the one before it is complete.", "warning",
+)  # fmt: skip
+WRONG_WAY: Final = Rule(
+    "lm628.wrong-way", "LM-BUS-12",
+    "Data goes the way the command says, and no further than it says.", "warning",
+)  # fmt: skip
+UNDEFINED_COMMAND: Final = Rule(
+    "lm628.undefined-command", "LM-BUS-13", "Only command codes of Table 2 are written.", "warning"
+)
+RESET_WRITE: Final = Rule(
+    "lm628.reset-write", "LM-RST-4", "Nothing is written during reset: the byte is ignored."
+)
+PORT_IN_MOTION: Final = Rule(
+    "lm628.port-in-motion", "LM-AMB-11", "PORT8 and PORT12 are not for use in motion.", "warning"
+)
+PORT12_ON_LM629: Final = Rule(
+    "lm628.port12-on-lm629", "LM-CMD-7", "PORT12 is not for the LM629.", "warning"
+)
+STT_REFUSED: Final = Rule(
+    "lm628.stt-refused", "LM-TRJ-4",
+    "After a change of acceleration, STT waits until the motion is over.", "warning",
+)  # fmt: skip
+STOP_BITS: Final = Rule(
+    "lm628.stop-bits", "LM-TRJ-5", "Only one of the stop bits 8 to 10 is set at a time.", "warning"
+)
+RANGE: Final = Rule(
+    "lm628.range", "LM-TRJ-2", "Values stay within the range the manual gives.", "warning"
+)
+DOUBLE_EDGE: Final = Rule(
+    "lm628.double-edge", "LM-POS-1", "A and B must not change together: nothing is counted."
+)
+INDEX_GROUNDED: Final = Rule(
+    "lm628.index-grounded", "LM-POS-3", "The index input is not held low for more than a turn."
+)
+
+RULES: Final = (
+    *AC.rules.values(), CONTENTION, BUSY_WRITE, BUSY_READ, CUT_PACKET, WRONG_WAY,
+    UNDEFINED_COMMAND, RESET_WRITE, PORT_IN_MOTION, PORT12_ON_LM629, STT_REFUSED, STOP_BITS, RANGE,
+    DOUBLE_EDGE, INDEX_GROUNDED,
+)  # fmt: skip
+
+# -- Settings (LM-CFG-1) ------------------------------------------------------------------------
+
+OPTIONS: Final = (
+    Option("busy_clk", "count", BUSY_CLK, "busy after an accepted byte, in clock periods",
+           low=1, high=800, clause="LM-BUS-8"),
+    Option("busy_jitter_clk", "count", 0, "busy varies by up to this many clock periods",
+           low=0, high=800, clause="LM-BUS-8"),
+    Option("seed", "count", 0, "start of the stream that busy_jitter_clk draws from",
+           low=0, high=0xFFFFFFFF, clause="LM-BUS-8"),
+    Option("busy", "choice", "typical", "worst: always busy for 100 us",
+           choices=("typical", "worst"), clause="LM-BUS-8"),
+    Option("reset_time", "s", RESET_TIME, "how long a reset takes",
+           low=1, high=1_499_999_999, clause="LM-RST-4"),
+    Option("reset_status", "choice", "84", "status after reset (hexadecimal)",
+           choices=("84", "C4"), clause="LM-RST-5"),
+    Option("reset_fail", "count", 0, "this many resets never come to an end",
+           low=0, clause="LM-RST-9"),
+    Option("pid_overflow", "choice", "saturate", "what becomes of filter products over 16 bits",
+           choices=("saturate", "wrap"), clause="LM-PID-6"),
+    Option("pwm_frame_clk", "count", 512, "length of a PWM frame, in clock periods",
+           low=PWM_FRAMES[0], high=PWM_FRAMES[-1], clause="LM-PID-10"),
+    Option("counts_per_turn", "count", 2000,
+           "encoder counts of one turn, to tell a grounded index input from a pulse",
+           low=1, clause="LM-POS-3"),
+    Option("clk_duty", "ratio", 0.5, "part of the clock period during which CLK is high",
+           low=0.01, high=0.99, clause="LM-TIM-4"),
+)  # fmt: skip

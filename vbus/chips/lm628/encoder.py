@@ -1,0 +1,109 @@
+"""Where encoder counts come from: a plant's course through the sample, or the A, B, /IN nets."""
+
+from vbus.chips.lm628 import datasheet as ds
+from vbus.chips.motion.quadrature import Quadrature
+from vbus.kernel import NEVER, Clock
+from vbus.signals import Plant
+
+
+class Encoder:
+    """Counts and index of one axis.
+
+    With a plant the whole course of a sample is known at its start, so the index has its exact
+    instant inside it. Without one, whatever drives the nets is decoded (LM-POS-1, LM-POS-3).
+
+    Args:
+        clock: the chip's clock.
+
+    Attributes:
+        plant: the mechanics, if any.
+        inputs: filter and decoder of the nets; in ps.
+        index_at: instant of the plant's next index in this sample that :meth:`seek` found.
+        index_count: count at that index.
+    """
+
+    __slots__ = ("_end", "_from", "_start", "_to", "index_at", "index_count", "inputs", "plant")
+
+    def __init__(self, clock: Clock) -> None:
+        dwell = ds.AC.minimum("T2", clock)
+        self.plant: Plant | None = None
+        self.inputs: Quadrature = Quadrature(
+            dwell, 0, together=True, dwell_limit=dwell, pulse_limit=ds.AC.minimum("T1", clock)
+        )
+        self.index_at: int = NEVER
+        self.index_count: int = 0
+        self._start: int = 0
+        self._end: int = 1
+        self._from: int = 0
+        self._to: int = 0
+
+    def connect(self, plant: Plant, period: float) -> None:
+        """Attach the mechanics; ``period`` is the sample in seconds."""
+        plant.prepare(period)
+        self.plant = plant
+        self._from = self._to = plant.count
+
+    def run(self, start: int, end: int, command: float, following: int) -> None:
+        """Let the plant run from ``start`` to ``end`` with the drive that holds meanwhile."""
+        self.index_at = NEVER
+        self._start = start
+        self._end = end
+        if self.plant is not None:
+            self._from = self._to
+            self._to = self.plant.drive(command, following)
+
+    def skip(self, start: int, end: int) -> None:
+        """Samples have passed that changed nothing; the last lasts from ``start`` to ``end``."""
+        self._start = start
+        self._end = end
+
+    def due(self) -> int:
+        """Return the instant of the next index to capture, or of the nets' next settled state."""
+        return self.inputs.due() if self.plant is None else self.index_at
+
+    def count(self) -> int:
+        """Return the count at the end of the sample; from the nets, the count now."""
+        return self.inputs.count if self.plant is None else self._to
+
+    def count_at(self, when: int) -> int:
+        """Return the count at instant ``when`` of the present sample."""
+        if self.plant is None:
+            return self.inputs.count
+        if self._from == self._to:
+            return self._to
+        return self.plant.count_at((when - self._start) / (self._end - self._start))
+
+    def seek(self, after: int) -> None:
+        """Look for the plant's first index later than ``after`` in the present sample."""
+        self.index_at = NEVER
+        if self.plant is None:
+            return
+        found, count = self.plant.index_between(self._from, self._to)
+        while found:
+            at = self._start + int(self.plant.fraction_at(count) * (self._end - self._start))
+            if at > after:
+                self.index_at = min(at, self._end)
+                self.index_count = count
+                return
+            found, count = self.plant.index_between(count, self._to)
+
+    def resting(self) -> bool:
+        """Whether another sample with the same drive would leave everything as it is."""
+        return self._from == self._to and (self.plant is None or self.plant.resting())
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state, the plant's included."""
+        return (
+            self.plant.save() if self.plant is not None else (), self.inputs.save(),
+            self.index_at, self.index_count, self._start, self._end, self._from, self._to,
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            plant, inputs, self.index_at, self.index_count, self._start, self._end, self._from,
+            self._to,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        self.inputs.load(inputs)  # type: ignore[arg-type]
+        if self.plant is not None:
+            self.plant.load(plant)  # type: ignore[arg-type]

@@ -1,0 +1,84 @@
+"""The encoder front-end: edges on A, B and /IN where something drives these nets."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from vbus.chips.lm628 import datasheet as ds
+from vbus.chips.motion import quadrature as q
+from vbus.signals import Watcher
+
+if TYPE_CHECKING:
+    from vbus.chips.lm628.chip import LM628
+
+
+class EncoderPins:
+    """Pins 1 to 3 (LM-POS-1, LM-POS-3); silent while a plant has the encoder.
+
+    Args:
+        chip: the chip whose pins these are.
+    """
+
+    def __init__(self, chip: LM628) -> None:
+        self._chip: LM628 = chip
+        self._inputs: q.Quadrature = chip.encoder.inputs
+        self._pins = (chip.pins["A"], chip.pins["B"], chip.pins["/IN"])
+        self._t1: int = ds.AC.minimum("T1", chip.clock)
+        self._t2: int = ds.AC.minimum("T2", chip.clock)
+        self._turn: int = int(chip.settings["counts_per_turn"])
+        # Where the index input went low, until it goes high or was told to be grounded.
+        self._low_from: int = 0
+        self._low: bool = False
+        watcher = Watcher(chip.kernel, self._moved)
+        for pin in self._pins:
+            pin.net.watch(watcher)
+
+    def preset(self) -> None:
+        """Power is up: the levels there are now have been there for ever."""
+        a, b, index = self._pins
+        self._inputs.preset(a.value, b.value, index.value)
+
+    def _moved(self) -> None:
+        chip = self._chip
+        if not chip.powered or chip.encoder.plant is not None:
+            return
+        chip.advance()
+        now = chip.kernel.now
+        a, b, index = self._pins
+        found = self._inputs.edge(now, a.value, b.value, index.value)
+        late = False
+        if found and chip.judged:
+            rules = ds.AC.rules
+            if found & q.SHORT_DWELL:
+                chip.report(rules["T2"], self._inputs.dwell, self._t2)
+            if found & q.SHORT_PULSE:
+                chip.report(rules["T1"], self._inputs.pulse, self._t1)
+            if found & q.INDEX_INSIDE:
+                late = chip.report(rules["T3"], -1, 0)
+        self.settle(now, late)
+        chip.touched()
+
+    def settle(self, now: int, late: bool = False) -> None:
+        """Take what has come of earlier edges by ``now``; ``late``: strict T3 loses the index."""
+        chip = self._chip
+        inputs = self._inputs
+        while found := inputs.settle(now):
+            if found & q.SKIPPED:
+                chip.report(ds.DOUBLE_EDGE, when=inputs.at)
+            if found & (q.INDEX_FELL | q.INDEX_ROSE):
+                self._low = bool(found & q.INDEX_FELL)
+                self._low_from = inputs.count
+            way = abs(inputs.count - self._low_from)
+            if self._low and way > self._turn:
+                self._low = False
+                chip.report(ds.INDEX_GROUNDED, way, self._turn, when=inputs.at)
+            if found & q.ALL_LOW and not late:
+                chip.index_seen(inputs.count)
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state but for the decoder's."""
+        return (self._low_from, self._low)
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self._low_from, self._low = state  # type: ignore[assignment]

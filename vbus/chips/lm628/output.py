@@ -1,0 +1,169 @@
+"""The motor output: 8-bit converter, 12-bit multiplexed converter, sign and magnitude PWM."""
+
+from typing import Final
+
+from vbus.chips.lm628 import datasheet as ds
+from vbus.kernel import NEVER, Clock
+from vbus.signals import Pin
+
+DAC8: Final = 0
+DAC12: Final = 1
+PWM: Final = 2
+ZEROING: Final = 3
+
+STEADY: Final = 1 << 62
+"""Clock of the next change of the output pins where there is none."""
+
+STROBE: Final = 0x01
+SECOND: Final = 0x02
+SIGN: Final = 0x02
+MAGNITUDE: Final = 0x01
+
+
+class Output:
+    """Levels of the output pins, as a function of the clock since the last sample.
+
+    A *word* holds the pins: bits 7..0 are DAC7..DAC0 (pins 18 to 25); on the LM629 bit 1 is the
+    sign and bit 0 the magnitude.
+
+    The 12-bit port gives, from the sample on in steps of :data:`~.datasheet.MUX_CLK`: low word,
+    strobe up, strobe down, high word, strobe up, strobe down (LM-PID-9). A reset gives 800h that
+    way and then 80h (LM-RST-3).
+
+    Args:
+        pwm: the part is a LM629.
+        frame_clk: length of a PWM frame.
+
+    Raises:
+        ValueError: the frame does not fit the sample a whole number of times.
+    """
+
+    __slots__ = ("_code", "_frame_clk", "_high_clk", "_mode", "_pwm", "_sign", "command")
+
+    def __init__(self, pwm: bool, frame_clk: int) -> None:
+        if frame_clk not in ds.PWM_FRAMES:
+            allowed = ", ".join(str(frame) for frame in ds.PWM_FRAMES)
+            raise ValueError(f"pwm_frame_clk = {frame_clk}: allowed are {allowed}")
+        self._pwm: bool = pwm
+        self._frame_clk: int = frame_clk
+        self._mode: int = PWM if pwm else DAC8
+        self._code: int = ds.ZERO_8
+        self._sign: int = 0
+        self._high_clk: int = 0
+        self.command: float = 0.0
+        """What the amplifier behind the pins gets, -1.0 to 1.0."""
+
+    def zero(self) -> None:
+        """A reset begins: zero a 12-bit converter, then an 8-bit one."""
+        self.put(0, True)
+        if not self._pwm:
+            self._mode = ZEROING
+            self._code = ds.ZERO_12
+
+    def put(self, command: int, port8: bool) -> None:
+        """Put out the motor command of a sample (LM-PID-8 to LM-PID-10).
+
+        Args:
+            command: 16 bits signed.
+            port8: signals bit 8; the LM629 does not look at it (LM-AMB-16).
+        """
+        if self._pwm:
+            value = command >> 8
+            magnitude = min(abs(value), 127)
+            self._sign = SIGN if value < 0 else 0
+            self._high_clk = magnitude * self._frame_clk // 128
+            self.command = (-magnitude if value < 0 else magnitude) / 128
+        elif port8:
+            self._mode = DAC8
+            self._code = (command >> 8) + ds.ZERO_8
+            self.command = (command >> 8) / 128
+        else:
+            self._mode = DAC12
+            self._code = (command >> 4) + ds.ZERO_12
+            self.command = (command >> 4) / 2048
+
+    def code(self) -> int:
+        """Return the offset-binary code, 8 or 12 bits; on the LM629 the duty in frame clocks."""
+        return self._high_clk if self._pwm else self._code
+
+    def word(self, clk: int) -> int:
+        """Return the pins ``clk`` clock periods after the sample."""
+        if self._mode == DAC8:
+            return self._code
+        if self._mode == PWM:
+            high = clk % self._frame_clk < self._high_clk
+            return self._sign | MAGNITUDE if high else self._sign
+        step = clk // ds.MUX_CLK
+        if step > 5:
+            if self._mode == ZEROING:
+                return ds.ZERO_8
+            step = 5
+        strobe = STROBE if step % 3 == 1 else 0
+        if step < 3:
+            return (self._code & 0x3F) << 2 | strobe
+        return self._code >> 6 << 2 | SECOND | strobe
+
+    def next_change(self, clk: int) -> int:
+        """Return the clock, after ``clk``, of the pins' next change, or :data:`STEADY`."""
+        if self._mode == DAC8:
+            return STEADY
+        if self._mode == PWM:
+            if self._high_clk == 0:
+                return STEADY
+            phase = clk % self._frame_clk
+            edge = self._high_clk if phase < self._high_clk else self._frame_clk
+            return clk - phase + edge
+        step = clk // ds.MUX_CLK + 1
+        last = 6 if self._mode == ZEROING else 5
+        return step * ds.MUX_CLK if step <= last else STEADY
+
+    def emits(self) -> bool:
+        """Whether every sample moves pins, even if its command is the one before."""
+        return self._mode == DAC12
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state."""
+        return (self._mode, self._code, self._sign, self._high_clk, self.command)
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self._mode, self._code, self._sign, self._high_clk, self.command = state  # type: ignore[assignment]
+
+
+class OutputPins:
+    """The output on its pins: brought up to date when looked at, or edge by edge when heard.
+
+    Args:
+        output: what is put out.
+        clock: the chip's clock.
+        pins: pin of bit 0 of the word, bit 1, and so on.
+
+    Attributes:
+        anchor: clock cycle from which the output's course counts.
+        due: instant of the pins' next change (ps).
+    """
+
+    __slots__ = ("_clock", "_output", "_pins", "_word", "anchor", "due")
+
+    def __init__(self, output: Output, clock: Clock, pins: tuple[Pin, ...]) -> None:
+        self._output: Output = output
+        self._clock: Clock = clock
+        self._pins: tuple[Pin, ...] = pins
+        self._word: int = -1
+        self.anchor: int = 0
+        self.due: int = NEVER
+
+    def show(self, now: int) -> None:
+        """Bring the pins up to ``now``."""
+        clk = max(self._clock.cycle_at(now) - self.anchor, 0)
+        word = self._output.word(clk)
+        if word != self._word:
+            self._word = word
+            for bit, pin in enumerate(self._pins):
+                pin.drive(word >> bit & 1)
+        change = self._output.next_change(clk)
+        self.due = self._clock.ps(self.anchor + change) if change != STEADY else NEVER
+
+    def heard(self) -> bool:
+        """Whether anybody would notice an edge on one of the pins."""
+        return any(pin.net.heard for pin in self._pins)

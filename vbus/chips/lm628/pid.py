@@ -1,0 +1,131 @@
+"""The filter: kp, limited ki and sampled kd terms at the chip's word widths (Eq. 1)."""
+
+from vbus.bits import wrap
+from vbus.chips.lm628.datasheet import COEFFICIENT_MAX
+
+SUM_MAX: int = 0x7FFFFF
+
+
+def _sat16(value: int) -> int:
+    if value > 32767:
+        return 32767
+    return -32768 if value < -32768 else value
+
+
+class Pid:
+    """Filter coefficients, doubly buffered, and the state of the filter.
+
+    Args:
+        wraps: products and their sum keep their low 16 bits instead of saturating (LM-PID-6).
+
+    Attributes:
+        kp: proportional coefficient in use, 0..7FFFh.
+        ki: integral coefficient in use.
+        kd: derivative coefficient in use.
+        il: integration limit in use.
+        ds: derivative sampling code in use; the interval is ``ds + 1`` samples.
+        loaded: what LFIL has written: ds, kp, ki, kd, il.
+        sum: the 24-bit integral of the error.
+        term: limited integral term of the last sample, which RDSUM reads.
+        derivative: derivative term, held from one derivative sample to the next.
+        last_error: error at the last derivative sample.
+        phase: samples since the last derivative sample began, 0..ds.
+    """
+
+    __slots__ = (
+        "_wraps", "derivative", "ds", "il", "kd", "ki", "kp", "last_error", "loaded", "phase",
+        "sum", "term",
+    )  # fmt: skip
+
+    def __init__(self, wraps: bool) -> None:
+        self._wraps: bool = wraps
+        self.kp: int = 0
+        self.ki: int = 0
+        self.kd: int = 0
+        self.il: int = 0
+        self.ds: int = 0
+        self.loaded: list[int] = [0, 0, 0, 0, 0]
+        self.sum: int = 0
+        self.term: int = 0
+        self.derivative: int = 0
+        self.last_error: int = 0
+        self.phase: int = 0
+
+    def reset(self) -> None:
+        """Zero everything (LM-RST-2)."""
+        self.loaded = [0, 0, 0, 0, 0]
+        self.update()
+        self.clear()
+
+    def store(self, number: int, word: int) -> None:
+        """Store one datum of LFIL: 0 is ds, then kp, ki, kd, il (LM-PID-1)."""
+        self.loaded[number] = word & COEFFICIENT_MAX
+
+    def update(self) -> None:
+        """Take over what LFIL has loaded; the next sample is a derivative sample (LM-PID-3)."""
+        self.ds, self.kp, self.ki, self.kd, self.il = self.loaded
+        self.phase = 0
+
+    def clear(self) -> None:
+        """Forget integral and derivative history (LM-TRJ-7, LM-TRJ-10)."""
+        self.sum = 0
+        self.term = 0
+        self.derivative = 0
+        self.last_error = 0
+
+    def step(self, error: int) -> int:
+        """Run one sample; return the 16-bit motor command.
+
+        Args:
+            error: desired minus real position, saturated to 16 bits.
+        """
+        wraps = self._wraps
+        if self.phase == 0:
+            change = self.kd * (error - self.last_error)
+            self.derivative = wrap(change, 16) if wraps else _sat16(change)
+            self.last_error = error
+        self.phase = 0 if self.phase == self.ds else self.phase + 1
+
+        # LM-PID-4, LM-PID-5: a sum that has reached its limit may only come back.
+        total = self.sum + error
+        if total > SUM_MAX:
+            total = SUM_MAX
+        elif total < -SUM_MAX:
+            total = -SUM_MAX
+        term = self.ki * (total >> 8)
+        term = wrap(term, 16) if wraps else _sat16(term)
+        if term > self.il or term < -self.il:
+            term = self.il if term > 0 else -self.il
+            if abs(total) <= abs(self.sum):
+                self.sum = total
+        else:
+            self.sum = total
+        self.term = term
+
+        product = self.kp * error
+        if wraps:
+            return wrap(wrap(product, 16) + term + self.derivative, 16)
+        return _sat16(_sat16(product) + term + self.derivative)
+
+    def steady(self, error: int) -> bool:
+        """Whether derivative samples at this same error change nothing any more."""
+        return self.last_error == error and self.derivative == 0
+
+    def skip(self, samples: int) -> None:
+        """Let samples pass that change nothing but the place in the derivative interval."""
+        self.phase = (self.phase + samples) % (self.ds + 1)
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state."""
+        return (
+            self.kp, self.ki, self.kd, self.il, self.ds, tuple(self.loaded), self.sum, self.term,
+            self.derivative, self.last_error, self.phase,
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self.kp, self.ki, self.kd, self.il, self.ds, loaded, self.sum, self.term,
+            self.derivative, self.last_error, self.phase,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        self.loaded = list(loaded)  # type: ignore[call-overload]

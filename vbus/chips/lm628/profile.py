@@ -1,0 +1,179 @@
+"""The trajectory generator and its primary buffers."""
+
+from typing import Final
+
+from vbus.bits import clamp, sign_extend, wrap
+from vbus.chips.lm628 import datasheet as ds
+from vbus.chips.motion.ramp import toward
+from vbus.chips.motion.trapezoid import arrived, next_velocity
+
+ACCELERATION: Final = 0
+VELOCITY: Final = 1
+POSITION: Final = 2
+
+_WRAPPED: Final = ds.POSITION_BITS + 16
+_LOW: Final = ds.POSITION_MIN << 16
+_HIGH: Final = (ds.POSITION_MAX + 1) << 16
+
+
+class Profile:
+    """Desired position and velocity, sample by sample (LM-TRJ-11).
+
+    Positions are in 1/65536 counts, wrapped to 31 bits of counts; velocities in 1/65536 counts per
+    sample, accelerations in 1/65536 counts per sample squared. The target is in counts.
+
+    Attributes:
+        position: desired position.
+        velocity: desired velocity, signed.
+        target: active target.
+        top: active velocity limit.
+        accel: active acceleration.
+        velocity_mode: active mode.
+        forward: active direction of velocity mode.
+        stopping: a smooth stop is under way.
+        done: the last STT is completed: signals bit 10 (LM-STA-5).
+        wrapped: the desired position has left its range since this was cleared (LM-POS-2).
+        control: bits 12-8 of the last LTRJ control word; stop bits go when STT uses them.
+        raw: 32-bit acceleration, velocity and position as written.
+        relative: which of them are relative to the active values.
+        accel_loaded: acceleration was written and not yet taken: signals bit 14 (LM-STA-8).
+    """
+
+    __slots__ = (
+        "accel", "accel_loaded", "control", "done", "forward", "position", "raw", "relative",
+        "stopping", "target", "top", "velocity", "velocity_mode", "wrapped",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.position: int = 0
+        self.velocity: int = 0
+        self.target: int = 0
+        self.top: int = 0
+        self.accel: int = 0
+        self.velocity_mode: bool = False
+        self.forward: bool = False
+        self.stopping: bool = False
+        self.done: bool = False
+        self.wrapped: bool = False
+        self.control: int = 0
+        self.raw: list[int] = [0, 0, 0]
+        self.relative: list[bool] = [False, False, False]
+        self.accel_loaded: bool = False
+
+    def reset(self) -> None:
+        """Zero buffers and working registers (LM-RST-2)."""
+        self.load(Profile().save())
+
+    # -- LTRJ ---------------------------------------------------------------------------------
+
+    def load_word(self, number: int, low: bool, word: int, relative: bool) -> None:
+        """Store half of a parameter in its buffer (LM-TRJ-1, LM-BUS-11).
+
+        Args:
+            number: :data:`ACCELERATION`, :data:`VELOCITY` or :data:`POSITION`.
+            low: the less significant word.
+            word: 16 bits.
+            relative: the control word says the data is relative.
+        """
+        old = self.raw[number]
+        self.raw[number] = (old & 0xFFFF0000 | word) if low else (word << 16 | old & 0xFFFF)
+        self.relative[number] = relative
+        if number == ACCELERATION:
+            self.accel_loaded = True
+
+    def in_range(self, number: int) -> bool:
+        """Whether the buffered parameter lies within the manual's range."""
+        if number == POSITION:
+            value = sign_extend(self.raw[number], 32)
+            return self.relative[number] or ds.POSITION_MIN <= value <= ds.POSITION_MAX
+        return self.relative[number] or self.raw[number] <= ds.RATE_MAX
+
+    def take_buffers(self) -> None:
+        """Copy the buffers to the working set; relative ones become absolute (LM-TRJ-3, -6)."""
+        self.accel = self._rate(ACCELERATION, self.accel)
+        self.top = self._rate(VELOCITY, self.top)
+        value = sign_extend(self.raw[POSITION], 32)
+        if self.relative[POSITION]:
+            value += self.target
+        self.target = wrap(value, ds.POSITION_BITS)
+        self.raw[POSITION] = self.target & 0xFFFFFFFF
+        self.relative = [False, False, False]
+        self.velocity_mode = bool(self.control & ds.VELOCITY_MODE)
+        self.forward = bool(self.control & ds.FORWARD)
+        self.accel_loaded = False
+
+    def _rate(self, number: int, active: int) -> int:
+        if self.relative[number]:
+            value = clamp(active + sign_extend(self.raw[number], 32), 0, ds.RATE_MAX)
+        else:
+            value = self.raw[number] & ds.RATE_MAX
+        self.raw[number] = value
+        return value
+
+    # -- motion -------------------------------------------------------------------------------
+
+    def hold(self, counts: int) -> None:
+        """Desired position := ``counts``, at rest."""
+        self.position = counts << 16
+        self.velocity = 0
+        self.stopping = False
+
+    def step(self) -> bool:
+        """Run one sample; tell whether it completed the motion."""
+        if self.done:
+            return False
+        if self.stopping:
+            self.velocity = toward(self.velocity, 0, self.accel) if self.accel else 0
+            self._move()
+            if self.velocity:
+                return False
+            # LM-TRJ-9: the axis comes to rest on a whole count.
+            self.target = self.position >> 16
+            self.position = self.target << 16
+            self.stopping = False
+            self.done = True
+            return True
+        if self.velocity_mode:
+            goal = self.top if self.forward else -self.top
+            self.velocity = toward(self.velocity, goal, self.accel)
+            self._move()
+            self.target = self.position >> 16
+            return False
+        target = self.target << 16
+        self.velocity = next_velocity(target - self.position, self.velocity, self.top, self.accel)
+        self._move()
+        if arrived(target - self.position, self.velocity, self.accel):
+            self.velocity = 0
+            self.done = True
+            return True
+        return False
+
+    def _move(self) -> None:
+        position = self.position + self.velocity
+        if position < _LOW or position >= _HIGH:
+            position = wrap(position, _WRAPPED)
+            self.wrapped = True
+        self.position = position
+
+    def shift(self, counts: int) -> None:
+        """Count positions from a home that lies ``counts`` further on (LM-POS-4)."""
+        self.position = wrap(self.position - (counts << 16), _WRAPPED)
+        self.target = wrap(self.target - counts, ds.POSITION_BITS)
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state."""
+        return (
+            self.position, self.velocity, self.target, self.top, self.accel, self.velocity_mode,
+            self.forward, self.stopping, self.done, self.wrapped, self.control, tuple(self.raw),
+            tuple(self.relative), self.accel_loaded,
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self.position, self.velocity, self.target, self.top, self.accel, self.velocity_mode,
+            self.forward, self.stopping, self.done, self.wrapped, self.control, raw, relative,
+            self.accel_loaded,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        self.raw = list(raw)  # type: ignore[call-overload]
+        self.relative = list(relative)  # type: ignore[call-overload]
