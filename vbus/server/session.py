@@ -71,9 +71,6 @@ class Session:
             self._loop.remove_reader(self.link.fd)
 
     def _readable(self) -> None:
-        self.link.before_read()
-        if not self._open:
-            return
         try:
             data = os.read(self.link.fd, READ_SIZE)
         except BlockingIOError:

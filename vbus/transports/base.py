@@ -25,9 +25,6 @@ class Link:
         """End the link from this side."""
         os.close(self.fd)
 
-    def before_read(self) -> None:
-        """Called before bytes are read: the place to notice that one host has followed another."""
-
 
 class Transport:
     """Waits for hosts at one address.

@@ -21,11 +21,6 @@ class PtyLink(Link):
 
     def __init__(self, transport: "PtyTransport", peer: str) -> None:
         super().__init__(transport.master, peer)
-        self._transport: PtyTransport = transport
-
-    def before_read(self) -> None:
-        """Notice clients that came and went before the bytes that are waiting."""
-        self._transport.notice()
 
     def close(self) -> None:
         """The master stays open for the next client."""
@@ -85,7 +80,11 @@ class PtyTransport(Transport):
         loop.add_reader(self._watch.fd, self.notice)
 
     def notice(self) -> None:
-        """Begin and end sessions as clients open and close the terminal."""
+        """Begin and end sessions as clients open and close the terminal.
+
+        The event loop serves descriptors in the order in which they became readable, so an open or
+        close is known before the bytes that came after it.
+        """
         if self._watch is None:
             return
         for opened in self._watch.read():

@@ -121,7 +121,7 @@ def test_an_unknown_stall_policy_is_refused() -> None:
 
 
 def test_statistics_of_lag_stay_zero_while_the_machine_keeps_up() -> None:
-    board, pacer, wall = paced()
+    _board, pacer, wall = paced()
 
     for _ in range(10):
         wall.ns += 50_000
