@@ -311,10 +311,10 @@ class MCP1200(Chip):
         return {
             "mode": mode,
             "command": file.value("COMMAND_POSITION"),
-            "actual": works.position(self.cycle_now()),
+            "actual": works.counter.position(self.cycle_now()),
             "error": file.value("POSITION_ERROR"),
             "velocity": file.value("ACTUAL_VELOCITY"),
-            "drive": round(works.drive(), 4),
+            "drive": round(works.drive.level(), 4),
             "flags": file.bytes[ds.FLAG],
             "status": file.bytes[ds.STATUS],
             "phase": file.bytes[ds.PHASE],

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from vbus.bits import clamp, wrap
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.capture import Breakpoint, index_edge
 from vbus.chips.mcp1200.core import IDLE, Core
+from vbus.chips.mcp1200.counter import PositionCounter
+from vbus.chips.mcp1200.drive import PlantDrive
 from vbus.chips.mcp1200.encoder import Encoder
-from vbus.chips.mcp1200.output import DAC_ZERO, Pwm
+from vbus.chips.mcp1200.output import Pwm
 from vbus.chips.mcp1200.registers import HostRegisters
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import FAR, SampleTimer
@@ -56,11 +57,10 @@ class Clockwork:
     """
 
     __slots__ = (
-        "_aiming", "_at_match", "_at_reset", "_at_results", "_at_routine", "_at_sample",
-        "_clock", "_counted", "_counts_before", "_drive_dac", "_driven", "_index_level",
-        "_report", "_request", "_sent", "_stall_clk", "_steps_before", "_steps_given", "_target",
-        "_writes", "breakpoint", "core", "encoder", "encoder_pins", "file", "host", "pwm",
-        "released", "side", "state", "stepper", "timer",
+        "_aiming", "_at_reset", "_at_results", "_at_routine", "_at_sample", "_clock", "_counted",
+        "_counts_before", "_report", "_request", "_sent", "_stall_clk", "_steps_before",
+        "_target", "_writes", "breakpoint", "core", "counter", "drive", "encoder",
+        "encoder_pins", "file", "host", "pwm", "released", "side", "state", "stepper", "timer",
     )  # fmt: skip
 
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
@@ -72,22 +72,24 @@ class Clockwork:
         self.timer: SampleTimer = SampleTimer(data)
         self.encoder: Encoder = Encoder(clock.hz)
         self.stepper: Stepper = Stepper(data)
-        self.pwm: Pwm = Pwm(data)
         self.breakpoint: Breakpoint = Breakpoint(data)
+        self.counter: PositionCounter = PositionCounter(
+            self.core, self.encoder, self.stepper, self.breakpoint, settings["index"] == "high"
+        )
+        self.pwm: Pwm = Pwm(data)
+        self.drive: PlantDrive = PlantDrive(
+            data, self.encoder, self.stepper, self.pwm, settings["drive"] == "dac"
+        )
         self.host: HostRegisters = HostRegisters(self)
         self.side: SidePins
         self.encoder_pins: EncoderPins
         self.state: int = HELD
         self.released: int = -1
-        self._drive_dac: bool = settings["drive"] == "dac"
-        self._index_level: int = int(settings["index"] == "high")
         self._stall_clk: int = int(settings["io_stall_clk"])
         self._request: int = NO_REQUEST
         self._writes: list[tuple[int, int, int]] = []
         self._aiming: bool = False
         """The loop has closed: followers may follow its aim."""
-        self._driven: float = 0.0
-        self._steps_given: int = 0
         self._sent: int = 0
         self._counted: int = 0
         self._steps_before: int = 0
@@ -97,7 +99,6 @@ class Clockwork:
         self._at_sample: int = FAR
         self._at_results: int = FAR
         self._at_routine: int = FAR
-        self._at_match: int = FAR
 
     # -- order --------------------------------------------------------------------------------
 
@@ -108,14 +109,14 @@ class Clockwork:
 
     def _next_own(self) -> int:
         return min(
-            self.encoder.at, self.encoder_pins.due(), self._at_match, self._at_reset,
+            self.encoder.at, self.encoder_pins.due(), self.counter.at_match, self._at_reset,
             self._at_results, self._at_sample, self._at_routine, self.encoder.end,
         )  # fmt: skip
 
     def next_output(self) -> int:
         """A cycle not later than the next change of an output other than Pulse and Sign."""
         due = min(
-            self.encoder.at, self.encoder_pins.due(), self._at_match, self._at_reset,
+            self.encoder.at, self.encoder_pins.due(), self.counter.at_match, self._at_reset,
             self._at_results, self._at_routine,
         )  # fmt: skip
         if self._writes:
@@ -125,7 +126,7 @@ class Clockwork:
         )  # fmt: skip
         if awake:
             due = min(due, self._at_sample)
-        if self.encoder.plant is not None and (awake or not self._at_rest()):
+        if self.encoder.plant is not None and (awake or not self.drive.at_rest()):
             due = min(due, self.encoder.end)
         return due
 
@@ -145,12 +146,13 @@ class Clockwork:
             if cycle > target:
                 return
             if self.encoder.at == cycle:
-                self._edge(cycle)
+                self.counter.edge(cycle)
+                self.side.look(cycle)
             elif self.encoder_pins.due() <= cycle:
                 self.encoder_pins.settle(cycle)
-            elif self._at_match == cycle:
-                self._match()
-                self._replan(cycle)
+            elif self.counter.at_match == cycle:
+                self.counter.match()
+                self.counter.replan(cycle)
             elif self._at_reset == cycle:
                 self._end_reset(cycle)
             elif self._at_results == cycle:
@@ -164,7 +166,7 @@ class Clockwork:
 
     def _counts_at(self, cycle: int) -> bool:
         """Whether the position counter has something to do at ``cycle``."""
-        return min(self.encoder.at, self.encoder_pins.due(), self._at_match) <= cycle
+        return min(self.encoder.at, self.encoder_pins.due(), self.counter.at_match) <= cycle
 
     def pulsing(self) -> bool:
         """Whether Pulse or Sign may move although nothing is due inside."""
@@ -190,10 +192,10 @@ class Clockwork:
             self._at_results += self._stall_clk
 
     def _take_write(self, cycle: int, address: int, data: int) -> None:
-        before = self._equal(cycle)
+        before = self.counter.equal(cycle)
         self.pwm.roll(cycle - 1)
         self.host.write(self.host.map(address), data, cycle)
-        self._look_equal(before, cycle)
+        self.counter.look_equal(before, cycle)
 
     def request(self, mode: int, cycle: int) -> None:
         """R05 has been written (MCP-MOD-1)."""
@@ -265,13 +267,13 @@ class Clockwork:
 
     def count_external(self, direction: int, cycle: int) -> None:
         """An encoder on the CHA and CHB nets has moved by one count."""
-        before = self._equal(cycle)
+        before = self.counter.equal(cycle)
         self.encoder.add(direction)
-        self._look_equal(before, cycle)
+        self.counter.look_equal(before, cycle)
 
     def index_external(self, rising: bool, cycle: int) -> None:
         """The INDEX net has moved and passed its filter."""
-        index_edge(self.file.bytes, rising, self.position(cycle))
+        index_edge(self.file.bytes, rising, self.counter.position(cycle))
 
     # -- reset --------------------------------------------------------------------------------
 
@@ -286,7 +288,7 @@ class Clockwork:
         self.core.point = 0
         self.core.velocity_point = 0
         self.encoder.swap(False, cycle)
-        self.preset(0, cycle)
+        self.counter.preset(0, cycle)
         self.breakpoint.clear()
         self.host.clear()
         self.encoder_pins.configure(cycle)
@@ -294,13 +296,12 @@ class Clockwork:
         self._stop()
         self._at_reset = FAR
         self.released = -1
-        self._replan(cycle)
+        self.counter.replan(cycle)
 
     def _stop(self) -> None:
         self._request = NO_REQUEST
         self._hold_timer()
         self._at_results = FAR
-        self._at_match = FAR
         self._aiming = False
 
     def release(self, cycle: int) -> None:
@@ -329,12 +330,12 @@ class Clockwork:
         self._at_reset = FAR
         self.pwm.roll(cycle - 1)
         self.core.soft_reset()
-        self.preset(0, cycle)
+        self.counter.preset(0, cycle)
         self.state = STANDING
         self.host.clear_errors()
         if self.side.sync:
             self._start_timer(cycle)
-        self._replan(cycle)
+        self.counter.replan(cycle)
 
     # -- samples ------------------------------------------------------------------------------
 
@@ -345,7 +346,7 @@ class Clockwork:
             self.core.fault(ds.TIMER_OK)
             self._enter_idle(cycle)
         self._start_timer(cycle)
-        position = self.position(cycle)
+        position = self.counter.position(cycle)
         request, self._request = self._request, NO_REQUEST
         if self.state == CONTROL:
             if request == ds.SOFT_RESET_CODE:
@@ -397,7 +398,7 @@ class Clockwork:
         self.stepper.stop(cycle)
         self.core.enter_idle()
         self.file.bytes[ds.MODE] = ds.IDLE_CODE
-        self._replan(cycle)
+        self.counter.replan(cycle)
 
     def _results(self, cycle: int) -> None:
         """BUSY ends: the sample's results appear (MCP-SMP-5)."""
@@ -416,26 +417,22 @@ class Clockwork:
             if self.stepper.overrun(period):
                 most = period // self.stepper.width
                 self._report(ds.STEP_OVERRUN, abs(core.steps), most, "", self._clock.ps(cycle))
-            self._replan(cycle)
+            self.counter.replan(cycle)
 
     def _routine(self, cycle: int) -> None:
         """The breakpoint routine of the sample (MCP-BRK-2, 3)."""
         self._at_routine = FAR
-        before = self._equal(cycle)
+        before = self.counter.equal(cycle)
         if self.breakpoint.routine():
             self.file.bytes[ds.STATUS] |= ds.BREAKPOINT_OK
-        self._look_equal(before, cycle)
-
-    def _at_rest(self) -> bool:
-        """Whether another period of the plant would change nothing."""
-        return self.encoder.resting() and self._driven == self.drive()
+        self.counter.look_equal(before, cycle)
 
     def _skip_rest(self, cycle: int) -> None:
         """Idle, and nothing moves: whole periods go by at once."""
         encoder = self.encoder
         if self._request != NO_REQUEST or self._at_routine != FAR:
             return
-        if encoder.plant is not None and (encoder.end != cycle or not self._at_rest()):
+        if encoder.plant is not None and (encoder.end != cycle or not self.drive.at_rest()):
             return
         last = self._target
         if self._writes:
@@ -448,86 +445,6 @@ class Clockwork:
             if encoder.plant is not None:
                 encoder.skip(passed)
 
-    # -- position counter ---------------------------------------------------------------------
-
-    def position(self, cycle: int) -> int:
-        """The 24-bit position counter: encoder counts, or steps in step mode."""
-        if self.file.bytes[ds.CONFIG] & ds.STEP_MODE:
-            return self.stepper.position(cycle)
-        return self.encoder.position(cycle)
-
-    def preset(self, position: int, cycle: int) -> None:
-        """Load the position counter."""
-        if self.file.bytes[ds.CONFIG] & ds.STEP_MODE:
-            self.stepper.preset(position, cycle)
-        else:
-            self.encoder.preset(position, cycle)
-
-    def _equal(self, cycle: int) -> bool:
-        return self.breakpoint.armed and self.position(cycle) == self.breakpoint.compare
-
-    def _look_equal(self, before: bool, cycle: int) -> None:
-        """Something has changed: entering equality is a match, staying in it is not (BRK-4)."""
-        if not before and self._equal(cycle):
-            self._match()
-        self._replan(cycle)
-
-    def _match(self) -> None:
-        """The position has reached the breakpoint (MCP-BRK-1)."""
-        self.core.fault(ds.BREAKPOINT_OK)
-        self.core.faults.breakpoint = True
-        self.breakpoint.reached()
-
-    def _edge(self, cycle: int) -> None:
-        """The encoder reaches a count that somebody waits for."""
-        encoder = self.encoder
-        data = self.file.bytes
-        count = encoder.at_count
-        entered = encoder.enters_index()
-        left = encoder.inside
-        encoder.seen = count
-        if data[ds.CONFIG] & ds.STEP_MODE:
-            position = self.position(cycle)
-        else:
-            position = wrap(encoder.offset + encoder.direction * count, 24)
-            if self.breakpoint.armed and position == self.breakpoint.compare:
-                self._match()
-        encoder.inside = entered
-        if left:
-            index_edge(data, self._index_level == 0, position)
-        if entered:
-            index_edge(data, self._index_level == 1, position)
-        self.side.look(cycle)
-        self._plan()
-
-    def _replan(self, cycle: int) -> None:
-        """Look anew for what the position counter will reach."""
-        self.encoder.look_from(cycle)
-        self._at_match = FAR
-        if self.file.bytes[ds.CONFIG] & ds.STEP_MODE and self.breakpoint.armed:
-            ahead = wrap(self.breakpoint.compare - self.stepper.position(cycle), 24)
-            self._at_match = self.stepper.when(ahead, cycle)
-        self._plan()
-
-    def _plan(self) -> None:
-        step_mode = self.file.bytes[ds.CONFIG] & ds.STEP_MODE
-        self.encoder.plan(self.breakpoint.armed and not step_mode, self.breakpoint.compare)
-
-    # -- the plant ----------------------------------------------------------------------------
-
-    def drive(self) -> float:
-        """The motor command the plant gets, as a fraction of full scale."""
-        data = self.file.bytes
-        if data[ds.CONFIG] & ds.STEP_MODE:
-            return 0.0
-        if not self._drive_dac:
-            return clamp(self.pwm.command(), -ds.PWM_FULL, ds.PWM_FULL) / ds.PWM_FULL
-        code = (data[ds.MOTOR_COMMAND] << 4 | data[ds.MOTOR_COMMAND_LOW] >> 4) - DAC_ZERO
-        if data[ds.FEATURE] & ds.UNIPOLAR and self.pwm.command() < 0:
-            # A unipolar amplifier takes its direction from Sign.
-            code = -code
-        return code / DAC_ZERO
-
     def _next_period(self, cycle: int) -> None:
         """The plant's period is over: run it to the next instant its drive may change."""
         end = min(
@@ -536,45 +453,33 @@ class Clockwork:
         )
         if end == FAR:
             end = cycle + max(self.timer.period, 1)
-        error = 0
-        steps = 0
-        self._driven = self.drive()
-        if self.file.bytes[ds.CONFIG] & ds.STEP_MODE:
-            sent = self.stepper.sent(end)
-            steps, self._steps_given = sent - self._steps_given, sent
-        elif self._aiming:
-            error = wrap(self.core.following.aim() - self.encoder.position(cycle), 24)
-        self.encoder.begin(cycle, end, self._driven, error, steps)
-        self._plan()
+        self.drive.period(cycle, end, self._aiming, self.core.following.aim())
+        self.counter.plan()
 
     # -- state --------------------------------------------------------------------------------
+
+    def _parts(self) -> tuple[Any, ...]:
+        return (
+            self.file, self.core, self.timer, self.encoder, self.drive, self.stepper, self.pwm,
+            self.breakpoint, self.host,
+        )  # fmt: skip
 
     def save(self) -> tuple[object, ...]:
         """Return the state."""
         return (
             self.state, self.released, self._request, tuple(self._writes), self._aiming,
-            self._driven, self._steps_given, self._sent, self._counted, self._steps_before,
-            self._counts_before, self._at_reset, self._at_sample, self._at_results,
-            self._at_routine, self._at_match, self.file.save(), self.core.save(),
-            self.timer.save(), self.encoder.save(), self.stepper.save(), self.pwm.save(),
-            self.breakpoint.save(), self.host.save(),
+            self._sent, self._counted, self._steps_before, self._counts_before, self._at_reset,
+            self._at_sample, self._at_results, self._at_routine, self.counter.at_match,
+            tuple(part.save() for part in self._parts()),
         )  # fmt: skip
 
     def load(self, state: tuple[object, ...]) -> None:
         """Take back what :meth:`save` gave."""
         (
             self.state, self.released, self._request, writes, self._aiming,
-            self._driven, self._steps_given, self._sent, self._counted, self._steps_before,
-            self._counts_before, self._at_reset, self._at_sample, self._at_results,
-            self._at_routine, self._at_match, file, core, timer, encoder, stepper, pwm,
-            breakpoint, host,
+            self._sent, self._counted, self._steps_before, self._counts_before, self._at_reset,
+            self._at_sample, self._at_results, self._at_routine, self.counter.at_match, parts,
         ) = state  # type: ignore[assignment]  # fmt: skip
         self._writes[:] = [tuple(write) for write in writes]  # type: ignore[attr-defined]
-        self.file.load(file)  # type: ignore[arg-type]
-        self.core.load(core)  # type: ignore[arg-type]
-        self.timer.load(timer)  # type: ignore[arg-type]
-        self.encoder.load(encoder)  # type: ignore[arg-type]
-        self.stepper.load(stepper)  # type: ignore[arg-type]
-        self.pwm.load(pwm)  # type: ignore[arg-type]
-        self.breakpoint.load(breakpoint)  # type: ignore[arg-type]
-        self.host.load(host)  # type: ignore[arg-type]
+        for part, saved in zip(self._parts(), parts, strict=True):  # type: ignore[call-overload]
+            part.load(saved)

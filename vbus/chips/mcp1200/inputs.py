@@ -203,11 +203,11 @@ class SidePins:
         if trigger != self._trigger:
             self._trigger = trigger
             if trigger == 0:
-                trigger_edge(works.file.bytes, works.position(cycle))
+                trigger_edge(works.file.bytes, works.counter.position(cycle))
         if home != self._home_index:
             self._home_index = home
             if self._home == "INDEX":
-                index_edge(works.file.bytes, home == 1, works.position(cycle))
+                index_edge(works.file.bytes, home == 1, works.counter.position(cycle))
 
     def settle_levels(self) -> None:
         """Take the levels as they stand: power-on."""

@@ -74,13 +74,13 @@ class HostRegisters:
         if address == ds.SAMPLE_TIMER:
             return self._works.timer.count(cycle)
         if address == ds.ACTUAL_LSB:
-            return self._works.position(cycle) & 0xFF
+            return self._works.counter.position(cycle) & 0xFF
         return self._bytes[address]
 
     def taken(self, address: int, cycle: int) -> None:
         """The byte has been latched for the host: reading R14 latches R13 and R12."""
         if address == ds.ACTUAL_LSB:
-            position = self._works.position(cycle)
+            position = self._works.counter.position(cycle)
             self._bytes[ds.ACTUAL_LSB] = position & 0xFF
             self._bytes[ds.ACTUAL_CSB] = position >> 8 & 0xFF
             self._bytes[ds.ACTUAL_MSB] = position >> 16 & 0xFF
@@ -136,11 +136,11 @@ class HostRegisters:
             stored[address] = data
             works.guard()
         elif address == ds.ACTUAL_CSB:
-            works.preset(0, cycle)
+            works.counter.preset(0, cycle)
         elif address == ds.PRESET_LSB:
             stored[address] = data
             value = stored[ds.PRESET_MSB] << 16 | stored[ds.PRESET_CSB] << 8 | data
-            works.preset(sign_extend(value, 24), cycle)
+            works.counter.preset(sign_extend(value, 24), cycle)
         elif address == ds.ENCODER_PWM:
             if (stored[address] ^ data) & ds.SWAP_AB:
                 works.encoder.swap(bool(data & ds.SWAP_AB), cycle)
@@ -192,9 +192,9 @@ class HostRegisters:
     def _write_config(self, data: int, cycle: int) -> None:
         stored = self._bytes
         if (stored[ds.CONFIG] ^ data) & ds.STEP_MODE:
-            here = self._works.position(cycle)
+            here = self._works.counter.position(cycle)
             stored[ds.CONFIG] = data
-            self._works.preset(here, cycle)
+            self._works.counter.preset(here, cycle)
         stored[ds.CONFIG] = data
 
     def save(self) -> tuple[object, ...]:

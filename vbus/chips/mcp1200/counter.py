@@ -1,0 +1,112 @@
+"""The actual position counter, and the hardware that watches every count of it."""
+
+from vbus.bits import wrap
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.capture import Breakpoint, index_edge
+from vbus.chips.mcp1200.core import Core
+from vbus.chips.mcp1200.encoder import Encoder
+from vbus.chips.mcp1200.stepper import Stepper
+from vbus.chips.mcp1200.timer import FAR
+
+
+class PositionCounter:
+    """One 24-bit counter with two sources: the encoder, or in step mode the step pulses.
+
+    Args:
+        core: takes note of a breakpoint.
+        encoder: source of counts, and of index edges in either mode.
+        stepper: source of steps.
+        breakpoint: the compare register.
+        index_high: the plant's index pulse is high.
+
+    Attributes:
+        at_match: step mode: cycle at which the breakpoint will be reached.
+    """
+
+    __slots__ = (
+        "_breakpoint", "_bytes", "_core", "_encoder", "_index_high", "_stepper", "at_match",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        core: Core,
+        encoder: Encoder,
+        stepper: Stepper,
+        breakpoint: Breakpoint,
+        index_high: bool,
+    ) -> None:
+        self._core: Core = core
+        self._bytes: bytearray = core.bytes
+        self._encoder: Encoder = encoder
+        self._stepper: Stepper = stepper
+        self._breakpoint: Breakpoint = breakpoint
+        self._index_high: bool = index_high
+        self.at_match: int = FAR
+
+    @property
+    def step_mode(self) -> bool:
+        """Steps are counted, not the encoder (MCP-STP-1)."""
+        return bool(self._bytes[ds.CONFIG] & ds.STEP_MODE)
+
+    def position(self, cycle: int) -> int:
+        """The counter at ``cycle``, signed."""
+        if self.step_mode:
+            return self._stepper.position(cycle)
+        return self._encoder.position(cycle)
+
+    def preset(self, position: int, cycle: int) -> None:
+        """Load the counter."""
+        if self.step_mode:
+            self._stepper.preset(position, cycle)
+        else:
+            self._encoder.preset(position, cycle)
+
+    def equal(self, cycle: int) -> bool:
+        """Whether the breakpoint feature is on and the counter stands at the breakpoint."""
+        return self._breakpoint.armed and self.position(cycle) == self._breakpoint.compare
+
+    def look_equal(self, before: bool, cycle: int) -> None:
+        """Something has changed: entering equality is a match, staying is not (MCP-BRK-4)."""
+        if not before and self.equal(cycle):
+            self.match()
+        self.replan(cycle)
+
+    def match(self) -> None:
+        """The counter has reached the breakpoint (MCP-BRK-1)."""
+        self._core.fault(ds.BREAKPOINT_OK)
+        self._core.faults.breakpoint = True
+        self._breakpoint.reached()
+
+    def edge(self, cycle: int) -> None:
+        """The encoder reaches a count that somebody waits for."""
+        encoder = self._encoder
+        count = encoder.at_count
+        entered = encoder.enters_index()
+        left = encoder.inside
+        encoder.seen = count
+        if self.step_mode:
+            position = self._stepper.position(cycle)
+        else:
+            position = wrap(encoder.offset + encoder.direction * count, 24)
+            if self._breakpoint.armed and position == self._breakpoint.compare:
+                self.match()
+        encoder.inside = entered
+        if left:
+            index_edge(self._bytes, not self._index_high, position)
+        if entered:
+            index_edge(self._bytes, self._index_high, position)
+        self.plan()
+
+    def replan(self, cycle: int) -> None:
+        """Look anew for what will be reached: a setting has changed."""
+        self._encoder.look_from(cycle)
+        self.at_match = FAR
+        if self.step_mode and self._breakpoint.armed:
+            ahead = wrap(self._breakpoint.compare - self._stepper.position(cycle), 24)
+            self.at_match = self._stepper.when(ahead, cycle)
+        self.plan()
+
+    def plan(self) -> None:
+        """Look for what the encoder will reach in its present period."""
+        armed = self._breakpoint.armed and not self.step_mode
+        self._encoder.plan(armed, self._breakpoint.compare)
