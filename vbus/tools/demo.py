@@ -1,0 +1,202 @@
+"""``vbus demo``: a board in this process, a host in another, a terminal line between them."""
+
+import asyncio
+import json
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vbus.tools import exit_codes
+from vbus.tools.demos import DEMOS, Demo
+
+if TYPE_CHECKING:
+    from vbus.board.board import Board
+
+LONGEST = 60.0
+"""Seconds after which a host that has not finished is given up."""
+REFRESH = 0.1
+"""Seconds between two pictures of the live view."""
+
+
+def _known(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    if value not in DEMOS:
+        from vbus.board.settings import suggestion
+
+        hint, known = suggestion(value, DEMOS), ", ".join(DEMOS)
+        raise click.BadParameter(f'there is no demo "{value}"; {hint}there are {known}')
+    return value
+
+
+@click.command("demo")
+@click.argument("name", metavar=f"[{'|'.join(DEMOS)}]", default=next(iter(DEMOS)), callback=_known)
+@click.option("--headless", is_flag=True, help="No live view: print the summary only.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON; headless.")
+def command(name: str, headless: bool, as_json: bool) -> int:
+    """Watch a chip move a motor under a host in another process.
+
+    Starts a board in this process, opens a real pseudo terminal, and lets a host in a separate
+    process make moves through it in real time. The exit code is 1 if a move did not end where it
+    should.
+    """
+    run = _Run(name, live=not headless and not as_json and sys.stdout.isatty())
+    asyncio.run(run.play())
+    if as_json:
+        click.echo(json.dumps(run.summary()))
+    else:
+        click.echo("\n".join(run.lines()))
+    for reason in run.reasons:
+        click.echo(f"vbus: demo {name}: {reason}", err=True)
+    return exit_codes.FAILURE if run.reasons else exit_codes.OK
+
+
+class _Run:
+    """One demonstration from start to summary."""
+
+    def __init__(self, name: str, live: bool) -> None:
+        from vbus.board.build import load_board_text
+        from vbus.server.server import LinkSpec, Server
+        from vbus.tools.demo_view import Traffic
+
+        self.demo: Demo = DEMOS[name]
+        self.name: str = name
+        self.reasons: list[str] = []
+        """Why it has failed; empty if it has not."""
+        self._live: bool = live
+        board = f"demo-{name}-{os.getpid()}"
+        self._board: Board = load_board_text(f'board.name = "{board}"\n{self.demo.board}', name)
+        self._traffic: Traffic = Traffic(self.demo)
+        self._board.observe(self._traffic)
+        self._server: Server = Server(self._board, [LinkSpec(f"pty:$VBUS_RUNTIME/{board}")])
+        self._link: str = ""
+        self._host: int = 0
+        self._said: list[str] = []
+        self._results: list[dict[str, Any]] = []
+        self._ended: bool = False
+
+    # -- playing ------------------------------------------------------------------------------
+
+    async def play(self) -> None:
+        """Serve the board, run the host, watch, and judge what has come of it."""
+        self._server.start(asyncio.get_running_loop())
+        self._link = self._server.urls[0]
+        try:
+            process = await asyncio.create_subprocess_exec(
+                sys.executable, "-m", "vbus.tools.demo_host", self.name, self._link,
+                stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
+                start_new_session=True,
+            )  # fmt: skip
+            self._host = process.pid
+            try:
+                await asyncio.wait_for(self._follow(process), LONGEST)
+            except TimeoutError:
+                self.reasons.append(f"the host has not finished within {LONGEST:g} s")
+            finally:
+                if process.returncode is None:
+                    process.kill()
+                    await process.wait()
+        finally:
+            self._server.stop()
+        self._judge(process.returncode or 0)
+
+    async def _follow(self, process: asyncio.subprocess.Process) -> None:
+        """Take the host's reports and keep the picture up to date until it ends."""
+        assert process.stdout is not None
+        picture = asyncio.create_task(self._watch()) if self._live else None
+        try:
+            async for line in process.stdout:
+                self._hear(json.loads(line))
+            await process.wait()
+        finally:
+            if picture is not None:
+                picture.cancel()
+                await asyncio.gather(picture, return_exceptions=True)
+
+    async def _watch(self) -> None:
+        from rich.live import Live
+
+        from vbus.tools.demo_view import screen
+
+        with Live(auto_refresh=False, transient=True) as live:
+            while True:
+                picture = screen(self.demo, self._board, self._traffic, self._link, self._said)
+                live.update(picture, refresh=True)
+                await asyncio.sleep(REFRESH)
+
+    def _hear(self, report: dict[str, Any]) -> None:
+        if "step" in report:
+            self._said.append(report["step"])
+        elif "done" in report:
+            report["ok"] = abs(report["found"] - report["expected"]) <= report["tolerance"]
+            self._results.append(report)
+            self._said.append(_result(report))
+        elif "failed" in report:
+            self.reasons.append(f"the host gave up: {report['failed']}")
+        elif "end" in report:
+            self._ended = True
+
+    # -- judging ------------------------------------------------------------------------------
+
+    def _judge(self, code: int) -> None:
+        if not self._ended and not self.reasons:
+            self.reasons.append(f"the host ended with exit code {code} before its last step")
+        for result in self._results:
+            if not result["ok"]:
+                self.reasons.append(f"{result['done']}: {_result(result).strip()}")
+        for violation in self._board.violations:
+            if violation.severity == "error":
+                self.reasons.append(f"the host broke {violation.rule}: {violation.detail}")
+        for number, (plant, rest) in enumerate(
+            zip(self._board.plants, self.demo.rest, strict=True), 1
+        ):
+            if self._ended and abs(plant.count - rest) > self.demo.tolerance:
+                self.reasons.append(
+                    f"the encoder of motor {number} stands at {plant.count}, not at {rest}"
+                )
+
+    def summary(self) -> dict[str, Any]:
+        """Return what has happened, as data."""
+        pacer = self._server.pacer
+        return {
+            "demo": self.name,
+            "ok": not self.reasons,
+            "reasons": self.reasons,
+            "chips": {chip.name: chip.part for chip in self._board.chips},
+            "link": self._link,
+            "board_process": os.getpid(),
+            "host_process": self._host,
+            "results": self._results,
+            "encoders": [plant.count for plant in self._board.plants],
+            "bus_cycles": self._traffic.cycles,
+            "violations": self._board.counters["violations"],
+            "chip_seconds": self._board.now * 1e-12,
+            "worst_lag_ms": pacer.worst_lag * 1e-9,
+        }
+
+    def lines(self) -> list[str]:
+        """Return what has happened, for people."""
+        told = self.summary()
+        parts = ", ".join(told["chips"].values())
+        return [
+            f"{self.demo.title}: {parts} in process {told['board_process']},"
+            f" host in process {told['host_process']}",
+            f"link {told['link']}",
+            *self._said,
+            f"{told['bus_cycles']} bus cycles in {told['chip_seconds']:.2f} s of chip time,"
+            f" worst lag {told['worst_lag_ms']:.1f} ms, {told['violations']} violations,"
+            f" encoder at {', '.join(map(str, told['encoders']))}",
+            "ok: every move ended where it should" if told["ok"] else "FAILED",
+        ]
+
+
+def _result(report: dict[str, Any]) -> str:
+    mark = "ok" if report["ok"] else "NOT"
+    near = f" ±{report['tolerance']}" if report["tolerance"] else ""
+    found, expected = report["found"], report["expected"]
+    if report["byte"]:
+        found, expected = f"{found:02X}h", f"{expected:02X}h"
+    return (
+        f"  {mark:<3} {report['what']} {found} (expected {expected}{near})"
+        f" after {report['seconds']:.3f} s"
+    )

@@ -1,0 +1,104 @@
+"""The live screen of ``vbus demo``."""
+
+from collections import deque
+from typing import Final
+
+from rich.console import Group, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from vbus.board.board import Board
+from vbus.chips.tables import Bit
+from vbus.signals import Observer
+from vbus.tools.demos import Demo, Gauge
+
+BAR: Final = 31
+"""Characters of a bar; the middle one is zero."""
+LINES: Final = 5
+"""Bus cycles shown, and lines of the host: the whole fits a terminal of 80 by 24."""
+
+
+class Traffic(Observer):
+    """The latest bus cycles in words; equal neighbours are counted, not repeated."""
+
+    def __init__(self, demo: Demo) -> None:
+        self._demo: Demo = demo
+        self._lines: deque[tuple[str, int]] = deque(maxlen=LINES)
+        self.cycles: int = 0
+        self.polls: int = 0
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Take down one cycle."""
+        text = self._demo.explain(write, address, data)
+        self.cycles += 1
+        if self._lines and self._lines[-1][0] == text:
+            self.polls += 1
+            self._lines[-1] = (text, self._lines[-1][1] + 1)
+        else:
+            self._lines.append((text, 1))
+
+    def lines(self) -> list[str]:
+        """Return what there is to show, oldest first."""
+        return [f"{text}  x{count}" if count > 1 else text for text, count in self._lines]
+
+
+def bar(value: float, full: float) -> Text:
+    """Return a bar that grows from the middle to either side."""
+    half = BAR // 2
+    length = min(half, round(abs(value) / full * half))
+    left = "─" * (half - length) + "━" * length if value < 0 else "─" * half
+    right = "━" * length + "─" * (half - length) if value > 0 else "─" * half
+    return Text.assemble((left, "cyan"), ("┃", "bold"), (right, "cyan"))
+
+
+def screen(
+    demo: Demo, board: Board, traffic: Traffic, link: str, steps: list[str]
+) -> RenderableType:
+    """Return the whole screen as things stand now."""
+    seen = board.chip(demo.chip).telemetry()
+    gauges = Table.grid(padding=(0, 2))
+    gauges.add_column(no_wrap=True)
+    gauges.add_column(justify="right", min_width=9)
+    gauges.add_column()
+    for gauge in demo.gauges:
+        gauges.add_row(gauge.title, *_gauge(gauge, seen))
+    flags = [_flags(int(seen[key]), bits) for key, bits in demo.flags().items()]
+    shown = traffic.lines()
+    return Group(
+        Panel(
+            Group(gauges, *flags),
+            title=f"{demo.title}, chip time {board.now * 1e-12:.2f} s",
+            title_align="left",
+        ),
+        Panel(
+            _last(shown),
+            title=f"bus, {traffic.cycles} cycles over {link}",
+            title_align="left",
+        ),
+        Panel(_last(steps), title="host, a process of its own", title_align="left"),
+    )
+
+
+def _last(lines: list[str]) -> Text:
+    shown = lines[-LINES:]
+    text = Text("\n".join(shown + [""] * (LINES - len(shown))))
+    text.no_wrap = True
+    return text
+
+
+def _gauge(gauge: Gauge, seen: dict[str, int | float | str]) -> tuple[str, RenderableType]:
+    value = seen[gauge.key]
+    if isinstance(value, str):
+        return value, ""
+    return f"{value:.{gauge.digits}f}", bar(value, gauge.full) if gauge.full else ""
+
+
+def _flags(word: int, bits: tuple[Bit, ...]) -> Text:
+    text = Text()
+    for bit in bits:
+        text.append(f" {bit.name} ", "bold reverse" if word & bit.mask else "dim")
+        text.append(" ")
+    return text
