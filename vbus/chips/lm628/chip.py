@@ -360,6 +360,10 @@ class LM628(Chip):
         self._refresh()
         self.rearm()
 
+    def expect(self, when: int) -> None:
+        """The front-end has something to do at instant ``when``."""
+        self._due_at = min(self._due_at, when)
+
     def _refresh(self) -> None:
         """Bring the output pins up to now, and find when anything is due next."""
         hi = HIGH if self.axis.interrupt() else LOW

@@ -132,6 +132,7 @@ class BusPins:
         chip.begin_read(ps)
         if chip.judged and chip.policy.of(ds.AC.rules["T10"].name) == STRICT:
             self.show_at = now + self._t10
+            chip.expect(self.show_at)
 
     def _judge_recovery(self, symbol: str, now: int, ps: int, last: int) -> None:
         limit = ds.AC[symbol].min_ps
