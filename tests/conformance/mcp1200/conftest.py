@@ -197,10 +197,11 @@ class Bench:
         return self.cycle
 
     def samples(self, count: int = 1) -> None:
-        """Let ``count`` samples begin and end their work; come to just before the next one."""
+        """Let ``count`` samples begin and end their work."""
         for _ in range(count):
-            self.until(self.sample_start())
-        self.until(self.sample_start() - 1)
+            start = self.sample_start()
+            self.until(start)
+        self.until(start + min(2450, self.period - 1))
 
     # -- pins ---------------------------------------------------------------------------------
 
@@ -303,8 +304,7 @@ class Bench:
         """Return a register after each of the coming samples."""
         values = []
         for _ in range(samples):
-            self.until(self.sample_start())
-            self.until(self.sample_start() - 1)
+            self.samples()
             values.append(self.seen(name))
         return values
 

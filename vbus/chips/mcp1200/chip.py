@@ -166,7 +166,7 @@ class MCP1200(Chip):
             self.outputs.show(cycle)
             if self._reading >= 0:
                 self.bus.refresh()
-        elif self.works.state >= STANDING and self.works.pulsing():
+        elif self.works.pulsing():
             self.outputs.show_pulse(self.cycle_now())
 
     def changed(self) -> None:

@@ -170,6 +170,8 @@ class Clockwork:
 
     def pulsing(self) -> bool:
         """Whether Pulse or Sign may move although nothing is due inside."""
+        if self.state == HELD:
+            return False
         if self.file.bytes[ds.CONFIG] & ds.STEP_MODE:
             return True
         return self.released >= 0 or not self.pwm.steady()

@@ -60,12 +60,13 @@ class PlantDrive:
         error = 0
         steps = 0
         self._given = self.level()
-        if self._bytes[ds.CONFIG] & ds.STEP_MODE:
+        stepping = bool(self._bytes[ds.CONFIG] & ds.STEP_MODE)
+        if stepping:
             sent = self._stepper.sent(end)
             steps, self._steps = sent - self._steps, sent
         elif aiming:
             error = wrap(aim - self._encoder.position(cycle), 24)
-        self._encoder.begin(cycle, end, self._given, error, steps)
+        self._encoder.begin(cycle, end, self._given, error, steps, stepping)
 
     def save(self) -> tuple[float, int]:
         """Return the state."""

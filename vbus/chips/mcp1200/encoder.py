@@ -26,8 +26,9 @@ class Encoder:
     """
 
     __slots__ = (
-        "_clk_hz", "_first", "_home", "_last", "_length", "_prepared", "_start", "at", "at_count",
-        "direction", "end", "external", "inside", "limits", "offset", "plant", "seen",
+        "_clk_hz", "_first", "_home", "_last", "_length", "_prepared", "_pulses", "_servo",
+        "_start", "at", "at_count", "direction", "end", "external", "inside", "limits", "offset",
+        "plant", "seen",
     )  # fmt: skip
 
     def __init__(self, clk_hz: int) -> None:
@@ -48,10 +49,14 @@ class Encoder:
         self._first: int = 0
         self._last: int = 0
         self._prepared: int = 0
+        self._pulses: bool = False
+        self._servo: bool = False
 
     def connect(self, plant: Plant, limits: bool, home: bool) -> None:
         """Attach the mechanics; ``limits`` and ``home`` say which of its switches are wired."""
         self.plant = plant
+        self._pulses = "pulses" in plant.TAKES
+        self._servo = "drive" in plant.TAKES
         self._first = self._last = self.seen = plant.count
         self.offset = -plant.count
         self.end = 0
@@ -96,8 +101,13 @@ class Encoder:
 
     # -- periods ------------------------------------------------------------------------------
 
-    def begin(self, cycle: int, end: int, command: float, error: int, steps: int) -> None:
-        """Run the plant from ``cycle`` to ``end``; one of command and steps is what it takes."""
+    def begin(
+        self, cycle: int, end: int, command: float, error: int, steps: int, stepping: bool
+    ) -> None:
+        """Run the plant from ``cycle`` to ``end`` with steps, or with a motor command.
+
+        A plant that takes only the other kind stands without a drive.
+        """
         plant = self.plant
         if plant is None:
             return
@@ -106,7 +116,7 @@ class Encoder:
             self._prepared = length
             plant.prepare(length / self._clk_hz)
         self._first = self.seen = plant.count
-        if "pulses" in plant.TAKES:
+        if self._pulses and (stepping or not self._servo):
             self._last = plant.pulses(steps)
         else:
             self._last = plant.drive(command, error * self.direction)

@@ -94,6 +94,8 @@ class OutputPins:
         else:
             works.pwm.roll(cycle)
             released = cycle == works.released
+            if cycle > works.released:
+                works.released = -1
             self._pulse.drive(HIGH if released else works.pwm.level(cycle))
             self._sign.drive(works.pwm.sign)
 
