@@ -1,0 +1,53 @@
+/* Status reads over a terminal: pty_client TERMINAL MESSAGES READS_PER_MESSAGE
+ * Prints median, mean and 99th percentile of one message's round trip, in ns. */
+#define _GNU_SOURCE
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+static long long now(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return t.tv_sec * 1000000000LL + t.tv_nsec;
+}
+
+static int order(const void *a, const void *b)
+{
+    long long x = *(const long long *)a, y = *(const long long *)b;
+    return (x > y) - (x < y);
+}
+
+int main(int argc, char **argv)
+{
+    if (argc != 4)
+        return 2;
+    int fd = open(argv[1], O_RDWR | O_NOCTTY);
+    long count = atol(argv[2]), reads = atol(argv[3]);
+    if (fd < 0 || count < 1 || reads < 1 || reads > 1000)
+        return 2;
+    unsigned char request[1000], reply[2000];
+    memset(request, 0x10, sizeof request); /* READ of address 0: the status byte */
+    long long *times = malloc(sizeof *times * (size_t)count), sum = 0;
+    for (long i = -count / 10; i < count; i++) {
+        long long start = now();
+        if (write(fd, request, (size_t)reads) != reads)
+            return 1;
+        for (long got = 0; got < 2 * reads;) {
+            ssize_t n = read(fd, reply + got, (size_t)(2 * reads - got));
+            if (n <= 0)
+                return 1;
+            got += n;
+        }
+        if (reply[0] != 'D')
+            return 1;
+        if (i >= 0)
+            sum += times[i] = now() - start;
+    }
+    qsort(times, (size_t)count, sizeof *times, order);
+    printf("%lld %lld %lld\n", times[count / 2], sum / count, times[count * 99 / 100]);
+    return 0;
+}
