@@ -1,7 +1,7 @@
 """What cannot be seen in one key alone: names that must exist, owners there may be one of."""
 
 from vbus.board import board, cards, plugins
-from vbus.board.sections import BoardFile, CardSection, ChipSection
+from vbus.board.sections import NO_PLANT, BoardFile, CardSection, ChipSection
 from vbus.board.settings import listed, quoted, suggestion
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
@@ -36,6 +36,10 @@ class _Checks:
         self._owners: dict[str, str] = {}
 
     def run(self) -> None:
+        if NO_PLANT in self._known["plants"]:
+            self._source.fail(
+                ("plants", NO_PLANT), f'"{NO_PLANT}" stands for no plant; choose another name'
+            )
         if not self._known["chips"]:
             self._source.fail((), "the board is empty: it needs at least one [chips.NAME]")
         self._chips()
@@ -64,6 +68,8 @@ class _Checks:
             self._specimen(chip, path)
             self._axes(chip, path)
             for axis, plant in enumerate(chip.axes):
+                if plant == NO_PLANT:
+                    continue
                 place: Path = (*path, "plant") if chip.plant else (*path, "plants", axis)
                 if not self._exists(place, "plants", plant):
                     continue
@@ -117,6 +123,8 @@ class _Checks:
     def _buses(self) -> None:
         for bus in self._file.buses:
             families: dict[str, str] = {}
+            if not bus.chips:
+                self._source.fail(("buses", bus.name), "a bus joins at least one chip")
             for place, name in enumerate(bus.chips):
                 path: Path = ("buses", bus.name, "chips", place)
                 if not self._exists(path, "chips", name) or name not in self._parts:

@@ -14,6 +14,7 @@ from vbus.board.source import BoardFileError, Problem, Source
 from vbus.board.toml_lines import Path
 from vbus.errors import PluginError
 from vbus.options import Option, Value
+from vbus.signals.axis import SWITCHES
 
 _Section = TypeVar("_Section", bound=sections.Section)
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
@@ -258,6 +259,9 @@ class _Reader:
             section = self._table((*path, "switches"), table) or {}
             for switch in section:
                 where = (*path, "switches", switch)
+                if switch not in SWITCHES:
+                    hint = suggestion(switch, SWITCHES)
+                    self._source.fail(where, f"unknown switch; {hint}known are {listed(SWITCHES)}")
                 keys = self._table(where, section)
                 if keys is not None:
                     switches[switch] = self._keys(sections.SwitchSection, keys, where)

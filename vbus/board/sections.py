@@ -16,6 +16,9 @@ TIMES: Final = ("realtime", "lockstep", "slaved")
 LEVELS: Final = ("off", "warn", "strict")
 RESTS: Final = ("low", "high", "keep")
 
+NO_PLANT: Final = "none"
+"""In place of a plant's name: nothing is behind the axis, or nets drive its encoder inputs."""
+
 NAMES: Final = "names"
 """A list of names: the one kind of key that :class:`~vbus.options.Option` does not know."""
 
@@ -90,7 +93,9 @@ class ChipSection(Section, frozen=True, kw_only=True):
     name: str
     part: Annotated[str, _key("text", "part number as ordered, such as LM629N-8")]
     clock: Annotated[int, _key("Hz", "frequency at the CLK pin", low=1)]
-    plant: Annotated[str, _key("text", "the plant of a part with one axis")] = ""
+    plant: Annotated[
+        str, _key("text", 'the plant of a part with one axis; "none": no mechanics')
+    ] = ""
     plants: Annotated[
         tuple[str, ...], _key(NAMES, "the plants of a part with several axes, in order")
     ] = ()

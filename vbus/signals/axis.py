@@ -1,6 +1,11 @@
 """The seam between a chip and the mechanics behind it."""
 
+from typing import Final
+
 from vbus.options import Option, Settings, Value, with_defaults
+
+SWITCHES: Final = ("home", "limit+", "limit-")
+"""The switches an axis may have; each chip says which of its inputs they are wired to."""
 
 
 class Switch:
@@ -61,6 +66,7 @@ class Plant:
         self.settings: dict[str, Value] = with_defaults(self.OPTIONS, settings)
         self.count: int = 0
         self.switches: dict[str, Switch] = {}
+        """The switches on the axis' way; names are from :data:`SWITCHES`."""
 
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds; called again when a chip changes it."""

@@ -109,6 +109,19 @@ def test_each_axis_gets_its_plant(board: Board) -> None:
     assert plant.settings == {"supply": 24.0, "inertia": 1e-6, "lines": 500}
 
 
+def test_a_chip_may_have_nothing_behind_it() -> None:
+    x, y = load_board_text(
+        """
+        chips.x = { part = "ACME-1", clock = "1 MHz", plant = "none" }
+        chips.y = { part = "TWIN-1", clock = "1 MHz", plants = ["none", "m"] }
+        plants.m = { model = "motor", supply = "9 V" }
+        """
+    ).chips
+    assert not hasattr(x, "plants")
+    assert isinstance(y, Acme)
+    assert list(y.plants) == [1]
+
+
 def test_a_switch_is_closed_from_its_first_to_its_last_count(board: Board) -> None:
     switch = board.plants[1].switches["home"]
     assert [switch.level(count) for count in (-11, -10, 20, 21)] == [0, 1, 1, 0]
@@ -331,6 +344,11 @@ MISTAKES = [
         'b.toml:10: plants.m.switches.home.lost: unknown key; did you mean "last"? allowed are'
         " closed, first, last",
     ),
+    ("", '[plants.m.switches]\n"limit*" = {first = 5, last = 9}\n', 'b.toml:9: plants.m.switches.'
+     '"limit*": unknown switch; did you mean "limit-"? known are home, limit+, limit-'),
+    ("plants.m", "plants.none",
+     'b.toml:4: chips.x.plant: there is no [plants.m]; this file has none',
+     'b.toml:5: plants.none: "none" stands for no plant; choose another name'),
     ("", '[violations]\ndefault = "of"\n', 'b.toml:9: violations.default: found "of"; did you mean'
      ' "off"? allowed are "off", "warn", "strict"'),
     ("", '[violations]\n"toy.T2" = "off"\n', 'b.toml:9: violations."toy.T2": unknown rule; did you'
@@ -362,6 +380,7 @@ MISTAKES = [
      " has 1"),
     ("", '[buses.b]\nchips = ["x"]\n[nets]\na = ["x./RD"]\n', 'b.toml:11: nets.a[0]: pin "x./RD" is'
      " on bus b already; a pin is soldered to one net"),
+    ("", "[buses.b]\nchips = []\n", "b.toml:8: buses.b: a bus joins at least one chip"),
     ("", "[buses.b]\n", 'b.toml:8: buses.b: key "chips" is missing: chips of one family'),
     (
         "", '[buses.b]\nchips = ["x", "y"]\n' + Y.replace("ACME-1", "GRUMPY").replace("8 M", "6 M")
