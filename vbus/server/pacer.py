@@ -51,7 +51,7 @@ class Pacer:
         """As fast as the machine can: no wall clock holds time back."""
         self.stall: str = stall
         self.lag: int = 0
-        """How far chip time is behind the wall clock (ps) after the latest step."""
+        """How late chip time was (ps): at the latest wake-up, or after a slice of a stall."""
         self.worst_lag: int = 0
         self.slipped: int = 0
         """Chip time left out after stalls (ps)."""
@@ -97,10 +97,15 @@ class Pacer:
         board.limit = target + AHEAD
         if target > board.kernel.now:
             board.run_until(target)
-        self.lag = max(0, wall - board.kernel.now)
-        if behind > self.worst_lag:
-            self.worst_lag = behind
-        return behind <= STALL
+        if behind <= STALL:
+            return True
+        self._note_lag(behind if self.stall == "slip" else wall - board.kernel.now)
+        return self.stall == "slip"
+
+    def _note_lag(self, lag: int) -> None:
+        self.lag = lag
+        if lag > self.worst_lag:
+            self.worst_lag = lag
 
     # -- waking up ----------------------------------------------------------------------------
 
@@ -154,6 +159,8 @@ class Pacer:
     def _woken(self) -> None:
         if self._timer is not None:
             self._timer.acknowledge()
+        if self._armed != NEVER:
+            self._note_lag(max(0, self.wall() - self._armed))
         self._armed = NEVER
         there = self.catch_up()
         now = self.board.now
