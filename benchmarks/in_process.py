@@ -1,0 +1,158 @@
+"""What a bus cycle, a sample and a start cost, without any link between host and board.
+
+Times are of this machine in this run; the ratios to the empty call beside them travel better.
+"""
+
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from vbus.board.board import Board
+from vbus.board.build import load_board_text
+from vbus.kernel import SECOND
+from vbus.protocols.byte import ByteProtocol
+
+ROUNDS = 7
+
+CHIPS = {
+    "LM629": ('part = "LM629N-8"\nclock = "8 MHz"\nplant = "m"', 'model = "dc_motor"', 0),
+    "MCP-1200": ('part = "MCP-1200"\nclock = "8 MHz"\nplant = "m"', 'model = "dc_motor"', 0x07),
+    "MC1241A": ('part = "MC1241A"\nclock = "25 MHz"\nplants = ["m"]', 'model = "stepper"', 1),
+}
+
+
+def board(chip: str) -> Board:
+    rows, plant, _ = CHIPS[chip]
+    return load_board_text(
+        f'[board]\nname = "bench"\ntime = "lockstep"\npower_on = "done"\n'
+        f"[chips.x]\n{rows}\n[plants.m]\n{plant}\n"
+    )
+
+
+def per_call(function: Callable[[], object], count: int) -> float:
+    """Return nanoseconds per call, the median of several rounds."""
+    times = []
+    for _ in range(ROUNDS):
+        start = time.perf_counter_ns()
+        for _ in range(count):
+            function()
+        times.append((time.perf_counter_ns() - start) / count)
+    return statistics.median(times)
+
+
+def empty() -> None:
+    """What calling a function at all costs."""
+
+
+def command(port: object, code: int, *words: int) -> None:
+    """Give a LM629 one command."""
+    while port.read(0) & 1:  # type: ignore[attr-defined]
+        pass
+    port.write(0, code)  # type: ignore[attr-defined]
+    for word in words:
+        while port.read(0) & 1:  # type: ignore[attr-defined]
+            pass
+        port.write(1, word >> 8)  # type: ignore[attr-defined]
+        port.write(1, word & 0xFF)  # type: ignore[attr-defined]
+
+
+def moving_lm629() -> tuple[Board, object]:
+    made = board("LM629")
+    port = made.open_port("bench")
+    command(port, 0x1E, 0x000A, 300, 2000)
+    command(port, 0x04)
+    command(port, 0x1F, 0x1828, 0, 1000, 1, 0)
+    command(port, 0x01)
+    return made, port
+
+
+def samples(made: Board, period_ps: int, count: int) -> float:
+    """Return nanoseconds per sample of everything on the board."""
+    times = []
+    for _ in range(ROUNDS):
+        start = time.perf_counter_ns()
+        for _ in range(10):
+            made.run_for(period_ps * count // 10)
+            made.catch_up()
+        times.append((time.perf_counter_ns() - start) / count)
+    return statistics.median(times)
+
+
+def first_answer() -> float:
+    """Return seconds from starting ``vbus run`` to the first status byte over its PTY."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "board.toml"
+        file.write_text(
+            '[board]\nname = "start"\ntime = "realtime"\n[chips.x]\npart = "LM629N-8"\n'
+            'clock = "8 MHz"\nplant = "m"\n[plants.m]\nmodel = "dc_motor"\n'
+            '[[hosts]]\ntransport = "pty:$VBUS_RUNTIME/x"\nchips = ["x"]\n'
+        )
+        environment = {**os.environ, "VBUS_RUNTIME": folder}
+        start = time.perf_counter()
+        server = subprocess.Popen(
+            [sys.executable, "-m", "vbus", "run", "--json", file],
+            stdout=subprocess.PIPE,
+            env=environment,
+        )
+        try:
+            assert server.stdout is not None
+            server.stdout.readline()
+            link = os.open(f"{folder}/x", os.O_RDWR | os.O_NOCTTY)
+            os.write(link, b"\x10")
+            os.read(link, 2)
+            took = time.perf_counter() - start
+            os.close(link)
+        finally:
+            server.terminate()
+            server.wait()
+            server.stdout.close()
+    return took
+
+
+def main() -> None:
+    call = per_call(empty, 200_000)
+    print(f"an empty Python call                       {call:8.0f} ns")
+    for chip, (_, _, status) in CHIPS.items():
+        port = board(chip).open_port("bench")
+        cost = per_call(lambda: port.read(status), 20_000)
+        print(
+            f"{chip:9} status read in process          {cost:8.0f} ns   {cost / call:6.1f} x the"
+            f" call, {1e9 / cost / 1000:5.0f} k/s"
+        )
+        wire = ByteProtocol(port)
+
+        def batch(wire: ByteProtocol = wire, request: bytes = bytes((0x30, status)) * 64) -> None:
+            wire.receive(request)
+            wire.take()
+
+        cost = per_call(batch, 400) / 64
+        print(f"{chip:9} through the byte protocol, 64 up {cost:8.0f} ns   {cost / call:6.1f} x")
+    moving, _ = moving_lm629()
+    rest = board("LM629")
+    rest.run_for(SECOND // 10)
+    cost = samples(moving, 256_000_000, 4000)
+    print(
+        f"LM629     sample, moving, motor of 4 steps {cost:8.0f} ns   {256_000 / cost:6.0f} axes"
+        " in real time on one core"
+    )
+    cost = samples(rest, 256_000_000, 400_000)
+    print(f"LM629     sample, motor off                {cost:8.1f} ns")
+    start = statistics.median(first_answer() for _ in range(5))
+    print(f"vbus run to the first status byte          {start * 1000:8.0f} ms   goal <= 300")
+    version = [sys.executable, "-m", "vbus", "--version"]
+    took = []
+    for _ in range(7):
+        begin = time.perf_counter()
+        subprocess.run(version, check=True, stdout=subprocess.DEVNULL)
+        took.append(time.perf_counter() - begin)
+    print(f"vbus --version                             {statistics.median(took) * 1000:8.0f} ms   "
+          "goal <= 120")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
