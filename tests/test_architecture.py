@@ -1,6 +1,7 @@
 """The architecture as a test: who imports whom, what stays pure, how long a file may be."""
 
 import ast
+import importlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -32,11 +33,12 @@ MAY_IMPORT = {
     "protocols": SIGNALS | {"protocols"},
     "board": BOARD,
     "trace": BOARD,
+    "native": set(),
     "transports": EDGE,
     "server": EDGE,
     "client": LEAVES | {"chips", "client", "kernel", "protocols"},
     "testing": EDGE | {"client", "testing"},
-    "tools": EDGE | {"client", "testing", "tools"},
+    "tools": EDGE | {"client", "native", "testing", "tools"},
     "__main__": {"tools"},
     "__init__": EDGE | {"client"},  # for type checkers only
 }
@@ -85,3 +87,15 @@ def test_one_file_is_one_idea(path: Path) -> None:
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT.parent)))
 def test_the_text_speaks_of_the_product_only(path: Path) -> None:
     assert not BANNED.search(path.read_text())
+
+
+@pytest.mark.parametrize("chip", ["lm628", "mc1241a"])
+def test_every_command_has_one_method_and_every_method_a_command(chip: str) -> None:
+    table = importlib.import_module(f"vbus.chips.{chip}.datasheet").COMMANDS
+    methods = [
+        node.name
+        for path in (ROOT / "chips" / chip).glob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("cmd_")
+    ]
+    assert sorted(methods) == sorted(row.handler for row in table if not row.parameter)

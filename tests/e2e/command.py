@@ -39,6 +39,7 @@ def plug_in(folder: Path) -> None:
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(
         "[vbus.chips]\nACME = tests.unit.board.parts:Acme\nHOLE = no_such_module:Chip\n"
+        "[vbus.transports]\nhole = no_such_module:Transport\n"
         "[vbus.plants]\nmotor = tests.unit.board.parts:Motor\n"
     )
     os.environ["PYTHONPATH"] = f"{folder}:{ROOT}"

@@ -3,8 +3,10 @@
 import json
 import os
 import re
+import shutil
 import signal
 import socket
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -219,6 +221,16 @@ def test_a_link_that_cannot_be_opened_ends_with_4(board: Path, runtime: Path) ->
     assert (runtime / "x").read_text() == "mine"
 
 
+def test_a_plug_in_that_is_broken_ends_with_5(board: Path) -> None:
+    board.write_text(BOARD.replace('"pty:$VBUS_RUNTIME/x"', '"hole:x"'))
+    done = vbus("run", board)
+    assert (done.returncode, done.stdout) == (5, "")
+    assert done.stderr == (
+        'vbus: transport "hole" of acme (no_such_module:Transport) cannot be loaded:'
+        " ModuleNotFoundError: No module named 'no_such_module'\n"
+    )
+
+
 def test_a_second_board_of_the_same_name_is_refused(board: Path) -> None:
     with running(board) as (process, _):
         done = vbus("run", board)
@@ -306,6 +318,23 @@ def test_doctor_fails_where_nothing_can_work(
     failed = [finding for finding in json.loads(done.stdout) if finding["state"] == "fail"]
     assert [finding["what"] for finding in failed] == ["runtime directory"]
     assert failed[0]["advice"] == "set VBUS_RUNTIME to a directory of your own"
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+def test_cflags_are_all_a_compiler_needs_to_build_a_host(tmp_path: Path) -> None:
+    (tmp_path / "host.c").write_text(
+        '#include "vbus.h"\n'
+        'int main(void) { struct vbus bus; return vbus_open(&bus, "pty:/nowhere") < 0 ? 7 : 0; }\n'
+    )
+    done = vbus("cflags")
+    assert (done.returncode, done.stderr) == (0, "")
+    host = tmp_path / "host"
+    subprocess.run(
+        ["gcc", "-std=c99", *done.stdout.split(), "-o", host, tmp_path / "host.c"], check=True
+    )
+    assert subprocess.run([host]).returncode == 7
+    told = json.loads(vbus("cflags", "--json").stdout)
+    assert [Path(source).name for source in told["sources"]] == ["vbus.c"]
 
 
 def test_output_into_a_closed_pipe_ends_quietly() -> None:

@@ -6,13 +6,7 @@ from pathlib import Path
 import click
 
 from vbus.errors import VbusError
-
-
-def native_folder() -> Path:
-    """Return the folder of the C client's header and source, as installed."""
-    import vbus
-
-    return Path(next(iter(vbus.__path__))) / "native"
+from vbus.native import include_dir
 
 
 @click.command("cflags")
@@ -23,7 +17,7 @@ def command(as_json: bool) -> None:
     \b
     cc $(vbus cflags) -o host host.c
     """
-    folder = native_folder()
+    folder = Path(include_dir())
     sources = sorted(str(source) for source in folder.glob("*.c"))
     headers = sorted(str(header) for header in folder.glob("*.h"))
     if not sources or not headers:

@@ -126,7 +126,7 @@ def plugins() -> Iterator[Finding]:
 
 def compiler() -> Iterator[Finding]:
     """Look for a C compiler and the C client it would build."""
-    from vbus.tools.cflags import native_folder
+    from vbus.native import include_dir
 
     path = shutil.which("gcc") or shutil.which("cc")
     if path is None:
@@ -135,7 +135,7 @@ def compiler() -> Iterator[Finding]:
         )
     else:
         yield Finding(OK, "C compiler", path)
-    folder = native_folder()
+    folder = Path(include_dir())
     if any(folder.glob("*.h")):
         yield Finding(OK, "C client", str(folder))
     else:
