@@ -323,6 +323,8 @@ class MCP1200(Chip):
     def save(self) -> tuple[object, ...]:
         """Return the whole state, the plant's included."""
         self.advance()
+        # However seldom anybody has looked at Pulse, its frame is the one under way now.
+        self.outputs.show_pulse(self.cycle_now())
         return (
             self._reading, self._latch, self._last_rise, self.judged, self.works.save(),
             self.side.save(), self.encoder_pins.save(), self.bus.save(),
