@@ -53,6 +53,7 @@ class Axis:
         self.limits: LimitDetector = LimitDetector()
         self.buffer: Registers = Registers()
         self.active: Registers = Registers()
+        self._taken: Registers = Registers()
         self._report: Report = report
         self.reset()
 
@@ -62,9 +63,10 @@ class Axis:
         self.motor_on: bool = True
         self.auto_stop: int = 1
         self.auto_update: int = 1
-        self.update_pending: int = 0
         self.position_given: bool = False
         """SET_POS was given since the last update (PMD-TRJ-12)."""
+        self._update_pending: bool = False
+        self._position_taken: bool = False
         self.motor_command_direct: bool = False
         """The active motor command was set by SET_MTR_CMD, past the buffer."""
         self.interrupt_mask: int = 0
@@ -78,6 +80,7 @@ class Axis:
         self._error_offset: int = 0
         self.buffer.load((0,) * 10)
         self.active.load((0,) * 10)
+        self._taken.load((0,) * 10)
         self.profile.reset()
         self.limits.reset()
         self.encoder.reset()
@@ -106,14 +109,14 @@ class Axis:
             self.breakpoint_mode, self.breakpoint_value, time, profile.target(),
             self.encoder.actual, self.events, home,
         )  # fmt: skip
-        if self.update_pending:
-            self.update_pending = 0
-            self.update(positive and sensing, negative and sensing)
+        if self._update_pending:
+            self._update(positive and sensing, negative and sensing)
         if met:
             self.breakpoint_mode = BRK_OFF
             self.events |= BREAKPOINT
             if self.auto_update:
-                self.update(positive and sensing, negative and sensing)
+                self.request_update()
+                self._update(positive and sensing, negative and sensing)
         hit = self.limits.look(positive, negative, self.events, sensing)
         if hit:
             profile.halt()
@@ -149,20 +152,34 @@ class Axis:
 
     # -- update -------------------------------------------------------------------------------
 
-    def update(self, at_positive: bool, at_negative: bool) -> None:
-        """Copy the buffered registers and carry out the buffered actions (PMD-UPD-1).
+    def request_update(self) -> None:
+        """UPDATE acts: what is in the buffer now is copied at the next cycle (NOTES 5)."""
+        buffer, taken = self.buffer, self._taken
+        stop = buffer.stop | taken.stop
+        smooth_stop = buffer.smooth_stop | taken.smooth_stop
+        synch = buffer.synch | taken.synch
+        buffer.stop = buffer.smooth_stop = buffer.synch = 0
+        taken.load(buffer.save())
+        taken.stop, taken.smooth_stop, taken.synch = stop, smooth_stop, synch
+        self._position_taken |= self.position_given
+        self.position_given = False
+        self._update_pending = True
+
+    def _update(self, at_positive: bool, at_negative: bool) -> None:
+        """Copy the registers taken and carry out the actions taken (PMD-UPD-1).
 
         Args:
             at_positive: the positive limit switch is active and counts.
             at_negative: the negative limit switch is.
         """
-        buffer, profile = self.buffer, self.profile
-        position_given, self.position_given = self.position_given, False
-        refused = self._copy()
-        if buffer.stop and buffer.smooth_stop:
+        taken, profile = self._taken, self.profile
+        stop, smooth, synch = taken.stop, taken.smooth_stop, taken.synch
+        taken.stop = taken.smooth_stop = taken.synch = 0
+        given, self._position_taken = self._position_taken, False
+        self._update_pending = False
+        refused = self._copy(taken)
+        if stop and smooth:
             self._report(STOP_TWICE, f"axis {self.number + 1}: STOP wins over SMOOTH_STOP")
-        stop, smooth, synch = buffer.stop, buffer.smooth_stop, buffer.synch
-        buffer.stop = buffer.smooth_stop = buffer.synch = 0
         if synch:
             self._renumber(self.encoder.actual)
         if refused:
@@ -176,15 +193,15 @@ class Axis:
         if smooth and profile.smooth_stop():
             return
         if profile.mode in (TRAPEZOIDAL, S_CURVE):
-            way = (buffer.position << 32) - profile.position
+            way = (taken.position << 32) - profile.position
             if (way > 0 and at_positive) or (way < 0 and at_negative):
                 self._refuse("the move leads toward an active limit switch")  # PMD-ERR-3
                 return
-        profile.start(self.active, position_given)
+        profile.start(self.active, given)
 
-    def _copy(self) -> str:
+    def _copy(self, buffer: Registers) -> str:
         """Copy buffer to active, but for what must not change in motion; say what was refused."""
-        buffer, active, profile = self.buffer, self.active, self.profile
+        active, profile = self.active, self.profile
         refused = ""
         if profile.in_motion():
             if profile.mode == TRAPEZOIDAL and buffer.acceleration != active.acceleration:
@@ -271,7 +288,11 @@ class Axis:
         self, time: int, home: int, positive: bool, negative: bool, sensing: bool
     ) -> int:
         """Return how many coming cycles would change nothing; 0 if the next may do something."""
-        if self.update_pending or not self.profile.resting(self.active) or not self.stepper.still():
+        if (
+            self._update_pending
+            or not self.profile.resting(self.active)
+            or not self.stepper.still()
+        ):
             return 0
         if not self.encoder.resting():
             return 0
@@ -295,29 +316,33 @@ class Axis:
         return (
             (
                 self.events, int(self.motor_on), self.auto_stop, self.auto_update,
-                self.update_pending, int(self.position_given), int(self.motor_command_direct),
+                int(self._update_pending), int(self.position_given), int(self._position_taken),
+                int(self.motor_command_direct),
                 self.interrupt_mask, self.breakpoint_mode, self.breakpoint_value,
                 self.start_velocity, self.step_ratio, self.position_error_limit,
                 self.position_error, self._error_offset,
             ),
-            self.buffer.save(), self.active.save(), self.profile.save(), self.limits.save(),
-            self.encoder.save(), self.stepper.save(),
+            self.buffer.save(), self._taken.save(), self.active.save(), self.profile.save(),
+            self.limits.save(), self.encoder.save(), self.stepper.save(),
         )  # fmt: skip
 
     def load(self, state: tuple[object, ...]) -> None:
         """Take back what :meth:`save` gave."""
-        plain, buffer, active, profile, limits, encoder, stepper = state
+        plain, buffer, taken, active, profile, limits, encoder, stepper = state
         (
             self.events, motor_on, self.auto_stop, self.auto_update,
-            self.update_pending, position_given, motor_command_direct,
+            update_pending, position_given, position_taken, motor_command_direct,
             self.interrupt_mask, self.breakpoint_mode, self.breakpoint_value,
             self.start_velocity, self.step_ratio, self.position_error_limit,
             self.position_error, self._error_offset,
         ) = plain  # type: ignore[misc]  # fmt: skip
         self.motor_on = bool(motor_on)  # type: ignore[has-type]
+        self._update_pending = bool(update_pending)  # type: ignore[has-type]
         self.position_given = bool(position_given)  # type: ignore[has-type]
+        self._position_taken = bool(position_taken)  # type: ignore[has-type]
         self.motor_command_direct = bool(motor_command_direct)  # type: ignore[has-type]
         self.buffer.load(buffer)  # type: ignore[arg-type]
+        self._taken.load(taken)  # type: ignore[arg-type]
         self.active.load(active)  # type: ignore[arg-type]
         self.profile.load(profile)  # type: ignore[arg-type]
         self.limits.load(limits)  # type: ignore[arg-type]

@@ -232,12 +232,12 @@ class MC1241A(Chip):
     def power_on(self, done: bool) -> None:
         """Start with the reset now, or as if it had just ended; judge the clock (T4, T5)."""
         period = 10**12 // self.clock.hz
-        for symbol, measured in (("T4", period // 2), ("T5", period)):
+        # The longest period stands in whole nanoseconds: 149 for the lowest clock of 6.7 MHz.
+        for symbol, measured in (("T4", period // 2), ("T5", period // 1000 * 1000)):
             row = AC[symbol]
-            if measured < row.min_ps:
-                self.report(AC.rules[symbol], measured, row.min_ps)
-            elif measured // 1000 * 1000 > row.max_ps:
-                self.report(AC.rules[symbol], measured, row.max_ps)
+            if not row.min_ps <= measured <= row.max_ps:
+                limit = row.min_ps if measured < row.min_ps else row.max_ps
+                self.report(AC.rules[symbol], measured, limit)
         self.instant = self.kernel.now
         self.restart(self.kernel.now, 0 if done else RESET_CLK)
         self._reckon()

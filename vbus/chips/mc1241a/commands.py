@@ -162,12 +162,17 @@ class Commands:
         """Target velocity, 16.16 (PMD-CMD-26)."""
         return self._axis.profile.velocity >> 16
 
+    def cmd_update(self, _: int) -> int:
+        """Update the current axis at the next cycle (PMD-CMD-36)."""
+        self._axis.request_update()
+        return 0
+
     def cmd_multi_update(self, value: int) -> int:
         """Update several axes in one cycle (PMD-CMD-37)."""
         self._check_unused(COMMANDS["MULTI_UPDATE"], value, len(self._chip.axes))
         for axis in self._chip.axes:
             if value >> axis.number & 1:
-                axis.update_pending = 1
+                axis.request_update()
         return 0
 
     # -- interrupts, status -------------------------------------------------------------------

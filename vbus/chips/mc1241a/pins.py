@@ -52,6 +52,9 @@ class HostPins:
         self._read_ended: int = LONG_AGO
         self._reset_fell: int = LONG_AGO
         self._data_judged: int = LONG_AGO
+        self._command_at: int = LONG_AGO
+        self._data_at: int = LONG_AGO
+        self._data_before: int = LONG_AGO
 
     def find_nets(self) -> None:
         """Look the nets up again: a board solders pins to other nets before time starts."""
@@ -77,6 +80,7 @@ class HostPins:
             self._end_read(now)
         if self._command.before != self._command.value:
             self._after_strobe("T9", now - self._strobe_ended)
+            self._command_at = now
         if was_selected and select:
             self._released(now)
         if not was_selected and not select:
@@ -97,8 +101,8 @@ class HostPins:
             begun = max(self._write_fell, self._select_fell)
             lost = self._too_short("T14", now - self._write_fell)
             lost |= self._too_short("T7w", self._write_fell - self._select_fell)
-            lost |= self._too_short("T8w", self._write_fell - self._command_changed())
-            lost |= self._too_short("T15", now - self._data_changed(now))
+            lost |= self._too_short("T8w", self._write_fell - self._command_at)
+            lost |= self._too_short("T15", now - self._data_since(now))
             lost |= self._too_short("T18", self._write_fell - self._write_ended)
             lost |= self._seen_too_early(begun)
         self._strobe_ended = self._write_ended = now
@@ -114,7 +118,7 @@ class HostPins:
         chip = self._chip
         if chip.judged:
             lost = self._too_short("T7r", self._read_fell - self._select_fell)
-            lost |= self._too_short("T8r", self._read_fell - self._command_changed())
+            lost |= self._too_short("T8r", self._read_fell - self._command_at)
             lost |= self._too_short("T17", self._read_fell - self._read_ended)
             lost |= self._seen_too_early(self._read_fell)
             if lost:
@@ -159,9 +163,10 @@ class HostPins:
 
     def _data_moved(self) -> None:
         chip = self._chip
+        now = chip.kernel.now
+        self._data_before, self._data_at = self._data_at, now
         if not chip.judged or self._driving:
             return
-        now = chip.kernel.now
         if now != self._data_judged:
             self._after_strobe("T16", now - self._write_ended)
         if chip.bus_net.driven:
@@ -185,13 +190,11 @@ class HostPins:
 
     # -- limits -------------------------------------------------------------------------------
 
-    def _command_changed(self) -> int:
-        net = self._command
-        return LONG_AGO if net.before != net.value else net.changed_at
-
-    def _data_changed(self, now: int) -> int:
+    def _data_since(self, now: int) -> int:
+        """Return since when the byte that is latched has been on the bus."""
         net = self._chip.bus_net
-        return net.changed_at if net.changed_at < now or net.before == net.value else LONG_AGO
+        late = net.before != net.value and self._data_at == now
+        return self._data_before if late else self._data_at
 
     def _too_short(self, symbol: str, measured: int) -> bool:
         """Judge an interval; tell whether the cycle is to be lost."""
@@ -222,6 +225,7 @@ class HostPins:
             int(self._driving), int(self._clashed), int(self._last_was_write),
             self._select_fell, self._write_fell, self._read_fell, self._strobe_ended,
             self._write_ended, self._read_ended, self._reset_fell, self._data_judged,
+            self._command_at, self._data_at, self._data_before,
         )  # fmt: skip
 
     def load(self, state: tuple[int, ...]) -> None:
@@ -230,6 +234,7 @@ class HostPins:
             driving, clashed, last_was_write,
             self._select_fell, self._write_fell, self._read_fell, self._strobe_ended,
             self._write_ended, self._read_ended, self._reset_fell, self._data_judged,
+            self._command_at, self._data_at, self._data_before,
         ) = state  # fmt: skip
         self._driving = bool(driving)
         self._clashed = bool(clashed)

@@ -1,0 +1,242 @@
+"""S-curve point to point (PMD-TRJ-4, PMD-TRJ-5, PMD-TRJ-10, PMD-ERR-2)."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.conformance.mc1241a.conftest import Bench
+from vbus.chips.mc1241a.parameters import Registers
+from vbus.chips.mc1241a.profile import Profile
+
+spec = pytest.mark.spec
+
+
+def s_curve(bench: Bench, pos: int, **changes: int) -> None:
+    values = {"vel": 10 << 16, "max_acc": 0x2000, "jerk": 0x01000000, **changes}
+    bench.send("SET_PRFL_S_CRV")
+    bench.move(pos=pos, **values)
+
+
+def phase(bench: Bench) -> int:
+    return bench.seen("mode") >> 13
+
+
+@spec("PMD-TRJ-4", "PMD-T-10")
+def test_the_move_of_2000(chip: Bench) -> None:
+    s_curve(chip, 2000)
+    now, seen = 0, []
+    for cycle in (32, 80, 112, 200, 232, 280):
+        chip.next_cycle(cycle - now)
+        now = cycle
+        seen.append((chip.seen("target"), phase(chip)))
+    assert seen == [(23, 1), (269, 2), (570, 3), (1450, 4), (1746, 5), (1980, 6)]
+    chip.next_cycle(309 - now)
+    assert phase(chip) == 7
+    assert chip.status() == 0x0700
+    chip.next_cycle()
+    assert chip.seen("target") == 2000
+    assert chip.status() == 0x0301
+    assert phase(chip) == 0
+
+
+@spec("PMD-TRJ-4", "PMD-T-10")
+def test_a_short_move_does_not_reach_its_velocity(chip: Bench) -> None:
+    s_curve(chip, 1000)
+    chip.next_cycle()
+    curve = chip.chip.axes[0].profile._curve
+    assert (curve.rise, curve.flat, curve.hold) == (32, 43, 0)
+    speeds = [chip.chip.axes[0].profile.velocity]
+    for _ in range(210):
+        chip.next_cycle()
+        speeds.append(chip.chip.axes[0].profile.velocity)
+    assert max(speeds) == (1000 << 32) // 107
+    chip.next_cycle()
+    assert chip.status() == 0x0301
+    assert chip.seen("target") == 1000
+
+
+@spec("PMD-TRJ-4", "PMD-T-10")
+def test_what_is_left_over_takes_one_slow_cycle(chip: Bench) -> None:
+    s_curve(chip, 2003)
+    steps, last = [], 0
+    for _ in range(311):
+        chip.next_cycle()
+        profile = chip.chip.axes[0].profile
+        steps.append(profile.position - last)
+        last = profile.position
+    assert 3 << 32 in steps
+    assert chip.seen("target") == 2003
+    assert chip.status() == 0x0301
+
+
+@spec("PMD-TRJ-4")
+def test_backwards_ends_on_the_destination_too(chip: Bench) -> None:
+    s_curve(chip, -2000)
+    chip.next_cycle(310)
+    assert chip.seen("target") == -2000
+    assert chip.status() == 0x0301
+
+
+@spec("PMD-TRJ-4")
+def test_the_start_velocity_is_not_used(chip: Bench) -> None:
+    chip.send("SET_START_VEL", 5 << 16)
+    s_curve(chip, 2000)
+    chip.next_cycle(32)
+    assert chip.seen("target") == 23
+
+
+@spec("PMD-TRJ-4")
+@pytest.mark.parametrize("missing", ["vel", "max_acc", "jerk"])
+def test_without_velocity_acceleration_or_jerk_nothing_moves(chip: Bench, missing: str) -> None:
+    s_curve(chip, 2000, **{missing: 0})
+    chip.next_cycle(50)
+    assert chip.seen("target") == 0
+    assert chip.status() == 0x0700
+
+
+@spec("PMD-TRJ-5")
+@pytest.mark.parametrize(("at", "pos"), [(10, 2500), (50, 3000), (90, 2100), (150, 2500)])
+def test_a_new_position_ahead_is_taken_in_phases_1_to_4(chip: Bench, at: int, pos: int) -> None:
+    s_curve(chip, 2000)
+    chip.next_cycle(at)
+    chip.move(pos=pos)
+    chip.next_cycle(600)
+    assert chip.seen("target") == pos
+    assert chip.status() == 0x0301
+
+
+@spec("PMD-TRJ-5")
+@pytest.mark.parametrize(("at", "pos"), [(150, 500), (250, 2500), (50, -100)])
+def test_a_position_out_of_reach_is_kept_for_another_update(chip: Bench, at: int, pos: int) -> None:
+    s_curve(chip, 2000)
+    chip.next_cycle(at)
+    chip.move(pos=pos)
+    chip.next_cycle(600)
+    assert chip.seen("target") == 2000
+    assert chip.status() == 0x0301
+    chip.send("UPDATE")
+    chip.next_cycle(600)
+    assert chip.seen("target") == pos
+
+
+@spec("PMD-ERR-2", "PMD-TRJ-5", "PMD-CMD-11", "PMD-CMD-12")
+@pytest.mark.parametrize("what", [{"vel": 1 << 16}, {"max_acc": 1}, {"jerk": 1}])
+def test_new_limits_in_motion_are_a_command_error_and_only_the_position_counts(
+    chip: Bench, what: dict[str, int]
+) -> None:
+    s_curve(chip, 2000)
+    chip.next_cycle(20)
+    chip.move(pos=2500, acc=9 << 16, ratio=7, buf_mtr_cmd=99, **what)
+    chip.next_cycle()
+    assert chip.status() == 0x0780
+    active = chip.chip.axes[0].active
+    assert (active.velocity, active.max_acceleration, active.jerk) == (
+        10 << 16, 0x2000, 0x01000000,
+    )  # fmt: skip
+    assert (active.acceleration, active.ratio, active.motor_command) == (9 << 16, 7, 99)
+    assert "command-error" in chip.rules()
+    chip.next_cycle(600)
+    assert chip.seen("target") == 2500
+
+
+@spec("PMD-ERR-2")
+def test_writing_the_same_limits_again_is_no_error(chip: Bench) -> None:
+    s_curve(chip, 2000)
+    chip.next_cycle(20)
+    chip.move(vel=10 << 16, max_acc=0x2000, jerk=0x01000000)
+    chip.next_cycle()
+    assert chip.status() == 0x0700
+
+
+@spec("PMD-TRJ-10")
+@pytest.mark.parametrize(
+    ("at", "phases"),
+    [(10, {3, 5, 7}), (50, {3, 5, 6, 7}), (100, {3, 5, 6, 7}), (150, {5, 6, 7})],
+)
+def test_smooth_stop_mirrors_the_acceleration_so_far(
+    chip: Bench, at: int, phases: set[int]
+) -> None:
+    s_curve(chip, 5000)
+    chip.next_cycle(at)
+    profile = chip.chip.axes[0].profile
+    rising = []
+    chip.send("SMOOTH_STOP")
+    chip.move()
+    seen: set[int] = set()
+    while True:
+        chip.next_cycle()
+        if not profile.in_motion():
+            break
+        seen.add(phase(chip))
+        rising.append(profile.velocity)
+    assert seen - {phase(chip)} == phases
+    peak = rising.index(max(rising))
+    falls = [a - b for a, b in zip(rising[peak:], rising[peak + 1 :], strict=False)]
+    assert max(falls) <= 0x2000 << 16
+    assert chip.status() == 0x0301
+    assert profile.velocity == 0
+
+
+@spec("PMD-TRJ-10")
+def test_smooth_stop_while_slowing_down_anyway_changes_nothing(chip: Bench) -> None:
+    s_curve(chip, 2000)
+    chip.next_cycle(250)
+    chip.send("SMOOTH_STOP")
+    chip.move()
+    chip.next_cycle(100)
+    assert chip.seen("target") == 2000
+
+
+@spec("PMD-TRJ-9", "PMD-TRJ-10")
+def test_after_a_stop_a_plain_update_goes_on_to_the_buffered_position(chip: Bench) -> None:
+    for stop in ("STOP", "SMOOTH_STOP"):
+        chip.send("SET_ACTL_POS", 0)
+        s_curve(chip, 2000)
+        chip.next_cycle(60)
+        chip.send(stop)
+        chip.move()
+        chip.next_cycle(200)
+        assert 0 < chip.seen("target") < 1000
+        assert chip.status() == 0x0301
+        chip.send("UPDATE")
+        chip.next_cycle(400)
+        assert chip.seen("target") == 2000
+
+
+@spec("PMD-TRJ-13")
+def test_s_curve_selected_in_motion_stops_the_axis_and_is_reported(chip: Bench) -> None:
+    chip.move(pos=10_000, vel=4 << 16, acc=1 << 16)
+    chip.next_cycle(10)
+    at = chip.seen("target")
+    chip.send("SET_PRFL_S_CRV")
+    assert chip.status() == 0x0300
+    chip.next_cycle(3)
+    assert chip.seen("target") == at
+    assert chip.rules() == ["mode-in-motion"]
+
+
+@spec("PMD-TRJ-4")
+@settings(deadline=None, max_examples=100)
+@given(
+    goal=st.integers(-20_000, 20_000),
+    top=st.integers(4 << 16, 1000 << 16),
+    accel=st.integers(1000, 32767),
+    jerk=st.integers(1 << 23, 2**31 - 1),
+)
+def test_every_s_curve_ends_on_its_destination_within_its_limits(
+    goal: int, top: int, accel: int, jerk: int
+) -> None:
+    profile, active = Profile(), Registers()
+    active.position, active.velocity = goal, top
+    active.max_acceleration, active.jerk = accel, jerk
+    profile.set_mode(2, 0)
+    profile.start(active, True)
+    before, cycle = 0, 0
+    while not profile.step(active, 0, 0):
+        assert abs(profile.velocity) <= top << 16
+        if profile.phase() < 5:
+            assert abs(profile.velocity - before) <= (accel << 16) + 1
+        before = profile.velocity
+        cycle += 1
+        assert cycle < 30_000
+    assert profile.position == goal << 32

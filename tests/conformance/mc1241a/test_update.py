@@ -1,0 +1,410 @@
+"""Update, stops, command errors, breakpoints (PMD-UPD, PMD-ERR, PMD-TRJ-9 to -12, PMD-CMD)."""
+
+import pytest
+
+from tests.conformance.mc1241a.conftest import CYCLE, Bench
+
+spec = pytest.mark.spec
+
+
+def cruise(bench: Bench, pos: int = 100_000, vel: int = 4) -> None:
+    """Move axis 1 and come to speed."""
+    bench.move(pos=pos, vel=vel << 16, acc=vel << 16)
+    bench.next_cycle(3)
+
+
+def speed(bench: Bench) -> float:
+    return bench.chip.axes[0].profile.velocity / 2**32
+
+
+@spec("PMD-UPD-1", "PMD-CMD-36")
+def test_an_update_copies_every_buffered_register(chip: Bench) -> None:
+    chip.load(pos=1, vel=2, acc=3, max_acc=4, jerk=5, ratio=6, buf_mtr_cmd=7)
+    for name in ("STOP", "SMOOTH_STOP", "SYNCH_PRFL"):
+        chip.send(name)
+    chip.send("UPDATE")
+    chip.next_cycle()
+    axis = chip.chip.axes[0]
+    assert axis.active.save()[:7] == (1, 2, 3, 4, 5, 6, 7)
+    assert axis.buffer.save() == (1, 2, 3, 4, 5, 6, 7, 0, 0, 0)
+
+
+@spec("PMD-UPD-1")
+def test_without_an_update_loading_has_no_effect(chip: Bench) -> None:
+    cruise(chip)
+    chip.load(pos=0, vel=1 << 16)
+    for name in ("STOP", "SYNCH_PRFL"):
+        chip.send(name)
+    chip.next_cycle(3)
+    assert speed(chip) == 4
+    assert chip.status() == 0x0700
+
+
+@spec("PMD-UPD-1")
+def test_action_flags_act_once_and_registers_stay(chip: Bench) -> None:
+    chip.send("STOP")
+    chip.move(pos=500, vel=4 << 16, acc=4 << 16)
+    chip.next_cycle()
+    assert chip.seen("target") == 0
+    chip.move()
+    chip.next_cycle(2)
+    assert chip.seen("target") == 8
+
+
+# -- STOP, SMOOTH_STOP, SYNCH_PRFL ------------------------------------------------------------
+
+
+@spec("PMD-TRJ-9", "PMD-CMD-15", "PMD-TRJ-12")
+@pytest.mark.parametrize("mode", ["TRAP", "VEL", "S_CRV"])
+def test_stop_ends_the_motion_in_the_update_s_cycle(chip: Bench, mode: str) -> None:
+    chip.send("SET_PRFL_" + mode)
+    chip.move(pos=100_000, vel=4 << 16, acc=1 << 16, max_acc=0x7000, jerk=1 << 29)
+    chip.next_cycle(20)
+    at = chip.seen("target")
+    chip.send("STOP")
+    chip.move()
+    chip.run_until((chip.now // CYCLE + 1) * CYCLE - 1)
+    assert speed(chip) == 4
+    chip.run_for(1)
+    assert speed(chip) == 0
+    assert chip.seen("target") == at > 50
+    assert chip.status() == 0x0301
+
+
+@spec("PMD-TRJ-9")
+def test_stop_completes_motion_at_rest_too(chip: Bench) -> None:
+    chip.send("STOP")
+    chip.move()
+    chip.next_cycle()
+    assert chip.status() == 0x0301
+
+
+@spec("PMD-TRJ-9", "PMD-TRJ-10")
+@pytest.mark.parametrize("stop", ["STOP", "SMOOTH_STOP"])
+def test_the_buffered_destination_outlives_a_stop(chip: Bench, stop: str) -> None:
+    cruise(chip, pos=400)
+    chip.send(stop)
+    chip.move()
+    chip.next_cycle(50)
+    at = chip.seen("target")
+    assert at < 100
+    assert chip.send("GET_POS") == 400
+    chip.move()
+    chip.next_cycle(150)
+    assert chip.seen("target") == 400
+
+
+@spec("PMD-TRJ-10", "PMD-CMD-16", "PMD-TRJ-12")
+@pytest.mark.parametrize("mode", ["TRAP", "VEL"])
+def test_smooth_stop_slows_down_at_the_acceleration(chip: Bench, mode: str) -> None:
+    chip.send("SET_PRFL_" + mode)
+    chip.move(pos=100_000, vel=6 << 16, acc=2 << 16)
+    chip.next_cycle(10)
+    at = chip.seen("target")
+    chip.send("SMOOTH_STOP")
+    chip.move()
+    chip.next_cycle()
+    assert speed(chip) == 4
+    assert chip.seen("status") == 0x0700
+    chip.next_cycle()
+    assert speed(chip) == 2
+    chip.next_cycle()
+    assert speed(chip) == 0
+    assert chip.seen("status") == 0x0301
+    chip.next_cycle(10)
+    assert chip.seen("status") == 0x0301
+    assert at < chip.seen("target") < 200
+
+
+@spec("PMD-TRJ-10")
+def test_smooth_stop_ends_below_the_start_velocity(chip: Bench) -> None:
+    chip.send("SET_START_VEL", 3 << 16)
+    chip.send("SET_PRFL_VEL")
+    chip.move(vel=6 << 16, acc=2 << 16)
+    chip.next_cycle(5)
+    chip.send("SMOOTH_STOP")
+    chip.move()
+    chip.next_cycle()
+    assert speed(chip) == 4
+    chip.next_cycle()
+    assert speed(chip) == 0
+
+
+@spec("PMD-TRJ-10")
+def test_smooth_stop_at_rest_or_without_an_acceleration_is_over_at_once(chip: Bench) -> None:
+    chip.send("SMOOTH_STOP")
+    chip.move()
+    chip.next_cycle()
+    assert chip.status() == 0x0301
+    chip.send("SET_PRFL_VEL")
+    chip.move(vel=6 << 16, acc=2 << 16)
+    chip.next_cycle(5)
+    chip.send("SMOOTH_STOP")
+    chip.move(acc=0)
+    chip.next_cycle()
+    assert speed(chip) == 0
+
+
+@spec("PMD-TRJ-11")
+def test_stop_wins_over_smooth_stop_and_over_a_new_position(chip: Bench) -> None:
+    cruise(chip)
+    chip.send("SMOOTH_STOP")
+    chip.send("STOP")
+    chip.move(pos=50_000)
+    chip.next_cycle()
+    assert speed(chip) == 0
+    assert chip.rules() == ["two-stops"]
+    assert (chip.chip.axes[0].buffer.stop, chip.chip.axes[0].buffer.smooth_stop) == (0, 0)
+    chip.next_cycle(3)
+    assert speed(chip) == 0
+    assert chip.send("GET_POS") == 50_000
+    assert chip.chip.axes[0].active.position == 50_000
+
+
+@spec("PMD-CMD-17", "PMD-AMB-5", "PMD-UPD-1")
+def test_synch_prfl_copies_the_actual_position_to_the_target_and_keeps_the_velocity(
+    chip: Bench,
+) -> None:
+    chip.send("SET_ACTL_POS", 1000)
+    chip.send("SET_STEP_RATIO", 256)
+    chip.send("SET_PRFL_VEL")
+    chip.move(vel=4 << 16, acc=4 << 16)
+    chip.next_cycle(3)
+    assert chip.seen("target") == 1012
+    assert chip.seen("error") == 12
+    chip.send("SYNCH_PRFL")
+    chip.move()
+    chip.next_cycle()
+    assert chip.seen("target") == 1004
+    assert speed(chip) == 4
+    assert chip.seen("error") == 4
+    assert chip.send("GET_ACTL_POS") == 1000
+
+
+@spec("PMD-CMD-17")
+def test_a_synchronised_s_curve_still_ends_on_its_destination(chip: Bench) -> None:
+    chip.send("SET_PRFL_S_CRV")
+    chip.move(pos=2000, vel=10 << 16, max_acc=0x2000, jerk=1 << 24)
+    chip.next_cycle(120)
+    chip.send("SYNCH_PRFL")
+    chip.move()
+    chip.next_cycle()
+    assert chip.seen("target") == 10
+    chip.next_cycle(500)
+    assert chip.seen("target") == 2000
+
+
+# -- command errors ---------------------------------------------------------------------------
+
+
+@spec("PMD-ERR-1", "PMD-AMB-13", "PMD-TRJ-3")
+def test_a_new_acceleration_in_a_trapezoidal_move_is_refused_with_the_velocity(
+    chip: Bench,
+) -> None:
+    cruise(chip)
+    chip.move(pos=-7, vel=9 << 16, acc=1 << 16, max_acc=8, jerk=9, ratio=10, buf_mtr_cmd=11)
+    chip.next_cycle()
+    assert chip.status() == 0x0780
+    assert chip.chip.axes[0].active.save()[:7] == (-7, 4 << 16, 4 << 16, 8, 9, 10, 11)
+    assert chip.rules() == ["command-error"]
+    chip.next_cycle(50)
+    assert chip.seen("target") == -7  # the position was accepted
+
+
+@spec("PMD-ERR-1")
+def test_the_same_acceleration_again_is_no_error_and_at_rest_any_is_taken(chip: Bench) -> None:
+    cruise(chip, pos=40)
+    chip.move(vel=9 << 16, acc=4 << 16)
+    chip.next_cycle(50)
+    assert chip.status() == 0x0301
+    chip.move(acc=1 << 16)
+    chip.next_cycle()
+    assert chip.status() == 0x0301
+    assert chip.chip.axes[0].active.acceleration == 1 << 16
+
+
+@spec("PMD-CMD-14", "PMD-ERR-1")
+def test_the_start_velocity_cannot_change_in_motion(chip: Bench) -> None:
+    chip.send("SET_START_VEL", 5)
+    cruise(chip)
+    chip.send("SET_START_VEL", 6)
+    assert chip.send("GET_START_VEL") == 5
+    assert chip.status() == 0x0780
+
+
+@spec("PMD-ERR-3", "PMD-LIM-3")
+@pytest.mark.parametrize("mode", ["TRAP", "S_CRV"])
+@pytest.mark.parametrize(("switch", "sign"), [("PosLimit1", 1), ("NegLimit1", -1)])
+def test_a_move_toward_an_active_limit_switch_is_ignored(
+    chip: Bench, mode: str, switch: str, sign: int
+) -> None:
+    chip.send("SET_PRFL_" + mode)
+    chip.drive(switch, 1)
+    chip.next_cycle()
+    chip.send("CLR_STATUS")
+    chip.move(pos=100 * sign, vel=4 << 16, acc=4 << 16, max_acc=0x7000, jerk=1 << 29, ratio=3)
+    chip.next_cycle(3)
+    assert chip.status() & 0x04FF == 0x0080
+    assert chip.seen("target") == 0
+    assert chip.send("GET_POS") == 100 * sign
+    assert chip.chip.axes[0].active.ratio == 3
+    chip.move(pos=-100 * sign)  # away from it
+    chip.next_cycle(100)
+    assert chip.seen("target") == -100 * sign
+
+
+@spec("PMD-ERR-3")
+def test_with_sensing_off_the_switches_stop_no_move(chip: Bench) -> None:
+    chip.send("LMTS_OFF")
+    chip.drive("PosLimit1", 1)
+    chip.move(pos=10, vel=4 << 16, acc=4 << 16)
+    chip.next_cycle(10)
+    assert chip.seen("target") == 10
+    assert chip.status() == 0x0301
+
+
+# -- breakpoints ------------------------------------------------------------------------------
+
+
+def stop_at(bench: Bench, mode: str, value: int = 0) -> None:
+    """Arm a breakpoint that stops the axis."""
+    bench.send("SET_BRK_PNT", value)
+    bench.send("STOP")
+    bench.send(mode)
+
+
+@spec("PMD-UPD-2", "PMD-CMD-27")
+def test_time_breakpoint_fires_in_the_cycle_of_that_number(chip: Bench) -> None:
+    cruise(chip)
+    stop_at(chip, "SET_TIME_BRK", 100)
+    chip.run_until(100 * CYCLE - 1)
+    assert speed(chip) == 4
+    chip.run_for(1)
+    assert speed(chip) == 0
+    assert chip.seen("status") == 0x0305
+
+
+@spec("PMD-UPD-2")
+def test_a_time_that_has_passed_does_not_fire(chip: Bench) -> None:
+    chip.next_cycle(50)
+    stop_at(chip, "SET_TIME_BRK", 40)
+    chip.next_cycle(200)
+    assert chip.status() == 0x0300
+
+
+@spec("PMD-CMD-28", "PMD-UPD-3")
+def test_positive_target_breakpoint(chip: Bench) -> None:
+    cruise(chip)
+    stop_at(chip, "SET_POS_BRK", 101)
+    chip.next_cycle(200)
+    # Reached by 104 at the end of one cycle, seen at the start of the next.
+    assert chip.seen("target") == 104
+    assert chip.status() == 0x0305
+
+
+@spec("PMD-CMD-29")
+def test_negative_target_breakpoint(chip: Bench) -> None:
+    chip.move(pos=-100_000, vel=4 << 16, acc=4 << 16)
+    stop_at(chip, "SET_NEG_BRK", -100)
+    chip.next_cycle(200)
+    assert chip.seen("target") == -100
+    assert chip.status() == 0x0305
+
+
+@spec("PMD-CMD-30", "PMD-CMD-31")
+@pytest.mark.parametrize(("mode", "sign"), [("SET_ACTL_POS_BRK", 1), ("SET_ACTL_NEG_BRK", -1)])
+def test_actual_position_breakpoints(chip: Bench, mode: str, sign: int) -> None:
+    cruise(chip)
+    stop_at(chip, mode, sign)
+    chip.next_cycle(3)
+    assert speed(chip) == 4
+    chip.drive("QuadA1" if sign > 0 else "QuadB1", 1)
+    chip.next_cycle()
+    assert speed(chip) == 0
+    assert chip.status() == 0x0305
+
+
+@spec("PMD-CMD-32", "PMD-UPD-3")
+def test_motion_complete_breakpoint_starts_the_next_move(chip: Bench) -> None:
+    chip.move(pos=8, vel=4 << 16, acc=4 << 16)
+    chip.load(pos=-8)
+    chip.send("SET_MTN_CMPLT_BRK")
+    chip.next_cycle(20)
+    assert chip.seen("target") == -8
+    assert chip.status() == 0x0305
+
+
+@spec("PMD-UPD-3", "PMD-CMD-32")
+def test_a_breakpoint_sees_motion_complete_in_the_cycle_after_it(chip: Bench) -> None:
+    chip.load(pos=8, vel=4 << 16, acc=4 << 16, buf_mtr_cmd=5)
+    chip.send("SET_MTN_CMPLT_BRK")
+    chip.send("STOP")
+    chip.send("UPDATE")
+    chip.next_cycle()
+    assert chip.seen("status") == 0x0301
+    chip.next_cycle()
+    assert chip.seen("status") & 0x0005 == 0x0005
+
+
+@spec("PMD-CMD-33", "PMD-T-15", "PMD-AMB-30")
+def test_the_manual_s_homing_sequence(bench: Bench) -> None:
+    assert bench.send("GET_HOME") & 1
+    bench.load(pos=12345, vel=23456, acc=345)
+    bench.next_cycle()
+    bench.send("UPDATE")
+    bench.send("SET_EXT_BRK")
+    bench.send("STOP")  # long before the cycle in which the update acts
+    bench.next_cycle(300)
+    assert bench.status() == 0x0700
+    bench.drive("~Home1", 0)
+    bench.run_until((bench.now // CYCLE + 1) * CYCLE - 1)
+    assert speed(bench) > 0
+    bench.run_for(1)
+    assert speed(bench) == 0
+    assert bench.status() == 0x0305
+
+
+@spec("PMD-CMD-34")
+def test_breakpoints_can_be_called_off(chip: Bench) -> None:
+    cruise(chip)
+    stop_at(chip, "SET_POS_BRK", 100)
+    chip.send("SET_BRK_OFF")
+    chip.next_cycle(100)
+    assert chip.status() == 0x0700
+
+
+@spec("PMD-UPD-2", "PMD-CMD-38", "PMD-CMD-39")
+def test_without_auto_update_a_breakpoint_only_tells(chip: Bench) -> None:
+    chip.send("SET_AUTO_UPDATE_OFF")
+    cruise(chip)
+    stop_at(chip, "SET_POS_BRK", 100)
+    chip.next_cycle(100)
+    assert chip.status() == 0x0704
+    assert speed(chip) == 4
+    chip.send("UPDATE")
+    chip.next_cycle()
+    assert speed(chip) == 0
+
+
+@spec("PMD-UPD-2")
+def test_a_condition_that_holds_already_fires_in_the_next_cycle_and_only_once(
+    chip: Bench,
+) -> None:
+    chip.next_cycle()
+    stop_at(chip, "SET_POS_BRK", -5)
+    chip.next_cycle()
+    assert chip.seen("status") == 0x0305
+    assert chip.chip.axes[0].breakpoint_mode == 0
+    chip.send("CLR_STATUS")
+    chip.next_cycle(5)
+    assert chip.seen("status") == 0x0300
+
+
+@spec("PMD-UPD-2")
+def test_each_axis_has_its_own_breakpoint(chip: Bench) -> None:
+    chip.send("SET_2")
+    stop_at(chip, "SET_TIME_BRK", 30)
+    chip.send("SET_1")
+    chip.run_until(31 * CYCLE)
+    assert chip.seen("status", 1) == 0x0300
+    assert chip.seen("status", 2) == 0x1305
