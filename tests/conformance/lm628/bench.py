@@ -28,7 +28,8 @@ class Log(Observer):
 class Course(Plant):
     """A plant whose counts at the sample boundaries are given; then it stands.
 
-    ``index`` lies every ``turn`` counts. The counts between are evenly spread.
+    The drive of a sample is answered with the count of the next one: counts appended now are read
+    from the sample after the next on. An index lies every ``turn`` counts.
     """
 
     def __init__(self, counts=(), turn: int = 0) -> None:
@@ -90,9 +91,10 @@ class Follower(Course):
 
 
 class Bench:
-    """A powered LM628 whose host cycles have the same instants whichever way they come in.
+    """An LM628 whose host cycles have the same instants whichever way they come in.
 
-    ``mode`` is ``"cycle"`` (whole bus cycles) or ``"strobe"`` (edges on the nets).
+    ``mode`` is ``"cycle"`` (whole bus cycles) or ``"strobe"`` (edges on the nets). Power comes on
+    at once, with the reset ``done`` or beginning; with None the test switches it on.
     """
 
     def __init__(
@@ -102,7 +104,7 @@ class Bench:
         hz: int = 8_000_000,
         plant: Plant | None = None,
         policy: Policy | None = None,
-        done: bool = True,
+        done: bool | None = True,
         **settings,
     ) -> None:
         self.mode = mode
@@ -121,7 +123,8 @@ class Bench:
         self.chip.judged = mode == "strobe"
         self.edge = 0
         """Latching edge of the last cycle."""
-        self.chip.power_on(done)
+        if done is not None:
+            self.chip.power_on(done)
 
     # -- time ---------------------------------------------------------------------------------
 

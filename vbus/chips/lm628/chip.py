@@ -124,6 +124,7 @@ class LM628(Chip):
         self.axis.reset()
         self.output.zero()
         self._run_encoder()
+        self._reset_end = NEVER
         if self.pins["/RST"].value == LOW:
             self._mode = _RESET_BY_PIN
         elif done:
