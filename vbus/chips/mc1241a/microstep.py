@@ -11,7 +11,13 @@ STEPS: Final = 256
 
 def _wave(lead: float) -> tuple[int, ...]:
     """Return one electrical cycle of a sine that leads phase A by ``lead`` cycles."""
-    return tuple(round(FULL_SCALE * sin(2 * pi * (i / STEPS + lead))) for i in range(STEPS))
+    table = []
+    for i in range(STEPS):
+        exact = FULL_SCALE * sin(2 * pi * (i / STEPS + lead))
+        # The nudge decides sin 30 degrees, which is half way, in the same way on every machine.
+        size = int(abs(exact) + 0.5 + 1e-6)
+        table.append(size if exact > 0 else -size)
+    return tuple(table)
 
 
 PHASE_A: Final = _wave(0)
