@@ -1,7 +1,5 @@
 """A chip set on a bench: packets over whole cycles or strobes, time by the clock."""
 
-from collections.abc import Iterator
-
 import pytest
 
 from vbus.chips.mc1241a import MC1241A
@@ -195,9 +193,9 @@ class Bench:
 
 
 @pytest.fixture(params=["cycle", "strobe"])
-def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+def bench(request: pytest.FixtureRequest) -> Bench:
     """The MC1241A, tried over whole bus cycles and over strobes."""
-    yield Bench(request.param)
+    return Bench(request.param)
 
 
 @pytest.fixture

@@ -494,7 +494,7 @@ class MC1241A(Chip):
     def heard_changed(self) -> None:
         """Somebody began or ceased to listen to an output."""
         self.advance()
-        self.output.listen(self.clock.cycle_at(self.kernel.now) - self._origin)
+        self.output.listen(self.clock.cycle_at(self.kernel.now - 1) + 1 - self._origin)
         self._choose_slots()
         super().heard_changed()
         self.rearm()
