@@ -1,0 +1,355 @@
+"""Trapezoid (MCP-TRP) and S-curve (MCP-SCV) moves, sample by sample."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.conformance.mcp1200.conftest import Bench
+
+
+def prepare(
+    bench: Bench, final: int, velocity: int = 10, accel: int = 0x180, jerk: int | None = None
+) -> None:
+    """Set up a move in control mode; ``velocity`` in counts, ``accel`` in 1/256."""
+    if jerk is not None:
+        bench.extended()
+        bench.put("JERK", jerk)
+        bench.write(0x01, 0x10)
+    bench.put("FINAL_POSITION", final & 0xFFFFFF)
+    bench.put("PROFILE_VELOCITY", velocity)
+    bench.put("ACCELERATION", accel)
+    bench.control()
+
+
+def start(bench: Bench) -> None:
+    bench.write(0x00, 0x08)
+
+
+def run(bench: Bench, most: int = 5000) -> list[int]:
+    """Return the command position after each sample until F0 falls."""
+    course = []
+    for _ in range(most):
+        bench.samples(1)
+        course.append(bench.seen("COMMAND_POSITION"))
+        if not bench.seen("FLAG") & 1:
+            return course
+    raise AssertionError("the profile never ended")
+
+
+T_10 = [1, 4, 9, 15, 22, 31, 41, 51, 61, 71, 80, 87, 92, 96, 99, 100]
+
+
+@pytest.mark.spec("MCP-TRP-1", "MCP-TRP-2", "MCP-TRP-3", "MCP-T-10", "MCP-T-19")
+def test_the_manual_move_in_sixteen_samples(bench: Bench) -> None:
+    prepare(bench, 100)
+    assert (bench.read(0x27), bench.read(0x26)) == (1, 0x80)
+    start(bench)
+    assert run(bench) == T_10
+    assert (bench.seen("FLAG"), bench.seen("PHASE"), bench.pin("PROF")) == (0, 0, 0)
+    bench.samples(2)
+    assert bench.seen("COMMAND_POSITION") == 100
+
+
+@pytest.mark.spec("MCP-TRP-1")
+@pytest.mark.parametrize("velocity", [0x000A00, -0x000A00])
+def test_high_resolution_velocity_counts_by_its_magnitude(bench: Bench, velocity: int) -> None:
+    bench.write(0x01, 0x20)
+    bench.put("VELOCITY", velocity & 0xFFFFFF)
+    prepare(bench, 100, velocity=1)
+    start(bench)
+    assert run(bench) == T_10
+
+
+@pytest.mark.spec("MCP-TRP-1", "MCP-REG-26", "MCP-REG-25")
+def test_the_top_bits_of_velocity_and_acceleration_are_ignored(bench: Bench) -> None:
+    prepare(bench, 100, velocity=0x8A, accel=0x8180)
+    start(bench)
+    assert run(bench) == T_10
+
+
+@pytest.mark.spec("MCP-TRP-1")
+def test_a_move_starts_from_the_command_position_even_if_the_motor_is_elsewhere(
+    bench: Bench,
+) -> None:
+    bench.put("COMMAND_POSITION", 1000)
+    bench.chip.works.counter.preset(77, bench.cycle)
+    prepare(bench, 1100)
+    start(bench)
+    assert run(bench) == [1000 + place for place in T_10]
+
+
+@pytest.mark.spec("MCP-TRP-4", "MCP-REG-7")
+def test_phases_of_a_trapezoid_and_of_a_triangle(bench: Bench) -> None:
+    prepare(bench, 100)
+    start(bench)
+    assert bench.trace("PHASE", 16) == [2] * 7 + [4] * 3 + [6] * 5 + [0]
+    bench.put("FINAL_POSITION", 116)
+    bench.put("PROFILE_VELOCITY", 100)
+    bench.put("ACCELERATION", 0x0100)
+    start(bench)
+    assert bench.trace("COMMAND_POSITION", 7) == [101, 103, 106, 110, 113, 115, 116]
+    bench.put("FINAL_POSITION", 132)
+    start(bench)
+    assert bench.trace("PHASE", 7) == [2, 2, 2, 2, 6, 6, 0]
+
+
+@pytest.mark.spec("MCP-TRP-5")
+def test_a_move_to_where_it_stands_ends_in_its_first_sample(bench: Bench) -> None:
+    prepare(bench, 0)
+    start(bench)
+    assert bench.seen("FLAG") & 1
+    assert run(bench) == [0]
+
+
+@pytest.mark.spec("MCP-TRP-5")
+@pytest.mark.parametrize(("velocity", "accel"), [(0, 0x180), (10, 0)])
+def test_without_velocity_or_acceleration_the_flag_stays_until_there_is_one(
+    bench: Bench, velocity: int, accel: int
+) -> None:
+    prepare(bench, 100, velocity, accel)
+    start(bench)
+    bench.samples(5)
+    assert (bench.seen("FLAG"), bench.seen("COMMAND_POSITION")) == (0x05, 0)
+    bench.put("PROFILE_VELOCITY", 10)
+    bench.put("ACCELERATION", 0x180)
+    assert run(bench) == T_10
+
+
+@pytest.mark.spec("MCP-TRP-6", "MCP-AMB-31")
+def test_a_move_can_be_lengthened_and_shortened_while_the_end_is_in_reach(bench: Bench) -> None:
+    prepare(bench, 100)
+    start(bench)
+    bench.samples(8)
+    assert bench.seen("PHASE") == 4
+    bench.put("FINAL_POSITION", 200)
+    course = run(bench)
+    assert course[-1] == 200
+    assert max(b - a for a, b in pairwise(course)) == 10
+    bench.put("FINAL_POSITION", 1000)
+    start(bench)
+    bench.samples(10)
+    here = bench.seen("COMMAND_POSITION")
+    # Stopping from 10 by 1.5: 8.5 + 7 + 5.5 + 4 + 2.5 + 1 = 28.5 counts.
+    bench.put("FINAL_POSITION", here + 29)
+    assert run(bench)[-1] == here + 29
+
+
+@pytest.mark.spec("MCP-TRP-6")
+@pytest.mark.parametrize("final", [28, -500])
+def test_an_end_too_near_or_behind_stops_the_move_at_once(bench: Bench, final: int) -> None:
+    prepare(bench, 1000)
+    start(bench)
+    bench.samples(10)
+    here = bench.seen("COMMAND_POSITION")
+    assert here == 71
+    bench.put("FINAL_POSITION", (here + final) & 0xFFFFFF)
+    # From 71.5: 8.5, 7, 5.5, 4, 2.5, 1 and then rest.
+    assert run(bench) == [80, 87, 92, 96, 99, 100, 100]
+    bench.samples(2)
+    assert bench.seen("COMMAND_POSITION") == 100
+
+
+@pytest.mark.spec("MCP-TRP-6")
+def test_in_deceleration_a_new_end_is_ignored(bench: Bench) -> None:
+    prepare(bench, 100)
+    start(bench)
+    bench.samples(12)
+    assert bench.seen("PHASE") == 6
+    bench.put("FINAL_POSITION", 5000)
+    assert run(bench)[-1] == 100
+    start(bench)
+    assert run(bench)[-1] == 5000
+
+
+@pytest.mark.spec("MCP-TRP-7")
+def test_repeated_extension_may_pass_24_bits(bench: Bench) -> None:
+    bench.put("COMMAND_POSITION", 0x7FFF00)
+    bench.write(0x01, 0x20)
+    bench.put("VELOCITY", 0x7F0000)
+    prepare(bench, 0x7FFFFF, accel=0x7FFF)
+    start(bench)
+    travelled, last = 0, 0x7FFF00
+    for _ in range(800):
+        bench.put("FINAL_POSITION", (last + 0x700000) & 0xFFFFFF)
+        bench.samples(1)
+        here = bench.seen("COMMAND_POSITION")
+        travelled += (here - last) & 0xFFFFFF
+        last = here
+    assert bench.seen("PHASE") in (2, 4)
+    assert travelled > 1 << 24
+
+
+@pytest.mark.spec("MCP-TRP-8", "MCP-REG-30", "MCP-REG-32")
+def test_acceleration_distance_and_deceleration_position(bench: Bench) -> None:
+    prepare(bench, 100)
+    start(bench)
+    assert bench.trace("ACCEL_DELTA", 9) == [1, 4, 9, 15, 22, 31, 41, 41, 41]
+    assert bench.get("DECEL_POSITION") == 0
+    bench.samples(2)
+    assert bench.get("DECEL_POSITION") == 71
+    run(bench)
+    assert (bench.get("ACCEL_DELTA"), bench.get("DECEL_POSITION")) == (41, 71)
+
+
+@pytest.mark.spec("MCP-TRP-8")
+def test_the_acceleration_distance_is_a_magnitude(bench: Bench) -> None:
+    prepare(bench, -100)
+    start(bench)
+    run(bench)
+    assert bench.seen("ACCEL_DELTA") == 42
+    assert bench.seen("DECEL_POSITION") == -72
+
+
+@pytest.mark.spec("MCP-TRP-3")
+def test_clearing_the_flag_leaves_the_command_where_it_is(bench: Bench) -> None:
+    prepare(bench, 100)
+    start(bench)
+    bench.samples(5)
+    bench.write(0x00, 0x00)
+    bench.samples(3)
+    assert (bench.seen("COMMAND_POSITION"), bench.seen("PHASE")) == (22, 0)
+    start(bench)
+    assert run(bench)[-1] == 100
+
+
+@pytest.mark.spec("MCP-TRP-3")
+def test_a_move_set_off_again_within_a_sample_begins_anew(bench: Bench) -> None:
+    prepare(bench, 100)
+    start(bench)
+    bench.samples(8)
+    bench.write(0x00, 0x00)
+    start(bench)
+    bench.samples(1)
+    assert bench.seen("COMMAND_POSITION") == 51 + 1
+
+
+# -- S-curve ----------------------------------------------------------------------------------
+
+
+@pytest.mark.spec("MCP-SCV-1", "MCP-SCV-2", "MCP-SCV-4", "MCP-T-11", "MCP-AMB-1", "MCP-AMB-2")
+def test_the_s_curve_of_the_numeric_case(bench: Bench) -> None:
+    prepare(bench, 1000, velocity=10, accel=0x80, jerk=0x2000)
+    start(bench)
+    assert bench.trace("COMMAND_POSITION", 12) == [0, 0, 1, 2, 4, 6, 9, 12, 16, 20, 25, 30]
+    bench.samples(12)
+    assert (bench.seen("COMMAND_POSITION"), bench.get("ACCEL_DELTA")) == (130, 0x82)
+    rest = run(bench)
+    assert (len(rest), rest[-1], bench.get("DECEL_POSITION")) == (122 - 24, 1000, 890)
+    assert bench.get("ACCEL_DELTA") == 0x82
+
+
+@pytest.mark.spec("MCP-SCV-2", "MCP-TRP-4")
+def test_an_s_curve_passes_all_seven_phases(bench: Bench) -> None:
+    prepare(bench, 1000, velocity=10, accel=0x80, jerk=0x2000)
+    start(bench)
+    phases = bench.trace("PHASE", 122)
+    assert phases == [1] * 4 + [2] * 16 + [3] * 4 + [4] * 76 + [5] * 4 + [6] * 16 + [7] + [0]
+
+
+@pytest.mark.spec("MCP-SCV-2")
+def test_an_s_curve_backwards_is_the_mirror_image(bench: Bench) -> None:
+    prepare(bench, -1000, velocity=10, accel=0x80, jerk=0x2000)
+    start(bench)
+    assert bench.trace("COMMAND_POSITION", 8) == [0, 0, -1, -2, -4, -6, -9, -12]
+    assert run(bench)[-1] == -1000
+    assert bench.seen("DECEL_POSITION") == -890
+
+
+@pytest.mark.spec("MCP-SCV-4")
+@pytest.mark.parametrize(("velocity", "accel", "jerk"), [(0, 1, 1), (1, 0, 1), (1, 1, 0)])
+def test_an_s_curve_needs_jerk_acceleration_and_velocity(
+    bench: Bench, velocity: int, accel: int, jerk: int
+) -> None:
+    prepare(bench, 1000, velocity, accel, jerk)
+    start(bench)
+    bench.samples(5)
+    assert (bench.seen("FLAG"), bench.seen("COMMAND_POSITION")) == (0x05, 0)
+
+
+@pytest.mark.spec("MCP-SCV-5")
+@pytest.mark.parametrize("sample", [2, 10, 22, 60])
+def test_an_s_curve_can_be_lengthened_until_it_decelerates(bench: Bench, sample: int) -> None:
+    prepare(bench, 1000, velocity=10, accel=0x80, jerk=0x2000)
+    start(bench)
+    bench.samples(sample)
+    bench.put("FINAL_POSITION", 1203)
+    course = run(bench)
+    assert course[-1] == 1203
+    assert max(b - a for a, b in pairwise(course)) <= 10
+
+
+@pytest.mark.spec("MCP-SCV-5")
+def test_an_s_curve_can_be_shortened_only_at_its_top_velocity(bench: Bench) -> None:
+    prepare(bench, 1000, velocity=10, accel=0x80, jerk=0x2000)
+    start(bench)
+    bench.samples(40)
+    here = bench.seen("COMMAND_POSITION")
+    assert bench.seen("PHASE") == 4
+    bench.put("FINAL_POSITION", here + 110)
+    assert run(bench)[-1] == here + 110
+
+
+@pytest.mark.spec("MCP-SCV-5", "MCP-TRP-6")
+@pytest.mark.parametrize(("sample", "final"), [(40, 109), (40, -50), (10, 700)])
+def test_an_s_curve_that_cannot_be_shortened_stops_with_its_acceleration(
+    bench: Bench, sample: int, final: int
+) -> None:
+    prepare(bench, 1000, velocity=10, accel=0x80, jerk=0x2000)
+    start(bench)
+    bench.samples(sample)
+    here = bench.seen("COMMAND_POSITION")
+    bench.put("FINAL_POSITION", (here + final) & 0xFFFFFF)
+    course = [here, *run(bench)]
+    steps = [b - a for a, b in pairwise(course)]
+    assert all(b <= a + 1 for a, b in pairwise(steps))
+    assert steps[-1] == 0
+    speed = 10 if sample == 40 else (30 - 0) / 12
+    assert abs((course[-1] - here) - speed * speed) < 12
+
+
+@pytest.mark.spec("MCP-SCV-6")
+def test_with_the_largest_jerk_an_s_curve_is_nearly_the_trapezoid(bench: Bench) -> None:
+    prepare(bench, 1000, velocity=10, accel=0x80, jerk=0xFFFF)
+    start(bench)
+    course = run(bench)
+    assert course[-1] == 1000
+    other = Bench()
+    prepare(other, 1000, velocity=10, accel=0x80)
+    start(other)
+    assert abs(len(run(other)) - len(course)) <= 2
+
+
+@pytest.mark.spec("MCP-SCV-1", "MCP-SCV-3", "MCP-TRP-2")
+@settings(max_examples=40, deadline=None)
+@given(
+    final=st.integers(-3000, 3000),
+    velocity=st.integers(1, 127),
+    accel=st.integers(1, 0x7FFF),
+    jerk=st.one_of(st.none(), st.integers(16, 0xFFFF)),
+)
+def test_every_move_lands_exactly_and_keeps_its_limits(
+    final: int, velocity: int, accel: int, jerk: int | None
+) -> None:
+    bench = Bench()
+    # Short samples, so that many fit into the test.
+    bench.put("SAMPLE_TIMER", 39)
+    accel = max(accel, abs(final) // 100)
+    prepare(bench, final, velocity, accel, jerk)
+    start(bench)
+    command = bench.chip.works.core.command
+    place = speed = 0
+    for _ in range(20_000):
+        bench.samples(1)
+        moved = bench.seen("COMMAND_POSITION") - place
+        place += moved
+        assert abs(moved) <= velocity + 1
+        assert abs(command.velocity) <= velocity << 8
+        if jerk is None:
+            assert abs(command.velocity - speed) <= accel
+        speed = command.velocity
+        if not bench.seen("FLAG") & 1:
+            break
+    assert bench.seen("COMMAND_POSITION") == final
+    assert bench.seen("PHASE") == 0
