@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vbus.tools import exit_codes
-from vbus.tools.demos import DEMOS, Demo
+from vbus.tools.demos import NAMES, demo_of
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
+    from vbus.tools.demos.row import Demo
 
 LONGEST = 60.0
 """Seconds after which a host that has not finished is given up."""
@@ -21,16 +22,16 @@ REFRESH = 0.1
 
 
 def _known(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    if value not in DEMOS:
+    if value not in NAMES:
         from vbus.board.settings import suggestion
 
-        hint, known = suggestion(value, DEMOS), ", ".join(DEMOS)
+        hint, known = suggestion(value, NAMES), ", ".join(NAMES)
         raise click.BadParameter(f'there is no demo "{value}"; {hint}there are {known}')
     return value
 
 
 @click.command("demo")
-@click.argument("name", metavar=f"[{'|'.join(DEMOS)}]", default=next(iter(DEMOS)), callback=_known)
+@click.argument("name", metavar=f"[{'|'.join(NAMES)}]", default=NAMES[0], callback=_known)
 @click.option("--headless", is_flag=True, help="No live view: print the summary only.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON; headless.")
 def command(name: str, headless: bool, as_json: bool) -> int:
@@ -57,9 +58,9 @@ class _Run:
     def __init__(self, name: str, live: bool) -> None:
         from vbus.board.build import load_board_text
         from vbus.server.server import LinkSpec, Server
-        from vbus.tools.demo_view import Traffic
+        from vbus.tools.demos.view import Traffic
 
-        self.demo: Demo = DEMOS[name]
+        self.demo: Demo = demo_of(name)
         self.name: str = name
         self.reasons: list[str] = []
         """Why it has failed; empty if it has not."""
@@ -83,7 +84,7 @@ class _Run:
         self._link = self._server.urls[0]
         try:
             process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "vbus.tools.demo_host", self.name, self._link,
+                sys.executable, "-m", "vbus.tools.demos.host", self.name, self._link,
                 stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
                 start_new_session=True,
             )  # fmt: skip
@@ -116,7 +117,7 @@ class _Run:
     async def _watch(self) -> None:
         from rich.live import Live
 
-        from vbus.tools.demo_view import screen
+        from vbus.tools.demos.view import screen
 
         with Live(auto_refresh=False, transient=True) as live:
             while True:
@@ -170,6 +171,7 @@ class _Run:
             "encoders": [plant.count for plant in self._board.plants],
             "bus_cycles": self._traffic.cycles,
             "violations": self._board.counters["violations"],
+            "rules_broken": sorted({found.rule for found in self._board.violations}),
             "chip_seconds": self._board.now * 1e-12,
             "worst_lag_ms": pacer.worst_lag * 1e-9,
         }
@@ -184,7 +186,8 @@ class _Run:
             f"link {told['link']}",
             *self._said,
             f"{told['bus_cycles']} bus cycles in {told['chip_seconds']:.2f} s of chip time,"
-            f" worst lag {told['worst_lag_ms']:.1f} ms, {told['violations']} violations,"
+            f" worst lag {told['worst_lag_ms']:.1f} ms,"
+            f" {' '.join([str(told['violations']), 'violations', *told['rules_broken']])},"
             f" encoder at {', '.join(map(str, told['encoders']))}",
             "ok: every move ended where it should" if told["ok"] else "FAILED",
         ]
@@ -194,8 +197,8 @@ def _result(report: dict[str, Any]) -> str:
     mark = "ok" if report["ok"] else "NOT"
     near = f" ±{report['tolerance']}" if report["tolerance"] else ""
     found, expected = report["found"], report["expected"]
-    if report["byte"]:
-        found, expected = f"{found:02X}h", f"{expected:02X}h"
+    if report["digits"]:
+        found, expected = (f"{value:0{report['digits']}X}h" for value in (found, expected))
     return (
         f"  {mark:<3} {report['what']} {found} (expected {expected}{near})"
         f" after {report['seconds']:.3f} s"

@@ -11,11 +11,11 @@ from rich.text import Text
 from vbus.board.board import Board
 from vbus.chips.tables import Bit
 from vbus.signals import Observer
-from vbus.tools.demos import Demo, Gauge
+from vbus.tools.demos.row import Demo, Gauge
 
 BAR: Final = 31
 """Characters of a bar; the middle one is zero."""
-LINES: Final = 5
+LINES: Final = 4
 """Bus cycles shown, and lines of the host: the whole fits a terminal of 80 by 24."""
 
 
@@ -65,7 +65,7 @@ def screen(
     gauges.add_column()
     for gauge in demo.gauges:
         gauges.add_row(gauge.title, *_gauge(gauge, seen))
-    flags = [_flags(int(seen[key]), bits) for key, bits in demo.flags().items()]
+    flags = [_flags(int(seen[key]), bits) for key, bits in demo.flags.items()]
     shown = traffic.lines()
     return Group(
         Panel(

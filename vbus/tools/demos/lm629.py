@@ -1,0 +1,92 @@
+"""LM629: reset check, filter, and moves of each kind the chip has."""
+
+from typing import Final
+
+from vbus.chips.lm628.datasheet import COMMAND_PORT, COMMANDS, STATUS
+from vbus.client import Bus, Units
+from vbus.client.lm628 import Lm628
+from vbus.tools.demos.row import Demo, Gauge
+from vbus.tools.demos.step import Step
+
+_BOARD: Final = """\
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "motor"
+
+[plants.motor]
+model = "dc_motor"
+encoder_lines = 500
+"""
+
+
+def _explain(write: bool, address: int, data: int) -> str:
+    if address != COMMAND_PORT:
+        return f"data   {'<-' if write else '->'} {data:02X}h"
+    if not write:
+        return f"status -> {data:02X}h"
+    row = COMMANDS.by_code(data)
+    return f"{row.name}: {row.title}" if row is not None else f"undefined command {data:02X}h"
+
+
+def _host(bus: Bus) -> None:
+    units = Units.of_clock(counts=2000, hz=8_000_000)
+    axis = Lm628(bus)
+
+    step = Step(bus, "check the reset as drivers do: 84h, then RSTI, then 80h")
+    step.found("status", 0x80, axis.check_reset(), digits=2)
+
+    step = Step(bus, "load the filter: kp 300, kd 2000")
+    axis.load_filter(kp=300, kd=2000)
+    step.found("command error", 0, axis.status() & 0x02)
+
+    step = Step(bus, "move 5 turns forward, 6 turns/s at most")
+    axis.move(10_000, acc=units.acceleration(30), vel=units.velocity(6))
+    bus.delay("50ms")
+    step.found("real position", 10_000, axis.rdrp(), tolerance=2)
+
+    step = Step(bus, "move back with a breakpoint at 2500 counts on the way")
+    axis.rsti(0x0000)
+    axis.sbpa(2500)
+    axis.load_trajectory(pos=-4000, start=True)
+    axis.wait_status(0x40)
+    at_breakpoint = axis.rdrp()
+    axis.wait_status(0x04)
+    bus.delay("50ms")
+    step.found("position when the breakpoint was seen", 2500, at_breakpoint, tolerance=100)
+    step.found("real position", -4000, axis.rdrp(), tolerance=2)
+
+    step = Step(bus, "velocity mode: 2 turns/s, doubled on the fly, then a smooth stop")
+    axis.rsti(0x0000)
+    axis.load_trajectory(vel=units.velocity(2), velocity_mode=True, start=True)
+    bus.delay("400ms")
+    axis.load_trajectory(vel=units.velocity(4), velocity_mode=True, start=True)
+    bus.delay("400ms")
+    step.found("desired velocity", units.velocity(4), axis.rddv())
+    axis.stop("smoothly")
+    axis.wait_status(0x04)
+    bus.delay("50ms")
+    step.found("real minus desired position", 0, axis.rdrp() - axis.rddp(), tolerance=2)
+
+    step = Step(bus, "move home")
+    axis.move(0, vel=units.velocity(6))
+    bus.delay("50ms")
+    step.found("real position", 0, axis.rdrp(), tolerance=2)
+
+
+DEMO: Final = Demo(
+    title="LM629 and a brushed DC motor",
+    board=_BOARD,
+    chip="x",
+    gauges=(
+        Gauge("desired position (counts)", "desired", 15_000, 1),
+        Gauge("real position (counts)", "real", 15_000),
+        Gauge("position error (counts)", "error", 20),
+        Gauge("velocity (counts/sample)", "velocity", 8, 3),
+        Gauge("PWM (of full scale)", "output", 1.0, 3),
+    ),
+    flags={"status": STATUS},
+    explain=_explain,
+    host=_host,
+    rest=(0,),
+)
