@@ -109,9 +109,9 @@ class Bench:
     ) -> None:
         self.mode = mode
         self.kernel = Kernel()
-        self.violations: list[Violation] = []
+        self._violations: list[Violation] = []
         self.chip = LM628(
-            "x", part, self.kernel, Clock(hz), settings, policy, self.violations.append
+            "x", part, self.kernel, Clock(hz), settings, policy, self._violations.append
         )
         self.plant = plant
         if plant is not None:
@@ -270,6 +270,12 @@ class Bench:
         self.command("UDF")
 
     # -- findings -----------------------------------------------------------------------------
+
+    @property
+    def violations(self) -> list[Violation]:
+        """What was filed so far."""
+        self.chip.advance()
+        return self._violations
 
     def rules(self) -> list[str]:
         """Names of the rules broken so far, in order, without the family."""
