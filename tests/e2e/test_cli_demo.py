@@ -68,7 +68,7 @@ def test_a_demo_on_a_terminal_shows_what_happens_while_it_happens() -> None:
     assert len(re.findall(r"chip time \d+\.\d\d s", text)) > 10
     for shown in ("real position (counts)", "PWM (of full scale)", "STT: Start Motion"):
         assert shown in text
-    assert re.search(r"\x1b\[1;7m BREAKPOINT ", seen.decode())
+    assert re.search(r"\x1b\[1;7m\sBREAKPOINT\s", seen.decode())
     assert text.rstrip().endswith("ok: every move ended where it should")
 
 

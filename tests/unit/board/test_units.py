@@ -69,6 +69,7 @@ CLOCK = 'write a frequency with its unit, such as "8 MHz" (units: Hz, kHz, MHz, 
         (True, "s", f"expected {TIME[6:]}"),
         ([], "s", f"expected {TIME[6:]}"),
         ("-1 us", "s", "a time cannot be negative"),
+        ("-1 ps", "s", "a time cannot be negative"),
         ("0.5 ps", "s", "a time is a whole multiple of a picosecond"),
         ("0.3 Hz", "Hz", "a frequency is a whole multiple of a hertz"),
         (

@@ -99,6 +99,8 @@ def _gauge(gauge: Gauge, seen: dict[str, int | float | str]) -> tuple[str, Rende
 def _flags(word: int, bits: tuple[Bit, ...]) -> Text:
     text = Text()
     for bit in bits:
-        text.append(f" {bit.name} ", "bold reverse" if word & bit.mask else "dim")
+        # Spaces that do not break: a name stays whole at the end of a line.
+        name = f" {bit.name} ".replace(" ", "\N{NO-BREAK SPACE}")
+        text.append(name, "bold reverse" if word & bit.mask else "dim")
         text.append(" ")
     return text
