@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.unit.board.parts import Acme, Motor
+from vbus.board import plugins
 from vbus.board.board import Board
 from vbus.board.build import card_of, load_board, load_board_text
 from vbus.board.config import read_board_text
@@ -488,3 +489,36 @@ def test_bytes_that_are_no_text_are_refused_with_their_line(tmp_path: Path) -> N
     with pytest.raises(ConfigError) as caught:
         load_board(path)
     assert str(caught.value) == f"{path}:2: this is no UTF-8 text"
+
+
+@pytest.mark.parametrize(
+    ("again", "line"),
+    [("[chips.x]\n", 8), ('[plants.m]\nmodel = "motor"\n', 8), ("lines = 1\nlines = 2\n", 9)],
+)
+def test_a_name_given_twice_is_refused_at_its_second_place(again: str, line: int) -> None:
+    with pytest.raises(ConfigError, match=rf"^b\.toml:{line}: no TOML: Cannot [a-z]+ .*$"):
+        load_board_text(SMALL + again, "b.toml")
+
+
+@pytest.mark.parametrize(
+    ("part", "plants", "message"),
+    [
+        (
+            "LM629N-8", 'plant = "m"',
+            "b.toml:4: chips.x.plant: a LM629N-8 gives a servo command; StepperMotor takes"
+            " ('pulses', 'phases')",
+        ),
+        ("MC1141A", 'plants = ["m", "n"]', "b.toml:4: chips.x.plants: MC1141A has one axis; write"
+         ' plant = "m"'),
+    ],
+)  # fmt: skip
+def test_real_parts_are_checked_with_what_depends_on_the_part_number(
+    monkeypatch: pytest.MonkeyPatch, part: str, plants: str, message: str
+) -> None:
+    monkeypatch.undo()
+    plugins._entries.cache_clear()
+    text = SMALL.replace("ACME-1", part).replace('plant = "m"', plants)
+    text = text.replace('"motor"', '"stepper"').replace('supply = "24 V"\n', "")
+    with pytest.raises(ConfigError) as caught:
+        load_board_text(text.replace("8 MHz", "8 MHz" if "LM" in part else "25 MHz"), "b.toml")
+    assert str(caught.value).split("\n")[0] == message
