@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.serving import served
+from tests.examples.boards import compile_c, run
 from vbus.board.build import load_board_text
 from vbus.client import Bus, Units, connect
 from vbus.client import aio as client_aio
@@ -271,3 +272,25 @@ def test_the_shell_lines_of_the_page_on_the_byte_protocol(links: dict[str, str])
         ["bash", "-ec", lines], env=environment, capture_output=True, text=True, timeout=20
     )
     assert done.stdout.split() == ["44", "84"]
+
+
+def blocks(language: str) -> list[str]:
+    page = (ROOT / "docs" / "clients.md").read_text()
+    return re.findall(rf"^```{language}\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+
+
+def test_the_python_on_the_page_on_clients(
+    links: dict[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for block in blocks("python"):
+        exec(compile(block, "docs/clients.md", "exec"), {})
+    assert capsys.readouterr().out.splitlines() == [
+        "bench ['LM629N-8', 'LM629N-8']", "status 84h", "real position 0", "4000 8504h",
+    ]  # fmt: skip
+
+
+def test_the_c_on_the_page_on_clients(links: dict[str, str], tmp_path: Path) -> None:
+    (source,) = blocks("c")
+    (tmp_path / "host.c").write_text(source)
+    host = compile_c(tmp_path / "host", str(tmp_path / "host.c"))
+    assert run(host, links["pty"]) == "status 84h\n"

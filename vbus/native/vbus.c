@@ -996,6 +996,5 @@ int vbus_number(struct vbus *bus, const char *list, const char *name)
         else
             walk_past(&walk);
     }
-    walk_over(&walk, (uint32_t)walk.left);
     return walk.error < 0 ? walk.error : found;
 }

@@ -100,7 +100,6 @@ class ByteProtocol(Protocol):
                         if following > end:
                             break
                     if not self._handlers[code](data, position + 1):
-                        self.report_events()
                         break
             except PortError as error:
                 refusal = self._refuse(error.code)

@@ -5,6 +5,7 @@ import os
 import pty
 import select
 import socket
+import termios
 import threading
 import tty
 from pathlib import Path
@@ -80,6 +81,14 @@ class Served:
             os.close(self._slave)
             os.close(self._fd)
             self._slave = self._fd = -1
+
+    def cook(self) -> None:
+        """Put the terminal into the mode a fresh one has: it echoes and eats byte values."""
+        mode = termios.tcgetattr(self._slave)
+        mode[0] |= termios.ICRNL | termios.IXON | termios.ISTRIP
+        mode[1] |= termios.OPOST | termios.ONLCR
+        mode[3] |= termios.ICANON | termios.ECHO | termios.ISIG | termios.IEXTEN
+        termios.tcsetattr(self._slave, termios.TCSANOW, mode)
 
     def _wait(self, fd: int) -> bool:
         return self._stop_read not in select.select([fd, self._stop_read], [], [])[0]

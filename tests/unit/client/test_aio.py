@@ -23,6 +23,9 @@ async def test_a_session_over_every_kind_of_link(served: Served) -> None:
         async with bus.batch() as batch:
             now = batch.now()
         assert now.value == 4 * US
+        # Nothing is left in the event loop between calls.
+        assert not asyncio.get_running_loop().remove_reader(bus.link.fd)
+        assert not asyncio.get_running_loop().remove_writer(bus.link.fd)
 
 
 @pytest.mark.asyncio

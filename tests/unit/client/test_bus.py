@@ -34,6 +34,17 @@ def test_all_256_values_pass_a_pty_unchanged(bus: Bus, pty_served: Served) -> No
     assert [call[2] for call in pty_served.port.calls if call[0] == "write"] == list(everything)
 
 
+def test_a_terminal_that_echoes_and_eats_bytes_is_made_raw(pty_served: Served) -> None:
+    pty_served.cook()
+    pty_served.port.answers[1] = [0x03, 0x04, 0x0A, 0x0D, 0x11, 0x13, 0x1A, 0x1C, 0x7F, 0xFF]
+    with connect(pty_served.where) as bus:
+        assert bus.reads(1, 10).hex() == "03040a0d11131a1c7fff"
+        bus.writes(1, bytes.fromhex("03040a0d11131a1c7fff"))
+        bus.echo()
+    written = [call[2] for call in pty_served.port.calls if call[0] == "write"]
+    assert bytes(written).hex() == "03040a0d11131a1c7fff"  # type: ignore[arg-type]
+
+
 def test_the_path_of_a_pty_is_enough(pty_served: Served) -> None:
     with connect(pty_served.where.removeprefix("pty:")) as bus:
         assert bus.echo(9) == 9
@@ -229,8 +240,10 @@ def test_a_closed_bus_says_so(bus: Bus) -> None:
 
 def test_a_board_that_never_answers_is_not_connected_to(pty_served: Served) -> None:
     pty_served.mute = True
+    before = os.listdir("/proc/self/fd")
     with pytest.raises(TransportError, match=r"no reply to HELLO within 0\.01 s; is the board"):
         connect(pty_served.where, timeout=0.01)
+    assert os.listdir("/proc/self/fd") == before
 
 
 @pytest.mark.parametrize(

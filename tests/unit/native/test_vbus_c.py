@@ -169,8 +169,9 @@ def test_any_descriptor_will_do(exercise: Path, tmp_path: Path) -> None:
             assert done.stdout.splitlines()[-1] == "echo 7"
 
 
-def test_all_256_values_pass_a_pty_unchanged(exercise: Path, tmp_path: Path) -> None:
+def test_all_256_values_pass_a_pty_that_was_left_cooked(exercise: Path, tmp_path: Path) -> None:
     with Served("pty", tmp_path) as board:
+        board.cook()
         board.port.answers[1] = list(range(256))
         writes = " ".join(f"write 1 {value:x}" for value in range(256))
         printed = run(exercise, board.where, f"reads 1 ff read 1 {writes} echo 0")
@@ -180,13 +181,20 @@ def test_all_256_values_pass_a_pty_unchanged(exercise: Path, tmp_path: Path) -> 
         assert written == list(range(256))
 
 
-def test_buffered_requests_travel_with_the_next_read(exercise: Path, board: Served) -> None:
-    printed = run(
-        exercise, board.where, "buffer write 0 1 write 1 2 pin 0 1 read 1 write 1 3 flush echo 1"
-    )
-    assert printed[4] == "read 12"
-    assert board.messages[0] == bytes.fromhex("2001 2102 440001 11")
-    assert b"".join(board.messages[1:]) == bytes.fromhex("2103 0201")
+def test_buffered_requests_travel_with_the_next_read(exercise: Path) -> None:
+    calls = "buffer write 0 1 write 1 2 pin 0 1 read 1 write 1 3 write 1 4 flush write 1 5"
+    # A socket that keeps messages apart shows what travels together.
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ours, theirs:
+        host = subprocess.Popen(
+            [str(exercise), f"fd:{theirs.fileno()}", *calls.split()],
+            pass_fds=[theirs.fileno()], stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+        assert ours.recv(100).hex() == "2001210244000111"
+        ours.send(b"D\x01")
+        assert ours.recv(100).hex() == "21032104"
+        assert ours.recv(100).hex() == "2105"
+        assert host.wait() == 0
 
 
 def test_more_than_the_buffer_holds_is_sent_in_time(exercise: Path, board: Served) -> None:

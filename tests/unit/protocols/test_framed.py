@@ -83,6 +83,14 @@ def test_a_damaged_frame_is_not_answered_and_the_next_one_is(
     assert say(wire, frame(5, b"\x20\xaa")) == [(5, "")]
 
 
+def test_a_good_frame_is_found_inside_what_a_false_mark_seems_to_span(
+    wire: FramedProtocol,
+) -> None:
+    good = frame(5, b"\x02\x07")
+    assert say(wire, bytes((MARK, 0, len(good) - 2)) + good + b"\0" * 10) == [(5, "4507")]
+    assert wire.damaged == 1
+
+
 def test_260_zeros_end_any_frame_that_lost_its_end(wire: FramedProtocol) -> None:
     assert say(wire, bytes((MARK, 5, 255))) == []
     assert say(wire, b"\0" * 260 + frame(5, b"\x10")) == [(5, "4401")]

@@ -182,6 +182,15 @@ def test_a_line_that_has_to_wait_keeps_what_is_behind_it(
     assert wire.take().decode() == f"{first}\n5us\n5us\n"
 
 
+def test_nothing_is_asked_of_a_port_that_is_held(wire: TextProtocol, port: FakePort) -> None:
+    port.held = True
+    assert say(wire, "r 0") == ""
+    assert port.calls == []
+    port.held = False
+    wire.resume()
+    assert wire.take() == b"01\n"
+
+
 def test_claim_waits_its_turn(wire: TextProtocol, port: FakePort) -> None:
     port.claimable = False
     assert say(wire, "claim") == ""
