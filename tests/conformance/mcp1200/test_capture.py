@@ -172,8 +172,7 @@ def test_no_repeat_pulse_is_shorter_than_67_clocks() -> None:
     rail.speed = SPEED
     bench.wait(60_000 * 8)
     widths = [
-        rise - fall
-        for fall, rise in zip(edges.of("TRIG", 0), edges.of("TRIG", 1), strict=False)
+        rise - fall for fall, rise in zip(edges.of("TRIG", 0), edges.of("TRIG", 1), strict=False)
     ]
     assert len(widths) > 50
     assert 67 <= min(widths) < 200
@@ -281,9 +280,7 @@ def test_a_trigger_needs_the_pin_to_be_an_input() -> None:
 @pytest.mark.parametrize(("level", "rising", "at"), [
     ("low", 0x00, 2000), ("low", 0x20, 2001), ("high", 0x20, 2000), ("high", 0x00, 2001),
 ])  # fmt: skip
-def test_the_selected_edge_of_the_plant_s_index_captures(
-    level: str, rising: int, at: int
-) -> None:
+def test_the_selected_edge_of_the_plant_s_index_captures(level: str, rising: int, at: int) -> None:
     bench, _ = moving(index_every=2000, index=level)
     bench.wait(160)
     bench.write(0x03, 0x10 | rising)

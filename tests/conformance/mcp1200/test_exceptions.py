@@ -132,7 +132,9 @@ def test_a_profile_decelerates_linearly_and_ends(begin: Callable[[Bench], None])
 
 
 @pytest.mark.spec("MCP-EXC-2", "MCP-EXC-3")
-@pytest.mark.parametrize(("begin", "name"), [(velocity, "VELOCITY_COMMAND"), (high_velocity, "VELOCITY")])
+@pytest.mark.parametrize(
+    ("begin", "name"), [(velocity, "VELOCITY_COMMAND"), (high_velocity, "VELOCITY")]
+)
 def test_integral_velocity_decelerates_stays_and_forgets_its_command(
     begin: Callable[[Bench], None], name: str
 ) -> None:

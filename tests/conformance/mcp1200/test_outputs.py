@@ -1,0 +1,256 @@
+"""DAC port and PWM (MCP-OUT)."""
+
+import pytest
+
+from tests.conformance.mcp1200.conftest import Bench, Rail
+
+# Gains with which an error of n gives a motor command of 16 * n.
+UNIT = {"LEAD_ZERO": 0, "LEAD_POLE": 0, "LEAD_GAIN": 4}
+
+
+def command(bench: Bench, mc: int) -> int:
+    """Make the loop give motor command ``mc`` (a multiple of 16); return the DAC code."""
+    bench.put("COMMAND_POSITION", mc // 16 & 0xFFFFFF)
+    bench.samples(1)
+    assert bench.chip.works.core.mc == mc
+    assert bench.seen("MOTOR_COMMAND") << 4 | bench.seen("MOTOR_COMMAND_LOW") >> 4 == bench.pin(
+        "MC0-MC11"
+    )
+    return bench.pin("MC0-MC11")
+
+
+def servo(**registers: int) -> Bench:
+    bench = Bench()
+    bench.extended()
+    for name, value in {**UNIT, **registers}.items():
+        bench.put(name, value)
+    bench.control()
+    bench.samples(1)
+    return bench
+
+
+@pytest.mark.spec("MCP-OUT-1", "MCP-T-7", "MCP-AMB-11", "MCP-REG-39")
+@pytest.mark.parametrize(
+    ("limit", "mc", "code"),
+    [
+        (0xF0, 0, 0x800), (0xF0, 16, 0x810), (0xF0, -16, 0x7F0), (0xF0, 0x7E0, 0xFE0),
+        (0xF0, 0x7F0, 0xFF0), (0xF0, 2048, 0xF00), (0xF0, -2048, 0x000), (0xF0, -2064, 0x0F0),
+        (0xE7, 2048, 0xE70), (0xE7, -2064, 0x180), (0x18, 2048, 0xE70), (0x18, -2064, 0x180),
+        (0xFF, 4800, 0xFF0), (0xFF, -4800, 0x000), (0x81, 2048, 0x810), (0x80, -4800, 0x7F0),
+    ],
+)  # fmt: skip
+def test_the_dac_code_and_its_fold_back(limit: int, mc: int, code: int) -> None:
+    assert command(servo(SATURATION=limit), mc) == code
+
+
+@pytest.mark.spec("MCP-OUT-1")
+def test_the_low_nibble_reaches_the_pins() -> None:
+    bench = servo(LEAD_GAIN=1)
+    bench.put("COMMAND_POSITION", 3)
+    bench.samples(1)
+    assert (bench.pin("MC0-MC11"), bench.read(0x08), bench.read(0x4C)) == (0x80C, 0x80, 0xC0)
+
+
+@pytest.mark.spec("MCP-OUT-2", "MCP-AMB-4", "MCP-AMB-5")
+@pytest.mark.parametrize(
+    ("mc", "code", "sign"),
+    [(512, 0xA00, 0), (-512, 0xA00, 1), (2048, 0xF00, 0), (-4096, 0xF00, 1), (-2048, 0xFFF, 1)],
+)
+def test_unipolar_gives_the_magnitude_and_leaves_pwm_and_sign(
+    mc: int, code: int, sign: int
+) -> None:
+    bench = servo(FEATURE=0x04)
+    assert command(bench, mc) == code
+    bench.wait(200)
+    assert bench.pin("SIGN") == sign
+    assert bench.chip.works.pwm.command() == max(-2048, min(2047, mc))
+
+
+@pytest.mark.spec("MCP-OUT-3", "MCP-REG-11")
+@pytest.mark.parametrize(
+    ("offset", "mc", "code"),
+    [
+        (0x01, 0, 0x801), (0xFF, 0, 0x7FF), (0x7F, 0, 0x87F), (0x80, 0, 0x780),
+        (0x1F, 16, 0x82F), (0x7F, 0x7F0, 0xFFF), (0x80, -2048, 0x000), (0x10, 4096, 0xF10),
+    ],
+)  # fmt: skip
+def test_the_dac_offset_is_added_with_carry_and_clamped(offset: int, mc: int, code: int) -> None:
+    assert command(servo(DAC_OFFSET=offset), mc) == code
+
+
+@pytest.mark.spec("MCP-OUT-4")
+@pytest.mark.parametrize(
+    ("mc", "shown"), [(0x7E0, 0x7E0), (2048, 2047), (9600, 2047), (-2048, -2048), (-9600, -2048)]
+)
+def test_pwm_takes_the_plain_command_limited_to_12_bits(mc: int, shown: int) -> None:
+    bench = servo(DAC_OFFSET=0x40, SATURATION=0x90)
+    command(bench, mc)
+    assert bench.chip.works.pwm.command() == shown
+    assert bench.read(0x09) == shown >> 4 & 0xFF
+    assert bench.read(0x4D) == shown << 4 & 0xF0
+
+
+def duty(bench: Bench, resolution: int = 100, frames: int = 2) -> tuple[int, int]:
+    """Clocks Pulse is high in a whole frame, and the level of Sign."""
+    bench.wait(2 * resolution)
+    while (bench.cycle - bench.chip.works.pwm.start) % resolution:
+        bench.wait(1)
+        bench.pin("PULSE")
+    high = 0
+    for _ in range(resolution):
+        high += bench.pin("PULSE")
+        bench.wait(1)
+    return high, bench.pin("SIGN")
+
+
+@pytest.mark.spec("MCP-OUT-5", "MCP-OUT-6", "MCP-OUT-7", "MCP-T-5", "MCP-AMB-3", "MCP-AMB-18")
+@pytest.mark.parametrize(
+    ("data", "plain", "biased"),
+    [(0x80, 100, 0), (0x9C, 100, 0), (0xCE, 50, 25), (0xFE, 2, 49), (0x00, 0, 50), (0x02, 2, 51),
+     (0x32, 50, 75), (0x64, 100, 100), (0x7F, 100, 100), (0xD8, 40, 30)],
+)  # fmt: skip
+def test_duty_and_sign_for_the_manual_s_values(
+    bench: Bench, data: int, plain: int, biased: int
+) -> None:
+    bench.write(0x09, data)
+    assert duty(bench) == (plain, data >> 7)
+    bench.write(0x02, 0x80)
+    assert duty(bench) == (biased, data >> 7)
+
+
+@pytest.mark.spec("MCP-OUT-5", "MCP-REG-20")
+@pytest.mark.parametrize(
+    ("code", "resolution"),
+    [(0, 100), (1, 150), (2, 200), (3, 300), (4, 400), (5, 600), (6, 800), (7, 1200), (8, 1600),
+     (9, 1600), (15, 1600)],
+)  # fmt: skip
+def test_the_resolution_table(chip: Bench, code: int, resolution: int) -> None:
+    chip.write(0x1A, 0x50 | code)
+    chip.write(0x09, 0x19)
+    edges = chip.watch("PULSE")
+    chip.wait(6 * 1600)
+    rises = edges.of("PULSE", 1)[1:]
+    falls = edges.of("PULSE", 0)[1:]
+    assert {b - a for a, b in zip(rises, rises[1:], strict=False)} == {resolution}
+    # 25 of 100 parts.
+    assert falls[1] - rises[1] == resolution // 4
+
+
+@pytest.mark.spec("MCP-OUT-5")
+def test_the_fraction_register_counts_sixteenths(chip: Bench) -> None:
+    chip.extended()
+    chip.write(0x1A, 0x08)
+    chip.write(0x09, 0x01)
+    chip.write(0x4D, 0xA0)
+    chip.wait(3200)
+    assert duty(chip, 1600)[0] == 26
+
+
+@pytest.mark.spec("MCP-T-6")
+@pytest.mark.parametrize(
+    ("hz", "code", "khz"), [(8_000_000, 4, 20.0), (20_000_000, 8, 12.5), (16_000_000, 0, 160.0)]
+)
+def test_the_pwm_frequency(hz: int, code: int, khz: float) -> None:
+    bench = Bench(hz=hz)
+    bench.write(0x1A, code)
+    bench.write(0x09, 0x20)
+    bench.wait(2000)
+    edges = bench.watch("PULSE")
+    bench.wait(8000)
+    rises = edges.of("PULSE", 1)
+    assert hz / (rises[1] - rises[0]) == khz * 1000
+
+
+@pytest.mark.spec("MCP-OUT-7")
+def test_a_new_command_waits_for_the_next_frame(chip: Bench) -> None:
+    chip.write(0x09, 0x32)
+    chip.wait(300)
+    edges = chip.watch("PULSE", "SIGN")
+    frame = chip.chip.works.pwm.start + 100
+    while frame <= chip.cycle + 5:
+        frame += 100
+    chip.until(frame + 10)
+    chip.write(0x09, 0xF6)
+    chip.until(frame + 250)
+    assert [edge for edge in edges.seen if edge[0] >= frame] == [
+        (frame, "PULSE", 1), (frame + 50, "PULSE", 0),
+        (frame + 100, "PULSE", 1), (frame + 100, "SIGN", 1), (frame + 110, "PULSE", 0),
+        (frame + 200, "PULSE", 1), (frame + 210, "PULSE", 0),
+    ]  # fmt: skip
+
+
+@pytest.mark.spec("MCP-OUT-8")
+@pytest.mark.parametrize(("config", "silent"), [(0x40, 1), (0x00, 0)])
+def test_after_a_sign_change_one_frame_is_silent_if_asked(
+    chip: Bench, config: int, silent: int
+) -> None:
+    chip.write(0x02, config)
+    chip.write(0x09, 0x32)
+    chip.wait(300)
+    edges = chip.watch("PULSE", "SIGN")
+    chip.write(0x09, 0xCE)
+    chip.wait(500)
+    turned = edges.of("SIGN", 1)[0]
+    rises = [cycle for cycle in edges.of("PULSE", 1) if cycle >= turned]
+    assert rises[0] == turned + 100 * silent
+    assert rises[1] == rises[0] + 100
+
+
+@pytest.mark.spec("MCP-OUT-9", "MCP-REG-2")
+@pytest.mark.parametrize(
+    ("feature", "dac", "pwm"),
+    [(0x80, 0x800 + 48, 24), (0x40, 0x800 + 24, 48), (0xC0, 0x800 + 48, 48), (0x00, 0x818, 24)],
+)
+def test_diagnostic_outputs_carry_the_position_error(feature: int, dac: int, pwm: int) -> None:
+    bench = servo(LEAD_GAIN=2, FEATURE=feature)
+    bench.put("COMMAND_POSITION", 3)
+    bench.samples(1)
+    assert (bench.pin("MC0-MC11"), bench.chip.works.pwm.command()) == (dac, pwm)
+    bench.put("COMMAND_POSITION", 0xFFFF00)
+    bench.samples(1)
+    shown = -256 * 8
+    expected = -2048
+    assert expected == shown
+    if feature & 0x40:
+        assert bench.chip.works.pwm.command() == -2048
+    if feature & 0x80:
+        assert bench.pin("MC0-MC11") == 0
+
+
+@pytest.mark.spec("MCP-OUT-4", "MCP-OUT-2")
+@pytest.mark.parametrize(
+    ("drive", "feature", "mc", "fraction"),
+    [("pwm", 0, 800, 0.5), ("pwm", 0, 1600, 1.0), ("pwm", 0, -2048, -1.0), ("dac", 0, 1024, 0.5),
+     ("dac", 0, -2048, -1.0), ("dac", 0x04, -1024, -0.5)],
+)  # fmt: skip
+def test_the_plant_gets_the_output_the_board_names(
+    drive: str, feature: int, mc: int, fraction: float
+) -> None:
+    rail = Rail()
+    bench = Bench(plant=rail, drive=drive)
+    for name, value in {**UNIT, "FEATURE": feature}.items():
+        bench.put(name, value)
+    bench.control()
+    command(bench, mc)
+    bench.samples(1)
+    assert rail.commands[-1] == fraction
+
+
+@pytest.mark.spec("MCP-SMP-5", "MCP-OUT-4")
+def test_the_plant_feels_a_new_command_when_busy_ends() -> None:
+    rail = Rail()
+    bench = Bench(plant=rail)
+    bench.control()
+    bench.samples(1)
+    bench.put("COMMAND_POSITION", 3)
+    start = bench.sample_start()
+    bench.until(start + 999)
+    assert rail.commands[-1] == 0.0
+    bench.until(start + 1000)
+    assert rail.commands[-1] == 768 / 1600
+
+
+@pytest.mark.spec("MCP-AMB-22", "MCP-T-5")
+def test_the_figure_s_three_quarter_mark_is_4bh(chip: Bench) -> None:
+    chip.write(0x09, 0x4B)
+    assert duty(chip)[0] == 75
