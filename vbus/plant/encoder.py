@@ -1,0 +1,179 @@
+"""The encoder on a motor's shaft, and plants that have one."""
+
+from typing import Final
+
+from vbus.options import Option, Settings
+from vbus.signals import Plant
+
+ENCODER_OPTIONS: Final = (
+    Option("encoder_lines", "count", 500, "lines of the encoder; it gives four counts a line",
+           low=1, high=1_000_000),
+    Option("index", "flag", True, "the encoder has an index, once a revolution"),
+    Option("index_offset", "count", 0, "count since power-on at which an index lies, a multiple"
+           " of 4: the index is low in the state A = B = 0", low=-(1 << 30), high=1 << 30),
+)  # fmt: skip
+
+_A: Final = (0, 1, 1, 0)
+_B: Final = (0, 0, 1, 1)
+
+# The largest float below 1.
+_ALMOST_ONE: Final = 0.99999999999999988898
+
+
+class Encoder:
+    """An incremental encoder: ``lines`` periods of A and B a revolution, and an index.
+
+    Args:
+        lines: lines a revolution.
+        index: whether it has an index.
+        index_offset: a count at which the index lies; the others are whole revolutions away.
+    """
+
+    __slots__ = ("counts", "index", "index_offset")
+
+    def __init__(self, lines: int, index: bool = True, index_offset: int = 0) -> None:
+        if index_offset % 4:
+            raise ValueError(
+                f"index_offset = {index_offset}: the index lies where A and B are low, at counts"
+                f" that are multiples of 4, such as {index_offset - index_offset % 4}"
+            )
+        self.counts: int = 4 * lines
+        """Counts a revolution."""
+        self.index: bool = index
+        self.index_offset: int = index_offset % self.counts
+
+    def levels(self, count: int) -> tuple[int, int, int]:
+        """Return the levels of A, B and index at ``count``.
+
+        Counting up, A and B take the states 00, 10, 11, 01; the index is low in one of the 00
+        states of each revolution and high everywhere else.
+        """
+        place = count & 3
+        low = self.index and count % self.counts == self.index_offset
+        return _A[place], _B[place], 0 if low else 1
+
+    def index_between(self, start: int, end: int) -> tuple[bool, int]:
+        """Tell whether going from ``start`` to ``end`` enters an index, and at which count.
+
+        ``start`` itself does not count; of several indices the first one on the way is told.
+        """
+        if not self.index or start == end:
+            return False, 0
+        if start < end:
+            count = start + 1 + (self.index_offset - start - 1) % self.counts
+            return (True, count) if count <= end else (False, 0)
+        count = start - 1 - (start - 1 - self.index_offset) % self.counts
+        return (True, count) if count >= end else (False, 0)
+
+
+class EncodedPlant(Plant):
+    """A plant whose shaft carries an encoder, and that remembers its course through a period.
+
+    The course is a chain of straight pieces. Shaft positions are counts as real numbers, written
+    as the count at the period's start plus a small float, so that the mechanics are as exact a
+    million revolutions away as at home. The count is the position rounded down.
+    """
+
+    OPTIONS: tuple[Option, ...] = ENCODER_OPTIONS
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        super().__init__(settings)
+        self.encoder: Encoder = Encoder(
+            int(self.settings["encoder_lines"]),
+            bool(self.settings["index"]),
+            int(self.settings["index_offset"]),
+        )
+        # Count at the start of the last period, and the shaft's position at the end of each of
+        # its pieces, counted from there.
+        self._base: int = 0
+        self._pieces: int = 1
+        # At power-on the shaft stands in the middle of count 0.
+        self._points: list[float] = [0.5, 0.5]
+
+    def _begin(self, pieces: int) -> None:
+        """Begin a period of ``pieces`` pieces where the last one has ended."""
+        points = self._points
+        part = points[self._pieces] - (self.count - self._base)
+        # A position just below a count may round up to it.
+        if part >= 1.0:
+            part = _ALMOST_ONE
+        self._base = self.count
+        if pieces != self._pieces:
+            self._pieces = pieces
+            self._points = points = [part] * (pieces + 1)
+        points[0] = part
+
+    def _end(self) -> int:
+        """End the period: the count is where its last piece has led."""
+        self.count = self._base + _floor(self._points[self._pieces])
+        return self.count
+
+    def _moved(self) -> bool:
+        """Whether the last period has ended elsewhere than it began."""
+        return self._points[0] != self._points[self._pieces]
+
+    def count_at(self, fraction: float) -> int:
+        """Return the count at ``fraction`` (0.0 to 1.0) of the last period."""
+        points = self._points
+        if fraction <= 0.0:
+            return self._base + _floor(points[0])
+        place = fraction * self._pieces
+        piece = int(place)
+        if piece >= self._pieces:
+            return self.count
+        start = points[piece]
+        end = points[piece + 1]
+        here = start + (end - start) * (place - piece)
+        # Rounding must not lead beyond the end of the piece.
+        if (end >= start and here > end) or (end < start and here < end):
+            here = end
+        return self._base + _floor(here)
+
+    def fraction_at(self, count: int) -> float:
+        """Return when, as a fraction of the last period, the encoder first reached ``count``.
+
+        :meth:`count_at` at that fraction has reached it. A count the shaft stood at or has
+        not reached gives 0.0 or 1.0.
+        """
+        points = self._points
+        away = count - self._base
+        start = _floor(points[0])
+        if away == start:
+            return 0.0
+        rising = away > start
+        # Going down, a count is reached when the shaft leaves the one above it.
+        border = float(away) if rising else away + 1.0
+        for piece in range(self._pieces):
+            end = points[piece + 1]
+            if (end >= border) if rising else (end < border):
+                begin = points[piece]
+                fraction = (piece + (border - begin) / (end - begin)) / self._pieces
+                # The border itself may be missed by a rounding error.
+                step = 2.220446049250313e-16
+                while fraction < 1.0:
+                    here = self.count_at(fraction)
+                    if (here >= count) if rising else (here <= count):
+                        return fraction
+                    fraction += step
+                    step *= 2.0
+                return 1.0
+        return 1.0
+
+    def index_between(self, start: int, end: int) -> tuple[bool, int]:
+        """Tell whether moving from ``start`` to ``end`` enters an index position, and which."""
+        return self.encoder.index_between(start, end)
+
+    def _save_course(self) -> tuple[float, ...]:
+        return (self.count, self._base, self._pieces, *self._points)
+
+    def _load_course(self, state: tuple[float, ...]) -> None:
+        self.count = int(state[0])
+        self._base = int(state[1])
+        self._pieces = int(state[2])
+        self._points = list(state[3:])
+
+
+def _floor(value: float) -> int:
+    """Round down."""
+    whole = int(value)
+    return whole - 1 if value < whole else whole

@@ -1,0 +1,80 @@
+"""A plant without mechanics: it is where it should be, one period later, in whole counts."""
+
+from typing import Final
+
+from vbus.options import Settings
+from vbus.plant.angle import turns_of
+from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
+from vbus.plant.windings import STEP_OPTIONS, field
+
+MICROSTEPS: Final = 256
+"""Steps of an electrical cycle in which phase currents are followed."""
+
+
+class IdealPlant(EncodedPlant):
+    """Follows exactly, for golden traces and for trying out hosts.
+
+    With a servo command it moves by the position error in each period; with step pulses or phase
+    currents it makes every step. Its course through a period is a straight line.
+    """
+
+    TAKES = ("drive", "pulses", "phases")
+    OPTIONS = (
+        *ENCODER_OPTIONS,
+        *STEP_OPTIONS,
+    )
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        super().__init__(settings)
+        self._steps_per_rev: int = int(self.settings["steps_per_rev"])
+        self._microsteps_per_rev: int = int(self.settings["full_steps"]) * (MICROSTEPS // 4)
+        # Step pulses or microsteps since power-on, whichever the chip gives.
+        self._steps: int = 0
+        self._three: bool = False
+        self._resting: bool = False
+
+    def prepare(self, period: float) -> None:
+        """Accept any period: how long it is makes no difference."""
+
+    def drive(self, command: float, error: int) -> int:
+        """Move by ``error`` counts."""
+        return self._move(error, error == 0)
+
+    def pulses(self, steps: int) -> int:
+        """Make ``steps`` steps."""
+        self._steps += steps
+        return self._go(self._steps_per_rev, steps == 0)
+
+    def phases(self, a: float, b: float, c: float) -> int:
+        """Turn to the angle of the field, by the shorter way; without currents stay."""
+        before = self._steps
+        across, along, self._three = field(a, b, c, self._three)
+        if across != 0.0 or along != 0.0:
+            angle = int(turns_of(across, along) * MICROSTEPS + 0.5)
+            turn = (angle - self._steps) % MICROSTEPS
+            self._steps += turn if turn < MICROSTEPS // 2 else turn - MICROSTEPS
+        return self._go(self._microsteps_per_rev, self._steps == before)
+
+    def _go(self, steps_per_rev: int, still: bool) -> int:
+        return self._move(self._steps * self.encoder.counts // steps_per_rev - self.count, still)
+
+    def _move(self, counts: int, still: bool) -> int:
+        self._resting = still
+        self._begin(1)
+        self._points[1] = self._points[0] + counts
+        return self._end()
+
+    def resting(self) -> bool:
+        """Whether the last period has asked for no motion."""
+        return self._resting
+
+    def save(self) -> tuple[float, ...]:
+        """Return the whole state."""
+        return (self._steps, int(self._three), int(self._resting), *self._save_course())
+
+    def load(self, state: tuple[float, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self._steps = int(state[0])
+        self._three = state[1] != 0
+        self._resting = state[2] != 0
+        self._load_course(state[3:])

@@ -1,0 +1,137 @@
+"""A motor's shaft and what hangs on it: inertia, friction, load, end stops."""
+
+from typing import Final
+
+from vbus.options import Option, Settings
+from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
+
+SHAFT_OPTIONS: Final = (
+    *ENCODER_OPTIONS,
+    Option("load_torque", "N*m", 0.0, "constant torque of the load; positive pulls backward"),
+    Option("stop_low", "count", 0, "count of the lower end stop; none while both are equal",
+           low=-(1 << 30), high=1 << 30),
+    Option("stop_high", "count", 0, "count of the upper end stop",
+           low=-(1 << 30), high=1 << 30),
+    Option("substeps", "count", 4, "steps of the mechanics in each period of the chip",
+           low=1, high=1000),
+)  # fmt: skip
+"""Settings of every motor. Inertia and friction have defaults of the motor's
+own: see :func:`mass_options`."""
+
+TWO_PI: Final = 6.283185307179586
+
+
+def mass_options(
+    inertia: float, viscous: float, coulomb: float, static: float
+) -> tuple[Option, ...]:
+    """Return the settings of inertia and friction with these defaults."""
+    return (
+        Option("inertia", "kg*m^2", inertia, "inertia of rotor and load", low=1e-12),
+        Option("viscous_friction", "N*m*s", viscous, "friction that grows with speed", low=0.0),
+        Option("coulomb_friction", "N*m", coulomb, "dry friction while turning", low=0.0),
+        Option("static_friction", "N*m", static, "torque needed to break away", low=0.0),
+    )
+
+
+class Shaft(EncodedPlant):
+    """A stiff shaft that a motor turns.
+
+    Friction is dry and viscous. Dry friction is solved for, not differentiated: a sub-step that
+    would carry the shaft through standstill stops it there exactly, and a shaft at rest leaves
+    its place only when the other torques exceed static friction.
+
+    End stops are hard and take the whole impact: the shaft stands in the middle of their count.
+    """
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        super().__init__(settings)
+        self.velocity: float = 0.0
+        """Speed of the shaft in rad/s."""
+        self._inertia: float = float(self.settings["inertia"])
+        # Torque against 1 rad/s; a motor may add to it.
+        self._damping: float = float(self.settings["viscous_friction"])
+        self._coulomb: float = float(self.settings["coulomb_friction"])
+        self._static: float = float(self.settings["static_friction"])
+        self._load: float = float(self.settings["load_torque"])
+        self._low: int = int(self.settings["stop_low"])
+        self._high: int = int(self.settings["stop_high"])
+        self._substeps: int = int(self.settings["substeps"])
+        self._stopped: bool = self._low != self._high
+        if self._static < self._coulomb:
+            raise ValueError(
+                f"static_friction = {self._static:g} N*m is below coulomb_friction ="
+                f" {self._coulomb:g} N*m; a shaft is never easier to start than to keep going"
+            )
+        if self._low > self._high or (self._stopped and not self._low <= 0 <= self._high):
+            raise ValueError(
+                f"stop_low = {self._low}, stop_high = {self._high}: the shaft starts at count 0,"
+                " which must lie between them"
+            )
+        self._period: float = 0.0
+        # Of a sub-step: speed gained by 1 N*m, what damping leaves of a speed, speed lost to dry
+        # friction, counts turned by 1 rad/s.
+        self._gain: float = 0.0
+        self._ease: float = 1.0
+        self._loss: float = 0.0
+        self._turn_counts: float = 0.0
+        self._resting: bool = False
+
+    def prepare(self, period: float) -> None:
+        """Set the length of a period in seconds."""
+        self._period = period
+        self._divide(self._substeps)
+
+    def _divide(self, substeps: int) -> None:
+        """Make ``substeps`` sub-steps of a period."""
+        step = self._period / substeps
+        self._gain = step / self._inertia
+        self._turn_counts = step * self.encoder.counts / TWO_PI
+        self._ease = 1.0 / (1.0 + self._gain * self._damping)
+        self._loss = self._gain * self._coulomb * self._ease
+
+    def _turn(self, piece: int, torque: float) -> None:
+        """Turn the shaft through one sub-step.
+
+        Args:
+            piece: number of the sub-step in the period.
+            torque: torque that the motor would have at standstill (N*m).
+        """
+        points = self._points
+        torque -= self._load
+        speed = self.velocity
+        if speed == 0.0 and -self._static <= torque <= self._static:
+            points[piece + 1] = points[piece]
+            return
+        speed = (speed + self._gain * torque) * self._ease
+        loss = self._loss
+        if speed > loss:
+            speed -= loss
+        elif speed < -loss:
+            speed += loss
+        else:
+            speed = 0.0
+        here = points[piece] + speed * self._turn_counts
+        if self._stopped:
+            low = self._low - self._base + 0.5
+            high = self._high - self._base + 0.5
+            if here <= low:
+                here = low
+                speed = 0.0
+            elif here >= high:
+                here = high
+                speed = 0.0
+        points[piece + 1] = here
+        self.velocity = speed
+
+    def resting(self) -> bool:
+        """Whether the last period has left every bit of state as it was."""
+        return self._resting
+
+    def _save_shaft(self) -> tuple[float, ...]:
+        return (self._period, self.velocity, int(self._resting), *self._save_course())
+
+    def _load_shaft(self, state: tuple[float, ...]) -> None:
+        self.prepare(state[0])
+        self.velocity = state[1]
+        self._resting = state[2] != 0
+        self._load_course(state[3:])
