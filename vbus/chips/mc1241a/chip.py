@@ -127,7 +127,7 @@ class MC1241A(Chip):
         self._adapter_read: bool = False
         self._slot_start: int = 0
         self._slot_end: int = 0
-        self._driven: list[tuple[int, int]] = [(0, 0)] * self.AXES
+        self._driven: list[tuple[int, int, int]] = [(0, 0, 0)] * self.AXES
         self.host_pins: HostPins = HostPins(self)
         self._ready_pin: Pin = self.pins["HostRdy"]
         self._interrupt_pin: Pin = self.pins["~HostIntrpt"]
@@ -397,10 +397,13 @@ class MC1241A(Chip):
 
     def _drive(self, number: int, motor: Plant) -> None:
         """Run a motor through the slot that begins, with the currents just looked up."""
-        a, b = self.phase_outputs(number)
-        self._driven[number] = (a, b)
-        c = 0 if self.axes[number].stepper.two_phase else -(a + b)
+        a, b, c = self._driven[number] = self._currents(number)
         motor.phases(a / FULL_SCALE, b / FULL_SCALE, c / FULL_SCALE)
+
+    def _currents(self, number: int) -> tuple[int, int, int]:
+        """Return the phase currents of an axis; the amplifier makes the third (PMD-USTP-3)."""
+        a, b = self.phase_outputs(number)
+        return a, b, 0 if self.axes[number].stepper.two_phase else -(a + b)
 
     def _slot_at(self, instant: int) -> int:
         """Return the number of the slot under way at ``instant``."""
@@ -444,7 +447,7 @@ class MC1241A(Chip):
                 idle = quiet
             motor = self.motors[number]
             if idle and motor is not None:
-                if self._driven[number] != self.phase_outputs(number) or not motor.resting():
+                if self._driven[number] != self._currents(number) or not motor.resting():
                     return 0
             if not idle:
                 return 0
@@ -452,13 +455,14 @@ class MC1241A(Chip):
 
     def _skip_rest(self, now: int) -> bool:
         """Pass over whole cycles in which nothing would happen; tell whether there were any."""
-        if self.output.heard:
+        # The cycle under way is run: a command may still change what its slots put out.
+        over = (self.clock.cycle_at(now) - self._origin - self._slot * SLOT_CLK) // CYCLE_CLK
+        if over == 0 or self.output.heard:
             return False
         idle = self._idle_cycles()
         if not idle:
             return False
-        due = (self.clock.cycle_at(now) - self._origin - self._slot * SLOT_CLK) // CYCLE_CLK + 1
-        cycles = min(idle, due)
+        cycles = min(idle, over)
         self.shared.time = self.shared.time + cycles & 0xFFFFFFFF
         self._slot += cycles * SLOTS
         self._boundary = self.ps_of(self._slot * SLOT_CLK)
@@ -599,7 +603,7 @@ class MC1241A(Chip):
         self.host_pins.load(pins)  # type: ignore[arg-type]
         for axis, axis_state in zip(self.axes, axes, strict=True):  # type: ignore[call-overload]
             axis.load(axis_state)
-        self._driven = [tuple(pair) for pair in driven]  # type: ignore[attr-defined]
+        self._driven = [tuple(three) for three in driven]  # type: ignore[attr-defined]
         for motor, motor_state in zip(self.motors, motors, strict=True):  # type: ignore[call-overload]
             if motor is not None:
                 motor.load(motor_state)

@@ -274,7 +274,9 @@ class Profile:
         """Return the whole state."""
         return (
             self.mode, self.position, self.velocity, self.moved, self._state, int(self._smooth),
-            self._destination, self._turns, self._sign, self._start, self._curve.save(),
+            self._destination, self._turns, self._sign, self._start,
+            # Numbers of a long move are wider than 64 bits.
+            " ".join(str(number) for number in self._curve.save()),
         )  # fmt: skip
 
     def load(self, state: tuple[object, ...]) -> None:
@@ -284,4 +286,4 @@ class Profile:
             self._destination, self._turns, self._sign, self._start, curve,
         ) = state  # type: ignore[assignment]  # fmt: skip
         self._smooth = bool(smooth)
-        self._curve.load(curve)  # type: ignore[arg-type]
+        self._curve.load(tuple(int(number) for number in curve.split()))  # type: ignore[attr-defined]

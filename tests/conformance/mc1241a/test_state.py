@@ -1,0 +1,265 @@
+"""Being looked at changes nothing; a saved state goes on like the original; rest costs nothing."""
+
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.conformance.mc1241a.conftest import CYCLE, words
+from vbus.board.board import Board
+from vbus.chips.mc1241a import MC1241A
+from vbus.chips.mc1241a.datasheet import COMMANDS
+from vbus.kernel import MS, SECOND, US
+from vbus.plant.ideal import IdealPlant
+from vbus.plant.stepper import StepperMotor
+from vbus.protocols.port import HostPort
+from vbus.signals import Observer, Plant, Switch
+
+
+class Rig:
+    """A board with one chip set, two motors and one host."""
+
+    def __init__(
+        self, motors: Callable[[], Plant] | None = None, kind: type[MC1241A] = MC1241A
+    ) -> None:
+        self.board = Board("rig", "lockstep")
+        self.chip = self.board.add_chip(kind, "m", "MC1241A", 25_000_000)
+        if motors is not None:
+            for axis in (0, 1):
+                plant = motors()
+                plant.switches["home"] = Switch(500, 600)
+                plant.switches["limit+"] = Switch(3000, 5000, 1)
+                self.board.connect("m", axis, plant)
+        self.port: HostPort = self.board.open_port("host")
+        self.board.power_on(True)
+
+    def send(self, name: str, value: int = 0) -> None:
+        row = COMMANDS[name]
+        self.port.wait(10 * MS)
+        self.port.write(1, row.code)
+        for word in words(value, row.write):
+            self.port.wait(10 * MS)
+            self.port.write(0, word >> 8)
+            self.port.write(0, word & 0xFF)
+        self.port.wait(10 * MS)
+
+    def pin(self, name: str, level: int) -> None:
+        self.port.pin(self.port.pin_number(name), level)
+
+    def do(self, action: tuple[str, int]) -> None:
+        name, value = action
+        if name == "run":
+            self.board.run_for(value)
+        elif name in COMMANDS_BY_NAME:
+            self.send(name, value)
+        else:
+            self.pin(name, value)
+
+
+COMMANDS_BY_NAME = {row.name for row in COMMANDS}
+NUMBERS = {
+    "SET_POS": st.integers(-3000, 3000),
+    "SET_VEL": st.integers(0, 20 << 16),
+    "SET_ACC": st.integers(-(4 << 16), 4 << 16),
+    "SET_MAX_ACC": st.integers(0, 32767),
+    "SET_JERK": st.integers(1 << 24, 2**31 - 1),
+    "SET_RATIO": st.integers(-(4 << 16), 4 << 16),
+    "SET_START_VEL": st.integers(0, 2 << 16),
+    "SET_BRK_PNT": st.integers(-1000, 1000),
+    "SET_POS_ERR": st.integers(0, 200),
+    "SET_STEP_RATIO": st.sampled_from([0, 256]),
+    "SET_LMT_SENSE": st.sampled_from([0, 0, 15]),
+}
+commands = st.one_of(
+    *(
+        st.tuples(
+            st.just(row.name),
+            NUMBERS.get(row.name, st.integers(0, (1 << 16 * row.write) - 1)),
+        )
+        for row in COMMANDS
+    )
+)
+pins = st.tuples(
+    st.sampled_from(["QuadA1", "QuadB1", "~Home1", "~Index1", "PosLimit1", "NegLimit2", "~Reset"]),
+    st.sampled_from([0, 1, 2]),
+)
+runs = st.tuples(st.just("run"), st.integers(1, 40 * CYCLE))
+
+
+@st.composite
+def moves(draw: st.DrawFn) -> list[tuple[str, int]]:
+    """Return what starts a motion in one of the four modes, and a while of it."""
+    deeds = [
+        (f"SET_{draw(st.sampled_from([1, 2]))}", 0),
+        ("SET_PRFL_" + draw(st.sampled_from(["TRAP", "VEL", "S_CRV", "GEAR"])), 0),
+        ("SET_BUF_MTR_CMD", draw(st.sampled_from([0, 20_000, 32_767]))),
+        (draw(st.sampled_from(["SET_PHASE_2", "SET_PHASE_3"])), 0),
+        (draw(st.sampled_from(["MTR_ON", "SET_INTRPT_MASK", "SET_EXT_BRK", "STOP"])), 0x5D),
+    ]
+    for name in ("POS", "VEL", "ACC", "MAX_ACC", "JERK", "RATIO"):
+        deeds.append(("SET_" + name, draw(NUMBERS["SET_" + name])))
+    return [*deeds, ("UPDATE", 0), ("run", draw(st.integers(1, 60 * CYCLE)))]
+
+
+actions = st.lists(
+    st.one_of(
+        st.lists(st.one_of(commands, pins, runs), min_size=1, max_size=6), moves(), moves()
+    ),
+    min_size=2,
+    max_size=8,
+).map(lambda parts: [deed for part in parts for deed in part])
+motors = st.sampled_from([None, lambda: IdealPlant({"encoder_lines": 3200}), StepperMotor])
+
+
+class Restless(MC1241A):
+    """Runs every cycle, also those in which nothing happens."""
+
+    def _skip_rest(self, now: int) -> bool:
+        return False
+
+
+@settings(deadline=None, max_examples=150)
+@given(actions, motors)
+def test_passing_over_rest_equals_running_through_it(
+    deeds: list[tuple[str, int]], motor: Callable[[], Plant] | None
+) -> None:
+    quick, thorough = Rig(motor), Rig(motor, Restless)
+    for deed in deeds:
+        quick.do(deed)
+        thorough.do(deed)
+        states = [rig.chip.save() for rig in (quick, thorough)]
+        # All but the instants of the slot run last: time, port, axes, outputs, motors.
+        assert states[0][1:] == states[1][1:]
+
+
+@settings(deadline=None, max_examples=60)
+@given(actions, motors, st.integers(10 * US, 3 * CYCLE))
+def test_a_chip_that_is_looked_at_often_does_the_same(
+    deeds: list[tuple[str, int]], motor: Callable[[], Plant] | None, pause: int
+) -> None:
+    lazy, watched = Rig(motor), Rig(motor)
+    for deed in deeds:
+        lazy.do(deed)
+        if deed[0] == "run":
+            left = deed[1]
+            while left:
+                step = min(pause, left)
+                watched.board.run_for(step)
+                watched.board.catch_up()
+                left -= step
+        else:
+            watched.do(deed)
+    assert lazy.board.save() == watched.board.save()
+
+
+@settings(deadline=None, max_examples=40)
+@given(actions, motors)
+def test_a_chip_whose_lines_are_heard_does_the_same(
+    deeds: list[tuple[str, int]], motor: Callable[[], Plant] | None
+) -> None:
+    lazy, heard = Rig(motor), Rig(motor)
+    for pin in ("HostRdy", "~HostIntrpt"):
+        heard.board.watch(f"m.{pin}", Observer())
+    for deed in deeds:
+        lazy.do(deed)
+        heard.do(deed)
+    assert lazy.chip.save() == heard.chip.save()
+
+
+@settings(deadline=None, max_examples=40)
+@given(actions, actions, motors, st.booleans())
+def test_a_loaded_state_goes_on_like_the_original(
+    before: list[tuple[str, int]],
+    after: list[tuple[str, int]],
+    motor: Callable[[], Plant] | None,
+    wave: bool,
+) -> None:
+    first, second = Rig(motor), Rig(motor)
+    if wave:
+        for rig in (first, second):
+            rig.board.watch("m.PWMMag1A", Observer())
+            rig.board.watch("m.~I/OWrite", Observer())
+    for deed in before:
+        first.do(deed if deed[0] != "run" else ("run", deed[1] // 20))
+    state = first.board.save()
+    second.board.load(state)
+    assert second.board.save() == state
+    for deed in after:
+        short = deed if deed[0] != "run" else ("run", deed[1] // 20)
+        first.do(short)
+        second.do(short)
+    assert first.board.save() == second.board.save()
+    assert first.board.state_hash() == second.board.state_hash()
+
+
+def test_the_widest_s_curve_can_be_saved_and_hashed() -> None:
+    rig = Rig()
+    rig.send("SET_PRFL_S_CRV")
+    rig.send("SET_ACTL_POS", -(2**30))
+    for name, value in (("POS", 2**30 - 1), ("VEL", 2**30 - 1), ("MAX_ACC", 1), ("JERK", 1)):
+        rig.send("SET_" + name, value)
+    rig.send("UPDATE")
+    rig.board.run_for(SECOND)
+    assert len(rig.board.state_hash()) == 64
+    other = Rig()
+    other.board.load(rig.board.save())
+    assert other.board.state_hash() == rig.board.state_hash()
+
+
+@pytest.mark.parametrize("motor", [None, StepperMotor])
+def test_an_hour_of_rest_is_passed_over_at_once(motor: Callable[[], Plant] | None) -> None:
+    """And equals the hour stepped cycle by cycle in state: time is all that changes."""
+    rig = Rig(motor)
+    rig.send("SET_PHASE_2")
+    rig.send("SET_BUF_MTR_CMD", 0x4000)
+    rig.send("UPDATE")
+    rig.board.run_for(2 * SECOND)
+    rig.board.catch_up()
+    chip = rig.chip
+    assert isinstance(chip, MC1241A)
+    calls = 0
+    plain = chip._cycle
+
+    def counted() -> None:
+        nonlocal calls
+        calls += 1
+        plain()
+
+    chip._cycle = counted  # type: ignore[method-assign]
+    time = chip.shared.time
+    rig.board.run_for(3600 * SECOND)
+    rig.board.catch_up()
+    assert chip.shared.time - time in (6_633_254, 6_633_255)
+    assert calls <= 1
+
+
+def test_rest_ends_at_a_time_breakpoint() -> None:
+    rig = Rig()
+    rig.send("SET_BRK_PNT", 1_000_000)
+    rig.send("SET_TIME_BRK")
+    rig.send("SET_INTRPT_MASK", 0x0004)
+    assert rig.chip.next_event() == 1_000_000 * CYCLE
+    rig.board.watch("m.~HostIntrpt", Observer())
+    rig.board.run_until(1_000_000 * CYCLE - 1)
+    assert rig.chip.pins["~HostIntrpt"].value == 1
+    rig.board.run_until(1_000_000 * CYCLE)
+    assert rig.chip.pins["~HostIntrpt"].value == 0
+
+
+@settings(deadline=None, max_examples=60)
+@given(actions, motors)
+def test_no_output_changes_before_the_next_event(
+    deeds: list[tuple[str, int]], motor: Callable[[], Plant] | None
+) -> None:
+    """What leases and interrupt-driven hosts rely on."""
+    rig = Rig(motor)
+    for deed in deeds:
+        rig.do(deed)
+    rig.board.catch_up()
+    due = rig.chip.next_event()
+    assert due > rig.board.now
+    levels = (rig.chip.pins["HostRdy"].value, rig.chip.pins["~HostIntrpt"].value)
+    rig.board.run_until(min(due, rig.board.now + 50 * CYCLE) - 1)
+    rig.board.catch_up()
+    assert levels == (rig.chip.pins["HostRdy"].value, rig.chip.pins["~HostIntrpt"].value)
