@@ -66,6 +66,8 @@ class Session:
         self._skipped: int = 0
         self.received: int = 0
         self.sent: int = 0
+        self._changed: Callable[[], bool] = link.changed
+        link.on_data = self._take
         link.on_end = self._host_gone
         self._read_on()
 
@@ -104,6 +106,9 @@ class Session:
             if not data:
                 self.end("closed by the host")
                 return
+            if self._changed():
+                self.link.sort(data)
+                return
             self.received += len(data)
             self._serve(data)
             served += 1
@@ -119,6 +124,10 @@ class Session:
             if self._skipped == RETRY:
                 self._skipped = 0
                 self._patience = 1
+
+    def _take(self, data: bytes) -> None:
+        self.received += len(data)
+        self._serve(data)
 
     def _serve(self, data: bytes) -> None:
         self._pacer.catch_up()
@@ -220,17 +229,16 @@ class Session:
 
     # -- ending -------------------------------------------------------------------------------
 
-    def _host_gone(self) -> None:
-        """The link says the host has gone; what it sent before is still carried out."""
-        while self._open and not self.port.held:
+    def _host_gone(self, carry_out: bool) -> None:
+        """The link says that the host has gone; maybe what it sent before is to be carried out."""
+        while carry_out and self._open and not self.port.held:
             try:
                 data = os.read(self.link.fd, READ_SIZE)
             except OSError:
                 break
             if not data:
                 break
-            self.received += len(data)
-            self._serve(data)
+            self._take(data)
         self.end("closed by the host")
 
     def end(self, reason: str) -> None:

@@ -18,8 +18,15 @@ class Link:
     def __init__(self, fd: int, peer: str) -> None:
         self.fd: int = fd
         self.peer: str = peer
-        self.on_end: Callable[[], None] | None = None
-        """Called by the transport when the host has gone (where reading does not tell)."""
+        self.on_data: Callable[[bytes], None] = _ignore
+        """Set by the session: takes bytes the transport has read or sorted."""
+        self.on_end: Callable[[bool], None] = _ignore
+        """Set by the session; called by the transport when the host has gone (where reading does
+        not tell). True: what can still be read is that host's and is carried out."""
+        self.changed: Callable[[], bool] = _never
+        """Tells whether hosts have come or gone: asked after each read, because the bytes may then
+        be another host's; :attr:`sort` gives them to the right session."""
+        self.sort: Callable[[bytes], None] = _ignore
 
     def close(self) -> None:
         """End the link from this side."""
@@ -65,8 +72,12 @@ class Transport:
         raise NotImplementedError
 
 
-def _ignore(sentence: str) -> None:
+def _ignore(_: object) -> None:
     pass
+
+
+def _never() -> bool:
+    return False
 
 
 def split_url(url: str) -> tuple[str, str, dict[str, str]]:

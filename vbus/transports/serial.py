@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import os
+import termios
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
@@ -73,6 +74,10 @@ class SerialTransport(Transport):
         except (SerialException, ValueError, OSError) as error:
             raise TransportError(f"{self.url}: {error}") from error
         os.set_blocking(port.fileno(), False)
+        # With pyserial's VMIN of 0 a read that finds nothing looks like a closed line.
+        attributes = termios.tcgetattr(port.fileno())
+        attributes[6][termios.VMIN] = 1
+        termios.tcsetattr(port.fileno(), termios.TCSANOW, attributes)
         self.state = "connected"
         if self._on_link is not None:
             self._on_link(SerialLink(self, port))

@@ -1,0 +1,161 @@
+"""Who has a terminal open: several at a time, one right after the other, gone in the middle."""
+
+import os
+import select
+import subprocess
+import sys
+import termios
+import tty
+from pathlib import Path
+
+from tests.e2e.serving import served
+from tests.e2e.test_pty import PTY, open_raw, read_exactly, toy_board, wait_for_sessions
+from vbus.server.registry import ask, status_path
+from vbus.server.server import Server
+
+ECHO = b"\x02"
+
+
+def wait_until_served(server: Server, count: int) -> None:
+    """Wait until ``count`` sessions have begun in all."""
+    for _ in range(10_000):
+        if ask(status_path(server.board.name))["links"][0]["served"] >= count:
+            return
+    raise AssertionError(f"fewer than {count} sessions were served")
+
+
+def test_a_client_with_two_descriptors_may_close_one_of_them(runtime: Path) -> None:
+    # The system reports two opens in a row as one: counting reports would end the session here.
+    with served(toy_board(), PTY) as server:
+        one, two = open_raw(runtime / "x"), open_raw(runtime / "x")
+        os.write(one, b"\x31\x01")
+        wait_until_served(server, 1)
+        os.close(one)
+
+        os.write(two, b"\x42\x11")
+        assert read_exactly(two, 2) == b"D\x42", "the request goes on where it was"
+        os.close(two)
+        wait_for_sessions(server, 0)
+
+
+def test_clients_that_follow_each_other_without_a_pause_are_each_answered(runtime: Path) -> None:
+    with served(toy_board(), PTY):
+        for number in range(200):
+            fd = open_raw(runtime / "x")
+            os.write(fd, ECHO + bytes((number,)))
+            assert read_exactly(fd, 2) == b"E" + bytes((number,))
+            os.close(fd)
+
+
+def test_half_a_request_is_forgotten_though_the_next_client_comes_at_once(runtime: Path) -> None:
+    with served(toy_board(), PTY):
+        for number in range(50):
+            fd = open_raw(runtime / "x")
+            os.write(fd, ECHO + b"\x01\x31\x01")
+            assert read_exactly(fd, 2) == b"E\x01"
+            os.close(fd)
+
+            fd = open_raw(runtime / "x")
+            os.write(fd, ECHO + bytes((number,)))
+            assert read_exactly(fd, 2) == b"E" + bytes((number,))
+            os.close(fd)
+
+
+def test_replies_still_on_their_way_when_a_client_closed_reach_nobody(runtime: Path) -> None:
+    with served(toy_board(), PTY) as server:
+        for number in range(100):
+            fd = open_raw(runtime / "x")
+            os.write(fd, (ECHO + b"\x55") * 20)
+            os.close(fd)
+            wait_until_served(server, number + 1)
+            wait_for_sessions(server, 0)
+        fd = open_raw(runtime / "x")
+        os.write(fd, ECHO + b"\x77")
+        assert read_exactly(fd, 2) == b"E\x77"
+        os.close(fd)
+
+
+def test_what_a_client_left_while_it_was_held_is_not_carried_out_for_the_next(
+    runtime: Path,
+) -> None:
+    hour = (3600 * 10**12).to_bytes(8, "big")
+    with served(toy_board(policy="realtime"), PTY) as server:
+        fd = open_raw(runtime / "x")
+        os.write(fd, ECHO + b"\x01\x50" + hour)
+        assert read_exactly(fd, 2) == b"E\x01"
+        os.write(fd, b"\x21\x66")
+        os.close(fd)
+        wait_for_sessions(server, 0)
+
+        fd = open_raw(runtime / "x")
+        os.write(fd, b"\x11")
+        assert read_exactly(fd, 2) == b"D\x00"
+        os.close(fd)
+
+
+def test_a_terminal_left_cooked_is_raw_for_the_next_client(runtime: Path) -> None:
+    with served(toy_board(), PTY) as server:
+        fd = open_raw(runtime / "x")
+        cooked = termios.tcgetattr(fd)
+        cooked[tty.OFLAG] |= termios.OPOST | termios.ONLCR
+        cooked[tty.LFLAG] |= termios.ICANON | termios.ECHO
+        termios.tcsetattr(fd, termios.TCSANOW, cooked)
+        wait_until_served(server, 1)
+        os.close(fd)
+        wait_for_sessions(server, 0)
+
+        fd = open_raw(runtime / "x")
+        assert not termios.tcgetattr(fd)[tty.LFLAG] & (termios.ICANON | termios.ECHO)
+        os.write(fd, ECHO + b"\n")
+        assert read_exactly(fd, 2) == b"E\n"
+        os.close(fd)
+
+
+UNPRIVILEGED = """
+import ctypes, fcntl, os, termios
+from pathlib import Path
+
+# Root may open a terminal in exclusive use; without CAP_SYS_ADMIN it may not.
+header, sets = (ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)()
+libc = ctypes.CDLL(None)
+assert libc.capget(header, sets) == 0
+sets[0] &= ~(1 << 21)
+assert libc.capset(header, sets) == 0
+
+from tests.e2e.serving import served
+from tests.e2e.test_pty import PTY, open_raw, read_exactly, toy_board, wait_for_sessions
+
+name = Path(os.environ["VBUS_RUNTIME"]) / "x"
+with served(toy_board(), PTY) as server:
+    fd = open_raw(name)
+    fcntl.ioctl(fd, termios.TIOCEXCL)
+    os.write(fd, b"\\x02\\x01")
+    assert read_exactly(fd, 2) == b"E\\x01"
+    os.close(fd)
+    wait_for_sessions(server, 0)
+    fd = open_raw(name)
+    os.write(fd, b"\\x02\\x02")
+    assert read_exactly(fd, 2) == b"E\\x02"
+    os.close(fd)
+"""
+
+
+def test_exclusive_use_left_behind_does_not_lock_out_the_next_unprivileged_client() -> None:
+    root = Path(__file__).parents[2]
+    subprocess.run([sys.executable, "-c", UNPRIVILEGED], cwd=root, check=True, timeout=60)
+
+
+def test_an_idle_terminal_does_not_wake_the_server(runtime: Path) -> None:
+    # While nobody has the terminal open its master reports a hang-up, which is not to be waited on.
+    with served(toy_board(), PTY) as server:
+        fd = open_raw(runtime / "x")
+        os.write(fd, ECHO + b"\x01")
+        assert read_exactly(fd, 2) == b"E\x01"
+        os.close(fd)
+        wait_for_sessions(server, 0)
+
+        loop = server._loop
+        assert loop is not None
+        selector = loop._selector  # type: ignore[attr-defined]
+        watched = [key.fd for key in selector.get_map().values()]
+        assert select.select(watched, [], [], 0)[0] == []
