@@ -247,6 +247,16 @@ def test_rest_ends_at_a_time_breakpoint() -> None:
     assert rig.chip.pins["~HostIntrpt"].value == 0
 
 
+def test_a_breakpoint_met_at_rest_fires_in_its_own_cycle_though_nobody_looks() -> None:
+    rig = Rig()
+    for name, value in (("POS", 1000), ("VEL", 3 << 16), ("ACC", 3 << 16), ("BRK_PNT", -5)):
+        rig.send("SET_" + name, value)
+    rig.board.run_until((rig.board.now // CYCLE + 1) * CYCLE)
+    rig.send("SET_POS_BRK")
+    rig.board.run_for(20 * CYCLE)
+    assert rig.chip.telemetry()["target 1"] == 60
+
+
 @settings(deadline=None, max_examples=60)
 @given(actions, motors)
 def test_no_output_changes_before_the_next_event(
