@@ -13,6 +13,8 @@ from vbus.kernel import MS, US
 
 ROWS = {row.code: row for row in COMMANDS}
 LEGAL = {*ROWS, 0x49}
+AXES = [0x02, 0x01] * 15
+"""Changes of the current axis, often enough to matter."""
 
 
 class Packet:
@@ -131,7 +133,7 @@ class AnyHost(RuleBasedStateMachine):
         self.packet.read(word)
 
     @precondition(lambda self: self.ready)
-    @rule(value=st.integers(0, 2**32 - 1), code=st.sampled_from(sorted(ROWS)))
+    @rule(value=st.integers(0, 2**32 - 1), code=st.sampled_from([*sorted(ROWS), *AXES]))
     def whole_packet(self, value: int, code: int) -> None:
         row = ROWS[code]
         self.bench.wait_ready()

@@ -137,15 +137,14 @@ class HostPort:
 
     def _word(self) -> int:
         """Return the word the host may read now."""
-        if self._illegal:
-            return 0
         if self._given < self._writes:
             if not self._low_read_next:
                 self._chip.report(UNEXPECTED_READ)  # PMD-BUS-11
             return 0
-        if self._taken < self._reads:
-            return self._result >> 16 * (self._reads - 1 - self._taken) & 0xFFFF
-        return self._checksum
+        return self._data_word() if self._taken < self._reads else self._checksum
+
+    def _data_word(self) -> int:
+        return self._result >> 16 * (self._reads - 1 - self._taken) & 0xFFFF
 
     # -- at the end of the busy time ----------------------------------------------------------
 
@@ -157,11 +156,9 @@ class HostPort:
             self._begin_packet(value)
         elif pending == WORD:
             self._take_word(value)
-        elif pending == TAKEN and not self._illegal and self._given == self._writes:
-            if self._taken < self._reads:
-                word = self._result >> 16 * (self._reads - 1 - self._taken) & 0xFFFF
-                self._checksum = (self._checksum + word) & 0xFFFF
-                self._taken += 1
+        elif pending == TAKEN and self._taken < self._reads:
+            self._checksum = (self._checksum + self._data_word()) & 0xFFFF
+            self._taken += 1
 
     def _open(self, row: Command | None, writes: int, reads: int) -> None:
         self._row = row
@@ -198,7 +195,7 @@ class HostPort:
         self._chip.report(ILLEGAL, code, detail=f"{code:02X}H is not a command of this chip set")
 
     def _take_word(self, word: int) -> None:
-        if self._illegal or self._given >= self._writes:
+        if self._given >= self._writes:
             return
         self._given += 1
         self._value = self._value << 16 | word
