@@ -1,7 +1,12 @@
 """A brushed DC motor behind a voltage amplifier."""
 
+from typing import Final
+
 from vbus.options import Option, Settings
 from vbus.plant.shaft import SHAFT_OPTIONS, Shaft, mass_options
+
+NO_CURRENT: Final = 1e-12
+"""Amperes below which a decaying current is over; it would fade for hundreds of periods more."""
 
 
 class DcMotor(Shaft):
@@ -68,6 +73,8 @@ class DcMotor(Shaft):
             current = keep * current + admitted
             self._turn(piece, self._torque_constant * current)
             current -= induced * self.velocity
+        if -NO_CURRENT < current < NO_CURRENT:
+            current = 0.0
         self.current = current
         self._resting = current == before and speed == self.velocity and not self._moved()
         return self._end()

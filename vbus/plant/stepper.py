@@ -58,10 +58,11 @@ class StepperMotor(Shaft):
         # Eight sub-steps to a radian of the rotor's swing at its natural frequency.
         stiffness = (self._holding + 4.0 * self._detent) * self._cycles
         pieces = self._substeps
-        while 64.0 * stiffness * period * period > self._inertia * pieces * pieces:
-            pieces *= 2
-            if pieces >= MOST_PIECES:
-                break
+        while (
+            pieces < MOST_PIECES
+            and 64.0 * stiffness * period * period > self._inertia * pieces * pieces
+        ):
+            pieces = min(2 * pieces, MOST_PIECES)
         self._finest = pieces
         self._divided = 0
         self._period = period
