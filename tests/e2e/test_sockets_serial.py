@@ -71,6 +71,17 @@ def test_a_claim_makes_the_other_session_wait_for_its_turn() -> None:
             assert ask_socket(two, b"", 4) == b"D\x07E\x22"
 
 
+def test_a_host_that_lets_a_century_pass_does_not_keep_another_one_waiting() -> None:
+    with served(toy_board(), LinkSpec("tcp:0", "byte")) as server:
+        port = int(server.urls[0].rpartition(":")[2])
+        with (
+            socket.create_connection(("127.0.0.1", port)) as one,
+            socket.create_connection(("127.0.0.1", port)) as two,
+        ):
+            one.sendall(b"\x50" + (10**18).to_bytes(8, "big") + b"\x02\x01")
+            assert ask_socket(two, b"\x02\x22", 2) == b"E\x22"
+
+
 def test_a_port_in_use_is_a_clear_error() -> None:
     with socket.socket() as holder:
         holder.bind(("127.0.0.1", 0))

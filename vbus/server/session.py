@@ -12,7 +12,7 @@ from vbus.protocols.port import HostPort
 from vbus.server.pacer import Pacer
 from vbus.transports.base import Link
 
-READ_SIZE: Final = 16384
+READ_SIZE: Final = 4096
 LOOKS: Final = 24 if len(os.sched_getaffinity(0)) > 1 else 0
 """How often to look for a next message before sleeping: some 30 us. On a single processor looking
 would only keep the host from running."""
