@@ -247,7 +247,7 @@ def dac_writes(edges: Edges) -> list[tuple[int, int, int]]:
     return writes
 
 
-@spec("PMD-USTP-5", "PMD-USTP-7", "PMD-AMB-29")
+@spec("PMD-USTP-5", "PMD-USTP-7")
 def test_each_look_up_writes_each_phase_s_dac() -> None:
     bench = powered()
     bench.send("SET_2")

@@ -55,6 +55,8 @@ class HostPort:
         self._high: int = 0
         self._low_write_next: bool = False
         self._low_read_next: bool = False
+        self._word: int = 0
+        self._word_is_data: bool = False
         self._reading: bool = False
 
     def reset(self, since: int, ready: int) -> None:
@@ -111,8 +113,9 @@ class HostPort:
         """A read of the data port begins; return the byte that is driven (PMD-BUS-3)."""
         self._reading = self._ready()
         if self._reading:
-            word = self._word()
-            self.last_driven = word & 0xFF if self._low_read_next else word >> 8
+            if not self._low_read_next:
+                self._latch()
+            self.last_driven = self._word & 0xFF if self._low_read_next else self._word >> 8
         return self.last_driven
 
     def end_read(self) -> int:
@@ -135,16 +138,17 @@ class HostPort:
         elif self._pending == NOTHING:
             self._low_write_next = False
 
-    def _word(self) -> int:
-        """Return the word the host may read now."""
+    def _latch(self) -> None:
+        """Take the word whose bytes the host reads next."""
+        self._word_is_data = False
         if self._given < self._writes:
-            if not self._low_read_next:
-                self._chip.report(UNEXPECTED_READ)  # PMD-BUS-11
-            return 0
-        return self._data_word() if self._taken < self._reads else self._checksum
-
-    def _data_word(self) -> int:
-        return self._result >> 16 * (self._reads - 1 - self._taken) & 0xFFFF
+            self._chip.report(UNEXPECTED_READ)  # PMD-BUS-11
+            self._word = 0
+        elif self._taken < self._reads:
+            self._word = self._result >> 16 * (self._reads - 1 - self._taken) & 0xFFFF
+            self._word_is_data = True
+        else:
+            self._word = self._checksum
 
     # -- at the end of the busy time ----------------------------------------------------------
 
@@ -156,8 +160,8 @@ class HostPort:
             self._begin_packet(value)
         elif pending == WORD:
             self._take_word(value)
-        elif pending == TAKEN and self._taken < self._reads:
-            self._checksum = (self._checksum + self._data_word()) & 0xFFFF
+        elif pending == TAKEN and self._word_is_data:
+            self._checksum = (self._checksum + self._word) & 0xFFFF
             self._taken += 1
 
     def _open(self, row: Command | None, writes: int, reads: int) -> None:
@@ -216,7 +220,7 @@ class HostPort:
             self._pending_value, self._code, int(self._row is not None), int(self._illegal),
             self._writes, self._reads, self._given, self._taken, self._value, self._result,
             self._checksum, self._high, int(self._low_write_next), int(self._low_read_next),
-            int(self._reading),
+            self._word, int(self._word_is_data), int(self._reading),
         )  # fmt: skip
 
     def load(self, state: tuple[int, ...]) -> None:
@@ -225,10 +229,12 @@ class HostPort:
             self.busy_until, self.busy_since, self.last_driven, self._pending,
             self._pending_value, self._code, row, illegal,
             self._writes, self._reads, self._given, self._taken, self._value, self._result,
-            self._checksum, self._high, low_write, low_read, reading,
+            self._checksum, self._high, low_write, low_read,
+            self._word, word_is_data, reading,
         ) = state  # fmt: skip
         self._row = COMMANDS.by_code(self._code) if row else None
         self._illegal = bool(illegal)
         self._low_write_next = bool(low_write)
         self._low_read_next = bool(low_read)
+        self._word_is_data = bool(word_is_data)
         self._reading = bool(reading)
