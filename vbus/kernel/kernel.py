@@ -118,6 +118,8 @@ class Kernel:
             raise ValueError(f"state has {len(state) - 1} timers, this kernel {len(self._timers)}")
         self.now = state[0]
         self._instant.clear()
+        # What moves from here on does not move together with what moved before.
+        self.batch += 1
         self._heap = []
         self.next_due = NEVER
         for timer, due in zip(self._timers, state[1:], strict=True):

@@ -1,5 +1,7 @@
 """Breakpoint compare with the TRIG pin (MCP-BRK), capture by INDEX and TRIG (MCP-CAP)."""
 
+import itertools
+
 import pytest
 
 from tests.conformance.mcp1200.conftest import Bench, Rail, low_pulse
@@ -147,7 +149,7 @@ def test_repeat_backwards_with_a_negative_step() -> None:
     bench.wait(21_000 * 8)
     falls = edges.of("TRIG", 0)
     assert len(falls) == 5
-    assert {b - a for a, b in zip(falls, falls[1:], strict=False)} == {20_000}
+    assert {b - a for a, b in itertools.pairwise(falls)} == {20_000}
 
 
 @pytest.mark.spec("MCP-BRK-3", "MCP-STA-2")

@@ -1,5 +1,7 @@
 """DAC port and PWM (MCP-OUT)."""
 
+import itertools
+
 import pytest
 
 from tests.conformance.mcp1200.conftest import Bench, Rail
@@ -131,7 +133,7 @@ def test_the_resolution_table(chip: Bench, code: int, resolution: int) -> None:
     chip.wait(6 * 1600)
     rises = edges.of("PULSE", 1)[1:]
     falls = edges.of("PULSE", 0)[1:]
-    assert {b - a for a, b in zip(rises, rises[1:], strict=False)} == {resolution}
+    assert {b - a for a, b in itertools.pairwise(rises)} == {resolution}
     # 25 of 100 parts.
     assert falls[1] - rises[1] == resolution // 4
 

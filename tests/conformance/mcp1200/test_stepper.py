@@ -1,5 +1,7 @@
 """Step mode: pulses, direction, position, stall check (MCP-STP)."""
 
+import itertools
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -142,7 +144,7 @@ def test_the_slowest_step_rate_takes_minutes() -> None:
     edges = bench.watch("PULSE")
     bench.until(bench.cycle + 520 * period)
     rises = edges.of("PULSE", 1)
-    assert [b - a for a, b in zip(rises, rises[1:], strict=False)] == [256 * period]
+    assert [b - a for a, b in itertools.pairwise(rises)] == [256 * period]
 
 
 @pytest.mark.spec("MCP-STP-3")

@@ -107,8 +107,8 @@ ROWS: tuple[tuple[str, str, int, int, Callable[[int], list[Edge]]], ...] = (
      lambda gap: separate(False, cs_low=gap)),
     ("tAC", "MCP-TIM-11", 2_100, 3_100, lambda gap: overlapped(ale_to_cs=gap)),
     ("tACH", "MCP-TIM-12", 2_100, 3_100, lambda gap: overlapped(ale_up=gap)),
-    ("tACH", "MCP-TIM-12", 2_100, 3_100, lambda gap: inside(ale_up=gap + 20 * NS)[:-1]
-     + [(40 * NS + gap, "/CS", 1)]),
+    ("tACH", "MCP-TIM-12", 2_100, 3_100,
+     lambda gap: [*inside(ale_up=gap + 20 * NS)[:-1], (40 * NS + gap, "/CS", 1)]),
     ("tSDR", "MCP-TIM-15", 2_100, 3_100, lambda gap: separate(True, data_setup=gap)),
     ("tH", "MCP-TIM-16", 2_100, 3_100, lambda gap: separate(True, address_hold=gap)),
     ("tH", "MCP-TIM-16", 2_100, 3_100, lambda gap: overlapped(address_hold=gap)),

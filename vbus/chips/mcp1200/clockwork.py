@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.capture import Breakpoint, index_edge
+from vbus.chips.mcp1200.capture import Breakpoint
 from vbus.chips.mcp1200.core import IDLE, Core
 from vbus.chips.mcp1200.counter import PositionCounter
 from vbus.chips.mcp1200.drive import PlantDrive
@@ -57,10 +57,10 @@ class Clockwork:
     """
 
     __slots__ = (
-        "_aiming", "_at_reset", "_at_results", "_at_routine", "_at_sample", "_clock", "_counted",
-        "_counts_before", "_report", "_request", "_sent", "_stall_clk", "_steps_before",
-        "_target", "_writes", "breakpoint", "core", "counter", "drive", "encoder",
-        "encoder_pins", "file", "host", "pwm", "released", "side", "state", "stepper", "timer",
+        "_aiming", "_at_reset", "_at_results", "_at_routine", "_at_sample", "_clock", "_report",
+        "_request", "_stall_clk", "_target", "_writes", "breakpoint", "core", "counter", "drive",
+        "encoder", "encoder_pins", "file", "host", "pwm", "released", "side", "state", "stepper",
+        "timer",
     )  # fmt: skip
 
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
@@ -90,10 +90,6 @@ class Clockwork:
         self._writes: list[tuple[int, int, int]] = []
         self._aiming: bool = False
         """The loop has closed: followers may follow its aim."""
-        self._sent: int = 0
-        self._counted: int = 0
-        self._steps_before: int = 0
-        self._counts_before: int = 0
         self._target: int = 0
         self._at_reset: int = FAR
         self._at_sample: int = FAR
@@ -109,21 +105,20 @@ class Clockwork:
 
     def _next_own(self) -> int:
         return min(
-            self.encoder.at, self.encoder_pins.due(), self.counter.at_match, self._at_reset,
-            self._at_results, self._at_sample, self._at_routine, self.encoder.end,
+            self._next_count(), self._at_reset, self._at_results, self._at_sample,
+            self._at_routine, self.encoder.end,
         )  # fmt: skip
+
+    def _next_count(self) -> int:
+        """When the position counter has something to do."""
+        return min(self.encoder.at, self.encoder_pins.due(), self.counter.at_match)
 
     def next_output(self) -> int:
         """A cycle not later than the next change of an output other than Pulse and Sign."""
-        due = min(
-            self.encoder.at, self.encoder_pins.due(), self.counter.at_match, self._at_reset,
-            self._at_results, self._at_routine,
-        )  # fmt: skip
+        due = min(self._next_count(), self._at_reset, self._at_results, self._at_routine)
         if self._writes:
             due = min(due, self._writes[0][0])
-        awake = (
-            self.state == CONTROL or self._request != NO_REQUEST or self.breakpoint.armed
-        )  # fmt: skip
+        awake = self.state == CONTROL or self._request != NO_REQUEST or self.breakpoint.armed
         if awake:
             due = min(due, self._at_sample)
         if self.encoder.plant is not None and (awake or not self.drive.at_rest()):
@@ -138,9 +133,8 @@ class Clockwork:
             cycle = self._next_own()
             if writes:
                 first = writes[0][0]
-                if first <= target and (
-                    first < cycle or (first == cycle and not self._counts_at(cycle))
-                ):
+                counting = self._next_count() <= cycle
+                if first <= target and (first < cycle or (first == cycle and not counting)):
                     self._take_write(*writes.pop(0))
                     continue
             if cycle > target:
@@ -164,16 +158,10 @@ class Clockwork:
             else:
                 self._next_period(cycle)
 
-    def _counts_at(self, cycle: int) -> bool:
-        """Whether the position counter has something to do at ``cycle``."""
-        return min(self.encoder.at, self.encoder_pins.due(), self.counter.at_match) <= cycle
-
     def pulsing(self) -> bool:
         """Whether Pulse or Sign may move although nothing is due inside."""
-        if self.state == HELD:
-            return False
-        if self.file.bytes[ds.CONFIG] & ds.STEP_MODE:
-            return True
+        if self.state == HELD or self.file.bytes[ds.CONFIG] & ds.STEP_MODE:
+            return self.state != HELD
         return self.released >= 0 or not self.pwm.steady()
 
     # -- what the bus does --------------------------------------------------------------------
@@ -217,23 +205,13 @@ class Clockwork:
 
     # -- what the inputs do -------------------------------------------------------------------
 
-    @property
-    def limit_low(self) -> bool:
-        """/LIMIT is low."""
-        return self.side.limit == 0
-
-    @property
-    def stop_low(self) -> bool:
-        """/STOP is low."""
-        return self.side.stop == 0
-
     def controlling(self) -> bool:
         """Whether mode flags take effect: control mode, not halted."""
         return self.state == CONTROL and not self.core.halted
 
     def guard(self) -> None:
         """Idle with /LIMIT low: the motor outputs stay off (MCP-MOD-4)."""
-        if self.state == STANDING and self.limit_low and self.file.bytes[ds.EXCEPTION] & 3:
+        if self.state == STANDING and self.side.limit == 0 and self.file.bytes[ds.EXCEPTION] & 3:
             self.core.outputs_off()
 
     def limit_pin(self, level: int, cycle: int) -> None:
@@ -266,16 +244,6 @@ class Clockwork:
     def _start_timer(self, cycle: int) -> None:
         self.timer.reload(cycle)
         self._at_sample = self.timer.next_zero()
-
-    def count_external(self, direction: int, cycle: int) -> None:
-        """An encoder on the CHA and CHB nets has moved by one count."""
-        before = self.counter.equal(cycle)
-        self.encoder.add(direction)
-        self.counter.look_equal(before, cycle)
-
-    def index_external(self, rising: bool, cycle: int) -> None:
-        """The INDEX net has moved and passed its filter."""
-        index_edge(self.file.bytes, rising, self.counter.position(cycle))
 
     # -- reset --------------------------------------------------------------------------------
 
@@ -376,21 +344,21 @@ class Clockwork:
         self.core.enter_control(position)
         self.file.bytes[ds.MODE] = ds.CONTROL_CODE
         self._aiming = False
-        self._steps_before = self.stepper.sent(cycle)
-        self._counts_before = self.encoder.count(cycle) + self.encoder.external
+        self._look_for_stall(cycle)
 
     def _begin_control_sample(self, cycle: int, position: int, halt: bool) -> None:
-        work = self.core.begin(position, self.limit_low, self.stop_low, halt)
+        work = self.core.begin(position, self.side.limit == 0, self.side.stop == 0, halt)
         if work == IDLE:
             self._enter_idle(cycle)
             return
         self._at_results = cycle + work
-        sent = self.stepper.sent(cycle)
-        counts = self.encoder.count(cycle) + self.encoder.external
-        self._sent, self._steps_before = sent - self._steps_before, sent
-        self._counted, self._counts_before = counts - self._counts_before, counts
+        self._look_for_stall(cycle)
         if self.core.abrupt:
             self.stepper.stop(cycle)
+
+    def _look_for_stall(self, cycle: int) -> None:
+        counts = self.encoder.count(cycle) + self.encoder.external
+        self.core.stall.look(self.stepper.sent(cycle), counts)
 
     def _enter_idle(self, cycle: int) -> None:
         self._at_results = FAR
@@ -407,7 +375,7 @@ class Clockwork:
         self._at_results = FAR
         core = self.core
         self.pwm.roll(cycle - 1)
-        core.finish(self._sent, self._counted)
+        core.finish()
         self._aiming = True
         data = self.file.bytes
         data[ds.MODE] = ds.HALT_CODE if core.halted else ds.CONTROL_CODE
@@ -449,12 +417,8 @@ class Clockwork:
 
     def _next_period(self, cycle: int) -> None:
         """The plant's period is over: run it to the next instant its drive may change."""
-        end = min(
-            self._at_sample if self._at_sample > cycle else FAR,
-            self._at_results if self._at_results > cycle else FAR,
-        )
-        if end == FAR:
-            end = cycle + max(self.timer.period, 1)
+        dues = [due for due in (self._at_sample, self._at_results) if cycle < due < FAR]
+        end = min(dues) if dues else cycle + self.timer.period
         self.drive.period(cycle, end, self._aiming, self.core.following.aim())
         self.counter.plan()
 
@@ -470,16 +434,14 @@ class Clockwork:
         """Return the state."""
         return (
             self.state, self.released, self._request, tuple(self._writes), self._aiming,
-            self._sent, self._counted, self._steps_before, self._counts_before, self._at_reset,
-            self._at_sample, self._at_results, self._at_routine, self.counter.at_match,
-            tuple(part.save() for part in self._parts()),
+            self._at_reset, self._at_sample, self._at_results, self._at_routine,
+            self.counter.at_match, tuple(part.save() for part in self._parts()),
         )  # fmt: skip
 
     def load(self, state: tuple[object, ...]) -> None:
         """Take back what :meth:`save` gave."""
         (
-            self.state, self.released, self._request, writes, self._aiming,
-            self._sent, self._counted, self._steps_before, self._counts_before, self._at_reset,
+            self.state, self.released, self._request, writes, self._aiming, self._at_reset,
             self._at_sample, self._at_results, self._at_routine, self.counter.at_match, parts,
         ) = state  # type: ignore[assignment]  # fmt: skip
         self._writes[:] = [tuple(write) for write in writes]  # type: ignore[attr-defined]

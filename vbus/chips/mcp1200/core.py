@@ -197,13 +197,8 @@ class Core:
         self.bytes[ds.STATUS] |= ds.BUSY
         return work_clocks(image, mode)
 
-    def finish(self, steps_sent: int, counts: int) -> None:
-        """Compute the sample and show its results.
-
-        Args:
-            steps_sent: step pulses since the sample before (step mode).
-            counts: how far the encoder moved since then.
-        """
+    def finish(self) -> None:
+        """Compute the sample and show its results."""
         image = self._image
         data = self.bytes
         position = self._position
@@ -220,7 +215,7 @@ class Core:
             following.begin(self.command.position)
         self.steps = following.step(image, self.command.position, position)
         if step_mode:
-            too_large = self.stall.sample(image, steps_sent, counts)
+            too_large = self.stall.stalled(image)
         else:
             too_large = following.too_large
         if too_large:

@@ -97,6 +97,16 @@ class PositionCounter:
             index_edge(self._bytes, self._index_high, position)
         self.plan()
 
+    def count_external(self, direction: int, cycle: int) -> None:
+        """An encoder on the CHA and CHB nets has moved by one count."""
+        before = self.equal(cycle)
+        self._encoder.add(direction)
+        self.look_equal(before, cycle)
+
+    def index_external(self, rising: bool, cycle: int) -> None:
+        """The INDEX net has moved and passed its filter."""
+        index_edge(self._bytes, rising, self.position(cycle))
+
     def replan(self, cycle: int) -> None:
         """Look anew for what will be reached: a setting has changed."""
         self._encoder.look_from(cycle)

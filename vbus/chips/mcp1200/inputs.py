@@ -75,11 +75,11 @@ class EncoderPins:
         decoder = self.decoder
         while (found := decoder.settle(cycle)) != 0:
             if found & COUNTED:
-                works.count_external(decoder.direction, decoder.at)
+                works.counter.count_external(decoder.direction, decoder.at)
             if found & SKIPPED:
                 works.report(ds.DOUBLE_EDGE)
             if found & (INDEX_FELL | INDEX_ROSE):
-                works.index_external(bool(found & INDEX_ROSE), decoder.at)
+                works.counter.index_external(bool(found & INDEX_ROSE), decoder.at)
 
     def _moved(self) -> None:
         chip = self._chip

@@ -183,9 +183,9 @@ class HostRegisters:
     def clear_errors(self) -> None:
         """Any write to R07: flags off, except of a pin that is still low (MCP-STA-2)."""
         flags = ds.ERROR_FLAGS
-        if self._works.limit_low:
+        if self._works.side.limit == 0:
             flags &= ~ds.LIMIT_OK
-        if self._works.stop_low:
+        if self._works.side.stop == 0:
             flags &= ~ds.STOP_OK
         self._bytes[ds.STATUS] = self._bytes[ds.STATUS] & ~ds.ERROR_FLAGS | flags
 

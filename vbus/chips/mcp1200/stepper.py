@@ -147,12 +147,19 @@ class StallCheck:
     A window closes when it holds at least four samples and at least one whole expected count.
     """
 
-    __slots__ = ("_counts", "_expected", "_samples")
+    __slots__ = (
+        "_counts", "_counts_seen", "_expected", "_samples", "_steps", "_steps_seen", "_way",
+    )  # fmt: skip
 
     def __init__(self) -> None:
         self._samples: int = 0
         self._expected: int = 0
         self._counts: int = 0
+        self._steps_seen: int = 0
+        self._counts_seen: int = 0
+        # Since the sample before: steps sent, and counts moved.
+        self._steps: int = 0
+        self._way: int = 0
 
     def clear(self) -> None:
         """Begin a window."""
@@ -160,21 +167,22 @@ class StallCheck:
         self._expected = 0
         self._counts = 0
 
-    def sample(self, image: bytes, steps: int, counts: int) -> bool:
-        """Take in one sample; tell whether the motor has stalled.
+    def look(self, steps: int, counts: int) -> None:
+        """A sample starts: take what steps and encoder have come to."""
+        self._steps = steps - self._steps_seen
+        self._steps_seen = steps
+        self._way = counts - self._counts_seen
+        self._counts_seen = counts
 
-        Args:
-            image: the registers at the sample's start.
-            steps: steps sent since the sample before.
-            counts: how far the encoder has moved since then.
-        """
+    def stalled(self, image: bytes) -> bool:
+        """Take the sample into the window; tell whether it closes with a stalled motor."""
         ratio = image[ds.RATIO_MSB] << 8 | image[ds.RATIO_FRACTION]
         if ratio == 0:
             self.clear()
             return False
         self._samples += 1
-        self._expected += abs(steps) * ratio
-        self._counts += abs(counts)
+        self._expected += abs(self._steps) * ratio
+        self._counts += abs(self._way)
         if self._samples < 4 or self._expected < 256:
             return False
         stalled = self._counts * 256 < self._expected
@@ -183,8 +191,14 @@ class StallCheck:
 
     def save(self) -> tuple[int, ...]:
         """Return the state."""
-        return (self._samples, self._expected, self._counts)
+        return (
+            self._samples, self._expected, self._counts, self._steps_seen, self._counts_seen,
+            self._steps, self._way,
+        )  # fmt: skip
 
     def load(self, state: tuple[int, ...]) -> None:
         """Take back what :meth:`save` gave."""
-        self._samples, self._expected, self._counts = state
+        (
+            self._samples, self._expected, self._counts, self._steps_seen, self._counts_seen,
+            self._steps, self._way,
+        ) = state  # fmt: skip
