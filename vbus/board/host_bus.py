@@ -25,6 +25,9 @@ SETTLE_EVERY: Final = 4096
 
 FLOATING: Final = 0xFF
 
+APPROACH: Final = 1000 * US
+"""How long before a host's time stamp the board may be brought there: more than any strobe takes."""
+
 
 class HostBus(HostPort):
     """The port a board gives to one session; see :class:`~vbus.protocols.port.HostPort`.
@@ -352,6 +355,9 @@ class HostBus(HostPort):
             raise PortError(codes.BAD_AT, f"at {when}: before the last at, {self._last_at}")
         self._last_at = when
         self._stamp = when
+        # Far ahead: the server brings time near it in slices, before the strobes of that cycle.
+        if when - APPROACH > self.board.limit:
+            self._hold(when - APPROACH)
 
     def now(self) -> int:
         """Return chip time."""

@@ -15,11 +15,21 @@ from vbus.transports.linux import TimerFd
 AHEAD: Final = 2 * MS
 """How far chip time may run ahead of the wall clock (ps)."""
 TICK: Final = 10 * MS
-"""How much chip time a lazy chip may owe before it is brought up to date (ps)."""
+"""How much chip time a lazy chip may owe before it is brought up to date (ps), at rate 1."""
+SHORTEST_TICK: Final = 5 * MS
+LONGEST_TICK: Final = 50 * MS
+CHEAP_NS: Final = 50_000
+DEAR_NS: Final = 200_000
+"""Bringing chips up to date that takes less or more than this is done less or more often: boards
+at rest are left alone, and no host waits long for what others owe."""
 STALL: Final = 100 * MS
-"""A gap between two looks at the wall clock beyond which the machine has stalled (ps)."""
+"""A gap between two looks at the wall clock beyond which the machine has stalled (ps, rate 1)."""
 SLICE: Final = 10 * MS
 """Chip time computed in one go; between slices the event loop answers others."""
+LEASE: Final = 100 * MS
+"""Chip time by which a host that is master of time may move it in one go; more is sliced."""
+SLICE_NS: Final = 20_000_000
+"""Wall time that a slice for such a host should not exceed."""
 
 
 class Pacer:
@@ -28,7 +38,8 @@ class Pacer:
     One anchor ties wall time to chip time and never moves, so nothing drifts; except with
     ``stall="slip"``, where the time of a stalled machine is left out, and reported.
 
-    Lockstep and slaved boards are moved by their hosts; the pacer then does nothing.
+    Lockstep and slaved boards are moved by their hosts. The pacer then sees to it that a long
+    DELAY is computed in slices, so that other hosts, and Ctrl-C, are answered meanwhile.
 
     Args:
         board: the board.
@@ -58,6 +69,14 @@ class Pacer:
         self._clock: Callable[[], int] = clock
         rate = Fraction(0 if not self.real or self.free else board.rate).limit_denominator(10**6)
         self._ps_per_ns: tuple[int, int] = (1000 * rate.numerator, rate.denominator)
+        # What is meant in wall time grows with the rate; chip time computed at a time does not
+        # shrink with it.
+        scale = max(1, self._ps_per_ns[0] // (1000 * self._ps_per_ns[1]))
+        self._stalled: int = STALL * scale
+        self._scale: int = scale
+        self._tick: int = TICK * scale
+        self._slice: int = SLICE
+        self._slicing: bool = False
         self._anchor_ns: int = clock()
         self._anchor_ps: int = board.now
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -66,8 +85,8 @@ class Pacer:
         self._tick_at: int = 0
         self._wakes: list[tuple[int, int, Callable[[], None]]] = []
         self._wake_number: int = 0
-        if self.real and not self.free:
-            board.limit = board.now + AHEAD
+        self._paced: bool = self.real and not self.free
+        board.limit = board.now + (AHEAD if self._paced else LEASE)
 
     # -- time ---------------------------------------------------------------------------------
 
@@ -82,12 +101,13 @@ class Pacer:
         Returns:
             Whether it is there; after a stall only one slice is computed at a time.
         """
-        if not self.real or self.free:
-            return True
         board = self.board
+        if not self._paced:
+            board.limit = board.kernel.now + LEASE
+            return True
         wall = target = self.wall()
         behind = target - board.kernel.now
-        if behind > STALL:
+        if behind > self._stalled:
             if self.stall == "slip":
                 self._anchor_ps -= behind
                 self.slipped += behind
@@ -97,7 +117,7 @@ class Pacer:
         board.limit = target + AHEAD
         if target > board.kernel.now:
             board.run_until(target)
-        if behind <= STALL:
+        if behind <= self._stalled:
             return True
         self._note_lag(behind if self.stall == "slip" else wall - board.kernel.now)
         return self.stall == "slip"
@@ -115,11 +135,11 @@ class Pacer:
         self._anchor_ns = self._clock()
         self._anchor_ps = self.board.now
         if self.free:
-            loop.call_soon(self._run_free)
+            self._slice_soon()
         elif self.real:
             self._timer = TimerFd()
             loop.add_reader(self._timer.fd, self._woken)
-            self._tick_at = self.board.now + TICK
+            self._tick_at = self.board.now + self._tick
             self.arm()
 
     def stop(self) -> None:
@@ -132,11 +152,17 @@ class Pacer:
         self._loop = None
 
     def wake_at(self, instant: int, callback: Callable[[], None]) -> None:
-        """Call back when the wall clock allows chip time ``instant`` (ps)."""
+        """Call back when chip time may run to ``instant`` (ps)."""
         if instant < NEVER:
             self._wake_number += 1
-            heapq.heappush(self._wakes, (instant - AHEAD, self._wake_number, callback))
-            self.arm()
+            when = instant - AHEAD if self._paced else instant
+            if not self._wakes:
+                self._slice = SLICE  # what was at rest the last time may move by now
+            heapq.heappush(self._wakes, (when, self._wake_number, callback))
+            if self._paced:
+                self.arm()
+            else:
+                self._slice_soon()
 
     def arm(self) -> None:
         """Set the timer to the earliest of: next watched edge, next wake-up, next tick."""
@@ -152,7 +178,9 @@ class Pacer:
             self._timer.set(max(1, wait))
 
     def touched(self) -> None:
-        """A host has been served: an edge may be due earlier now."""
+        """A host has been served: an edge may be due earlier now, and chips may have begun to owe
+        time.
+        """
         if self.board.kernel.next_due < self._armed:
             self.arm()
 
@@ -164,16 +192,57 @@ class Pacer:
         self._armed = NEVER
         there = self.catch_up()
         now = self.board.now
-        while self._wakes and self._wakes[0][0] <= now:
-            heapq.heappop(self._wakes)[2]()
+        self._wake(now)
         if now >= self._tick_at or not there:
+            started = self._clock()
             self.board.catch_up()
-            self._tick_at = now + (TICK if there else 0)
+            self._adapt_tick(self._clock() - started)
+            self._tick_at = now + (self._tick if there else 0)
         self.arm()
 
-    def _run_free(self) -> None:
-        """Run one slice of chip time, then let the event loop serve the hosts."""
-        if self._loop is not None:
-            self.board.run_until(self.board.now + SLICE)
-            self.board.catch_up()
-            self._loop.call_soon(self._run_free)
+    def _wake(self, now: int) -> None:
+        while self._wakes and self._wakes[0][0] <= now:
+            heapq.heappop(self._wakes)[2]()
+
+    def _adapt_tick(self, took: int) -> None:
+        if took < CHEAP_NS:
+            self._tick = min(self._tick * 2, LONGEST_TICK * self._scale)
+        elif took > DEAR_NS:
+            self._tick = max(self._tick // 2, SHORTEST_TICK * self._scale)
+
+    # -- where no wall clock holds time back ----------------------------------------------------
+
+    def _slice_soon(self) -> None:
+        if self._loop is not None and not self._slicing:
+            self._slicing = True
+            self._loop.call_soon(self._run_slice)
+
+    def _run_slice(self) -> None:
+        """Compute one slice of chip time, then let the event loop serve the hosts.
+
+        Time moves by itself on a board without limit; else only as far as a held host asks.
+        """
+        self._slicing = False
+        if self._loop is None or not (self._wakes or self.free):
+            return
+        board = self.board
+        target = min(board.now + self._slice, NEVER - 1)
+        if not self.free:
+            target = min(target, self._wakes[0][0])
+        started = self._clock()
+        if target > board.now:
+            board.run_until(target)
+            board.catch_up()
+        board.limit = board.now + LEASE
+        if not self.free:
+            self._adapt_slice(self._clock() - started)
+        self._wake(board.now)
+        if self.free or self._wakes:
+            self._slice_soon()
+
+    def _adapt_slice(self, took: int) -> None:
+        """A day of rest costs nothing, a second of a hundred moving axes does."""
+        if took < SLICE_NS // 4:
+            self._slice *= 2
+        elif took > SLICE_NS:
+            self._slice = max(self._slice // 2, SLICE)

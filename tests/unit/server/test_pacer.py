@@ -1,11 +1,14 @@
 """Pacer: wall time to chip time, with a wall clock under the test's control."""
 
+from collections.abc import Callable
+from typing import Any
+
 import pytest
 
 from tests.unit.board.toy import Toy
 from vbus.board.board import Board
 from vbus.kernel import MS, NEVER, SECOND
-from vbus.server.pacer import AHEAD, SLICE, Pacer
+from vbus.server.pacer import AHEAD, LEASE, SLICE, SLICE_NS, Pacer
 
 
 class WallClock:
@@ -111,7 +114,7 @@ def test_the_wall_clock_does_not_move_a_board_whose_host_is_master_of_time(polic
     pacer.catch_up()
 
     assert board.now == 0
-    assert board.limit == NEVER
+    assert board.limit == LEASE
 
 
 def test_an_unknown_stall_policy_is_refused() -> None:
@@ -128,3 +131,136 @@ def test_looking_often_or_seldom_is_no_lag_while_the_machine_keeps_up() -> None:
 
     assert board.now == 108_050_000_000
     assert (pacer.lag, pacer.worst_lag) == (0, 0)
+
+
+class Loop:
+    """As much of an event loop as a host-paced board needs; the test runs it step by step."""
+
+    def __init__(self) -> None:
+        self.soon: list[Callable[[], None]] = []
+
+    def call_soon(self, callback: Callable[[], None]) -> None:
+        self.soon.append(callback)
+
+    def step(self) -> bool:
+        due, self.soon = self.soon, []
+        for callback in due:
+            callback()
+        return bool(self.soon)
+
+
+class Labour(Toy):
+    """A chip whose computing takes wall time."""
+
+    wall: WallClock
+    cost_ns = 0
+
+    def advance(self) -> None:
+        super().advance()
+        self.wall.ns += self.cost_ns
+
+
+def laborious(cost_ns: int, rate: float = 1.0, policy: str = "lockstep") -> tuple[
+    Board, Pacer, Loop
+]:  # fmt: skip
+    board = Board("bench", policy, rate=rate)
+    chip = board.add_chip(Labour, "t", "TOY", 8_000_000)
+    assert isinstance(chip, Labour)
+    chip.wall, chip.cost_ns = WallClock(), cost_ns
+    pacer, loop = Pacer(board, clock=chip.wall), Loop()
+    started: Any = loop
+    pacer.start(started)
+    return board, pacer, loop
+
+
+def test_a_long_delay_of_a_host_that_is_master_of_time_is_computed_in_slices() -> None:
+    board, pacer, loop = laborious(cost_ns=SLICE_NS + 1)
+    woken: list[int] = []
+    pacer.wake_at(SECOND + 1, lambda: woken.append(board.now))
+
+    steps = 1
+    while loop.step():
+        assert board.now == steps * SLICE
+        assert board.limit == board.now + LEASE
+        steps += 1
+
+    assert steps == SECOND // SLICE + 1
+    assert woken == [SECOND + 1]
+    assert board.now == SECOND + 1, "and not a picosecond further"
+
+
+def test_a_month_of_rest_takes_few_slices() -> None:
+    board, pacer, loop = laborious(cost_ns=0)
+    month = 30 * 24 * 3600 * SECOND
+    pacer.wake_at(month, lambda: None)
+
+    steps = 1
+    while loop.step():
+        steps += 1
+
+    assert steps == 28, "each slice is twice the one before"
+    assert board.now == month
+
+
+def test_the_next_delay_starts_with_short_slices_again() -> None:
+    board, pacer, loop = laborious(cost_ns=0)
+    pacer.wake_at(3600 * SECOND, lambda: None)
+    while loop.step():
+        pass
+
+    pacer.wake_at(7200 * SECOND, lambda: None)
+    loop.step()
+
+    assert board.now == 3600 * SECOND + SLICE
+
+
+def test_without_a_limit_of_rate_time_runs_by_itself_one_slice_at_a_time() -> None:
+    board, _, loop = laborious(cost_ns=0, rate=float("inf"), policy="realtime")
+
+    for step in range(1, 6):
+        assert loop.step()
+        assert board.now == step * SLICE
+
+
+def test_time_without_a_limit_of_rate_stops_before_the_end_of_all_instants() -> None:
+    board, _, loop = laborious(cost_ns=0, rate=float("inf"), policy="realtime")
+    board.run_until(NEVER - 2 * SLICE)
+
+    for _ in range(5):
+        loop.step()
+
+    assert board.now == NEVER - 1
+
+
+def test_a_stall_is_a_gap_in_wall_time_at_any_rate() -> None:
+    board, pacer, wall = paced(rate=1000.0)
+
+    wall.ns += 99_000_000
+    assert pacer.catch_up()
+    assert board.now == 99 * SECOND
+
+    wall.ns += 101_000_000
+    assert not pacer.catch_up()
+    assert board.now == 99 * SECOND + SLICE
+
+
+@pytest.mark.parametrize(
+    ("cost_ns", "ticks"),
+    [(0, [20, 40, 50, 50]), (100_000, [10, 10, 10, 10]), (300_000, [5, 5, 5, 5])],
+)
+def test_chips_that_owe_little_are_brought_up_to_date_less_often(
+    cost_ns: int, ticks: list[int]
+) -> None:
+    board = Board("bench", "realtime")
+    chip = board.add_chip(Labour, "t", "TOY", 8_000_000)
+    assert isinstance(chip, Labour)
+    chip.wall, chip.cost_ns = WallClock(), cost_ns
+    pacer = Pacer(board, clock=chip.wall)
+
+    found = []
+    for _ in ticks:
+        chip.wall.ns += 60_000_000
+        pacer._woken()
+        found.append((pacer._tick_at - board.now) // MS)
+
+    assert found == ticks

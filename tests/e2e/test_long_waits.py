@@ -1,0 +1,129 @@
+"""A host that lets much time pass stops nobody else, and not the server."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.serving import served
+from tests.e2e.test_pty import open_raw, read_exactly, toy_board, wait_for_sessions
+from vbus.board.board import Board
+from vbus.server.server import LinkSpec
+from vbus.signals import Observer
+
+ONE = LinkSpec("pty:$VBUS_RUNTIME/one", "byte")
+WEEK = 7 * 24 * 3600 * 10**12
+
+
+def u64(number: int) -> bytes:
+    return number.to_bytes(8, "big")
+
+
+RESTLESS = """
+import sys
+from tests.unit.board.toy import Toy
+from vbus.board.board import Board
+from vbus.kernel import MS
+from vbus.server.server import LinkSpec, run
+
+class Restless(Toy):
+    '''Moves for ever: each millisecond of it takes a while to compute.'''
+
+    done = 0
+
+    def advance(self):
+        super().advance()
+        while self.done < self.kernel.now:
+            self.done += MS
+            sum(range(2000))
+
+board = Board("bench", sys.argv[1])
+board.add_chip(Restless, "t", "TOY", 8_000_000)
+links = [LinkSpec(f"pty:$VBUS_RUNTIME/{name}", "byte") for name in ("one", "two")]
+run(board, links, on_ready=lambda server: print("ready", flush=True))
+"""
+
+
+@pytest.mark.parametrize(
+    ("policy", "wait"),
+    [
+        ("lockstep", b"\x50" + u64(WEEK)),
+        ("lockstep", b"\x50" + b"\xff" * 8),
+        ("slaved", b"\x51" + u64(WEEK) + b"\x10"),
+        ("slaved", b"\x51" + u64(WEEK) + b"\x53"),
+    ],
+    ids=["delay", "longest delay", "read", "sync"],
+)
+def test_others_are_answered_and_ctrl_c_ends_it_while_one_host_waits_for_a_week(
+    runtime: Path, policy: str, wait: bytes
+) -> None:
+    server = subprocess.Popen(
+        [sys.executable, "-c", RESTLESS, policy],
+        stdout=subprocess.PIPE,
+        cwd=Path(__file__).parents[2],
+    )
+    try:
+        assert server.stdout is not None
+        assert server.stdout.readline() == b"ready\n"
+        one, two = open_raw(runtime / "one"), open_raw(runtime / "two")
+        os.write(one, b"\x02\x01" + wait + b"\x02\x02")
+        assert read_exactly(one, 2) == b"E\x01"
+
+        for number in range(10):
+            os.write(two, bytes((0x02, number)))
+            assert read_exactly(two, 2) == bytes((ord("E"), number))
+
+        server.send_signal(signal.SIGINT)
+        assert server.wait(10) == 0
+        os.close(one)
+        os.close(two)
+        assert not os.path.lexists(runtime / "one")
+    finally:
+        server.kill()
+        server.wait()
+        if server.stdout is not None:
+            server.stdout.close()
+
+
+def test_a_long_delay_ends_at_the_picosecond_and_what_follows_is_done_there(runtime: Path) -> None:
+    with served(toy_board(), ONE) as server:
+        fd = open_raw(runtime / "one")
+        os.write(fd, b"\x50" + u64(WEEK + 1) + b"\x52\x21\x77\x52")
+        assert read_exactly(fd, 9) == b"T" + u64(WEEK + 1)
+        assert read_exactly(fd, 9) == b"T" + u64(WEEK + 1 + 10**6)
+        os.close(fd)
+        wait_for_sessions(server, 0)
+
+
+class Cycles(Observer):
+    def __init__(self) -> None:
+        self.seen: list[tuple[int, int]] = []
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        self.seen.append((when, data))
+
+
+def test_a_time_stamp_far_ahead_is_met_at_the_picosecond(runtime: Path) -> None:
+    board = toy_board(policy="slaved")
+    cycles = Cycles()
+    board.observe(cycles)
+    with served(board, ONE):
+        fd = open_raw(runtime / "one")
+        os.write(fd, b"\x51" + u64(WEEK) + b"\x21\x07\x51" + u64(WEEK + 5) + b"\x11")
+        assert read_exactly(fd, 2) == b"D\x07"
+        os.close(fd)
+    assert cycles.seen == [(WEEK, 7), (WEEK + 5, 7)]
+
+
+def test_a_board_without_a_limit_of_rate_answers_its_hosts(runtime: Path) -> None:
+    board = Board("bench", "realtime", rate=float("inf"))
+    with served(board, ONE):
+        fd = open_raw(runtime / "one")
+        os.write(fd, b"\x50" + u64(10 * 10**12) + b"\x02\x01")
+        assert read_exactly(fd, 2) == b"E\x01"
+        os.close(fd)
