@@ -9,6 +9,7 @@ import msgpack
 
 from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus
+from vbus.board.pin_maps import PinMap
 from vbus.board.strobe_player import StrobePlayer
 from vbus.chips.base import Chip
 from vbus.errors import SnapshotError
@@ -205,6 +206,7 @@ class Board:
         chips: Iterable[str] | None = None,
         cycle_ps: int = 0,
         card: Card | None = None,
+        pin_map: PinMap | None = None,
     ) -> HostBus:
         """Open a host's hold on some chips (default: all).
 
@@ -213,9 +215,12 @@ class Board:
             chips: names, in the order of SELECT's bits.
             cycle_ps: what a whole bus cycle costs; 0 is the default of the time policy.
             card: address decoding of a plug-in card, for hosts that know card addresses.
+            pin_map: wiring of a microcontroller's port bits, for hosts that know only those.
         """
         names = list(chips) if chips is not None else [chip.name for chip in self.chips]
-        port = HostBus(self, label, [self.chip(name) for name in names], cycle_ps, card)
+        members = [self.chip(name) for name in names]
+        port = HostBus(self, label, members, cycle_ps, card)
+        port.pin_map = pin_map
         self.ports.append(port)
         return port
 

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import Final
 
-from vbus.board import cards, plugins
+from vbus.board import cards, pin_maps, plugins
 from vbus.board.board import Board
 from vbus.board.config import read_board_file, read_board_text
 from vbus.board.sections import RESTS, BoardFile, HostSection, PlantSection
@@ -129,4 +129,14 @@ def card_of(file: BoardFile, host: HostSection) -> cards.Card | None:
             blocks.append((reached.index(name), moved))
             start += card.block or max(row.offset for row in rows) + 1
         return cards.card_of_rows(card.name, card.base, card.stride, blocks)
+    return None
+
+
+def pin_map_of(file: BoardFile, name: str) -> pin_maps.PinMap | None:
+    """Return the pin map called ``name``; None if there is none or nothing was named."""
+    everybody = tuple(chip.name for chip in file.chips)
+    for section in file.pinmaps:
+        if section.name == name:
+            meant = section.chips or everybody
+            return pin_maps.PinMap(name, section.pins, section.low, section.high, meant)
     return None

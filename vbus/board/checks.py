@@ -1,6 +1,7 @@
 """What cannot be seen in one key alone: names that must exist, owners there may be one of."""
 
 from vbus.board import board, cards, plugins
+from vbus.board.pin_map_checks import PinMapChecks
 from vbus.board.sections import NO_PLANT, BoardFile, CardSection, ChipSection
 from vbus.board.settings import listed, quoted, suggestion
 from vbus.board.source import Source
@@ -47,6 +48,9 @@ class _Checks:
         self._nets()
         for card in self._file.cards:
             self._card(card)
+        self._pin_maps = PinMapChecks(self._parts, self._known["chips"], self._source)
+        for section in self._file.pinmaps:
+            self._pin_maps.check(section)
         self._hosts()
         self._violations()
 
@@ -259,6 +263,10 @@ class _Checks:
                 )
             if host.card and self._exists((*path, "card"), "cards", host.card):
                 self._behind_card((*path, "card"), host.card, reached)
+            if host.pinmap and self._exists((*path, "pinmap"), "pinmaps", host.pinmap):
+                for section in self._file.pinmaps:
+                    if section.name == host.pinmap:
+                        self._pin_maps.host((*path, "pinmap"), host, section, reached)
 
     def _plugin(self, path: Path, group: str, name: str) -> None:
         if name not in plugins.names(group):

@@ -18,7 +18,7 @@ from vbus.signals.axis import SWITCHES
 
 _Section = TypeVar("_Section", bound=sections.Section)
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
-_NAMED: Final = ("chips", "plants", "nets", "buses", "cards")
+_NAMED: Final = ("chips", "plants", "nets", "buses", "cards", "pinmaps")
 _SECTIONS: Final = ("board", "violations", *_NAMED, "hosts")
 
 
@@ -86,6 +86,7 @@ class _Reader:
             nets=tuple(self._nets()),
             buses=tuple(self._plain("buses", sections.BusSection)),
             cards=tuple(self._cards()),
+            pinmaps=tuple(self._pin_maps()),
             hosts=tuple(self._hosts()),
         )
         known = {kind: list(self._table((kind,), self._data) or ()) for kind in _NAMED}
@@ -316,6 +317,23 @@ class _Reader:
                 sections.CardSection, table, path, (), ("ports",), name=name, ports=known
             )
             if read is not None and isinstance(rows, list):
+                yield read
+
+    def _pin_maps(self) -> Iterator[sections.PinMapSection]:
+        for name, table in self._named("pinmaps"):
+            path = ("pinmaps", name)
+            wires: dict[str, tuple[str, ...]] = {}
+            pins = self._table((*path, "pins"), table) or {}
+            for bit, value in pins.items():
+                targets = self._names(
+                    (*path, "pins", bit), [value] if isinstance(value, str) else value
+                )
+                if targets is not None:
+                    wires[bit] = targets
+            read = self._keys(
+                sections.PinMapSection, table, path, (), ("pins",), name=name, pins=wires
+            )
+            if read is not None and len(wires) == len(pins):
                 yield read
 
     def _hosts(self) -> Iterator[sections.HostSection]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from vbus.board.cards import Card
 from vbus.board.host_pins import HostPins
+from vbus.board.pin_maps import PinMap, wiring
 from vbus.chips.base import Chip
 from vbus.kernel import NEVER, US
 from vbus.protocols import codes
@@ -57,6 +58,7 @@ class HostBus(HostPort):
         self.on_events: Callable[[], None] | None = None
         self._kernel = board.kernel
         self._card: Card | None = card
+        self.pin_map: PinMap | None = None
         self._cycles: list[int] = [cycle_ps or self._default_cycle(chip) for chip in chips]
         self._mask: int = 1
         self._selected: list[Chip] = chips[:1]
@@ -87,6 +89,7 @@ class HostBus(HostPort):
             self._pins.output_names(),
             self._pins.side_names(),
             ["claim", "events", "lines", "sync"],
+            wiring(self.pin_map, self.chips, self._pins),
         )
 
     # -- choosing chips -----------------------------------------------------------------------

@@ -169,6 +169,18 @@ class CardSection(Section, frozen=True, kw_only=True):
     ports: tuple[CardPortSection, ...] = ()
 
 
+class PinMapSection(Section, frozen=True, kw_only=True):
+    """``[pinmaps.NAME]``: which port bit of a microcontroller is wired to which pins of chips."""
+
+    name: str
+    chips: Annotated[
+        tuple[str, ...], _key(NAMES, "the chips that a pin without a chip's name means; else all")
+    ] = ()
+    low: Annotated[tuple[str, ...], _key(NAMES, "pins tied to ground")] = ()
+    high: Annotated[tuple[str, ...], _key(NAMES, "pins tied to the supply")] = ()
+    pins: dict[str, tuple[str, ...]] = {}
+
+
 class HostSection(Section, frozen=True, kw_only=True):
     """``[[hosts]]``: a link on which a host may attach."""
 
@@ -183,6 +195,9 @@ class HostSection(Section, frozen=True, kw_only=True):
         int, _key("s", "duration of a whole bus cycle; 0 s: as the time policy has it", low=0)
     ] = 0
     card: Annotated[str, _key("text", "the card whose addresses the host uses")] = ""
+    pinmap: Annotated[
+        str, _key("text", "the pin map of a microcontroller whose port bits are the host")
+    ] = ""
 
 
 NO_HOST: Final = HostSection(transport="")
@@ -200,4 +215,5 @@ class BoardFile(Section, frozen=True, kw_only=True):
     nets: tuple[NetSection, ...]
     buses: tuple[BusSection, ...]
     cards: tuple[CardSection, ...]
+    pinmaps: tuple[PinMapSection, ...]
     hosts: tuple[HostSection, ...]

@@ -48,6 +48,7 @@ class PortInfo:
         outputs: output lines by number; bit n of the ``s`` word of SAMPLE is ``outputs[n]``.
         pins: side pins by number, for PIN and GETPIN.
         features: optional requests this board understands.
+        wiring: which port bits of a microcontroller reach which pins (docs/board-file.md), or "".
     """
 
     board: str
@@ -58,6 +59,7 @@ class PortInfo:
     outputs: list[str] = field(default_factory=list)
     pins: list[str] = field(default_factory=list)
     features: list[str] = field(default_factory=list)
+    wiring: str = ""
 
 
 class HostPort:

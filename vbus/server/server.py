@@ -12,6 +12,7 @@ from typing import Any
 from vbus.board import plugins
 from vbus.board.board import Board
 from vbus.board.cards import Card
+from vbus.board.pin_maps import PinMap
 from vbus.errors import PluginError, TransportError
 from vbus.protocols.base import Protocol
 from vbus.server.pacer import Pacer
@@ -33,6 +34,7 @@ class LinkSpec:
         chips: names of the chips its sessions may select; empty for all.
         cycle_ps: cost of a whole bus cycle; 0 for the default.
         card: address decoding of a card, if any.
+        pin_map: wiring of a microcontroller's port bits, if any.
     """
 
     transport: str
@@ -40,6 +42,7 @@ class LinkSpec:
     chips: list[str] = field(default_factory=list)
     cycle_ps: int = 0
     card: Card | None = None
+    pin_map: PinMap | None = None
 
 
 class _Host:
@@ -121,7 +124,9 @@ class Server:
             host.served += 1
             label = f"host{self._hosts.index(host)}"
             spec = host.spec
-            port = self.board.open_port(label, spec.chips or None, spec.cycle_ps, spec.card)
+            port = self.board.open_port(
+                label, spec.chips or None, spec.cycle_ps, spec.card, spec.pin_map
+            )
             protocol = host.wire(port)
             session = Session(loop, link, port, protocol, self.pacer, host.sessions.remove)
             port.on_resume = session.resume_soon

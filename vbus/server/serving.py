@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 
-from vbus.board.build import build, card_of
+from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.config import read_board_file
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
@@ -17,10 +17,15 @@ def links_of(file: BoardFile) -> list[LinkSpec]:
     """Return the hosts of a board file as the server wants them."""
     return [
         LinkSpec(
-            host.transport, host.protocol, list(host.chips), host.cycle, card_of(file, host)
+            host.transport,
+            host.protocol,
+            list(host.chips),
+            host.cycle,
+            card_of(file, host),
+            pin_map_of(file, host.pinmap),
         )
         for host in file.hosts
-    ]  # fmt: skip
+    ]
 
 
 def serve(

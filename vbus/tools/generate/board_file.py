@@ -21,6 +21,7 @@ _SECTIONS: Final[dict[str, type[Struct]]] = {
     "buses": sections.BusSection,
     "cards": sections.CardSection,
     "ports": sections.CardPortSection,
+    "pinmaps": sections.PinMapSection,
     "hosts": sections.HostSection,
 }
 

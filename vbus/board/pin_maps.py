@@ -1,0 +1,165 @@
+"""Pin maps: how the port bits of a microcontroller are wired to the pins of chips."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from vbus.chips.base import Chip
+from vbus.signals import HIGH, LOW
+
+if TYPE_CHECKING:
+    from vbus.board.host_pins import HostPins
+
+PORT_BIT: Final = re.compile(r"[PR]([A-L])([0-7])")
+"""A port bit as an AVR (``PB3``) or a PIC (``RB3``) calls it."""
+
+DATA_WIRES: Final = tuple(f"D{number}" for number in range(8))
+"""Names of the single wires of D0-D7."""
+
+SELECT, READ, WRITE, LATCH, ADDRESS, DATA, SIDE, OUTPUT = "srwladpo"
+
+
+@dataclass(frozen=True, slots=True)
+class PinMap:
+    """A checked pin map of a board file.
+
+    Attributes:
+        name: for messages.
+        pins: port bit to what is wired to it; a ``!`` in front stands for an inverter.
+        low: pins tied to ground.
+        high: pins tied to the supply.
+        chips: the chips that a pin without a chip's name means.
+    """
+
+    name: str
+    pins: Mapping[str, tuple[str, ...]]
+    low: tuple[str, ...]
+    high: tuple[str, ...]
+    chips: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """One end of a pin map: a chip's pin and what drives it.
+
+    Attributes:
+        source: ``"B3"`` for a port bit, ``"0"`` or ``"1"`` for a tied pin, with ``!`` in front
+            where it is inverted.
+        chip: the chip's name.
+        pin: the pin's name; the wires of D0-D7 are D0 to D7.
+        path: where the board file says so, below the pin map's table.
+    """
+
+    source: str
+    chip: str
+    pin: str
+    path: tuple[str | int, ...]
+
+
+def targets(chip: Chip) -> list[str]:
+    """Return the pins of ``chip`` that a port bit can be wired to."""
+    names = [row.name for row in chip.PINS if row.width == 1 and not row.wave]
+    return [*DATA_WIRES, *names]
+
+
+def below(bit: str, names: tuple[str, ...]) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Give what a port bit is wired to, each with its path: one name needs no list."""
+    for place, name in enumerate(names):
+        yield ("pins", bit) if len(names) == 1 else ("pins", bit, place), name
+
+
+def wires(pin_map: PinMap, chips: Mapping[str, Chip]) -> Iterator[Wire]:
+    """Give every wire of the map; pins that do not exist are left out."""
+
+    def ends(source: str, name: str, path: tuple[str | int, ...]) -> Iterator[Wire]:
+        inverted = name.startswith("!")
+        owner, dot, pin = name.removeprefix("!").partition(".")
+        for chip in [owner] if dot else pin_map.chips:
+            if chip in chips and (pin if dot else owner) in targets(chips[chip]):
+                yield Wire("!" * inverted + source, chip, pin if dot else owner, path)
+
+    for bit, names in pin_map.pins.items():
+        match = PORT_BIT.fullmatch(bit)
+        for path, name in below(bit, names):
+            if match is not None:
+                yield from ends(match[1] + match[2], name, path)
+    for key, level, tied in (("low", "0", pin_map.low), ("high", "1", pin_map.high)):
+        for place, name in enumerate(tied):
+            yield from ends(level, name, (key, place))
+
+
+def roles(chip: Chip) -> dict[str, str]:
+    """Return what each pin is in a bus cycle, read off the cycles the chip itself describes.
+
+    The roles are those of the wiring text: ``s`` select, ``r`` and ``w`` strobes, ``l`` a strobe
+    that latches the address from D0-D7, ``a0`` ... address lines, ``d0`` ... the data bus.
+    """
+    found = {name: f"{DATA}{number}" for number, name in enumerate(DATA_WIRES)}
+    read, _ = _levels(chip, False, 0)
+    write, latches = _levels(chip, True, 0)
+    for row in chip.PINS:
+        if not row.strobe:
+            continue
+        if row.select:
+            found[row.name] = SELECT
+        elif row.name in latches:
+            found[row.name] = LATCH
+        elif read.get(row.name, HIGH) == LOW and write.get(row.name, HIGH) == HIGH:
+            found[row.name] = READ
+        elif write.get(row.name, HIGH) == LOW and read.get(row.name, HIGH) == HIGH:
+            found[row.name] = WRITE
+    # A pin whose level follows the address is neither strobe.
+    for bit in range(chip.ADDRESS_BITS):
+        high, _ = _levels(chip, True, 1 << bit)
+        for name, level in high.items():
+            if level == HIGH and write.get(name) == LOW:
+                found[name] = f"{ADDRESS}{bit}"
+    return found
+
+
+def _levels(chip: Chip, write: bool, address: int) -> tuple[dict[str, int], set[str]]:
+    """Return the control lines just before the latching edge, and which pulsed low before it."""
+    levels: dict[str, int] = {}
+    pulsed: set[str] = set()
+    for offset, name, level in chip.strobes(write, address, 0):
+        if offset < 0 and name in chip.pins and chip.pins[name] is not chip.data_pin:
+            if level == HIGH and levels.get(name) == LOW:
+                pulsed.add(name)
+            levels[name] = level
+    return levels, pulsed
+
+
+def missing(chip: Chip, wired: Iterable[str]) -> list[str]:
+    """Return the pins of the host bus that none of ``wired`` is, in the order of the manual."""
+    have = set(wired)
+    return [name for name in roles(chip) if name not in have]
+
+
+def wiring(pin_map: PinMap | None, chips: list[Chip], pins: HostPins) -> str:
+    """Return the wiring text of a session: what its host's pin decoder is told.
+
+    It is a list of ``ROLE=SOURCE`` separated by spaces. The role is a letter of :func:`roles`
+    with the number of the chip in the session in front of it, such as ``0r`` or ``1a0``; ``p3`` is
+    side pin 3 (PIN), ``o2`` output line 2. See :class:`Wire` for the source.
+    """
+    if pin_map is None:
+        return ""
+    by_name = {chip.name: chip for chip in chips}
+    entries: dict[str, None] = {}
+    roles_of = {chip.name: roles(chip) for chip in chips}
+    for wire in wires(pin_map, by_name):
+        chip = by_name[wire.chip]
+        role = roles_of[wire.chip].get(wire.pin)
+        if role is not None:
+            entries[f"{chips.index(chip)}{role}={wire.source}"] = None
+            continue
+        pin = chip.pins[wire.pin]
+        is_input = next(row for row in chip.PINS if row.name == wire.pin).direction == "in"
+        kind, known = (SIDE, pins.sides) if is_input else (OUTPUT, pins.outputs)
+        for number, other in enumerate(known):
+            if other.net is pin.net:
+                entries[f"{kind}{number}={wire.source}"] = None
+    return " ".join(entries)
