@@ -6,6 +6,7 @@
     +-- ConfigError       the board file is wrong: file, line, key, what is allowed
     +-- ProtocolError     a host's bytes cannot be understood; ends that session only
     +-- TransportError    a link cannot be opened or was lost (also an OSError)
+    |   +-- NameInUseError    another running process has the name
     +-- NotReadyError     a chip stays busy, or does not get there, beyond the host's own limit
     +-- PluginError       an entry point is missing or broken
     +-- SnapshotError     a saved state does not fit the board it is loaded into
@@ -40,6 +41,10 @@ class TransportError(VbusError, OSError):
 
 class NotReadyError(VbusError, TimeoutError):
     """A chip that stays busy, or an axis that does not get there, beyond the limit the host set."""
+
+
+class NameInUseError(TransportError):
+    """A name (a PTY's link, a socket, a board's name) that another running process has."""
 
 
 class PluginError(VbusError):

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "firmware_host_examples"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SAVE_AS = re.compile(r"(?:save this as|Save this as)\s+`([\w./-]+)`")
@@ -30,16 +32,25 @@ def steps(page: str) -> list[str]:
     return commands
 
 
-def run(page: Path, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Type a page's commands; a board of the README runs beside other pages, at ``$PTY``."""
-    prelude = "" if page.name == "README.md" else steps((ROOT / "README.md").read_text())[0]
-    if prelude:
-        prelude = f"{prelude}mv board.toml first.toml\nvbus run first.toml &\n{WAIT}"
-    script = "".join(
-        f"{command}\n{WAIT if 'vbus run' in command else ''}" for command in steps(page.read_text())
-    )
+def shell(commands: list[str]) -> str:
+    """Return a script; after each start of a board it waits until that board answers."""
+    script = "set -e -m\ntrap 'kill $(jobs -p)' EXIT\n"
+    boards = 0
+    for command in commands:
+        for line in command.splitlines(keepends=True):
+            script += line
+            if line.startswith("vbus run"):
+                boards += 1
+                script += (
+                    f"until [ $(vbus ls --json | grep -o pid | wc -l) = {boards} ]; do :; done\n"
+                )
+    return script
+
+
+def run(commands: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Type commands in a shell of their own in ``folder``."""
     return subprocess.run(
-        ["bash", "-c", f"set -e -m\ntrap 'kill $(jobs -p)' EXIT\n{prelude}{script}"],
+        ["bash", "-c", shell(commands)],
         cwd=folder,
         env={
             **os.environ,
@@ -49,16 +60,19 @@ def run(page: Path, folder: Path) -> subprocess.CompletedProcess[str]:
         },
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=100,
     )
-
-
-WAIT = "until vbus ls --json | grep -q board; do :; done\n"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_the_commands_of_a_page_work_as_printed(page: Path, tmp_path: Path) -> None:
-    done = run(page, tmp_path)
+    commands = steps(page.read_text())
+    if page.name != "README.md":
+        # Beside every other page runs the board of the README; its terminal is $PTY.
+        board = steps((ROOT / "README.md").read_text())[0]
+        commands = [board, "mv board.toml first.toml\nvbus run first.toml &\n", *commands]
+
+    done = run(commands, tmp_path)
 
     assert done.returncode == 0, done.stdout + done.stderr
     if page.name == "README.md":
@@ -67,3 +81,16 @@ def test_the_commands_of_a_page_work_as_printed(page: Path, tmp_path: Path) -> N
         assert "LM629N-8" in done.stdout
     if page.name == "byte-protocol.md":
         assert " 44 84\n" in done.stdout
+
+
+@pytest.mark.parametrize(
+    "page", sorted(EXAMPLES.glob("*/README.md")), ids=lambda page: page.parent.name
+)
+def test_the_commands_of_an_example_work_as_printed(page: Path, tmp_path: Path) -> None:
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+
+    done = run(steps(page.read_text()), tmp_path / "examples" / page.parent.name)
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    expected = (page.parent / "expected.txt").read_text()
+    assert expected in done.stdout or "diff" in page.read_text()

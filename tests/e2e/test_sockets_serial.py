@@ -15,6 +15,7 @@ from vbus.protocols.frames import frame
 from vbus.server.registry import ask, running, status_path
 from vbus.server.server import LinkSpec, Server
 from vbus.transports.base import split_url
+from vbus.transports.runtime import socket_address
 
 
 def ask_socket(link: socket.socket, request: bytes, count: int) -> bytes:
@@ -33,6 +34,19 @@ def test_a_unix_socket_belongs_to_its_owner_alone(runtime: Path) -> None:
             link.connect(str(runtime / "x"))
             assert ask_socket(link, b"\x21\x31\x11", 2) == b"D1"
     assert not (runtime / "x").exists()
+
+
+def test_a_path_longer_than_a_socket_address_does_not_matter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deep = tmp_path / ("d" * 100) / ("e" * 100)
+    monkeypatch.setenv("VBUS_RUNTIME", str(deep))
+    with served(toy_board(), LinkSpec("unix:$VBUS_RUNTIME/x", "byte")):
+        assert [board["board"] for board in running()] == ["bench"]
+        with socket.socket(socket.AF_UNIX) as link, socket_address(deep / "x") as address:
+            link.connect(address)
+            assert ask_socket(link, b"\x02\x01", 2) == b"E\x01"
+    assert not (deep / "x").exists()
 
 
 def test_tcp_listens_on_loopback_unless_told_otherwise() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from vbus.errors import TransportError
-from vbus.transports.runtime import runtime_directory
+from vbus.transports.runtime import runtime_directory, socket_address
 
 ANSWER_SECONDS: Final = 2.0
 """How long a running board may take to tell about itself."""
@@ -35,7 +35,8 @@ def ask(path: Path) -> dict[str, Any]:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
         link.settimeout(ANSWER_SECONDS)
         try:
-            link.connect(str(path))
+            with socket_address(path) as address:
+                link.connect(address)
             data = b""
             while chunk := link.recv(65536):
                 data += chunk

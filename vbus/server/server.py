@@ -13,7 +13,7 @@ from vbus.board import plugins
 from vbus.board.board import Board
 from vbus.board.cards import Card
 from vbus.board.pin_maps import PinMap
-from vbus.errors import PluginError, TransportError
+from vbus.errors import NameInUseError, PluginError, TransportError
 from vbus.protocols.base import Protocol
 from vbus.server.pacer import Pacer
 from vbus.server.registry import status_path
@@ -164,8 +164,8 @@ class Server:
         status = UnixTransport(str(path), {})
         try:
             status.open(loop, self._tell)
-        except TransportError as error:
-            raise TransportError(
+        except NameInUseError as error:
+            raise NameInUseError(
                 f'a board called "{self.board.name}" runs already ({error}); stop it, or give'
                 " this one another name"
             ) from error

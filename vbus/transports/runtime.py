@@ -4,9 +4,15 @@ import fcntl
 import os
 import stat
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
-from vbus.errors import TransportError
+from vbus.errors import NameInUseError, TransportError
+
+LONGEST_ADDRESS: Final = 107
+"""Bytes of a Unix socket's path that the system takes."""
 
 
 def runtime_directory() -> Path:
@@ -43,6 +49,22 @@ def _private(path: Path) -> Path:
     return path
 
 
+@contextmanager
+def socket_address(path: Path) -> Iterator[str]:
+    """Give the address of a Unix socket at ``path``, however long the path is.
+
+    The system takes 107 bytes at most; a longer path is reached through its open directory.
+    """
+    if len(os.fsencode(path)) <= LONGEST_ADDRESS:
+        yield str(path)
+        return
+    directory = os.open(path.parent, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        yield f"/proc/self/fd/{directory}/{path.name}"
+    finally:
+        os.close(directory)
+
+
 class NameLock:
     """Ownership of a name in the file system, given back by the system when its owner dies.
 
@@ -71,7 +93,7 @@ class NameLock:
                         break
                 except BlockingIOError:
                     owner = os.read(fd, 32).decode("ascii", "replace").strip() or "?"
-                    raise TransportError(
+                    raise NameInUseError(
                         f"{self._path} is in use by process {owner}; stop it or choose another name"
                     ) from None
                 except FileNotFoundError:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from vbus.errors import TransportError
 from vbus.transports.base import Link, Transport
-from vbus.transports.runtime import NameLock
+from vbus.transports.runtime import NameLock, socket_address
 
 
 class SocketLink(Link):
@@ -95,7 +95,8 @@ class UnixTransport(_SocketTransport):
             path.unlink(missing_ok=True)
             mask = os.umask(0o177)
             try:
-                listener.bind(self.path)
+                with socket_address(path) as address:
+                    listener.bind(address)
             finally:
                 os.umask(mask)
             self._listen(listener, loop, on_link)
