@@ -18,9 +18,9 @@ def command(as_json: bool) -> None:
     cc $(vbus cflags) -o host host.c
     """
     folder = Path(include_dir())
-    sources = sorted(str(source) for source in folder.glob("*.c"))
-    headers = sorted(str(header) for header in folder.glob("*.h"))
-    if not sources or not headers:
+    sources = [str(folder / "vbus.c")]
+    headers = [str(folder / "vbus.h")]
+    if not all(Path(file).exists() for file in [*sources, *headers]):
         raise VbusError(f"the C client is missing from {folder}; install vbus again")
     if as_json:
         click.echo(json.dumps({"include": str(folder), "sources": sources, "headers": headers}))

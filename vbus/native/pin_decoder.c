@@ -1,0 +1,285 @@
+/* pin_decoder.c - see pin_decoder.h. License: Apache-2.0. */
+#include "pin_decoder.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { UNWIRED, PORT_BIT, TIED };
+
+#define FLOATS 2U
+#define BIT(source) (1U << (source)->bit)
+
+/* --- the wiring text -------------------------------------------------------------------------- */
+
+/* Read "!B3", "0" or "1"; return what follows, or NULL. */
+static const char *read_source(const char *text, struct pin_source *source)
+{
+    source->inverted = *text == '!';
+    text += source->inverted;
+    if (*text == '0' || *text == '1') {
+        source->kind = TIED;
+        source->level = (unsigned char)(*text - '0');
+        return text + 1;
+    }
+    if (*text < 'A' || *text >= 'A' + PIN_PORTS || text[1] < '0' || text[1] > '7')
+        return NULL;
+    source->kind = PORT_BIT;
+    source->port = (unsigned char)(*text - 'A');
+    source->bit = (unsigned char)(text[1] - '0');
+    return text + 2;
+}
+
+static struct pin_source *add(struct pin_side *list, unsigned *count, unsigned most, long number)
+{
+    struct pin_side *side = list + *count;
+
+    if (*count == most)
+        return NULL;
+    ++*count;
+    side->number = (unsigned char)number;
+    side->level = FLOATS;
+    return &side->source;
+}
+
+/* Find where an entry such as "0r", "1a0", "p3" or "o2" goes; return what follows it, or NULL. */
+static const char *read_role(struct pin_decoder *decoder, const char *text, struct pin_source **place)
+{
+    char *end;
+    char role = *text;
+    long number;
+    struct pin_chip *chip;
+
+    if (role == 'p' || role == 'o') {
+        number = strtol(text + 1, &end, 10);
+        if (end == text + 1 || number < 0 || number >= (role == 'p' ? 256 : PIN_OUTPUTS))
+            return NULL;
+        *place = role == 'p' ? add(decoder->sides, &decoder->side_count, PIN_SIDES, number)
+                             : add(decoder->outputs, &decoder->output_count, PIN_OUTPUTS, number);
+        return end;
+    }
+    number = strtol(text, &end, 10);
+    if (end == text || number < 0 || number >= PIN_CHIPS)
+        return NULL;
+    chip = &decoder->chips[number];
+    if (decoder->chip_count <= (unsigned)number)
+        decoder->chip_count = (unsigned)number + 1;
+    role = *end++;
+    *place = role == 's' ? &chip->select : role == 'r' ? &chip->read : role == 'w' ? &chip->write
+             : role == 'l' ? &chip->latch : NULL;
+    if ((role == 'a' || role == 'd') && *end >= '0' && *end <= '7')
+        *place = (role == 'a' ? chip->address : chip->data) + (*end++ - '0');
+    return end;
+}
+
+int pin_decoder_init(struct pin_decoder *decoder, const char *wiring)
+{
+    const char *text = wiring;
+
+    memset(decoder, 0, sizeof *decoder);
+    memset(decoder->external, 0xFF, sizeof decoder->external);
+    while (*text != '\0') {
+        struct pin_source *place = NULL;
+        const char *next = read_role(decoder, text, &place);
+
+        if (next != NULL && place != NULL && *next == '=')
+            next = read_source(next + 1, place);
+        else
+            next = NULL;
+        if (next == NULL || (*next != ' ' && *next != '\0'))
+            return (int)(text - wiring) + 1;
+        text = next + (*next == ' ');
+    }
+    return 0;
+}
+
+/* --- levels ----------------------------------------------------------------------------------- */
+
+/* What stands at a pin: 0, 1, or 2 where nobody drives it. */
+static unsigned at(const struct pin_decoder *decoder, const struct pin_source *source)
+{
+    if (source->kind == TIED)
+        return source->level ^ source->inverted;
+    if (source->kind == UNWIRED || !(decoder->drive[source->port] & BIT(source)))
+        return FLOATS;
+    return !(decoder->level[source->port] & BIT(source)) ^ !source->inverted;
+}
+
+/* The same where something must be read: a floating line is what the microcontroller sees there. */
+static unsigned seen(const struct pin_decoder *decoder, const struct pin_source *source)
+{
+    unsigned level = at(decoder, source);
+
+    if (level == FLOATS && source->kind == PORT_BIT)
+        return !(pin_decoder_input(decoder, source->port) & BIT(source)) ^ !source->inverted;
+    return level == FLOATS ? 1 : level;
+}
+
+static unsigned byte_at(const struct pin_decoder *decoder, const struct pin_source *lines)
+{
+    unsigned value = 0, bit;
+
+    for (bit = 0; bit < 8; bit++)
+        if (lines[bit].kind != UNWIRED && seen(decoder, &lines[bit]))
+            value |= 1U << bit;
+    return value;
+}
+
+static unsigned address_of(const struct pin_decoder *decoder, const struct pin_chip *chip)
+{
+    return chip->latch.kind != UNWIRED ? chip->latched : byte_at(decoder, chip->address);
+}
+
+unsigned pin_decoder_input(const struct pin_decoder *decoder, unsigned port)
+{
+    unsigned drive = decoder->drive[port], level = decoder->level[port];
+    unsigned floats = ~(drive | decoder->driven[port]);
+
+    return ((level & drive) | (decoder->external[port] & ~drive) | (level & floats)) & 0xFF;
+}
+
+/* --- chips' side ------------------------------------------------------------------------------ */
+
+static void show(struct pin_decoder *decoder, const struct pin_source *source, unsigned level)
+{
+    if (source->kind != PORT_BIT)
+        return;
+    decoder->driven[source->port] |= (unsigned char)BIT(source);
+    decoder->external[source->port] &= (unsigned char)~BIT(source);
+    if (level != source->inverted)
+        decoder->external[source->port] |= (unsigned char)BIT(source);
+}
+
+static void show_byte(struct pin_decoder *decoder, const struct pin_chip *chip)
+{
+    unsigned bit;
+
+    for (bit = 0; bit < 8; bit++)
+        show(decoder, &chip->data[bit], chip->byte >> bit & 1U);
+}
+
+/* The chips of `unread` let go of the data bus; others on the same lines may still drive it. */
+static void let_go(struct pin_decoder *decoder, unsigned unread)
+{
+    unsigned turn, bit;
+
+    for (turn = 0; turn < decoder->chip_count; turn++)
+        for (bit = 0; bit < 8 && unread >> turn & 1; bit++) {
+            const struct pin_source *line = &decoder->chips[turn].data[bit];
+
+            if (line->kind == PORT_BIT)
+                decoder->driven[line->port] &= (unsigned char)~BIT(line);
+        }
+    for (turn = 0; turn < decoder->chip_count && unread; turn++)
+        if (decoder->chips[turn].reading)
+            show_byte(decoder, &decoder->chips[turn]);
+}
+
+void pin_decoder_outputs(struct pin_decoder *decoder, unsigned long word)
+{
+    unsigned turn;
+
+    for (turn = 0; turn < decoder->output_count; turn++)
+        show(decoder, &decoder->outputs[turn].source, word >> decoder->outputs[turn].number & 1);
+}
+
+/* --- the microcontroller's side --------------------------------------------------------------- */
+
+/* Latch the writes of `ended` with the pins as they are; equal ones are one cycle. */
+static void finish_writes(struct pin_decoder *decoder, unsigned ended)
+{
+    unsigned first, other;
+
+    for (first = 0; first < decoder->chip_count; first++) {
+        unsigned address, data, together = 0;
+
+        if (!(ended >> first & 1))
+            continue;
+        address = address_of(decoder, &decoder->chips[first]);
+        data = byte_at(decoder, decoder->chips[first].data);
+        for (other = first; other < decoder->chip_count; other++)
+            if (ended >> other & 1 && address_of(decoder, &decoder->chips[other]) == address
+                && byte_at(decoder, decoder->chips[other].data) == data)
+                together |= 1U << other;
+        ended &= ~together;
+        decoder->on_write(decoder->context, together, address, data);
+    }
+}
+
+static void begin_reads(struct pin_decoder *decoder, unsigned begun)
+{
+    unsigned first, other;
+
+    for (first = 0; first < decoder->chip_count; first++) {
+        unsigned address, data, together = 0;
+
+        if (!(begun >> first & 1))
+            continue;
+        address = address_of(decoder, &decoder->chips[first]);
+        for (other = first; other < decoder->chip_count; other++)
+            if (begun >> other & 1 && address_of(decoder, &decoder->chips[other]) == address)
+                together |= 1U << other;
+        begun &= ~together;
+        data = decoder->on_read(decoder->context, together, address);
+        for (other = first; other < decoder->chip_count; other++)
+            if (together >> other & 1) {
+                decoder->chips[other].byte = (unsigned char)data;
+                show_byte(decoder, &decoder->chips[other]);
+            }
+    }
+}
+
+void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive, unsigned level)
+{
+    unsigned char old_drive, old_level;
+    unsigned turn, ended = 0, begun = 0, unread = 0;
+
+    if (port >= PIN_PORTS)
+        return;
+    old_drive = decoder->drive[port];
+    old_level = decoder->level[port];
+    decoder->drive[port] = (unsigned char)drive;
+    decoder->level[port] = (unsigned char)level;
+    for (turn = 0; turn < decoder->chip_count; turn++) {
+        struct pin_chip *chip = &decoder->chips[turn];
+        int selected = at(decoder, &chip->select) == 0;
+        int writing = selected && at(decoder, &chip->write) == 0;
+        int reading = selected && at(decoder, &chip->read) == 0 && !writing;
+        int latching = at(decoder, &chip->latch) == 0;
+
+        ended |= (unsigned)(chip->writing && !writing) << turn;
+        begun |= (unsigned)(reading && !chip->reading) << turn;
+        unread |= (unsigned)(chip->reading && !reading) << turn;
+        if (chip->latching && !latching) {
+            decoder->drive[port] = old_drive; /* the pins before this edge */
+            decoder->level[port] = old_level;
+            chip->latched = (unsigned char)byte_at(decoder, chip->data);
+            decoder->drive[port] = (unsigned char)drive;
+            decoder->level[port] = (unsigned char)level;
+        }
+        chip->writing = (unsigned char)writing;
+        chip->reading = (unsigned char)reading;
+        chip->latching = (unsigned char)latching;
+    }
+    if (ended) {
+        decoder->drive[port] = old_drive;
+        decoder->level[port] = old_level;
+        finish_writes(decoder, ended);
+        decoder->drive[port] = (unsigned char)drive;
+        decoder->level[port] = (unsigned char)level;
+    }
+    /* What the microcontroller drove stays on a line when it lets go. */
+    decoder->external[port] = (unsigned char)((decoder->external[port]
+                                               & ~(drive & ~decoder->driven[port]))
+                                              | (level & drive & ~decoder->driven[port]));
+    let_go(decoder, unread);
+    begin_reads(decoder, begun);
+    for (turn = 0; turn < decoder->side_count; turn++) {
+        struct pin_side *side = &decoder->sides[turn];
+        unsigned now = at(decoder, &side->source);
+
+        if ((side->source.kind == TIED || side->source.port == port) && now != side->level) {
+            side->level = (unsigned char)now;
+            decoder->on_side(decoder->context, side->number, now);
+        }
+    }
+}

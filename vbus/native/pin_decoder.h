@@ -1,0 +1,76 @@
+/* pin_decoder.h - port bits of a microcontroller to bus cycles of chips.
+ *
+ * It is told how port bits are wired (the `wiring` text of HELLO, see docs/byte-protocol.md) and what
+ * each port drives. It calls back for each bus cycle that follows:
+ *
+ * - a write is latched when (select AND write strobe) ends, whichever of the two rises first, with
+ *   the pins as they were before that edge: data may change while the strobe is low;
+ * - a read begins when (select AND read strobe) begins, and the byte stays on the data bus until it
+ *   ends;
+ * - a strobe or select that the microcontroller does not drive is idle;
+ * - a floating data bus keeps its last value, unless the port has its pull-ups on.
+ *
+ * No dependency, no allocation, C99 or C++. License: Apache-2.0.
+ */
+#ifndef PIN_DECODER_H
+#define PIN_DECODER_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define PIN_PORTS 12 /* A to L */
+#define PIN_CHIPS 16
+#define PIN_SIDES 64
+#define PIN_OUTPUTS 32
+
+/* Where a pin gets its level from. */
+struct pin_source {
+    unsigned char kind; /* 0: not wired, 1: a port bit, 2: tied */
+    unsigned char port, bit, level, inverted;
+};
+
+struct pin_chip {
+    struct pin_source select, read, write, latch, address[8], data[8];
+    unsigned char reading, writing, latching, latched, byte;
+};
+
+struct pin_side {
+    struct pin_source source;
+    unsigned char number, level;
+};
+
+struct pin_decoder {
+    /* Bus cycles of the chips in `chips` (bit n is chip n), and side pins (level 2: let go). */
+    unsigned (*on_read)(void *context, unsigned chips, unsigned address);
+    void (*on_write)(void *context, unsigned chips, unsigned address, unsigned data);
+    void (*on_side)(void *context, unsigned number, unsigned level);
+    void *context;
+
+    /* The rest is the decoder's own, to be looked at. */
+    unsigned char drive[PIN_PORTS], level[PIN_PORTS];       /* what the microcontroller does */
+    unsigned char external[PIN_PORTS], driven[PIN_PORTS];   /* what chips do, and where */
+    struct pin_chip chips[PIN_CHIPS];
+    struct pin_side sides[PIN_SIDES], outputs[PIN_OUTPUTS]; /* outputs: bit `number` of SYNC */
+    unsigned chip_count, side_count, output_count;
+};
+
+/* Take a wiring text. Returns 0, or the position (from 1) of an entry that cannot be understood.
+ * All ports start as inputs; set the callbacks afterwards. */
+int pin_decoder_init(struct pin_decoder *decoder, const char *wiring);
+
+/* Port `port` (0 is A) now drives the bits of `drive` to `level`; in the others a 1 in `level` is a
+ * pull-up. One call is one instant. */
+void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive, unsigned level);
+
+/* The chips' output lines are now at these levels (SYNC's word). */
+void pin_decoder_outputs(struct pin_decoder *decoder, unsigned long word);
+
+/* What the microcontroller reads at a port. */
+unsigned pin_decoder_input(const struct pin_decoder *decoder, unsigned port);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
