@@ -144,6 +144,23 @@ def test_both_strobes_together_are_reported_and_the_write_counts() -> None:
     assert bench.read_word() == 0x4A0B
 
 
+@spec("PMD-BUS-2")
+def test_a_write_strobe_in_the_middle_of_a_read_takes_the_bus_away_from_it() -> None:
+    bench = Bench("strobe")
+    bench.command(0x6C)
+    bench.wait_ready()
+    bench.drive("~HostSlct", 0)
+    bench.drive("~HostRead", 0)
+    assert bench.chip.data_pin.net.driven
+    bench.drive("~HostWrite", 0)
+    assert not bench.chip.data_pin.net.driven
+    bench.drive("~HostRead", 1)
+    bench.drive("~HostWrite", 1)
+    bench.drive("~HostSlct", 1)
+    assert bench.rules() == ["both-strobes"]
+    assert bench.read_word() == 0x4A0B  # the read that was disturbed did not count
+
+
 @spec("PMD-BUS-5", "PMD-T-3")
 def test_words_are_high_byte_first_and_long_values_high_word_first(bench: Bench) -> None:
     bench.command(0x10)  # SET_POS 1234567

@@ -128,6 +128,16 @@ def test_home_captures_when_it_falls_alone(chip: Bench, width: int, captured: bo
     assert chip.send("GET_CAPT") == (2 if captured else 0)
 
 
+@spec("PMD-CAP-1")
+def test_a_count_of_the_same_instant_is_in_the_captured_position(chip: Bench) -> None:
+    chip.send("SET_CAPT_HOME")
+    turn(chip, (1, 0))
+    chip.drive("QuadB1", 1)
+    chip.drive("~Home1", 0)
+    chip.next_cycle()
+    assert chip.send("GET_CAPT") == 2
+
+
 @spec("PMD-CAP-1", "PMD-CMD-51")
 def test_only_the_chosen_source_captures(chip: Bench) -> None:
     chip.drive("~Home1", 0)
@@ -364,6 +374,17 @@ def test_motor_on_waits_for_an_update(chip: Bench) -> None:
     chip.send("UPDATE")
     chip.next_cycle()
     assert chip.seen("target") == at + 4
+
+
+@spec("PMD-MTR-1")
+def test_motor_on_in_motion_stops_the_axis_too(chip: Bench) -> None:
+    chip.move(pos=1000, vel=4 << 16, acc=4 << 16)
+    chip.next_cycle(3)
+    chip.send("MTR_ON")
+    assert chip.status() == 0x0301
+    at = chip.seen("target")
+    chip.next_cycle(3)
+    assert chip.seen("target") == at
 
 
 @spec("PMD-MTR-2", "PMD-CMD-63")

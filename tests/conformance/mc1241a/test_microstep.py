@@ -162,6 +162,20 @@ def test_a_new_amplitude_or_waveform_is_used_from_the_next_look_up_on(chip: Benc
     assert chip.seen("phase B") == 28377
 
 
+@spec("PMD-USTP-2", "PMD-BUS-7")
+def test_what_acts_at_the_instant_of_a_look_up_is_used_in_it() -> None:
+    bench = Bench(host_busy="slot")
+    bench.send("SET_PHASE_2")
+    bench.command(0x62)  # SET_MTR_CMD
+    bench.write_word(32767)
+    at = bench.chip.ready_at()
+    assert at % SLOT == 0
+    bench.run_until(at - 1)
+    assert bench.seen("phase B") == 0
+    bench.run_until(at)
+    assert bench.seen("phase B") == 32767
+
+
 @spec("PMD-AMB-23")
 def test_phase_b_may_lag_instead() -> None:
     assert at_angle(powered(phase_b="lags"), 0) == (0, -32767)

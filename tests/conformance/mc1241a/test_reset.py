@@ -5,6 +5,7 @@ import pytest
 from tests.conformance.mc1241a.conftest import CYCLE, Bench
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.kernel import MS, NEVER, NS, US
+from vbus.plant.stepper import StepperMotor
 from vbus.signals import STRICT, Policy, Z
 
 spec = pytest.mark.spec
@@ -125,6 +126,7 @@ def test_nothing_gets_through_during_reset(bench: Bench) -> None:
 @spec("PMD-RST-2", "PMD-AMB-25", "PMD-CMD-77")
 def test_time_starts_at_0_with_every_reset(chip: Bench) -> None:
     chip.next_cycle(1000)
+    chip.run_for(13 * NS)  # the clock goes on at multiples of 40 ns
     chip.command(0x39)
     edge = chip.now
     chip.run_until(edge + 2 * MS)
@@ -148,6 +150,42 @@ def test_reset_stops_a_move_and_takes_the_currents_away(chip: Bench) -> None:
     assert (chip.seen("phase A"), chip.seen("phase B")) == (0, 0)
     chip.next_cycle(20)
     assert chip.seen("target") == 0
+
+
+@spec("PMD-RST-2")
+def test_counts_made_during_reset_are_not_in_the_position(chip: Bench) -> None:
+    chip.command(0x39)
+    chip.run_for(MS)
+    for a, b in ((1, 0), (1, 1), (0, 1)):
+        chip.drive("QuadA1", a)
+        chip.drive("QuadB1", b)
+        chip.run_for(US)
+    chip.wait_ready()
+    chip.run_for(2 * CYCLE)
+    assert chip.send("GET_ACTL_POS") == 0
+
+
+@spec("PMD-RST-2")
+@pytest.mark.parametrize("by_pin", [False, True])
+def test_during_reset_a_motor_has_no_current_and_its_load_turns_it(by_pin: bool) -> None:
+    bench = Bench()
+    motor = StepperMotor({"load_torque": 0.2, "detent_torque": 0.0})
+    bench.chip.connect(0, motor)
+    bench.load(buf_mtr_cmd=0x7FFF)
+    bench.send("SET_PHASE_2")
+    bench.send("UPDATE")
+    bench.next_cycle(400)
+    held = motor.count
+    if by_pin:
+        bench.drive("~Reset", 0)
+        bench.run_for(50 * MS)
+        bench.drive("~Reset", 1)
+        bench.run_for(2 * MS)
+    else:
+        bench.command(0x39)
+        bench.run_for(2 * MS)
+    assert motor.count < held - (100 if by_pin else 5)
+    assert bench.send("GET_ACTL_POS") > -200
 
 
 @spec("PMD-RST-4", "PMD-AMB-11")

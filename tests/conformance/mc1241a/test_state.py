@@ -103,9 +103,7 @@ def moves(draw: st.DrawFn) -> list[tuple[str, int]]:
 
 
 actions = st.lists(
-    st.one_of(
-        st.lists(st.one_of(commands, pins, runs), min_size=1, max_size=6), moves(), moves()
-    ),
+    st.one_of(st.lists(st.one_of(commands, pins, runs), min_size=1, max_size=6), moves(), moves()),
     min_size=2,
     max_size=8,
 ).map(lambda parts: [deed for part in parts for deed in part])

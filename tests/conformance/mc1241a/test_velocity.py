@@ -285,6 +285,29 @@ def test_stop_pauses_the_gear_until_the_next_update(chip: Bench) -> None:
     assert chip.seen("target") == stopped + 6
 
 
+@spec("PMD-TRJ-9", "PMD-TRJ-7")
+def test_a_stopped_axis_does_not_follow_when_gear_is_chosen(chip: Bench) -> None:
+    chip.send("STOP")
+    chip.move(ratio=1 << 16)
+    chip.next_cycle()
+    chip.send("SET_PRFL_GEAR")
+    Crank(chip).turn(5)
+    chip.next_cycle(2)
+    assert chip.seen("target") == 0
+
+
+@spec("PMD-TRJ-10", "PMD-TRJ-13")
+def test_a_smooth_stop_asked_for_in_gear_is_not_remembered(chip: Bench) -> None:
+    chip.send("SET_PRFL_GEAR")
+    chip.send("SMOOTH_STOP")
+    chip.move(ratio=1 << 16, vel=9 << 16, acc=1 << 14)
+    chip.next_cycle()
+    Crank(chip).turn(4)
+    chip.next_cycle()
+    chip.send("SET_PRFL_VEL")
+    assert speeds(chip, 2) == [4.25, 4.5]
+
+
 @spec("PMD-TRJ-10")
 def test_smooth_stop_has_no_effect_in_gear_mode(chip: Bench) -> None:
     chip.send("SET_PRFL_GEAR")

@@ -256,7 +256,7 @@ class MC1241A(Chip):
     def release_reset(self, lost: bool) -> None:
         """~Reset rises: the reset runs, unless the pulse was too short and is ``lost``."""
         self._hold_at = NEVER
-        if not lost or self._held:
+        if not lost:
             self._held = False
             self.restart(self.kernel.now)
         self.rearm()

@@ -290,10 +290,9 @@ class Commands:
 
     def cmd_lmts_on(self, _: int) -> int:
         """Sense limit switches; one that is active already is a hit (PMD-LIM-4)."""
-        if not self._chip.shared.sensing:
-            self._chip.shared.sensing = True
-            for axis in self._chip.axes:
-                axis.limits.forget()
+        self._chip.shared.sensing = True
+        for axis in self._chip.axes:
+            axis.limits.forget()
         return 0
 
     def cmd_lmts_off(self, _: int) -> int:

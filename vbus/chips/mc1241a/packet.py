@@ -93,7 +93,6 @@ class HostPort:
             return
         if self._given < self._writes:
             self._chip.report(ABORTED, self._given, self._writes)  # PMD-BUS-10
-        self._open(None, 0, 0)
         self._go_busy(COMMAND, data)
 
     def write_data(self, data: int) -> None:

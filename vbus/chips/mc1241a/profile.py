@@ -121,7 +121,6 @@ class Profile:
         """
         before = self.position
         self.position = position << 32
-        self._turns = 0
         if self.mode == S_CURVE and self._state == RUNNING:
             self._start += self.position - before
             self._retarget(self._destination)
