@@ -134,6 +134,16 @@ def test_the_direction_is_that_of_r_w_when_cs_rises(
 
 
 @pytest.mark.spec("MCP-BUS-4")
+@pytest.mark.parametrize("rw", [0, 1])
+def test_r_w_that_moves_with_cs_comes_too_late(strobes: Strober, rw: int) -> None:
+    strobes.begin(SEPARATE, PLAIN, rw)
+    strobes.set(bus=0x55)
+    strobes.set(cs=1, rw=1 - rw)
+    strobes.bench.wait_ps(US)
+    assert strobes.bench.seen("LEAD_ZERO") == (0xE5 if rw else 0x55)
+
+
+@pytest.mark.spec("MCP-BUS-4")
 def test_without_a_closed_address_there_is_no_access(strobes: Strober) -> None:
     strobes.set(rw=0, cs=0)
     strobes.set(bus=PLAIN, ale=0)

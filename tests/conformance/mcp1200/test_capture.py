@@ -62,6 +62,17 @@ def test_every_count_is_compared_however_fast_it_goes_by() -> None:
 
 
 @pytest.mark.spec("MCP-BRK-1")
+def test_a_count_between_two_clocks_is_seen_by_the_second() -> None:
+    bench, _ = moving(speed=700_000.0)
+    arm(bench, 3000)
+    # 3000 counts at 700 kHz take 34285.7 clocks.
+    bench.until(34_285)
+    assert (bench.position, bench.pin("TRIG")) == (2999, 1)
+    bench.until(34_286)
+    assert (bench.position, bench.pin("TRIG")) == (3000, 0)
+
+
+@pytest.mark.spec("MCP-BRK-1")
 def test_all_24_bits_are_compared_and_the_counter_may_wrap() -> None:
     bench, _ = moving()
     bench.chip.works.counter.preset(0x7FFFFF - 2000, bench.cycle)
@@ -150,6 +161,18 @@ def test_repeat_backwards_with_a_negative_step() -> None:
     falls = edges.of("TRIG", 0)
     assert len(falls) == 5
     assert {b - a for a, b in itertools.pairwise(falls)} == {20_000}
+
+
+@pytest.mark.spec("MCP-BRK-3")
+def test_repeated_breakpoints_wrap_with_the_counter() -> None:
+    bench, rail = moving(speed=0.0)
+    bench.chip.works.counter.preset(0x7FFF00, bench.cycle)
+    arm(bench, 0x7FFFF0, 0x1000)
+    edges = bench.watch("TRIG")
+    rail.speed = SPEED
+    bench.wait(10_000 * 8)
+    assert len(edges.of("TRIG", 0)) == 3
+    assert bench.chip.works.breakpoint.compare == -0x800000 + 3 * 0x1000 - 0x10
 
 
 @pytest.mark.spec("MCP-BRK-3", "MCP-STA-2")
@@ -358,6 +381,26 @@ def test_limit_switches_of_the_axis_pull_limit_low() -> None:
     free = Bench(plant=rail, limit_switches=False)
     free.until(20_000)
     assert free.seen("STATUS") & 0x80
+
+
+@pytest.mark.spec("MCP-EXC-7", "MCP-STA-1")
+def test_a_switch_opens_and_closes_at_its_bounds_going_down() -> None:
+    rail = Rail()
+    rail.switches["limit-"] = Switch(-2500, -1500)
+    rail.speed = -SPEED
+    bench = Bench(plant=rail)
+    bench.write(0x04, 0x00)
+    # The highest closed count is -1501, the first open one below is -2501.
+    bench.until(1500 * 8 - 1)
+    assert bench.seen("STATUS") & 0x80
+    bench.until(1500 * 8 + 1)
+    assert not bench.seen("STATUS") & 0x80
+    bench.until(2500 * 8 - 20)
+    bench.write(0x07, 0)
+    assert not bench.seen("STATUS") & 0x80
+    bench.until(2500 * 8 + 1)
+    bench.write(0x07, 0)
+    assert bench.seen("STATUS") & 0x80
 
 
 @pytest.mark.spec("MCP-EXC-7", "MCP-STA-1")

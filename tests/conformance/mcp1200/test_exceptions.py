@@ -165,6 +165,19 @@ def test_velocity_interpolation_ramps_down_over_a_segment_and_stays() -> None:
 
 
 @pytest.mark.spec("MCP-EXC-2")
+def test_a_velocity_loaded_before_a_deceleration_is_forgotten() -> None:
+    bench = Bench()
+    bench.write(0x04, DECEL << 2)
+    moving(bench, velocity_interpolation, 13)
+    bench.put("VELOCITY", 0x000A00)
+    assert bench.seen("CAPTURE_CONTROL") & 0x80
+    low_pulse(bench, "/STOP", US)
+    bench.samples(4)
+    here = bench.seen("COMMAND_POSITION")
+    assert bench.trace("COMMAND_POSITION", 8) == [here] * 8
+
+
+@pytest.mark.spec("MCP-EXC-2")
 @pytest.mark.parametrize("begin", MODES)
 def test_report_action_sets_the_flag_and_nothing_else(begin: Callable[[Bench], None]) -> None:
     bench, other = Bench(), Bench()

@@ -148,6 +148,19 @@ def test_the_fraction_register_counts_sixteenths(chip: Bench) -> None:
     assert duty(chip, 1600)[0] == 26
 
 
+@pytest.mark.spec("MCP-OUT-6")
+@pytest.mark.parametrize(("msb", "fraction", "high"), [(0x63, 0xF0, 1599), (0x9C, 0x10, 0)])
+def test_the_bias_is_exact_at_the_finest_resolution(
+    chip: Bench, msb: int, fraction: int, high: int
+) -> None:
+    chip.write(0x02, 0x81)
+    chip.write(0x1A, 0x08)
+    chip.write(0x09, msb)
+    chip.write(0x4D, fraction)
+    chip.wait(3200)
+    assert duty(chip, 1600)[0] == high
+
+
 @pytest.mark.spec("MCP-T-6")
 @pytest.mark.parametrize(
     ("hz", "code", "khz"), [(8_000_000, 4, 20.0), (20_000_000, 8, 12.5), (16_000_000, 0, 160.0)]
@@ -179,6 +192,23 @@ def test_a_new_command_waits_for_the_next_frame(chip: Bench) -> None:
         (frame + 100, "PULSE", 1), (frame + 100, "SIGN", 1), (frame + 110, "PULSE", 0),
         (frame + 200, "PULSE", 1), (frame + 210, "PULSE", 0),
     ]  # fmt: skip
+
+
+@pytest.mark.spec("MCP-OUT-7", "MCP-SMP-5")
+def test_a_result_waits_for_the_next_frame_even_if_nobody_has_looked_for_long() -> None:
+    bench = Bench()
+    bench.put("COMMAND_POSITION", 3)
+    bench.write(0x1A, 0x08)
+    bench.wait(200)
+    assert bench.pin("PULSE") == 0
+    frame = bench.chip.works.pwm.start
+    bench.control()
+    results = bench.sample_start() + 1000
+    assert 100 < (results - frame) % 1600 < 1500
+    bench.kernel.run_until(bench.clock.ps(results + 5))
+    assert bench.pin("PULSE") == 0
+    bench.until(results + 1600 - (results - frame) % 1600)
+    assert bench.pin("PULSE") == 1
 
 
 @pytest.mark.spec("MCP-OUT-8")

@@ -50,6 +50,19 @@ def test_an_increment_written_while_busy_is_kept_for_the_next_sample(bench: Benc
     assert (bench.seen("COMMAND_POSITION"), bench.read(0x0B)) == (12, 0)
 
 
+@pytest.mark.spec("MCP-POS-1", "MCP-REG-13")
+def test_a_command_written_while_busy_is_not_lost_to_an_increment(bench: Bench) -> None:
+    bench.control()
+    bench.samples(1)
+    bench.write(0x0B, 0x05)
+    bench.until(bench.sample_start() + 100)
+    bench.put("COMMAND_POSITION", 70)
+    bench.until(bench.sample_start() - 1)
+    assert (bench.seen("COMMAND_POSITION"), bench.seen("POSITION_ERROR")) == (70, 5)
+    bench.samples(1)
+    assert (bench.seen("COMMAND_POSITION"), bench.seen("POSITION_ERROR")) == (70, 70)
+
+
 @pytest.mark.spec("MCP-POS-2")
 def test_positions_wrap_and_their_difference_is_the_short_way(bench: Bench) -> None:
     bench.put("COMMAND_POSITION", 0x800003)

@@ -118,7 +118,10 @@ def test_without_velocity_or_acceleration_the_flag_stays_until_there_is_one(
 
 
 @pytest.mark.spec("MCP-TRP-6", "MCP-AMB-31")
-def test_a_move_can_be_lengthened_and_shortened_while_the_end_is_in_reach(bench: Bench) -> None:
+@pytest.mark.parametrize("ahead", [29, 33, 38, 60])
+def test_a_move_can_be_lengthened_and_shortened_while_the_end_is_in_reach(
+    bench: Bench, ahead: int
+) -> None:
     prepare(bench, 100)
     start(bench)
     bench.samples(8)
@@ -132,8 +135,8 @@ def test_a_move_can_be_lengthened_and_shortened_while_the_end_is_in_reach(bench:
     bench.samples(10)
     here = bench.seen("COMMAND_POSITION")
     # Stopping from 10 by 1.5: 8.5 + 7 + 5.5 + 4 + 2.5 + 1 = 28.5 counts.
-    bench.put("FINAL_POSITION", here + 29)
-    assert run(bench)[-1] == here + 29
+    bench.put("FINAL_POSITION", here + ahead)
+    assert run(bench)[-1] == here + ahead
 
 
 @pytest.mark.spec("MCP-TRP-6")

@@ -333,6 +333,27 @@ def test_the_direction_at_a_fault_is_noted(speed: float, direction: int) -> None
     assert bench.seen("STATUS") & 0x42 == direction
 
 
+@pytest.mark.spec("MCP-STA-3")
+def test_the_direction_is_that_of_the_first_fault_until_its_flag_is_cleared() -> None:
+    rail = Rail()
+    rail.speed = -50_000.0
+    bench = Bench(plant=rail)
+    bench.write(0x04, 0x00)
+    bench.control()
+    bench.samples(3)
+    bench.drive("/STOP", LOW)
+    bench.drive("/STOP", HIGH)
+    assert bench.seen("STATUS") & 2
+    rail.speed = 50_000.0
+    bench.samples(3)
+    bench.drive("/STOP", LOW)
+    assert bench.seen("STATUS") & 2
+    bench.drive("/STOP", HIGH)
+    bench.write(0x07, 0)
+    bench.drive("/STOP", LOW)
+    assert not bench.seen("STATUS") & 2
+
+
 @pytest.mark.spec("MCP-STA-4", "MCP-AMB-35", "MCP-T-16")
 @pytest.mark.parametrize(
     ("deadband", "error", "inside"),

@@ -159,6 +159,17 @@ def test_writes_inside_a_reset_are_overwritten_where_defaults_are_loaded(bench: 
     assert bench.seen("PROFILE_VELOCITY") == 0x22
 
 
+@pytest.mark.spec("MCP-RST-4", "MCP-STA-2")
+@pytest.mark.parametrize(("pin", "status"), [("/LIMIT", 0x78), ("/STOP", 0xB8)])
+def test_an_input_that_is_low_when_a_reset_ends_has_its_flag(
+    bench: Bench, pin: str, status: int
+) -> None:
+    bench.write(0x05, 0x00)
+    bench.drive(pin, LOW)
+    bench.wait(320)
+    assert bench.seen("STATUS") == status
+
+
 @pytest.mark.spec("MCP-MOD-1")
 @pytest.mark.parametrize(("code", "shown"), [(0x03, 3), (0x04, 3), (0x80, 3), (0xFF, 3)])
 def test_any_code_above_two_is_control(bench: Bench, code: int, shown: int) -> None:

@@ -172,6 +172,23 @@ def test_an_abrupt_stop_takes_back_the_steps_not_yet_sent() -> None:
 
 
 @pytest.mark.spec("MCP-STP-1")
+@pytest.mark.parametrize("speed", [40, -40])
+def test_steps_cut_off_by_a_shorter_sample_are_sent_with_the_next(speed: int) -> None:
+    """Leaving velocity mode ends BUSY 400 clocks sooner: three steps of 104 clocks."""
+    rail = Rail()
+    bench = stepper(rail, VELOCITY_COMMAND=speed & 0xFF, ACCELERATION=0x7F00)
+    bench.write(0x00, 0x0D)
+    bench.samples(4)
+    bench.write(0x00, 0x05)
+    out = bench.sample_start() + WORK
+    bench.until(out - 1)
+    command = bench.seen("COMMAND_POSITION")
+    assert abs(bench.position - command) == 3
+    bench.samples(2)
+    assert bench.position == rail.steps == command
+
+
+@pytest.mark.spec("MCP-STP-1")
 def test_a_breakpoint_stands_at_a_step() -> None:
     bench = stepper(config=0x13, BREAKPOINT=3)
     bench.samples(1)

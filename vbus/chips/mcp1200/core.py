@@ -206,9 +206,8 @@ class Core:
         data[ds.FLAG] &= ~self._profile(image)
         self._last_mode = self.mode & data[ds.FLAG]
 
-        velocity = wrap(position - self.last_position, 16)
+        self._put(ds.ACTUAL_VELOCITY_LSB, position - self.last_position, 2)
         self.last_position = position
-        self._put(ds.ACTUAL_VELOCITY_LSB, velocity, 2)
 
         following = self.following
         if self.abrupt and step_mode:

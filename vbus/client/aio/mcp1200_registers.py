@@ -188,14 +188,7 @@ class Mcp1200Registers(Mcp1200Access):
 
         Returns 24 bits, two's complement.
         """
-        return await self.read_bytes(
-            (
-                0x0C,
-                0x0D,
-                0x0E,
-            ),
-            signed=True,
-        )
+        return await self.read_bytes((0x0C, 0x0D, 0x0E), signed=True)
 
     async def write_command_position(self, value: int) -> None:
         """Write Command Position (R0CH, R0DH, R0EH, MCP-REG-13).
@@ -203,14 +196,7 @@ class Mcp1200Registers(Mcp1200Access):
         Args:
             value: 24 bits, two's complement.
         """
-        await self.write_bytes(
-            (
-                0x0C,
-                0x0D,
-                0x0E,
-            ),
-            value,
-        )
+        await self.write_bytes((0x0C, 0x0D, 0x0E), value)
 
     async def read_sample_timer(self) -> int:
         """Read Sample Timer (R0FH, MCP-REG-14).
@@ -232,12 +218,7 @@ class Mcp1200Registers(Mcp1200Access):
 
         Returns 16 bits, unsigned.
         """
-        return await self.read_bytes(
-            (
-                0x10,
-                0x11,
-            )
-        )
+        return await self.read_bytes((0x10, 0x11))
 
     async def write_prescaler(self, value: int) -> None:
         """Write Sample Timer Pre-scalar (R10H, R11H, MCP-REG-15).
@@ -245,41 +226,21 @@ class Mcp1200Registers(Mcp1200Access):
         Args:
             value: 16 bits, unsigned.
         """
-        await self.write_bytes(
-            (
-                0x10,
-                0x11,
-            ),
-            value,
-        )
+        await self.write_bytes((0x10, 0x11), value)
 
     async def read_actual_position(self) -> int:
         """Read Read Actual Position (R12H, R13H, R14H, MCP-REG-16).
 
         Returns 24 bits, two's complement.
         """
-        return await self.read_bytes(
-            (
-                0x12,
-                0x13,
-                0x14,
-            ),
-            signed=True,
-        )
+        return await self.read_bytes((0x12, 0x13, 0x14), signed=True)
 
     async def read_preset_position(self) -> int:
         """Read Preset Actual Position (R15H, R16H, R17H, MCP-REG-17).
 
         Returns 24 bits, two's complement.
         """
-        return await self.read_bytes(
-            (
-                0x15,
-                0x16,
-                0x17,
-            ),
-            signed=True,
-        )
+        return await self.read_bytes((0x15, 0x16, 0x17), signed=True)
 
     async def write_preset_position(self, value: int) -> None:
         """Write Preset Actual Position (R15H, R16H, R17H, MCP-REG-17).
@@ -287,14 +248,7 @@ class Mcp1200Registers(Mcp1200Access):
         Args:
             value: 24 bits, two's complement.
         """
-        await self.write_bytes(
-            (
-                0x15,
-                0x16,
-                0x17,
-            ),
-            value,
-        )
+        await self.write_bytes((0x15, 0x16, 0x17), value)
 
     async def read_interpolator_preset(self) -> int:
         """Read Interpolator Counter Preset (R18H, MCP-REG-18).
@@ -353,12 +307,7 @@ class Mcp1200Registers(Mcp1200Access):
 
         Returns 16 bits, unsigned, in 1/256.
         """
-        return await self.read_bytes(
-            (
-                0x1C,
-                0x1D,
-            )
-        )
+        return await self.read_bytes((0x1C, 0x1D))
 
     async def write_encoder_ratio(self, value: int) -> None:
         """Write Encoder / Stepper Ratio (R1CH, R1DH, MCP-REG-22).
@@ -366,13 +315,7 @@ class Mcp1200Registers(Mcp1200Access):
         Args:
             value: 16 bits, unsigned, in 1/256.
         """
-        await self.write_bytes(
-            (
-                0x1C,
-                0x1D,
-            ),
-            value,
-        )
+        await self.write_bytes((0x1C, 0x1D), value)
 
     async def read_lead_zero(self) -> int:
         """Read Lead Filter Zero (R20H, MCP-REG-23).
@@ -424,14 +367,7 @@ class Mcp1200Registers(Mcp1200Access):
 
         Returns 24 bits, two's complement, in 1/256.
         """
-        return await self.read_bytes(
-            (
-                0x23,
-                0x24,
-                0x25,
-            ),
-            signed=True,
-        )
+        return await self.read_bytes((0x23, 0x24, 0x25), signed=True)
 
     async def write_velocity(self, value: int) -> None:
         """Write High Resolution Velocity (R23H, R24H, R25H, MCP-REG-24).
@@ -439,26 +375,14 @@ class Mcp1200Registers(Mcp1200Access):
         Args:
             value: 24 bits, two's complement, in 1/256.
         """
-        await self.write_bytes(
-            (
-                0x23,
-                0x24,
-                0x25,
-            ),
-            value,
-        )
+        await self.write_bytes((0x23, 0x24, 0x25), value)
 
     async def read_acceleration(self) -> int:
         """Read Acceleration (R27H, R26H, MCP-REG-25).
 
         Returns 16 bits, unsigned, in 1/256.
         """
-        return await self.read_bytes(
-            (
-                0x27,
-                0x26,
-            )
-        )
+        return await self.read_bytes((0x27, 0x26))
 
     async def write_acceleration(self, value: int) -> None:
         """Write Acceleration (R27H, R26H, MCP-REG-25).
@@ -466,13 +390,7 @@ class Mcp1200Registers(Mcp1200Access):
         Args:
             value: 16 bits, unsigned, in 1/256.
         """
-        await self.write_bytes(
-            (
-                0x27,
-                0x26,
-            ),
-            value,
-        )
+        await self.write_bytes((0x27, 0x26), value)
 
     async def read_profile_velocity(self) -> int:
         """Read Profile Velocity (Low Res) (R28H, MCP-REG-26).
@@ -494,14 +412,7 @@ class Mcp1200Registers(Mcp1200Access):
 
         Returns 24 bits, two's complement.
         """
-        return await self.read_bytes(
-            (
-                0x2B,
-                0x2A,
-                0x29,
-            ),
-            signed=True,
-        )
+        return await self.read_bytes((0x2B, 0x2A, 0x29), signed=True)
 
     async def write_final_position(self, value: int) -> None:
         """Write Final Position (R2BH, R2AH, R29H, MCP-REG-27).
@@ -509,81 +420,42 @@ class Mcp1200Registers(Mcp1200Access):
         Args:
             value: 24 bits, two's complement.
         """
-        await self.write_bytes(
-            (
-                0x2B,
-                0x2A,
-                0x29,
-            ),
-            value,
-        )
+        await self.write_bytes((0x2B, 0x2A, 0x29), value)
 
     async def read_position_error(self) -> int:
         """Read Position Error (R2DH, R2CH, MCP-REG-28).
 
         Returns 16 bits, two's complement.
         """
-        return await self.read_bytes(
-            (
-                0x2D,
-                0x2C,
-            ),
-            signed=True,
-        )
+        return await self.read_bytes((0x2D, 0x2C), signed=True)
 
     async def read_capture(self) -> int:
         """Read Capture Count (R30H, R2FH, R2EH, MCP-REG-29).
 
         Returns 24 bits, two's complement.
         """
-        return await self.read_bytes(
-            (
-                0x30,
-                0x2F,
-                0x2E,
-            ),
-            signed=True,
-        )
+        return await self.read_bytes((0x30, 0x2F, 0x2E), signed=True)
 
     async def read_accel_delta(self) -> int:
         """Read Accel. Delta Position (R33H, R32H, R31H, MCP-REG-30).
 
         Returns 24 bits, unsigned.
         """
-        return await self.read_bytes(
-            (
-                0x33,
-                0x32,
-                0x31,
-            )
-        )
+        return await self.read_bytes((0x33, 0x32, 0x31))
 
     async def read_actual_velocity(self) -> int:
         """Read Actual Velocity (R35H, R34H, MCP-REG-31).
 
         Returns 16 bits, two's complement.
         """
-        return await self.read_bytes(
-            (
-                0x35,
-                0x34,
-            ),
-            signed=True,
-        )
+        return await self.read_bytes((0x35, 0x34), signed=True)
 
     async def read_decel_position(self) -> int:
         """Read Deceleration Position (R3BH, R3AH, R39H, MCP-REG-32).
 
         Returns 24 bits, two's complement.
         """
-        return await self.read_bytes(
-            (
-                0x3B,
-                0x3A,
-                0x39,
-            ),
-            signed=True,
-        )
+        return await self.read_bytes((0x3B, 0x3A, 0x39), signed=True)
 
     async def read_velocity_command(self) -> int:
         """Read Velocity Command (R3CH, MCP-REG-33).
@@ -605,14 +477,7 @@ class Mcp1200Registers(Mcp1200Access):
 
         Returns 24 bits, two's complement.
         """
-        return await self.read_bytes(
-            (
-                0x3F,
-                0x3E,
-                0x3D,
-            ),
-            signed=True,
-        )
+        return await self.read_bytes((0x3F, 0x3E, 0x3D), signed=True)
 
     async def write_breakpoint(self, value: int) -> None:
         """Write Break-point Position (R3FH, R3EH, R3DH, MCP-REG-34).
@@ -620,14 +485,7 @@ class Mcp1200Registers(Mcp1200Access):
         Args:
             value: 24 bits, two's complement.
         """
-        await self.write_bytes(
-            (
-                0x3F,
-                0x3E,
-                0x3D,
-            ),
-            value,
-        )
+        await self.write_bytes((0x3F, 0x3E, 0x3D), value)
 
     async def read_backlash(self) -> int:
         """Read Backlash (R44H, MCP-REG-35).
@@ -679,12 +537,7 @@ class Mcp1200Registers(Mcp1200Access):
 
         Returns 16 bits, unsigned.
         """
-        return await self.read_bytes(
-            (
-                0x4A,
-                0x49,
-            )
-        )
+        return await self.read_bytes((0x4A, 0x49))
 
     async def write_max_error(self, value: int) -> None:
         """Write Maximum Error (R4AH, R49H, MCP-REG-38).
@@ -692,13 +545,7 @@ class Mcp1200Registers(Mcp1200Access):
         Args:
             value: 16 bits, unsigned.
         """
-        await self.write_bytes(
-            (
-                0x4A,
-                0x49,
-            ),
-            value,
-        )
+        await self.write_bytes((0x4A, 0x49), value)
 
     async def read_saturation(self) -> int:
         """Read Saturation Foldback Setting (R4BH, MCP-REG-39).
@@ -750,12 +597,7 @@ class Mcp1200Registers(Mcp1200Access):
 
         Returns 16 bits, unsigned, in 1/65536.
         """
-        return await self.read_bytes(
-            (
-                0x55,
-                0x54,
-            )
-        )
+        return await self.read_bytes((0x55, 0x54))
 
     async def write_jerk(self, value: int) -> None:
         """Write Jerk (R55H, R54H, MCP-REG-42).
@@ -763,26 +605,14 @@ class Mcp1200Registers(Mcp1200Access):
         Args:
             value: 16 bits, unsigned, in 1/65536.
         """
-        await self.write_bytes(
-            (
-                0x55,
-                0x54,
-            ),
-            value,
-        )
+        await self.write_bytes((0x55, 0x54), value)
 
     async def read_feed_forward(self) -> int:
         """Read Command Feed-forward (R57H, R56H, MCP-REG-43).
 
         Returns 16 bits, two's complement, in 1/256.
         """
-        return await self.read_bytes(
-            (
-                0x57,
-                0x56,
-            ),
-            signed=True,
-        )
+        return await self.read_bytes((0x57, 0x56), signed=True)
 
     async def write_feed_forward(self, value: int) -> None:
         """Write Command Feed-forward (R57H, R56H, MCP-REG-43).
@@ -790,13 +620,7 @@ class Mcp1200Registers(Mcp1200Access):
         Args:
             value: 16 bits, two's complement, in 1/256.
         """
-        await self.write_bytes(
-            (
-                0x57,
-                0x56,
-            ),
-            value,
-        )
+        await self.write_bytes((0x57, 0x56), value)
 
     async def read_kp(self) -> int:
         """Read Proportional Gain, Kp (R61H, MCP-REG-44).
@@ -863,12 +687,7 @@ class Mcp1200Registers(Mcp1200Access):
 
         Returns 16 bits, unsigned.
         """
-        return await self.read_bytes(
-            (
-                0x66,
-                0x65,
-            )
-        )
+        return await self.read_bytes((0x66, 0x65))
 
     async def write_integral_limit(self, value: int) -> None:
         """Write Integral Limit (R66H, R65H, MCP-REG-46).
@@ -876,13 +695,7 @@ class Mcp1200Registers(Mcp1200Access):
         Args:
             value: 16 bits, unsigned.
         """
-        await self.write_bytes(
-            (
-                0x66,
-                0x65,
-            ),
-            value,
-        )
+        await self.write_bytes((0x66, 0x65), value)
 
     async def read_ka(self) -> int:
         """Read Accel Feed-forward, Kaff (R69H, MCP-REG-47).

@@ -51,7 +51,8 @@ def _write(row: Register) -> list[str]:
 
 
 def _bytes(row: Register) -> str:
-    return "(" + "".join(f"0x{address:02X}, " for address in row.addresses).rstrip() + ")"
+    listed = ", ".join(f"0x{address:02X}" for address in row.addresses)
+    return f"({listed},)" if len(row.addresses) == 1 else f"({listed})"
 
 
 def _title(row: Register) -> str:
