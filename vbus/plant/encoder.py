@@ -123,11 +123,7 @@ class EncodedPlant(Plant):
             return self.count
         start = points[piece]
         end = points[piece + 1]
-        here = start + (end - start) * (place - piece)
-        # Rounding must not lead beyond the end of the piece.
-        if (end >= start and here > end) or (end < start and here < end):
-            here = end
-        return self._base + _floor(here)
+        return self._base + _floor(start + (end - start) * (place - piece))
 
     def fraction_at(self, count: int) -> float:
         """Return when, as a fraction of the last period, the encoder first reached ``count``.

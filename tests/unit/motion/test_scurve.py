@@ -98,6 +98,27 @@ def test_a_left_over_slower_than_every_sample_is_moved_last():
     assert ways(run(curve)) == [15, 45, 75, 90, 90, *[90] * 6, 75, 45, 15, 10]
 
 
+@pytest.mark.spec("MCP-SCV-1")
+@pytest.mark.parametrize(
+    ("move", "shape"),
+    [
+        # More acceleration than the jerk can reach on the way to the top velocity.
+        ((10_000, 100, 12, 1), (10, 0, 80)),
+        ((10_000, 101, 12, 1), (11, 0, 77)),
+        # Too short for the top velocity: the cube root of 54 / 2, and a little more.
+        ((54, 1000, 1000, 1), (3, 0, 0)),
+        ((55, 1000, 1000, 1), (4, 0, 0)),
+        # Too short, and the acceleration is reached: 3 * (3 + t) * (6 + t) is at least 200.
+        ((200, 1000, 3, 1), (3, 4, 0)),
+        ((210, 1000, 3, 1), (3, 4, 0)),
+        ((211, 1000, 3, 1), (3, 5, 0)),
+    ],
+)
+def test_the_shape_is_the_shortest_that_keeps_the_limits(move, shape):
+    curve = planned(*move)
+    assert (curve.rise, curve.flat, curve.hold) == shape
+
+
 @pytest.mark.spec("MCP-SCV-4")
 @pytest.mark.parametrize("zero", [1, 2, 3])
 def test_without_velocity_acceleration_or_jerk_nothing_moves(zero):

@@ -33,14 +33,10 @@ def next_velocity(remaining: int, velocity: int, top: int, accel: int, start: in
     """
     if accel == 0:
         return velocity
-    if remaining > 0:
+    # On the target, but too fast to stay, both views of it come to the same.
+    if remaining >= 0:
         return _approach(remaining, velocity, top, accel, start)
-    if remaining < 0:
-        return -_approach(-remaining, -velocity, top, accel, start)
-    # On the target but passing through it: either way leads away.
-    if velocity > 0:
-        return -_approach(0, -velocity, top, accel, start)
-    return _approach(0, velocity, top, accel, start)
+    return -_approach(-remaining, -velocity, top, accel, start)
 
 
 def arrived(remaining: int, velocity: int, accel: int, start: int = 0) -> bool:
@@ -112,14 +108,11 @@ def _approach(r: int, u: int, top: int, accel: int, start: int) -> int:
         slowest = 0
     if stopping_distance(speed, accel, start) <= r:
         return max(speed, slowest)
+    n = 0
     if slowest > 0:
         if stopping_distance(slowest, accel, start) >= r:
             return slowest
         n = (slowest - start) // accel
-    else:
-        if r < start:
-            return r
-        n = 0
     # The answer lies less than two accelerations above ``slowest``: at most two turns.
     while (n + 2) * start + accel * ((n + 1) * (n + 2) // 2) <= r:
         n += 1
