@@ -358,11 +358,11 @@ def test_data_read_while_busy_is_the_last_byte_again(bench):
     bench.command("RDRP")
     bench.read(1)
     bench.read(1)
-    assert bench.read(1) == 0x22
-    assert bench.read(1) == 0x22
+    for _ in range(3):
+        assert bench.read(1) == 0x22
     bench.ready()
     assert [bench.read(1), bench.read(1)] == [0x33, 0x44]
-    assert bench.rules() == ["busy-read", "cut-packet", "busy-read", "busy-read"]
+    assert bench.rules() == ["busy-read", "cut-packet", *["busy-read"] * 3]
     assert bench.status() & 2 == 0, "no command error"
 
 

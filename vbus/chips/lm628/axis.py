@@ -251,9 +251,9 @@ class Axis:
             self._turn_off()
             return
         if self.motor_off:
+            # The filter was cleared when the motor went off.
             self.motor_off = False
             profile.hold(self.real)
-            self.pid.clear()
         profile.stopping = False
         profile.done = False
         if stops & ds.STOP_ABRUPTLY:

@@ -234,7 +234,7 @@ CYCLE: Final = 360 * NS
 ZERO_8: Final = 0x80
 ZERO_12: Final = 0x800
 MUX_CLK: Final = 8
-"""Step of the 12-bit port's sequence: word, strobe up, strobe down, next word (NOTES 6)."""
+"""Step of the 12-bit port's sequence: word, strobe up, strobe down, next word (NOTES 27)."""
 PWM_FRAMES: Final = (128, 256, 512, 1024, 2048)
 """Frame lengths (clk) that fit the sample a whole number of times."""
 

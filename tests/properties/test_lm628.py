@@ -1,0 +1,307 @@
+"""What holds of an LM628 whatever its host does."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.conformance.lm628.bench import Bench, Follower, Log
+from vbus.chips.lm628.datasheet import COMMANDS, RATE_MAX
+from vbus.chips.lm628.profile import ACCELERATION, POSITION, VELOCITY, Profile
+from vbus.kernel import NS, US
+
+Operation = tuple[str, int, int]
+ONE = 1 << 16
+
+
+class Restless(Follower):
+    """Never admits to be at rest, so that every sample is run."""
+
+    def resting(self) -> bool:
+        return False
+
+
+def do(bench: Bench, operations: list[Operation]) -> list[int]:
+    """Carry out operations; return what was read."""
+    got = []
+    for name, first, second in operations:
+        if name == "write":
+            bench.write(first, second)
+        elif name == "read":
+            got.append(bench.read(first))
+        elif name == "run":
+            bench.run(first)
+        elif name == "ready":
+            bench.chip.advance()
+            bench.at(max(bench.now, min(bench.chip.ready_at(), bench.now + 2000 * US)))
+        elif name == "packet":
+            bench.write(0, first)
+            bench.run(16 * US)
+            for shift in range(second.bit_length() // 16 * 16, -1, -16):
+                bench.write(1, second >> shift + 8 & 0xFF)
+                bench.write(1, second >> shift & 0xFF)
+                bench.run(16 * US)
+        elif name == "encoder":
+            bench.set(A=first >> 1, B=first & 1, **{"/IN": second})
+        else:
+            bench.set(**{"/RST": first})
+    return got
+
+
+byte = st.integers(0, 255)
+code = st.sampled_from([row.code for row in COMMANDS])
+noise = st.one_of(
+    st.tuples(st.just("write"), st.just(0), st.one_of(code, byte)),
+    st.tuples(st.just("write"), st.just(1), byte),
+    st.tuples(st.just("read"), st.integers(0, 1), st.just(0)),
+    st.tuples(st.just("run"), st.integers(0, 3000 * US), st.just(0)),
+    st.tuples(st.just("ready"), st.just(0), st.just(0)),
+    st.tuples(st.just("reset"), st.integers(0, 1), st.just(0)),
+    st.tuples(st.just("encoder"), st.integers(0, 3), st.integers(0, 1)),
+)
+
+
+def packet(name: str, *words: int) -> Operation:
+    value = 0
+    for word in words:
+        value = value << 16 | word & 0xFFFF
+    return ("packet", COMMANDS[name].code, value)
+
+
+def long(value: int) -> tuple[int, int]:
+    return value >> 16 & 0xFFFF, value & 0xFFFF
+
+
+rate = st.integers(1, 20 * ONE)
+moves = st.one_of(
+    st.builds(lambda a, v, p: packet("LTRJ", 0x2A, *long(a), *long(v), *long(p)),
+              rate, rate, st.integers(-2000, 2000)),
+    st.builds(lambda v, c: packet("LTRJ", c | 0x08, *long(v)),
+              rate, st.sampled_from([0x0000, 0x0800, 0x1800])),
+    st.sampled_from([packet("LTRJ", control) for control in (0x0100, 0x0200, 0x0400, 0x1C00)]),
+    st.sampled_from([packet(name) for name in ("STT", "STT", "STT", "SIP", "DFH", "UDF")]),
+    st.builds(lambda *gains: packet("LFIL", gains[4] << 8 | 0x0F, *gains[:4]),
+              *[st.integers(0, 300)] * 4, st.integers(0, 5)),
+    st.builds(lambda error: packet("LPES", error), st.integers(1, 500)),
+    st.builds(lambda bp: packet("SBPA", *long(bp)), st.integers(-500, 500)),
+    st.just(packet("RSTI", 0)),
+    st.just(packet("PORT12")),
+    st.tuples(st.just("run"), st.integers(0, 60_000 * US), st.just(0)),
+)  # fmt: skip
+
+some = st.lists(st.one_of(moves, noise), max_size=12)
+
+
+@st.composite
+def servo_sessions(draw: st.DrawFn) -> list[Operation]:
+    """A tuned loop that moves and comes to rest, and then anything."""
+    gains = [draw(st.integers(0, 300)) for _ in range(4)]
+    session = [
+        packet("LFIL", draw(st.integers(0, 9)) << 8 | 0x0F, *gains),
+        packet("UDF"),
+        packet("LTRJ", 0x2A, *long(draw(rate)), *long(draw(rate)),
+               *long(draw(st.integers(-200, 200)))),
+        packet("STT"),
+        ("run", draw(st.integers(0, 60_000 * US)), 0),
+    ]  # fmt: skip
+    return session + draw(st.lists(moves, max_size=15))
+
+
+servo = servo_sessions()
+
+
+@pytest.mark.spec("LM-BUS-1", "LM-BUS-2", "LM-BUS-3")
+@given(some)
+def test_both_ways_in_are_one_implementation(operations):
+    results = []
+    for mode in ("cycle", "strobe"):
+        bench = Bench(mode, plant=Follower(turn=37), busy_jitter_clk=30)
+        bench.chip.judged = False
+        got = do(bench, operations)
+        results.append((got, bench.now, bench.violations, bench.chip.save_core()))
+
+    assert results[0] == results[1]
+
+
+@given(some, some, st.booleans())
+def test_a_chip_restored_from_a_snapshot_goes_on_as_if_nothing_had_happened(
+    first, second, with_plant
+):
+    def fresh() -> Bench:
+        plant = Follower(turn=37) if with_plant else None
+        return Bench("strobe", part="LM629N-8", plant=plant, busy_jitter_clk=30, reset_fail=1)
+
+    whole = fresh()
+    do(whole, first)
+    expected = do(whole, second), whole.chip.save()
+
+    one = fresh()
+    do(one, first)
+    state = one.chip.save()
+    other = fresh()
+    other.kernel.load(one.kernel.save())
+    for name, pin in one.host.items():
+        other.host[name].level = pin.level
+    for name, pin in one.chip.pins.items():
+        other.chip.pins[name].level = pin.level
+        net, old = other.chip.pins[name].net, pin.net
+        net.value, net.previous, net.changed_at = old.value, old.previous, old.changed_at
+    other.chip.load(state)
+
+    assert (do(other, second), other.chip.save()) == expected
+
+
+def registers(bench: Bench) -> tuple[object, ...]:
+    chip = bench.chip
+    chip.advance()
+    return (
+        chip.axis.save(), chip.host.save(), chip.output.save(), chip.encoder.save(), chip._cycle,
+        chip.pins["HI"].value,
+    )  # fmt: skip
+
+
+@settings(max_examples=60)
+@given(servo)
+def test_skipping_samples_at_rest_is_the_same_as_running_them(operations):
+    states = []
+    for plant in (Follower(turn=37), Restless(turn=37)):
+        bench = Bench(plant=plant)
+        do(bench, operations)
+        states.append(registers(bench))
+
+    assert states[0] == states[1]
+
+
+def test_a_resting_axis_really_is_skipped():
+    class Counting(Follower):
+        def drive(self, command: float, error: int) -> int:
+            self.periods = getattr(self, "periods", 0) + 1
+            return super().drive(command, error)
+
+    bench = Bench(plant=Counting())
+    bench.filter(kp=100, ki=10, kd=50, il=100, ds=3)
+    bench.move(0, accel=ONE, velocity=ONE, position=10)
+    bench.run(10**12)
+    bench.chip.advance()
+
+    assert bench.plant.periods < 60
+    assert bench.axis.real == 10
+
+
+@settings(max_examples=60)
+@given(servo)
+def test_being_listened_to_and_being_looked_at_change_nothing(operations):
+    """Edges of HI are at the same instants whether the chip is eager or looked at ever so often."""
+    states, logs = [], []
+    for eager in (True, False):
+        bench = Bench(plant=Follower(turn=37))
+        log = Log()
+        if eager:
+            bench.chip.pins["HI"].net.observe(log)
+            bench.chip.pins["DAC0"].net.observe(Log())
+            do(bench, operations)
+        else:
+            for operation in operations:
+                do(bench, [operation])
+                bench.chip.telemetry()
+                assert bench.chip.next_event() > bench.now
+        states.append(registers(bench))
+        logs.append(log.edges)
+    assert states[0] == states[1]
+
+    # The lazy chip, looked at just before and at each edge of the eager one.
+    bench = Bench(plant=Follower(turn=37))
+    edges = list(logs[0])
+
+    def watch(until: int) -> None:
+        while edges and edges[0][0] <= until:
+            when, _, level = edges.pop(0)
+            if when > bench.now:
+                bench.at(when - 1)
+                assert bench.pin("HI") == 1 - level
+                bench.at(when)
+                assert bench.pin("HI") == level
+
+    for operation in operations:
+        if operation[0] == "run":
+            end = bench.now + operation[1]
+            watch(end)
+            bench.at(end)
+        else:
+            do(bench, [operation])
+
+
+def load(profile: Profile, accel: int, top: int, target: int) -> None:
+    for number, value in ((ACCELERATION, accel), (VELOCITY, top), (POSITION, target)):
+        profile.load_word(number, False, value >> 16 & 0xFFFF, False)
+        profile.load_word(number, True, value & 0xFFFF, False)
+    profile.take_buffers()
+
+
+@pytest.mark.spec("LM-TRJ-12", "LM-TRJ-11")
+@given(
+    st.integers(1, RATE_MAX),
+    st.lists(
+        st.tuples(st.integers(1, RATE_MAX), st.integers(-100_000, 100_000), st.integers(0, 40)),
+        min_size=1, max_size=5,
+    ),
+)  # fmt: skip
+def test_a_profile_lands_exactly_however_often_it_is_sent_elsewhere(accel, legs):
+    profile = Profile()
+    positions = [0]
+    for top, target, samples in legs:
+        load(profile, accel, max(top, accel // 4 + 1), target)
+        profile.done = False
+        for _ in range(samples):
+            profile.step()
+            positions.append(profile.position)
+    for _ in range(3000):
+        if profile.step():
+            break
+        positions.append(profile.position)
+    else:
+        # A crawling move: it must still be on its way, at its velocity.
+        assert abs(profile.velocity) <= max(profile.top, accel)
+        return
+    positions.append(profile.position)
+
+    assert profile.position == legs[-1][1] << 16
+    assert profile.velocity == 0
+    rates = [b - a for a, b in pairwise([0, *positions])]
+    assert all(abs(b - a) <= accel for a, b in pairwise(rates))
+
+
+@pytest.mark.spec("LM-TRJ-13", "LM-TRJ-9")
+@given(rate, st.lists(st.tuples(rate, st.booleans(), st.integers(1, 30)), max_size=6))
+def test_velocity_mode_never_changes_faster_than_its_acceleration_and_stops_on_a_count(accel, legs):
+    profile = Profile()
+    profile.done = False
+    profile.control = 0x0800
+    before = 0
+    for top, forward, samples in legs:
+        profile.control = 0x1800 if forward else 0x0800
+        load(profile, accel, top, 0)
+        for _ in range(samples):
+            profile.step()
+            assert abs(profile.velocity - before) <= accel
+            before = profile.velocity
+    profile.stopping = True
+    steps = 0
+    while not profile.step():
+        assert abs(profile.velocity) == abs(before) - accel
+        before = profile.velocity
+        steps += 1
+    assert steps <= 20 * ONE // accel + 1
+    assert profile.position & 0xFFFF == 0
+    assert profile.target == profile.position >> 16
+
+
+@pytest.mark.spec("LM-BUS-8")
+@given(st.integers(0, 800), st.integers(1, 800), st.integers(0, 0xFFFFFFFF))
+def test_busy_is_never_longer_than_100_us_nor_shorter_than_a_clock(jitter, nominal, seed):
+    bench = Bench(busy_clk=nominal, busy_jitter_clk=jitter, seed=seed)
+    for _ in range(5):
+        bench.write(0, COMMANDS["UDF"].code)
+        assert 125 * NS <= bench.chip.host.busy_end - bench.edge <= 100 * US
+        bench.ready()
