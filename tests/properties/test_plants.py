@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vbus.chips.motion.quadrature import ALL_LOW, Quadrature
 from vbus.plant.dc_motor import DcMotor
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor
@@ -126,6 +127,36 @@ def test_between_end_stops_no_motor_leaves_them(kind, data):
     plant.prepare(256e-6)
     for run in data.draw(runs(drive)):
         assert -150 <= run(plant) <= 90
+
+
+@pytest.mark.spec("LM-POS-1", "MCP-ENC-1", "PMD-ENC-1")
+@given(commands=st.lists(st.tuples(UNIT, st.integers(1, 30)), max_size=6))
+def test_its_encoder_lines_decoded_give_the_same_counts_and_index(commands):
+    plant = DcMotor({"index_offset": 40, "encoder_lines": 60})
+    plant.prepare(256e-6)
+    decoder = Quadrature(0, 0, together=True)
+    decoder.preset(0, 0, 1)
+
+    def take(now: int) -> int:
+        found = 0
+        while event := decoder.settle(now):
+            found += event & ALL_LOW > 0
+        return found
+
+    now = 0
+    for command in [command for command, periods in commands for _ in range(periods)]:
+        start = plant.count
+        end = plant.drive(command, 0)
+        step = 1 if end > start else -1
+        seen = 0
+        for count in range(start + step, end + step, step) if end != start else ():
+            edge = now + int(plant.fraction_at(count) * 256_000_000)
+            seen += take(edge)
+            decoder.edge(edge, *plant.encoder.levels(count))
+        now += 256_000_000
+        seen += take(now)
+        assert decoder.count == end
+        assert (seen > 0) is plant.index_between(start, end)[0]
 
 
 @pytest.mark.parametrize(

@@ -102,18 +102,25 @@ def _approach(r: int, u: int, top: int, accel: int, start: int) -> int:
         return min(speed, r)
 
     speed = start if u == 0 and start > 0 else u + accel
-    speed = min(speed, top)
+    if speed > top:
+        speed = top
     slowest = u - accel
     if slowest < start:
         slowest = 0
-    if stopping_distance(speed, accel, start) <= r:
-        return max(speed, slowest)
-    n = 0
-    if slowest > 0:
-        if stopping_distance(slowest, accel, start) >= r:
+    if speed <= start:
+        return max(min(speed, r), slowest)
+    # As in stopping_distance(), with the sum at hand for what follows.
+    n = (speed - start) // accel
+    slowing = accel * (n * (n + 1) // 2)
+    if (n + 1) * speed - slowing <= r:
+        return speed if speed > slowest else slowest
+    # Too fast. Two steps of ``n`` reach down to ``slowest``: below it nothing matters.
+    least = n - 2
+    while (n + 1) * start + slowing > r:
+        if n == least:
             return slowest
-        n = (slowest - start) // accel
-    # The answer lies less than two accelerations above ``slowest``: at most two turns.
-    while (n + 2) * start + accel * ((n + 1) * (n + 2) // 2) <= r:
-        n += 1
-    return _share(r, n, accel, start)
+        if n == 0:
+            break
+        slowing -= accel * n
+        n -= 1
+    return max(_share(r, n, accel, start), slowest)
