@@ -36,9 +36,9 @@ def do(bench: Bench, operations: list[Operation]) -> list[int]:
             bench.chip.advance()
             bench.at(max(bench.now, min(bench.chip.ready_at(), bench.now + 2000 * US)))
         elif name == "packet":
-            bench.write(0, first)
+            bench.write(0, first & 0xFF)
             bench.run(16 * US)
-            for shift in range(second.bit_length() // 16 * 16, -1, -16):
+            for shift in range((first >> 8) * 16 - 16, -1, -16):
                 bench.write(1, second >> shift + 8 & 0xFF)
                 bench.write(1, second >> shift & 0xFF)
                 bench.run(16 * US)
@@ -63,10 +63,11 @@ noise = st.one_of(
 
 
 def packet(name: str, *words: int) -> Operation:
+    """A command with its words: number of words and code in one number, words in the other."""
     value = 0
     for word in words:
         value = value << 16 | word & 0xFFFF
-    return ("packet", COMMANDS[name].code, value)
+    return ("packet", len(words) << 8 | COMMANDS[name].code, value)
 
 
 def long(value: int) -> tuple[int, int]:
@@ -164,12 +165,23 @@ def registers(bench: Bench) -> tuple[object, ...]:
 @settings(max_examples=60)
 @given(servo)
 def test_skipping_samples_at_rest_is_the_same_as_running_them(operations):
-    states = []
-    for plant in (Follower(turn=37), Restless(turn=37)):
-        bench = Bench(plant=plant)
-        do(bench, operations)
-        states.append(registers(bench))
+    skipping, running = Bench(plant=Follower(turn=37)), Bench(plant=Restless(turn=37))
+    for operation in operations:
+        do(skipping, [operation])
+        do(running, [operation])
+        assert registers(skipping) == registers(running)
 
+
+@pytest.mark.parametrize("ds", [0, 1, 7, 255])
+def test_a_derivative_that_is_still_held_is_not_skipped(ds):
+    states = []
+    for plant in (Follower(), Restless()):
+        bench = Bench(plant=plant)
+        bench.filter(kp=100, kd=100, ds=ds)
+        bench.move(0, accel=ONE, velocity=4 * ONE, position=20)
+        bench.run(200_000 * US)
+        assert bench.axis.pid.derivative == 0
+        states.append(registers(bench))
     assert states[0] == states[1]
 
 
