@@ -26,7 +26,7 @@ STALL: Final = 100 * MS
 """A gap between two looks at the wall clock beyond which the machine has stalled (ps, rate 1)."""
 SLICE: Final = 10 * MS
 """Chip time computed in one go; between slices the event loop answers others."""
-LEASE: Final = 100 * MS
+LEASE: Final = 20 * MS
 """Chip time by which a host that is master of time may move it in one go; more is sliced."""
 SLICE_NS: Final = 20_000_000
 """Wall time that a slice for such a host should not exceed."""
@@ -102,25 +102,36 @@ class Pacer:
             Whether it is there; after a stall only one slice is computed at a time.
         """
         board = self.board
+        kernel = board.kernel
         if not self._paced:
-            board.limit = board.kernel.now + LEASE
+            board.limit = kernel.now + LEASE
             return True
-        wall = target = self.wall()
-        behind = target - board.kernel.now
-        if behind > self._stalled:
-            if self.stall == "slip":
-                self._anchor_ps -= behind
-                self.slipped += behind
-                wall = target = board.kernel.now
-            else:
-                target = board.kernel.now + SLICE
+        numerator, denominator = self._ps_per_ns
+        target = self._anchor_ps + (self._clock() - self._anchor_ns) * numerator // denominator
+        if target - kernel.now > self._stalled:
+            return self._recover(target)
         board.limit = target + AHEAD
-        if target > board.kernel.now:
+        if kernel.next_due > target >= kernel.now:
+            kernel.now = target
+        elif target > kernel.now:
             board.run_until(target)
-        if behind <= self._stalled:
+        return True
+
+    def _recover(self, wall: int) -> bool:
+        """Go on after a stall; tell whether the board is at the present."""
+        board = self.board
+        now = board.kernel.now
+        if self.stall == "slip":
+            behind = wall - now
+            self._anchor_ps -= behind
+            self.slipped += behind
+            self._note_lag(behind)
+            board.limit = now + AHEAD
             return True
-        self._note_lag(behind if self.stall == "slip" else wall - board.kernel.now)
-        return self.stall == "slip"
+        board.limit = now + SLICE + AHEAD
+        board.run_until(now + SLICE)
+        self._note_lag(wall - board.kernel.now)
+        return False
 
     def _note_lag(self, lag: int) -> None:
         self.lag = lag

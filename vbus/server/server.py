@@ -15,6 +15,7 @@ from vbus.board.cards import Card
 from vbus.board.pin_maps import PinMap
 from vbus.errors import NameInUseError, PluginError, TransportError
 from vbus.protocols.base import Protocol
+from vbus.server.loop import HostLoop
 from vbus.server.pacer import Pacer
 from vbus.server.registry import status_path
 from vbus.server.session import Session
@@ -234,4 +235,5 @@ def run(
             loop.add_signal_handler(number, stop.set)
         await server.serve(stop, None if on_ready is None else lambda: on_ready(server))
 
-    asyncio.run(main())
+    with asyncio.Runner(loop_factory=HostLoop) as runner:
+        runner.run(main())

@@ -34,7 +34,7 @@ class Session:
     No task, queue or future stands between a byte and its answer.
 
     Args:
-        loop: the event loop.
+        loop: the event loop; in a :class:`~vbus.server.loop.HostLoop` not even that.
         link: where the bytes come from and go.
         port: the host's hold on the board.
         protocol: the wire format, on that port.
@@ -53,17 +53,22 @@ class Session:
     ) -> None:
         self.link: Link = link
         self.port: HostPort = port
+        self._fd: int = link.fd
         self._loop: asyncio.AbstractEventLoop = loop
+        self._add_reader: Callable[[int, Callable[[], None]], object] = getattr(
+            loop, "add_direct_reader", loop.add_reader
+        )
         self._protocol: Protocol = protocol
         self._pacer: Pacer = pacer
         self._on_end: Callable[[Session], None] = on_end
-        self._pending: bytes = b""
+        self._pending: bytearray = bytearray()
         self._reading: bool = False
         self._open: bool = True
         self._waiting: int = 0
         self._flush_scheduled: bool = False
         self._patience: int = PATIENCE
         self._skipped: int = 0
+        self._finished: bool = False
         self.received: int = 0
         self.sent: int = 0
         self._changed: Callable[[], bool] = link.changed
@@ -74,14 +79,14 @@ class Session:
     # -- reading ------------------------------------------------------------------------------
 
     def _read_on(self) -> None:
-        if not self._reading and self._open:
+        if not self._reading and self._open and not self._finished:
             self._reading = True
-            self._loop.add_reader(self.link.fd, self._readable)
+            self._add_reader(self._fd, self._readable)
 
     def _read_off(self) -> None:
         if self._reading:
             self._reading = False
-            self._loop.remove_reader(self.link.fd)
+            self._loop.remove_reader(self._fd)
 
     def _readable(self) -> None:
         """Serve what has come; then look a little longer, because a driver that polls asks again.
@@ -93,7 +98,7 @@ class Session:
         most = LOOKS if self._patience else 0
         while True:
             try:
-                data = os.read(self.link.fd, READ_SIZE)
+                data = os.read(self._fd, READ_SIZE)
             except BlockingIOError:
                 if served and looks < most:
                     looks += 1
@@ -104,7 +109,7 @@ class Session:
                 self.end(f"lost: {error.strerror}")
                 return
             if not data:
-                self.end("closed by the host")
+                self._finish()
                 return
             if self._changed():
                 self.link.sort(data)
@@ -113,7 +118,7 @@ class Session:
             self._serve(data)
             served += 1
             looks = 0
-            if served == BURST or not self._reading:
+            if not most or served == BURST or not self._reading:
                 break
         if served > 1:
             self._patience = PATIENCE
@@ -125,30 +130,40 @@ class Session:
                 self._skipped = 0
                 self._patience = 1
 
+    def _finish(self) -> None:
+        """The host will send no more, but may still read what it asked for."""
+        self._read_off()
+        self._finished = True
+        if not self._pending:
+            self.end("closed by the host")
+
     def _take(self, data: bytes) -> None:
         self.received += len(data)
         self._serve(data)
 
     def _serve(self, data: bytes) -> None:
-        self._pacer.catch_up()
+        """Carry out what ``data`` asks for; without data, go on after a wait."""
         protocol = self._protocol
         try:
+            self._pacer.catch_up()
             if data:
                 protocol.receive(data)
             else:
                 protocol.resume()
         except Exception:
-            log.exception(
-                "internal error while serving %s; its session ends, the board goes on",
-                self.link.peer,
-            )
-            self.end("internal error")
+            self._broken()
             return
         if protocol.out:
             self._send()
         if self.port.held:
             self._wait()
         self._pacer.touched()
+
+    def _broken(self) -> None:
+        log.exception(
+            "internal error while serving %s; its session ends, the board goes on", self.link.peer
+        )
+        self.end("internal error")
 
     # -- waiting ------------------------------------------------------------------------------
 
@@ -186,29 +201,36 @@ class Session:
     def _send_events(self) -> None:
         self._flush_scheduled = False
         if self._open:
-            self._protocol.report_events()
+            try:
+                self._protocol.report_events()
+            except Exception:
+                self._broken()
+                return
             if self._protocol.out:
                 self._send()
 
     # -- writing ------------------------------------------------------------------------------
 
     def _send(self) -> None:
-        data = self._protocol.take()
-        if self._pending:
-            self._pending += data
-        else:
-            sent = self._write(data)
+        out = self._protocol.out
+        if not self._pending:
+            sent = self._write(out)
+            if sent == len(out):
+                out.clear()
+                return
             if sent < 0:
                 return
-            if sent < len(data):
-                self._pending = data[sent:]
-                self._loop.add_writer(self.link.fd, self._writable)
+            del out[:sent]
+            self._loop.add_writer(self._fd, self._writable)
+        self._pending += out
+        out.clear()
         if len(self._pending) > MOST_PENDING:
             self._read_off()
 
-    def _write(self, data: bytes) -> int:
+    def _write(self, data: bytearray) -> int:
+        """Return how many bytes were sent; -1 if the host has gone and the session has ended."""
         try:
-            sent = os.write(self.link.fd, data)
+            sent = os.write(self._fd, data)
         except BlockingIOError:
             return 0
         except OSError as error:
@@ -221,9 +243,12 @@ class Session:
         sent = self._write(self._pending)
         if sent < 0:
             return
-        self._pending = self._pending[sent:]
+        del self._pending[:sent]
         if not self._pending:
-            self._loop.remove_writer(self.link.fd)
+            self._loop.remove_writer(self._fd)
+            if self._finished:
+                self.end("closed by the host")
+                return
         if len(self._pending) <= MOST_PENDING and not self.port.held:
             self._read_on()
 
@@ -233,7 +258,7 @@ class Session:
         """The link says that the host has gone; maybe what it sent before is to be carried out."""
         while carry_out and self._open and not self.port.held:
             try:
-                data = os.read(self.link.fd, READ_SIZE)
+                data = os.read(self._fd, READ_SIZE)
             except OSError:
                 break
             if not data:
@@ -248,7 +273,7 @@ class Session:
         self._open = False
         self._read_off()
         if self._pending:
-            self._loop.remove_writer(self.link.fd)
+            self._loop.remove_writer(self._fd)
         log.debug("%s: %s", self.link.peer, reason)
         self._protocol.reset()
         self.port.close()

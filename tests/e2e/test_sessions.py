@@ -1,0 +1,90 @@
+"""How a session ends: the host closes one way only, a protocol is broken, a link is overrun."""
+
+import logging
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.serving import served
+from tests.e2e.test_pty import open_raw, read_exactly, toy_board, wait_for_sessions
+from vbus.protocols.byte import ByteProtocol
+from vbus.server.registry import ask, status_path
+from vbus.server.server import LinkSpec
+
+UNIX = LinkSpec("unix:$VBUS_RUNTIME/x", "byte")
+PTY = LinkSpec("pty:$VBUS_RUNTIME/y", "byte")
+
+
+def connect(path: Path) -> socket.socket:
+    link = socket.socket(socket.AF_UNIX)
+    link.settimeout(20)
+    link.connect(str(path))
+    return link
+
+
+def test_a_host_that_closes_its_sending_side_still_gets_every_reply(runtime: Path) -> None:
+    reads = 900
+    quick = LinkSpec("unix:$VBUS_RUNTIME/x", "byte", cycle_ps=1000)
+    with served(toy_board(), quick) as server, connect(runtime / "x") as link:
+        link.sendall(b"\x32\x01\xff" * reads)
+        link.shutdown(socket.SHUT_WR)
+        # Each answer takes the server once round its loop: by then it has seen the end.
+        for _ in range(20):
+            status = ask(status_path("bench"))
+        assert status["links"][0]["received"] == 3 * reads
+
+        answer = b""
+        while data := link.recv(65536):
+            answer += data
+        assert len(answer) == 257 * reads, "a little more than the socket holds"
+        wait_for_sessions(server, 0)
+
+
+@pytest.mark.parametrize(
+    ("method", "policy", "request_"),
+    [
+        ("receive", "lockstep", b"\x11"),
+        ("resume", "lockstep", b"\x50" + (10**13).to_bytes(8, "big")),
+        ("report_events", "realtime", b"\x20\xc8"),
+    ],
+)
+def test_a_bug_in_a_protocol_ends_that_session_and_says_so(
+    runtime: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    method: str,
+    policy: str,
+    request_: bytes,
+) -> None:
+    caplog.set_level(logging.ERROR, "vbus")
+    with served(toy_board(policy=policy), UNIX, PTY) as server:
+        other = open_raw(runtime / "y")
+        os.write(other, b"\x02\x01")
+        assert read_exactly(other, 2) == b"E\x01"
+        with connect(runtime / "x") as link:
+            link.sendall(b"\x02\x02")
+            assert link.recv(9) == b"E\x02"
+            with monkeypatch.context() as broken:
+                if method == "report_events":  # which the request itself calls too
+                    link.sendall(b"\x60\x00\x00\x00\x01\x02\x03")
+                    assert link.recv(9) == b"E\x03"
+                broken.setattr(ByteProtocol, method, broken_method)
+                link.sendall(request_)
+                while link.recv(100):
+                    pass
+        wait_for_sessions(server, 1)
+        os.write(other, b"\x02\x03")
+        assert read_exactly(other, 2) == b"E\x03"
+        os.close(other)
+    [record] = [record for record in caplog.records if record.name == "vbus"]
+    assert record.getMessage() == (
+        f"internal error while serving unix:{runtime}/x; its session ends, the board goes on"
+    )
+    assert record.exc_info is not None
+    assert str(record.exc_info[1]) == "a bug"
+
+
+def broken_method(self: ByteProtocol, data: bytes = b"") -> None:
+    raise RuntimeError("a bug")
