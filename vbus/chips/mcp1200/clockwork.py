@@ -13,6 +13,7 @@ from vbus.chips.mcp1200.drive import PlantDrive
 from vbus.chips.mcp1200.encoder import Encoder
 from vbus.chips.mcp1200.output import Pwm
 from vbus.chips.mcp1200.registers import HostRegisters
+from vbus.chips.mcp1200.rest import Rest
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import FAR, SampleTimer
 from vbus.chips.registers import RegisterFile
@@ -59,8 +60,8 @@ class Clockwork:
     __slots__ = (
         "_aiming", "_at_reset", "_at_results", "_at_routine", "_at_sample", "_clock", "_report",
         "_request", "_stall_clk", "_target", "_writes", "breakpoint", "core", "counter", "drive",
-        "encoder", "encoder_pins", "file", "host", "pwm", "released", "side", "state", "stepper",
-        "timer",
+        "encoder", "encoder_pins", "file", "host", "pwm", "released", "rest", "side", "state",
+        "stepper", "timer",
     )  # fmt: skip
 
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
@@ -80,6 +81,7 @@ class Clockwork:
         self.drive: PlantDrive = PlantDrive(
             data, self.encoder, self.stepper, self.pwm, settings["drive"] == "dac"
         )
+        self.rest: Rest = Rest(self.core, self.drive, self.encoder)
         self.host: HostRegisters = HostRegisters(self)
         self.side: SidePins
         self.encoder_pins: EncoderPins
@@ -111,7 +113,7 @@ class Clockwork:
 
     def _next_count(self) -> int:
         """When the position counter has something to do."""
-        return min(self.encoder.at, self.encoder_pins.due(), self.counter.at_match)
+        return min(self.encoder.at, self.encoder_pins.at, self.counter.at_match)
 
     def next_output(self) -> int:
         """A cycle not later than the next change of an output other than Pulse and Sign."""
@@ -139,14 +141,8 @@ class Clockwork:
                     continue
             if cycle > target:
                 return
-            if self.encoder.at == cycle:
-                self.counter.edge(cycle)
-                self.side.look(cycle)
-            elif self.encoder_pins.due() <= cycle:
-                self.encoder_pins.settle(cycle)
-            elif self.counter.at_match == cycle:
-                self.counter.match()
-                self.counter.replan(cycle)
+            if self._next_count() <= cycle:
+                self._count(cycle)
             elif self._at_reset == cycle:
                 self._end_reset(cycle)
             elif self._at_results == cycle:
@@ -157,6 +153,18 @@ class Clockwork:
                 self._routine(cycle)
             else:
                 self._next_period(cycle)
+
+    def _count(self, cycle: int) -> None:
+        """The position counter comes to something worth a look."""
+        self.rest.disturb()
+        if self.encoder.at == cycle:
+            self.counter.edge(cycle)
+            self.side.look(cycle)
+        elif self.encoder_pins.at <= cycle:
+            self.encoder_pins.settle(cycle)
+        else:
+            self.counter.match()
+            self.counter.replan(cycle)
 
     def pulsing(self) -> bool:
         """Whether Pulse or Sign may move although nothing is due inside."""
@@ -182,6 +190,7 @@ class Clockwork:
             self._at_results += self._stall_clk
 
     def _take_write(self, cycle: int, address: int, data: int) -> None:
+        self.rest.disturb()
         before = self.counter.equal(cycle)
         self.pwm.roll(cycle - 1)
         self.host.write(self.host.map(address), data, cycle)
@@ -213,20 +222,6 @@ class Clockwork:
         """Idle with /LIMIT low: the motor outputs stay off (MCP-MOD-4)."""
         if self.state == STANDING and self.side.limit == 0 and self.file.bytes[ds.EXCEPTION] & 3:
             self.core.outputs_off()
-
-    def limit_pin(self, level: int, cycle: int) -> None:
-        """/LIMIT has moved."""
-        if level == 0 and self.state >= STANDING:
-            self.core.fault(ds.LIMIT_OK)
-            self.core.faults.limit = True
-            self.pwm.roll(cycle - 1)
-            self.guard()
-
-    def stop_pin(self, level: int) -> None:
-        """/STOP has moved."""
-        if level == 0 and self.state >= STANDING:
-            self.core.fault(ds.STOP_OK)
-            self.core.faults.stop = True
 
     def sync_pin(self, level: int, cycle: int) -> None:
         """/SYNC has moved: in idle mode it holds the sample timer (MCP-SMP-2)."""
@@ -316,6 +311,7 @@ class Clockwork:
             self.core.fault(ds.TIMER_OK)
             self._enter_idle(cycle)
         self._start_timer(cycle)
+        cycle = self._skip(cycle)
         position = self.counter.position(cycle)
         request, self._request = self._request, NO_REQUEST
         if self.state == CONTROL:
@@ -333,17 +329,15 @@ class Clockwork:
         else:
             self.core.last_position = position
         self._at_routine = cycle + ds.BREAK_ROUTINE_CLK if self.breakpoint.sample() else FAR
-        if self.state == STANDING:
-            if self.side.sync == 0:
-                self._hold_timer()
-            else:
-                self._skip_rest(cycle)
+        if self.state == STANDING and self.side.sync == 0:
+            self._hold_timer()
 
     def _enter_control(self, cycle: int, position: int) -> None:
         self.state = CONTROL
         self.core.enter_control(position)
         self.file.bytes[ds.MODE] = ds.CONTROL_CODE
         self._aiming = False
+        self.rest.disturb()
         self._look_for_stall(cycle)
 
     def _begin_control_sample(self, cycle: int, position: int, halt: bool) -> None:
@@ -388,32 +382,35 @@ class Clockwork:
                 most = period // self.stepper.width
                 self._report(ds.STEP_OVERRUN, abs(core.steps), most, "", self._clock.ps(cycle))
             self.counter.replan(cycle)
+        self.rest.note()
 
     def _routine(self, cycle: int) -> None:
         """The breakpoint routine of the sample (MCP-BRK-2, 3)."""
         self._at_routine = FAR
+        self.rest.disturb()
         before = self.counter.equal(cycle)
         if self.breakpoint.routine():
             self.file.bytes[ds.STATUS] |= ds.BREAKPOINT_OK
         self.counter.look_equal(before, cycle)
 
-    def _skip_rest(self, cycle: int) -> None:
-        """Idle, and nothing moves: whole periods go by at once."""
-        encoder = self.encoder
-        if self._request != NO_REQUEST or self._at_routine != FAR:
-            return
-        if encoder.plant is not None and (encoder.end != cycle or not self.drive.at_rest()):
-            return
-        last = self._target
+    def _skip(self, cycle: int) -> int:
+        """Pass over samples that would change nothing; return the one to compute."""
+        control = self.state == CONTROL
+        if self._request != NO_REQUEST or self.breakpoint.sample():
+            return cycle
+        if not control and self.side.sync == 0:
+            return cycle
+        last = min(self._target, self._next_count() - 1)
         if self._writes:
             last = min(last, self._writes[0][0] - 1)
-        periods = (last - cycle) // self.timer.period
+        periods = self.rest.periods(cycle, last, self.timer.period, control)
         if periods > 0:
             passed = periods * self.timer.period
-            self.timer.start += passed
-            self._at_sample = self.timer.next_zero()
-            if encoder.plant is not None:
-                encoder.skip(passed)
+            cycle += passed
+            self._start_timer(cycle)
+            if self.encoder.plant is not None:
+                self.encoder.skip(passed)
+        return cycle
 
     def _next_period(self, cycle: int) -> None:
         """The plant's period is over: run it to the next instant its drive may change."""
@@ -445,5 +442,6 @@ class Clockwork:
             self._at_sample, self._at_results, self._at_routine, self.counter.at_match, parts,
         ) = state  # type: ignore[assignment]  # fmt: skip
         self._writes[:] = [tuple(write) for write in writes]  # type: ignore[attr-defined]
+        self.rest.disturb()
         for part, saved in zip(self._parts(), parts, strict=True):  # type: ignore[call-overload]
             part.load(saved)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.capture import index_edge, trigger_edge
+from vbus.chips.mcp1200.clockwork import STANDING, Clockwork
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.motion.quadrature import COUNTED, INDEX_FELL, INDEX_ROSE, SKIPPED, Quadrature
 from vbus.kernel import NEVER
@@ -13,7 +14,6 @@ from vbus.signals import Watcher
 
 if TYPE_CHECKING:
     from vbus.chips.mcp1200.chip import MCP1200
-    from vbus.chips.mcp1200.clockwork import Clockwork
 
 LONG_AGO: Final = -(1 << 62)
 
@@ -29,10 +29,13 @@ class EncoderPins:
     Args:
         chip: whose pins.
         works: where counts go.
+
+    Attributes:
+        at: cycle at which a level at the pins will have passed the filter.
     """
 
     __slots__ = (
-        "_a", "_a_at", "_b", "_b_at", "_chip", "_index", "_index_at", "_works", "decoder",
+        "_a", "_a_at", "_b", "_b_at", "_chip", "_index", "_index_at", "_works", "at", "decoder",
     )  # fmt: skip
 
     def __init__(self, chip: MCP1200, works: Clockwork) -> None:
@@ -46,6 +49,7 @@ class EncoderPins:
         self._a_at: int = LONG_AGO
         self._b_at: int = LONG_AGO
         self._index_at: int = LONG_AGO
+        self.at: int = FAR
         watcher = Watcher(chip.kernel, self._moved)
         for name in ("CHA", "CHB", "INDEX"):
             chip.pins[name].net.watch(watcher)
@@ -55,19 +59,20 @@ class EncoderPins:
         pins = self._chip.pins
         self._a, self._b, self._index = pins["CHA"].value, pins["CHB"].value, pins["INDEX"].value
         self.decoder.preset(self._a, self._b, self._index)
+        self._look()
 
     def configure(self, cycle: int) -> None:
         """R1A has changed: the filter clock."""
         dwell = ds.FILTER_STAGES * self._divider()
         self.decoder.set_dwell(cycle, dwell, dwell)
+        self._look()
 
     def _divider(self) -> int:
         return ds.FILTER_DIVIDER[self._works.file.bytes[ds.ENCODER_PWM] >> 4 & 7]
 
-    def due(self) -> int:
-        """Cycle at which a level at the pins will have passed the filter."""
+    def _look(self) -> None:
         due = self.decoder.due()
-        return FAR if due == NEVER else due
+        self.at = FAR if due == NEVER else due
 
     def settle(self, cycle: int) -> None:
         """Take what has passed the filter by ``cycle``."""
@@ -80,6 +85,7 @@ class EncoderPins:
                 works.report(ds.DOUBLE_EDGE)
             if found & (INDEX_FELL | INDEX_ROSE):
                 works.counter.index_external(bool(found & INDEX_ROSE), decoder.at)
+        self._look()
 
     def _moved(self) -> None:
         chip = self._chip
@@ -96,6 +102,7 @@ class EncoderPins:
         if index != self._index:
             self._index, self._index_at = index, now
         self.decoder.edge(chip.cycle_now(), a, b, index)
+        self._look()
         chip.changed()
 
     def _judge(self, a: int, b: int, index: int) -> None:
@@ -128,6 +135,7 @@ class EncoderPins:
             self._a, self._b, self._index, self._a_at, self._b_at, self._index_at, decoder,
         ) = state  # type: ignore[assignment]  # fmt: skip
         self.decoder.load(decoder)  # type: ignore[arg-type]
+        self._look()
 
 
 class SidePins:
@@ -193,10 +201,10 @@ class SidePins:
         trigger = self._chip.pins["TRIG"].value & (home if self._home == "TRIG" else 1)
         if limit != self.limit:
             self.limit = limit
-            works.limit_pin(limit, cycle)
+            self._fault(limit, ds.LIMIT_OK, cycle)
         if stop != self.stop:
             self.stop = stop
-            works.stop_pin(stop)
+            self._fault(stop, ds.STOP_OK, cycle)
         if self._levels[1] != self.sync:
             self.sync = self._levels[1]
             works.sync_pin(self.sync, self._chip.next_cycle())
@@ -208,6 +216,19 @@ class SidePins:
             self._home_index = home
             if self._home == "INDEX":
                 index_edge(works.file.bytes, home == 1, works.counter.position(cycle))
+
+    def _fault(self, level: int, flag: int, cycle: int) -> None:
+        """/LIMIT or /STOP has moved: low sets its flag at once (MCP-EXC-4, MCP-EXC-7)."""
+        works = self._works
+        works.rest.disturb()
+        if level == 0 and works.state >= STANDING:
+            works.core.fault(flag)
+            if flag == ds.LIMIT_OK:
+                works.core.faults.limit = True
+                works.pwm.roll(cycle - 1)
+                works.guard()
+            else:
+                works.core.faults.stop = True
 
     def settle_levels(self) -> None:
         """Take the levels as they stand: power-on."""

@@ -1,8 +1,12 @@
 """The PID filter with feed-forward (R61-R6A)."""
 
+from typing import Final
+
 from vbus.bits import clamp
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
+
+LONGEST_SPAN: Final = 8
 
 
 class PidFilter:
@@ -11,11 +15,11 @@ class PidFilter:
     The integrator rests in a sample after a saturated one (MCP-FLT-3).
     """
 
-    __slots__ = ("_errors", "_integral", "_next", "_saturated", "_velocity")
+    __slots__ = ("_errors", "_integral", "_saturated", "_velocity")
 
     def __init__(self) -> None:
-        self._errors: list[int] = [0] * 8
-        self._next: int = 0
+        self._errors: list[int] = [0] * LONGEST_SPAN
+        """Errors of the last samples, the latest first."""
         self._integral: int = 0
         self._velocity: int = 0
         self._saturated: bool = False
@@ -27,9 +31,7 @@ class PidFilter:
 
     def clear(self) -> None:
         """Forget old samples (MCP-FLT-5)."""
-        for place in range(8):
-            self._errors[place] = 0
-        self._next = 0
+        self._errors[:] = [0] * LONGEST_SPAN
         self._integral = 0
         self._velocity = 0
         self._saturated = False
@@ -48,9 +50,9 @@ class PidFilter:
         span = image[ds.DERIVATIVE_SPAN]
         if span not in ds.DERIVATIVE_SPANS:
             span = 1
-        change = error - self._errors[(self._next - span) & 7]
-        self._errors[self._next] = error
-        self._next = (self._next + 1) & 7
+        change = error - self._errors[span - 1]
+        self._errors.pop()
+        self._errors.insert(0, error)
         acceleration = velocity - self._velocity
         self._velocity = velocity
         command = (
@@ -65,11 +67,9 @@ class PidFilter:
 
     def save(self) -> tuple[object, ...]:
         """Return the state."""
-        return (
-            tuple(self._errors), self._next, self._integral, self._velocity, self._saturated,
-        )  # fmt: skip
+        return (tuple(self._errors), self._integral, self._velocity, self._saturated)
 
     def load(self, state: tuple[object, ...]) -> None:
         """Take back what :meth:`save` gave."""
-        errors, self._next, self._integral, self._velocity, self._saturated = state  # type: ignore[assignment]
+        errors, self._integral, self._velocity, self._saturated = state  # type: ignore[assignment]
         self._errors[:] = errors  # type: ignore[call-overload]

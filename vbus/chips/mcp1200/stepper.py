@@ -1,8 +1,13 @@
 """Step mode: step pulses, direction, and the stall check against an encoder."""
 
+from typing import Final
+
 from vbus.bits import wrap
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.timer import FAR
+
+LEAST_SAMPLES: Final = 4
+"""Samples in a window of the stall check, at least (MCP-STP-4)."""
 
 
 class Stepper:
@@ -180,10 +185,11 @@ class StallCheck:
         if ratio == 0:
             self.clear()
             return False
-        self._samples += 1
+        if self._samples < LEAST_SAMPLES:
+            self._samples += 1
         self._expected += abs(self._steps) * ratio
         self._counts += abs(self._way)
-        if self._samples < 4 or self._expected < 256:
+        if self._samples < LEAST_SAMPLES or self._expected < 256:
             return False
         stalled = self._counts * 256 < self._expected
         self.clear()

@@ -1,0 +1,59 @@
+"""Rest: samples that would repeat the one before bit for bit need not be computed."""
+
+from vbus.chips.mcp1200.core import Core
+from vbus.chips.mcp1200.drive import PlantDrive
+from vbus.chips.mcp1200.encoder import Encoder
+
+
+class Rest:
+    """Knows whether the next samples will be like the last one.
+
+    In control mode a sample is a function of registers, core, plant and inputs. If two samples
+    in a row have left all of that the same, so will every further one, until something from
+    outside disturbs it. Nothing is estimated: skipping and stepping give the same state.
+
+    Args:
+        core: the chip's program.
+        drive: what the plant is driven with.
+        encoder: the plant's periods.
+    """
+
+    __slots__ = ("_core", "_drive", "_encoder", "_repeats", "_state")
+
+    def __init__(self, core: Core, drive: PlantDrive, encoder: Encoder) -> None:
+        self._core: Core = core
+        self._drive: PlantDrive = drive
+        self._encoder: Encoder = encoder
+        self._state: tuple[object, ...] = ()
+        self._repeats: bool = False
+
+    def disturb(self) -> None:
+        """Something has happened that the last sample did not know of."""
+        self._state = ()
+        self._repeats = False
+
+    def note(self) -> None:
+        """A control sample has shown its results: compare it with the one before."""
+        if self._core.steps != 0 or not self._drive.at_rest():
+            self.disturb()
+            return
+        state = (self._core.registers.save(), self._core.save())
+        self._repeats = state == self._state
+        self._state = state
+
+    def periods(self, cycle: int, last: int, period: int, control: bool) -> int:
+        """Return how many whole samples can be passed over.
+
+        Args:
+            cycle: start of the sample that is due.
+            last: cycle up to which nothing happens from outside.
+            period: clocks of a sample.
+            control: the loop is closed; in idle mode only the plant must rest.
+        """
+        if control and not self._repeats:
+            return 0
+        if self._encoder.plant is not None and (
+            self._encoder.end != cycle or not self._drive.at_rest()
+        ):
+            return 0
+        return max((last - cycle) // period, 0)
