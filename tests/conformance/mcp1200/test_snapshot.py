@@ -175,6 +175,34 @@ def test_an_idle_hour_skipped_equals_an_idle_hour_stepped() -> None:
     assert benches[0].sample_start() == benches[1].sample_start()
 
 
+@pytest.mark.parametrize("kind", [0, 1, 2, 3])
+@pytest.mark.parametrize(
+    "registers",
+    [
+        {}, {"FEATURE": 0x08, "KI": 3, "COMMAND_POSITION": 2}, {"EXCEPTION": 0x4C, "MAX_ERROR": 1},
+        {"CONFIG": 0x03, "COMMAND_POSITION": 9, "ENCODER_RATIO": 0x0010},
+        {"FLAG": 0x0D, "BACKLASH": 3}, {"FLAG": 0x0B, "FINAL_POSITION": 33},
+    ],
+    ids=lambda registers: "-".join(registers) or "lead",
+)  # fmt: skip
+def test_a_resting_axis_jumped_over_equals_one_that_was_stepped(
+    kind: int, registers: dict[str, int]
+) -> None:
+    benches = [Bench(plant=plant_of(kind)), Bench(plant=plant_of(kind))]
+    for bench in benches:
+        bench.extended()
+        for name, value in registers.items():
+            bench.put(name, value)
+        bench.control()
+        bench.until(4160 * 40)
+    begun = benches[0].cycle
+    benches[0].until(begun + 4160 * 400 + 333)
+    for clock in range(begun, begun + 4160 * 400 + 333, 4000):
+        benches[1].until(clock)
+    benches[1].until(begun + 4160 * 400 + 333)
+    assert benches[0].chip.save() == benches[1].chip.save()
+
+
 @pytest.mark.parametrize("plant", [1, 3])
 def test_telemetry_names_what_a_live_view_shows(plant: int) -> None:
     bench = Bench(plant=plant_of(plant))
