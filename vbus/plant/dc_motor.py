@@ -19,8 +19,8 @@ class DcMotor(Shaft):
     and have a mechanical time constant of 14 ms.
     """
 
-    TAKES = ("drive",)
-    OPTIONS = (
+    TAKES: tuple[str, ...] = ("drive",)
+    OPTIONS: tuple[Option, ...] = (
         *SHAFT_OPTIONS,
         Option("supply", "V", 24.0, "supply of the amplifier, where its output saturates",
                low=0.0),

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from vbus.options import Settings
+from vbus.options import Option, Settings
 from vbus.plant.angle import turns_of
 from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
 from vbus.plant.windings import STEP_OPTIONS, field
@@ -18,8 +18,8 @@ class IdealPlant(EncodedPlant):
     currents it makes every step. Its course through a period is a straight line.
     """
 
-    TAKES = ("drive", "pulses", "phases")
-    OPTIONS = (
+    TAKES: tuple[str, ...] = ("drive", "pulses", "phases")
+    OPTIONS: tuple[Option, ...] = (
         *ENCODER_OPTIONS,
         *STEP_OPTIONS,
     )

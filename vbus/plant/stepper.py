@@ -22,8 +22,8 @@ class StepperMotor(Shaft):
     Phase currents make a field as strong as they are, so that full scale gives the holding torque.
     """
 
-    TAKES = ("pulses", "phases")
-    OPTIONS = (
+    TAKES: tuple[str, ...] = ("pulses", "phases")
+    OPTIONS: tuple[Option, ...] = (
         *SHAFT_OPTIONS,
         *STEP_OPTIONS,
         Option("holding_torque", "N*m", 0.4, "torque against which the motor holds at full"
