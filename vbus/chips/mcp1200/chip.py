@@ -324,6 +324,7 @@ class MCP1200(Chip):
         """Return the whole state, the plant's included."""
         self.advance()
         # However seldom anybody has looked at Pulse, its frame is the one under way now.
+        self.works.pwm.roll(self.cycle_now())
         self.outputs.show_pulse(self.cycle_now())
         return (
             self._reading, self._latch, self._last_rise, self.judged, self.works.save(),
