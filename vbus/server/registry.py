@@ -1,5 +1,6 @@
 """Boards that run on this computer: how they are found and asked."""
 
+import contextlib
 import json
 import socket
 from collections.abc import Iterator
@@ -7,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from vbus.errors import TransportError
-from vbus.transports.runtime import runtime_directory, socket_address
+from vbus.transports.runtime import NameLock, runtime_directory, socket_address
 
 ANSWER_SECONDS: Final = 2.0
 """How long a running board may take to tell about itself."""
@@ -52,8 +53,16 @@ def running() -> Iterator[dict[str, Any]]:
         try:
             yield ask(path)
         except TransportError as error:
-            if isinstance(error.__cause__, ConnectionRefusedError):
-                path.unlink(missing_ok=True)
-                path.with_name(f".{path.name}.lock").unlink(missing_ok=True)
+            if isinstance(error.__cause__, ConnectionRefusedError | FileNotFoundError):
+                _forget(path)
             else:
                 yield {"board": path.stem, "error": str(error)}
+
+
+def _forget(path: Path) -> None:
+    """Remove the status socket of a board that died, unless its next run has just begun."""
+    lock = NameLock(path)
+    with contextlib.suppress(TransportError):
+        lock.take()
+        path.unlink(missing_ok=True)
+        lock.give_back()

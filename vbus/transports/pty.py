@@ -68,7 +68,7 @@ class PtyTransport(Transport):
         self._loop = loop
         self._on_link = on_link
         try:
-            if self._link_path.exists() and not self._link_path.is_symlink():
+            if os.path.lexists(self._link_path) and not self._is_ours():
                 raise TransportError(
                     f"{self._link_path} exists and is not a link of ours; remove it or choose"
                     " another name"
@@ -79,6 +79,11 @@ class PtyTransport(Transport):
             if isinstance(error, TransportError):
                 raise
             raise TransportError(f"{self._link_path}: {error.strerror or error}") from error
+
+    def _is_ours(self) -> bool:
+        """Tell whether the name is what a server leaves behind: a link to some terminal."""
+        path = self._link_path
+        return path.is_symlink() and os.readlink(path).startswith("/dev/pts/")
 
     def _make(self) -> None:
         """Make a terminal and let the name lead to it."""

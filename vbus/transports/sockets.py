@@ -1,14 +1,26 @@
 """Stream sockets: Unix and TCP."""
 
 import asyncio
+import errno
 import os
 import socket
 from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
-from vbus.errors import TransportError
+from vbus.errors import NameInUseError, TransportError
 from vbus.transports.base import Link, Transport
 from vbus.transports.runtime import NameLock, socket_address
+
+REST_SECONDS: Final = 0.2
+"""How long nobody is accepted after the system has run out of descriptors or memory."""
+KEEP_ALIVE: Final = (
+    (socket.TCP_KEEPIDLE, 10),
+    (socket.TCP_KEEPINTVL, 5),
+    (socket.TCP_KEEPCNT, 3),
+)
+"""A silent TCP host is looked for after 10 s, and given up 15 s later."""
+_EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
 class SocketLink(Link):
@@ -50,11 +62,26 @@ class _SocketTransport(Transport):
             return
         try:
             connection, address = self._listener.accept()
-        except OSError:  # the client gave up in the meantime
-            return
+        except OSError as error:
+            if error.errno in _EXHAUSTED:
+                self._rest(error)
+            return  # else the client gave up in the meantime
         connection.setblocking(False)
         self._tune(connection)
         self._on_link(SocketLink(connection, self._peer(address)))
+
+    def _rest(self, error: OSError) -> None:
+        """Accept nobody for a moment: whoever waits would wake the loop again and again."""
+        if self._listener is None or self._loop is None:
+            return
+        fd = self._listener.fileno()
+        self.report(f"{self.url}: a host waits outside: {error.strerror}")
+        self._loop.remove_reader(fd)
+        self._loop.call_later(REST_SECONDS, self._accept_again)
+
+    def _accept_again(self) -> None:
+        if self._listener is not None and self._loop is not None:
+            self._loop.add_reader(self._listener.fileno(), self._accept)
 
     def _tune(self, connection: socket.socket) -> None:
         pass
@@ -69,6 +96,13 @@ class _SocketTransport(Transport):
                 self._loop.remove_reader(self._listener.fileno())
             self._listener.close()
             self._listener = None
+
+
+def _answers(path: Path) -> bool:
+    """Tell whether somebody listens at a Unix socket."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link, socket_address(path) as address:
+        link.setblocking(False)
+        return link.connect_ex(address) in (0, errno.EAGAIN)
 
 
 class UnixTransport(_SocketTransport):
@@ -91,6 +125,10 @@ class UnixTransport(_SocketTransport):
             if path.exists() and not path.is_socket():
                 raise TransportError(
                     f"{path} exists and is not a socket; remove it or choose another name"
+                )
+            if path.exists() and _answers(path):
+                raise NameInUseError(
+                    f"{path} is in use by another program; stop it or choose another name"
                 )
             path.unlink(missing_ok=True)
             mask = os.umask(0o177)
@@ -142,6 +180,10 @@ class TcpTransport(_SocketTransport):
 
     def _tune(self, connection: socket.socket) -> None:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        # A host whose machine has vanished must not keep its claims for ever.
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, value in KEEP_ALIVE:
+            connection.setsockopt(socket.IPPROTO_TCP, option, value)
 
     def _peer(self, address: object) -> str:
         return f"{address[0]}:{address[1]}" if isinstance(address, tuple) else self.url

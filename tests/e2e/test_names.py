@@ -1,0 +1,122 @@
+"""Names in the file system: whose they are, and what is left of those who died."""
+
+import asyncio
+import errno
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.serving import served
+from tests.e2e.test_pty import PTY, start, toy_board
+from vbus.errors import NameInUseError, TransportError
+from vbus.server.registry import boards_directory, running, status_path
+from vbus.server.server import LinkSpec, Server
+from vbus.transports.runtime import NameLock
+from vbus.transports.sockets import UnixTransport
+
+UNIX = LinkSpec("unix:$VBUS_RUNTIME/x", "byte")
+
+
+@pytest.fixture
+def listener() -> socket.socket:
+    return socket.socket(socket.AF_UNIX)
+
+
+def test_a_socket_left_behind_is_replaced(runtime: Path, listener: socket.socket) -> None:
+    runtime.mkdir()
+    listener.bind(str(runtime / "x"))
+    listener.close()
+    with served(toy_board(), UNIX), socket.socket(socket.AF_UNIX) as link:
+        link.settimeout(20)
+        link.connect(str(runtime / "x"))
+        link.sendall(b"\x02\x01")
+        assert link.recv(2) == b"E\x01"
+
+
+def test_a_socket_of_another_program_is_left_alone(runtime: Path, listener: socket.socket) -> None:
+    runtime.mkdir()
+    with listener:
+        listener.bind(str(runtime / "x"))
+        listener.listen()
+        with pytest.raises(
+            NameInUseError, match=rf"^{runtime}/x is in use by another program; stop it or choose"
+        ):
+            start(Server(toy_board(), [UNIX]))
+        assert (runtime / "x").is_socket()
+
+
+def test_a_link_to_something_else_than_a_terminal_is_left_alone(runtime: Path) -> None:
+    runtime.mkdir()
+    (runtime / "x").symlink_to("precious")
+    with pytest.raises(
+        TransportError, match=rf"^{runtime}/x exists and is not a link of ours; remove it or choose"
+    ):
+        start(Server(toy_board(), [PTY]))
+    assert os.readlink(runtime / "x") == "precious"
+
+
+def test_a_board_that_died_is_forgotten(listener: socket.socket) -> None:
+    listener.bind(str(status_path("dead")))
+    listener.close()
+    (boards_directory() / ".dead.sock.lock").write_text("12345\n")
+
+    assert list(running()) == []
+    assert list(boards_directory().iterdir()) == []
+
+
+def test_a_board_that_is_just_starting_is_not_forgotten(listener: socket.socket) -> None:
+    lock = NameLock(status_path("young"))
+    lock.take()
+    listener.bind(str(status_path("young")))
+    listener.close()
+
+    assert list(running()) == []
+    assert status_path("young").is_socket()
+    lock.give_back()
+
+
+class Exhausted:
+    """A listening socket on a computer that has run out of descriptors."""
+
+    def fileno(self) -> int:
+        return self.far.fileno()
+
+    def __init__(self) -> None:
+        self.near, self.far = socket.socketpair()
+        self.near.send(b"somebody waits")
+        self.asked = 0
+
+    def accept(self) -> None:
+        self.asked += 1
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    def close(self) -> None:
+        self.near.close()
+        self.far.close()
+
+
+def test_a_computer_without_free_descriptors_is_reported_and_not_asked_all_the_time(
+    runtime: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vbus.transports.sockets.REST_SECONDS", 3600)
+    transport = UnixTransport(str(runtime / "x"), {})
+    reports: list[str] = []
+    transport.report = reports.append
+    full = Exhausted()
+
+    async def main() -> None:
+        transport.open(asyncio.get_running_loop(), lambda link: None)
+        real, transport._listener = transport._listener, full  # type: ignore[assignment]
+        assert real is not None
+        asyncio.get_running_loop().remove_reader(real.fileno())
+        transport._accept_again()
+        for _ in range(100):
+            await asyncio.sleep(0)
+        real.close()
+        transport.close()
+
+    asyncio.run(main())
+    assert full.asked == 1
+    assert reports == [f"unix:{runtime}/x: a host waits outside: Too many open files"]

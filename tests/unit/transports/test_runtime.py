@@ -1,0 +1,101 @@
+"""The runtime directory, and names in it."""
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from vbus.errors import NameInUseError, TransportError
+from vbus.transports.runtime import NameLock, runtime_directory
+
+
+@pytest.fixture
+def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A computer without /run, whose temporary directory is the test's."""
+    real = os.access
+
+    def access(path: str | Path, mode: int) -> bool:
+        return not str(path).startswith("/run") and real(path, mode)
+
+    monkeypatch.setattr(os, "access", access)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.delenv("VBUS_RUNTIME", raising=False)
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    return tmp_path
+
+
+def test_the_directory_may_be_given(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VBUS_RUNTIME", str(places / "a" / "b"))
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places))
+    assert runtime_directory() == places / "a" / "b"
+    assert (places / "a" / "b").is_dir()
+
+
+def test_else_it_lies_in_the_directory_of_the_users_session(
+    places: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places))
+    assert runtime_directory() == places / "vbus"
+
+
+def test_else_it_is_a_private_one_below_the_temporary_directory(
+    places: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places / "not-there"))
+    directory = runtime_directory()
+    assert directory == places / f"vbus-{os.getuid()}"
+    assert stat.S_IMODE(directory.stat().st_mode) == 0o700
+    assert runtime_directory() == directory
+
+
+def test_a_directory_that_others_may_enter_is_not_trusted(places: Path) -> None:
+    directory = places / f"vbus-{os.getuid()}"
+    directory.mkdir()
+    directory.chmod(0o770)
+    with pytest.raises(
+        TransportError,
+        match=rf"^runtime directory {directory} is open to others \(owner \w+, mode 770\);"
+        r" remove it, or set VBUS_RUNTIME to one of your own$",
+    ):
+        runtime_directory()
+
+
+def test_a_link_laid_by_somebody_else_is_not_followed(places: Path) -> None:
+    elsewhere = places / "elsewhere"
+    elsewhere.mkdir(mode=0o700)
+    (places / f"vbus-{os.getuid()}").symlink_to(elsewhere)
+    with pytest.raises(TransportError, match=r"is open to others"):
+        runtime_directory()
+
+
+def test_a_directory_that_cannot_be_made_says_why(
+    places: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (places / "file").write_text("")
+    monkeypatch.setenv("VBUS_RUNTIME", str(places / "file" / "x"))
+    with pytest.raises(
+        TransportError, match=rf"^runtime directory {places}/file/x: Not a directory$"
+    ):
+        runtime_directory()
+
+
+def test_a_name_has_one_owner_at_a_time(tmp_path: Path) -> None:
+    first, second = NameLock(tmp_path / "x"), NameLock(tmp_path / "x")
+    first.take()
+    with pytest.raises(
+        NameInUseError, match=rf"^{tmp_path}/x is in use by process {os.getpid()}; stop it or"
+    ):
+        second.take()
+    first.give_back()
+    second.take()
+    second.give_back()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_lock_left_by_a_process_that_died_is_taken_over(tmp_path: Path) -> None:
+    (tmp_path / ".x.lock").write_text("12345\n")
+    lock = NameLock(tmp_path / "x")
+    lock.take()
+    assert (tmp_path / ".x.lock").read_text() == f"{os.getpid()}\n"
+    lock.give_back()
