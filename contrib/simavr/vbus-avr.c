@@ -1,0 +1,620 @@
+/* vbus-avr - runs AVR firmware whose port bits are wired to the chips of a vbus board.
+ *
+ * Copyright (C) 2026 The vbus developers
+ *
+ * This program is free software: you can redistribute it and/or modify it under the terms of the GNU
+ * General Public License as published by the Free Software Foundation, either version 3 of the
+ * License, or (at your option) any later version. It is distributed in the hope that it will be
+ * useful, but WITHOUT ANY WARRANTY; without even the implied warranty of MERCHANTABILITY or FITNESS
+ * FOR A PARTICULAR PURPOSE. See the GNU General Public License (COPYING) for more details.
+ *
+ * It is a program of its own because libsimavr is under that licence; it speaks to vbus over a
+ * socket.
+ */
+#define _GNU_SOURCE
+
+#include <ctype.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <getopt.h>
+#include <poll.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <termios.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <simavr/avr_ioport.h>
+#include <simavr/avr_uart.h>
+#include <simavr/sim_avr.h>
+#include <simavr/sim_elf.h>
+#include <simavr/sim_gdb.h>
+
+#include "pin_link.h"
+
+enum { OK = 0, FAILURE = 1, USAGE = 2, NO_LINK = 4 };
+
+#define SECOND UINT64_C(1000000000000)
+#define LOOK_MS 1 /* how often the terminal and the wall clock are looked at, in AVR time */
+#define RJMP_SELF 0xCFFF
+#define CLI 0x94F8
+
+/* One port of the AVR: simavr's own handlers, and where its registers are. */
+struct port {
+    unsigned number;
+    avr_ioport_t *port;
+    avr_io_write_t write[3]; /* PORT, DDR, PIN */
+    void *param[3];
+    avr_irq_t *irq; /* of bit 0; the others follow */
+    unsigned watched;
+};
+
+static struct {
+    avr_t *avr;
+    struct pin_link link;
+    struct port ports[PIN_PORTS];
+    uint64_t frequency, limit;
+    int stop, code, outputs;
+
+    const char *until;
+    size_t matched;
+    int until_port, until_bit, until_level;
+    const char *awaited;
+
+    int terminal, kept, pace;
+    struct timespec began;
+    avr_irq_t *uart_in;
+    int uart_ready;
+} sim;
+
+static void stop(int code, const char *message, ...) __attribute__((format(printf, 2, 3)));
+
+static void stop(int code, const char *message, ...)
+{
+    va_list arguments;
+
+    if (sim.stop)
+        return;
+    sim.stop = 1;
+    sim.code = code;
+    if (message != NULL) {
+        fflush(stdout);
+        fprintf(stderr, "vbus-avr: ");
+        va_start(arguments, message);
+        vfprintf(stderr, message, arguments);
+        va_end(arguments);
+        fprintf(stderr, "\n");
+    }
+}
+
+/* --- time --------------------------------------------------------------------------------------- */
+
+static uint64_t ps_of(uint64_t cycle)
+{
+    uint64_t us = cycle % sim.frequency * 1000000;
+
+    return cycle / sim.frequency * SECOND + us / sim.frequency * 1000000
+           + us % sim.frequency * 1000000 / sim.frequency;
+}
+
+/* The first cycle that begins at `instant` or later. */
+static uint64_t cycle_at(uint64_t instant)
+{
+    uint64_t rest = instant % SECOND;
+    uint64_t cycle = instant / SECOND * sim.frequency + rest / 1000000 * sim.frequency / 1000000;
+
+    while (ps_of(cycle) < instant)
+        cycle++;
+    return cycle;
+}
+
+static uint64_t now(void *context)
+{
+    (void)context;
+    return ps_of(sim.avr->cycle);
+}
+
+/* --- interrupt lines and other outputs of chips --------------------------------------------------- */
+
+static avr_cycle_count_t look_at_outputs(avr_t *avr, avr_cycle_count_t when, void *param);
+
+/* Put the levels of output lines at the AVR's pins. */
+static void show_outputs(void)
+{
+    unsigned turn, bit;
+
+    for (turn = 0; turn < PIN_PORTS; turn++) {
+        struct port *port = &sim.ports[turn];
+        unsigned levels = sim.link.pins.external[turn];
+        avr_ioport_external_t pulls;
+
+        if (port->port == NULL || !port->watched)
+            continue;
+        memset(&pulls, 0, sizeof pulls);
+        pulls.name = (unsigned char)port->port->name;
+        pulls.mask = port->watched & 0xFF;
+        pulls.value = levels & port->watched;
+        avr_ioctl(sim.avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(port->port->name), &pulls);
+        for (bit = 0; bit < 8; bit++)
+            if (port->watched >> bit & 1)
+                avr_raise_irq(port->irq + bit, levels >> bit & 1);
+    }
+}
+
+static void failed(int error)
+{
+    if (error < 0)
+        stop(NO_LINK, "the board is lost: %s", pin_link_strerror(error));
+}
+
+/* Learn the lines' levels, and look again when the next one may move. */
+static void sync_outputs(void)
+{
+    avr_cycle_timer_cancel(sim.avr, look_at_outputs, NULL);
+    failed(pin_link_sync(&sim.link));
+    if (sim.stop)
+        return;
+    show_outputs();
+    if (sim.link.edge != VBUS_NO_EDGE && sim.link.edge / SECOND < UINT64_C(10000000)) {
+        uint64_t due = cycle_at(sim.link.edge), here = sim.avr->cycle;
+
+        avr_cycle_timer_register(sim.avr, due > here ? due - here : 1, look_at_outputs, NULL);
+    }
+}
+
+static avr_cycle_count_t look_at_outputs(avr_t *avr, avr_cycle_count_t when, void *param)
+{
+    (void)avr;
+    (void)when;
+    (void)param;
+    sync_outputs();
+    return 0;
+}
+
+/* --- ports ---------------------------------------------------------------------------------------- */
+
+static void port_moved(struct port *port)
+{
+    avr_t *avr = sim.avr;
+    unsigned drive = avr->data[port->port->r_ddr], level = avr->data[port->port->r_port];
+
+    if (sim.stop)
+        return;
+    if (sim.link.pins.drive[port->number] == drive && sim.link.pins.level[port->number] == level)
+        return;
+    pin_decoder_port(&sim.link.pins, port->number, drive, level);
+    if (sim.link.error != 0)
+        failed(sim.link.error);
+    else if (sim.outputs && sim.link.touched)
+        sync_outputs();
+    if (sim.until_port == (int)port->number && drive >> sim.until_bit & 1
+        && (int)(level >> sim.until_bit & 1) == sim.until_level)
+        stop(OK, NULL);
+}
+
+static void write_port(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+{
+    struct port *port = param;
+
+    port->write[0](avr, address, value, port->param[0]);
+    port_moved(port);
+}
+
+static void write_ddr(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+{
+    struct port *port = param;
+
+    port->write[1](avr, address, value, port->param[1]);
+    port_moved(port);
+}
+
+/* Ones toggle. SBI touches one bit only, though simavr computes it as a read, an OR and a write. */
+static void write_pin(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+{
+    struct port *port = param;
+
+    if (avr->flash[avr->pc + 1] == 0x9A)
+        value = (uint8_t)(1U << (avr->flash[avr->pc] & 7));
+    port->write[2](avr, address, value, port->param[2]);
+    port_moved(port);
+}
+
+static uint8_t read_pin(avr_t *avr, avr_io_addr_t address, void *param)
+{
+    struct port *port = param;
+
+    avr->data[address] = (uint8_t)pin_decoder_input(&sim.link.pins, port->number);
+    return avr->data[address];
+}
+
+static void take_over(struct port *port, int which, avr_io_addr_t address, avr_io_write_t mine)
+{
+    unsigned io = AVR_DATA_TO_IO(address);
+
+    port->write[which] = sim.avr->io[io].w.c;
+    port->param[which] = sim.avr->io[io].w.param;
+    sim.avr->io[io].w.c = mine;
+    sim.avr->io[io].w.param = port;
+}
+
+static void find_ports(void)
+{
+    avr_io_t *io;
+    unsigned turn;
+
+    for (io = sim.avr->io_port; io != NULL; io = io->next) {
+        avr_ioport_t *found = (avr_ioport_t *)io;
+        struct port *port;
+        unsigned number;
+
+        if (strcmp(io->kind, "port") != 0)
+            continue;
+        number = (unsigned)(found->name - 'A');
+        if (number >= PIN_PORTS)
+            continue;
+        port = &sim.ports[number];
+        port->number = number;
+        port->port = found;
+        port->irq = avr_io_getirq(sim.avr, AVR_IOCTL_IOPORT_GETIRQ(found->name), 0);
+        take_over(port, 0, found->r_port, write_port);
+        take_over(port, 1, found->r_ddr, write_ddr);
+        take_over(port, 2, found->r_pin, write_pin);
+        sim.avr->io[AVR_DATA_TO_IO(found->r_pin)].r.c = read_pin;
+        sim.avr->io[AVR_DATA_TO_IO(found->r_pin)].r.param = port;
+    }
+    for (turn = 0; turn < sim.link.pins.output_count; turn++) {
+        const struct pin_source *source = &sim.link.pins.outputs[turn].source;
+
+        sim.outputs = 1;
+        sim.ports[source->port].watched |= 1U << source->bit;
+    }
+}
+
+/* The port of a wire that the part does not have, or -1. */
+static int missing_port(void)
+{
+    unsigned chip, line;
+
+    for (chip = 0; chip < sim.link.pins.chip_count; chip++) {
+        /* The sources of a chip lie one behind the other. */
+        const struct pin_source *all = &sim.link.pins.chips[chip].select;
+
+        for (line = 0; line < 4 + 8 + 8; line++)
+            if (all[line].kind == 1 && sim.ports[all[line].port].port == NULL)
+                return all[line].port;
+    }
+    for (line = 0; line < sim.link.pins.side_count; line++)
+        if (sim.link.pins.sides[line].source.kind == 1
+            && sim.ports[sim.link.pins.sides[line].source.port].port == NULL)
+            return sim.link.pins.sides[line].source.port;
+    for (line = 0; line < sim.link.pins.output_count; line++)
+        if (sim.ports[sim.link.pins.outputs[line].source.port].port == NULL)
+            return sim.link.pins.outputs[line].source.port;
+    return -1;
+}
+
+/* --- UART ----------------------------------------------------------------------------------------- */
+
+static void uart_out(avr_irq_t *irq, uint32_t value, void *param)
+{
+    char byte = (char)value;
+
+    (void)irq;
+    (void)param;
+    if (sim.terminal >= 0) {
+        while (write(sim.terminal, &byte, 1) < 0 && errno == EINTR)
+            ;
+    } else {
+        putchar(byte);
+        if (byte == '\n')
+            fflush(stdout);
+    }
+    if (sim.until == NULL)
+        return;
+    while (sim.matched > 0 && sim.until[sim.matched] != byte) {
+        /* The longest beginning of the pattern that what has come ends with. */
+        size_t shorter = sim.matched - 1;
+
+        while (shorter > 0 && strncmp(sim.until, sim.until + sim.matched - shorter, shorter) != 0)
+            shorter--;
+        sim.matched = shorter;
+    }
+    if (sim.until[sim.matched] == byte && sim.until[++sim.matched] == '\0')
+        stop(OK, NULL);
+}
+
+static void uart_accepts(avr_irq_t *irq, uint32_t value, void *param)
+{
+    (void)irq;
+    (void)value;
+    sim.uart_ready = param != NULL;
+}
+
+static void open_uart(char name)
+{
+    uint32_t flags = 0; /* no copy on the console, no sleeping while polled */
+    avr_irq_t *out = avr_io_getirq(sim.avr, AVR_IOCTL_UART_GETIRQ(name), UART_IRQ_OUTPUT);
+
+    if (out == NULL) {
+        stop(USAGE, "there is no uart %c on this part", name);
+        return;
+    }
+    avr_ioctl(sim.avr, AVR_IOCTL_UART_SET_FLAGS(name), &flags);
+    avr_irq_register_notify(out, uart_out, NULL);
+    sim.uart_in = avr_io_getirq(sim.avr, AVR_IOCTL_UART_GETIRQ(name), UART_IRQ_INPUT);
+    avr_irq_register_notify(avr_io_getirq(sim.avr, AVR_IOCTL_UART_GETIRQ(name), UART_IRQ_OUT_XON),
+                            uart_accepts, &sim);
+    avr_irq_register_notify(avr_io_getirq(sim.avr, AVR_IOCTL_UART_GETIRQ(name), UART_IRQ_OUT_XOFF),
+                            uart_accepts, NULL);
+}
+
+/* A pseudo terminal in place of stdin and stdout; `link` is a symbolic link to it. */
+static void open_terminal(const char *link)
+{
+    struct termios mode;
+    const char *name;
+
+    sim.terminal = posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
+    name = sim.terminal < 0 || grantpt(sim.terminal) || unlockpt(sim.terminal)
+               ? NULL : ptsname(sim.terminal);
+    /* While this descriptor is open, the terminal neither hangs up nor forgets its mode. */
+    sim.kept = name == NULL ? -1 : open(name, O_RDWR | O_NOCTTY | O_CLOEXEC);
+    if (sim.kept < 0 || tcgetattr(sim.kept, &mode) < 0) {
+        stop(NO_LINK, "no pseudo terminal: %s", strerror(errno));
+        return;
+    }
+    cfmakeraw(&mode);
+    tcsetattr(sim.kept, TCSANOW, &mode);
+    unlink(link);
+    if (symlink(name, link) < 0)
+        stop(NO_LINK, "%s: %s", link, strerror(errno));
+    fcntl(sim.terminal, F_SETFL, O_NONBLOCK);
+}
+
+/* Every LOOK_MS: bytes for the UART, and waiting for the wall clock. */
+static avr_cycle_count_t look_outside(avr_t *avr, avr_cycle_count_t when, void *param)
+{
+    unsigned char byte;
+
+    (void)avr;
+    (void)param;
+    while (sim.terminal >= 0 && sim.uart_ready && read(sim.terminal, &byte, 1) == 1)
+        avr_raise_irq(sim.uart_in, byte);
+    if (sim.pace) {
+        uint64_t due = ps_of(when) / 1000;
+        struct timespec wake = sim.began;
+
+        wake.tv_sec += (time_t)(due / 1000000000);
+        wake.tv_nsec += (long)(due % 1000000000);
+        if (wake.tv_nsec >= 1000000000) {
+            wake.tv_nsec -= 1000000000;
+            wake.tv_sec++;
+        }
+        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, NULL);
+    }
+    return when + sim.frequency * LOOK_MS / 1000;
+}
+
+/* --- the run -------------------------------------------------------------------------------------- */
+
+/* Sleep instructions take AVR time, which simavr adds up; they take no time of ours. */
+static void do_not_sleep(avr_t *avr, avr_cycle_count_t cycles)
+{
+    (void)avr;
+    (void)cycles;
+}
+
+static avr_cycle_count_t limit_reached(avr_t *avr, avr_cycle_count_t when, void *param)
+{
+    (void)avr;
+    (void)when;
+    (void)param;
+    if (sim.awaited != NULL)
+        stop(FAILURE, "%s did not come within %llu cycles", sim.awaited,
+             (unsigned long long)sim.limit);
+    else
+        stop(OK, NULL);
+    return 0;
+}
+
+/* Firmware that has returned from main waits for ever with interrupts off; its result is in r24. */
+static void look_for_the_end(void)
+{
+    const unsigned char *flash = sim.avr->flash + sim.avr->pc;
+
+    if ((flash[0] | flash[1] << 8) != RJMP_SELF || sim.avr->sreg[S_I])
+        return;
+    stop((flash[-2] | flash[-1] << 8) == CLI && sim.awaited == NULL ? sim.avr->data[24] : OK, NULL);
+    if (sim.awaited != NULL) {
+        sim.stop = 0;
+        stop(FAILURE, "the firmware has ended before %s came", sim.awaited);
+    }
+}
+
+static void run(void)
+{
+    while (!sim.stop) {
+        int state = avr_run(sim.avr);
+
+        if (state == cpu_Crashed)
+            stop(FAILURE, "the firmware has crashed at %05X", (unsigned)sim.avr->pc);
+        else if (state == cpu_Done && sim.awaited != NULL)
+            stop(FAILURE, "the firmware sleeps for ever before %s came", sim.awaited);
+        else if (state == cpu_Done)
+            stop(OK, NULL);
+        else if (state == cpu_Running && !sim.avr->sreg[S_I])
+            look_for_the_end();
+    }
+}
+
+static void quiet(avr_t *avr, const int level, const char *format, va_list arguments)
+{
+    (void)avr;
+    if (level == LOG_ERROR)
+        vfprintf(stderr, format, arguments);
+}
+
+/* Read "PB5=1". */
+static int read_pin_level(const char *text)
+{
+    if (*text != 'P' || text[1] < 'A' || text[1] >= 'A' + PIN_PORTS || text[2] < '0' || text[2] > '7'
+        || text[3] != '=' || (text[4] != '0' && text[4] != '1') || text[5] != '\0')
+        return 0;
+    sim.until_port = text[1] - 'A';
+    sim.until_bit = text[2] - '0';
+    sim.until_level = text[4] - '0';
+    return 1;
+}
+
+static uint64_t number(const char *option, const char *text)
+{
+    char *end;
+    unsigned long long value = strtoull(text, &end, 10);
+
+    if (!isdigit((unsigned char)*text) || *end != '\0' || value == 0)
+        stop(USAGE, "--%s %s: write a whole number above 0", option, text);
+    return value;
+}
+
+static const char HELP[] =
+    "Usage: vbus-avr --link WHERE [options] FIRMWARE.elf\n"
+    "Runs AVR firmware whose port bits are wired to a vbus board.\n\n"
+    "  --link WHERE      link of the board, such as unix:PATH; it has a pin map\n"
+    "  --mmcu NAME       part, such as atmega328p; else what the firmware says\n"
+    "  --frequency HZ    clock; else what the firmware says\n"
+    "  --cycles N        end after N clock cycles\n"
+    "  --until TEXT      end when the firmware has sent TEXT on its UART\n"
+    "  --until-pin PIN   end when the firmware drives a pin, such as PB5=1\n"
+    "  --uart N          the UART that is stdout, or the terminal; else 0\n"
+    "  --pty PATH        a terminal in place of stdout; PATH becomes a link to it\n"
+    "  --pace            no faster than real time\n"
+    "  --gdb PORT        wait for avr-gdb at this port\n"
+    "  --stats           tell cycles, bus cycles and speed at the end\n\n"
+    "Exit code: 0, or what main returned; 1 if it did not come to the end asked for; 2 for a wrong\n"
+    "command line; 4 if the board is lost.\n";
+
+int main(int argc, char **argv)
+{
+    static const struct option options[] = {
+        {"link", 1, NULL, 'l'},   {"mmcu", 1, NULL, 'm'},      {"frequency", 1, NULL, 'f'},
+        {"cycles", 1, NULL, 'c'}, {"until", 1, NULL, 'u'},     {"until-pin", 1, NULL, 'p'},
+        {"uart", 1, NULL, 'n'},   {"pty", 1, NULL, 't'},       {"pace", 0, NULL, 'r'},
+        {"gdb", 1, NULL, 'g'},    {"stats", 0, NULL, 's'},     {"help", 0, NULL, 'h'},
+        {NULL, 0, NULL, 0},
+    };
+    static elf_firmware_t firmware;
+    const char *link = NULL, *part = NULL, *terminal = NULL;
+    char uart = '0';
+    uint64_t gdb = 0;
+    int option, stats = 0, error;
+    struct timespec end;
+    double seconds;
+
+    sim.until_port = -1;
+    sim.terminal = sim.kept = -1;
+    while ((option = getopt_long(argc, argv, "h", options, NULL)) != -1) {
+        switch (option) {
+        case 'l': link = optarg; break;
+        case 'm': part = optarg; break;
+        case 'f': sim.frequency = number("frequency", optarg); break;
+        case 'c': sim.limit = number("cycles", optarg); break;
+        case 'u': sim.until = sim.awaited = optarg; break;
+        case 'p':
+            sim.awaited = optarg;
+            if (!read_pin_level(optarg))
+                stop(USAGE, "--until-pin %s: write a port bit and a level, such as PB5=1", optarg);
+            break;
+        case 'n':
+            uart = *optarg;
+            if (!isdigit((unsigned char)uart) || optarg[1] != '\0')
+                stop(USAGE, "--uart %s: write 0 to 3", optarg);
+            break;
+        case 't': terminal = optarg; break;
+        case 'r': sim.pace = 1; break;
+        case 'g': gdb = number("gdb", optarg); break;
+        case 's': stats = 1; break;
+        case 'h': fputs(HELP, stdout); return OK;
+        default: fputs(HELP, stderr); return USAGE;
+        }
+    }
+    if (sim.stop)
+        return sim.code;
+    if (link == NULL || optind + 1 != argc || (sim.until != NULL && *sim.until == '\0')) {
+        fputs(HELP, stderr);
+        return USAGE;
+    }
+    avr_global_logger_set(quiet);
+    if (access(argv[optind], R_OK) < 0 || elf_read_firmware(argv[optind], &firmware) < 0) {
+        fprintf(stderr, "vbus-avr: %s is no AVR program in ELF format that can be read\n",
+                argv[optind]);
+        return USAGE;
+    }
+    if (part == NULL)
+        part = firmware.mmcu;
+    if (sim.frequency == 0)
+        sim.frequency = firmware.frequency;
+    if (*part == '\0' || sim.frequency == 0) {
+        fprintf(stderr, "vbus-avr: the firmware does not say for which part and clock it is; name"
+                        " them with --mmcu and --frequency\n");
+        return USAGE;
+    }
+    sim.avr = avr_make_mcu_by_name(part);
+    if (sim.avr == NULL) {
+        fprintf(stderr, "vbus-avr: simavr does not know the part \"%s\"; simavr --list-cores lists"
+                        " what it knows\n", part);
+        return USAGE;
+    }
+    error = pin_link_open(&sim.link, link);
+    if (error < 0) {
+        fprintf(stderr, "vbus-avr: %s: %s\n", link, pin_link_strerror(error));
+        return NO_LINK;
+    }
+    if (!sim.link.slaved) {
+        fprintf(stderr, "vbus-avr: chip time must follow the AVR: write time = \"slaved\" in the"
+                        " [board] section of the board file\n");
+        return USAGE;
+    }
+    sim.link.clock = now;
+    avr_init(sim.avr);
+    sim.avr->log = LOG_ERROR;
+    avr_load_firmware(sim.avr, &firmware);
+    sim.avr->frequency = (uint32_t)sim.frequency;
+    sim.avr->sleep = do_not_sleep;
+    find_ports();
+    if (missing_port() >= 0) {
+        fprintf(stderr, "vbus-avr: the pin map uses port %c, and an %s has none\n",
+                'A' + missing_port(), part);
+        return USAGE;
+    }
+    open_uart(uart);
+    if (terminal != NULL)
+        open_terminal(terminal);
+    if (sim.outputs && !sim.stop)
+        sync_outputs();
+    if (sim.limit)
+        avr_cycle_timer_register(sim.avr, sim.limit, limit_reached, NULL);
+    if (sim.terminal >= 0 || sim.pace)
+        avr_cycle_timer_register(sim.avr, sim.frequency * LOOK_MS / 1000, look_outside, NULL);
+    if (gdb) {
+        sim.avr->gdb_port = (int)gdb;
+        sim.avr->state = cpu_Stopped;
+        avr_gdb_init(sim.avr);
+    }
+    clock_gettime(CLOCK_MONOTONIC, &sim.began);
+    run();
+    failed(pin_link_close(&sim.link));
+    fflush(stdout);
+    if (terminal != NULL)
+        unlink(terminal);
+    clock_gettime(CLOCK_MONOTONIC, &end);
+    seconds = (double)(end.tv_sec - sim.began.tv_sec)
+              + (double)(end.tv_nsec - sim.began.tv_nsec) / 1e9;
+    if (stats)
+        fprintf(stderr, "vbus-avr: %llu cycles, %llu bus cycles, %.3f s, %.2f x real time\n",
+                (unsigned long long)sim.avr->cycle, (unsigned long long)sim.link.cycles, seconds,
+                (double)sim.avr->cycle / (double)sim.frequency / seconds);
+    return sim.code;
+}

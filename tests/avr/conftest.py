@@ -1,0 +1,63 @@
+"""Firmware compiled with avr-gcc and run by simavr, its port bits wired to a board."""
+
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from vbus.errors import VbusError
+from vbus.tools.exec_avr import simulator
+
+EXAMPLES = Path(__file__).parents[2] / "firmware_host_examples"
+REQUIRED = os.environ.get("VBUS_REQUIRE_ALL") == "1"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def tools() -> None:
+    """Skip without avr-gcc and libsimavr, unless everything is required."""
+    reason = "" if shutil.which("avr-gcc") else "needs gcc-avr and avr-libc"
+    try:
+        simulator()
+    except VbusError as error:
+        reason = reason or str(error)
+    assert not (reason and REQUIRED), reason
+    if reason:
+        pytest.skip(reason)
+
+
+def compile_avr(output: Path, *sources: Path, mmcu: str = "atmega328p") -> Path:
+    """Compile firmware with every warning an error."""
+    command = ["avr-gcc", f"-mmcu={mmcu}", "-DF_CPU=16000000UL", "-Os", "-std=gnu99", "-Wall"]
+    folders = {source.parent for source in sources} | {EXAMPLES / "lm629_c"}
+    done = subprocess.run(
+        [*command, "-Wextra", "-Werror", *(f"-I{folder}" for folder in sorted(folders)),
+         f"-I{EXAMPLES / 'lm629_avr_bitbang'}", f"-I{Path(__file__).parent}",
+         "-o", str(output), *map(str, sources)],
+        capture_output=True,
+        text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return output
+
+
+Compile = Callable[..., Path]
+
+
+@pytest.fixture
+def firmware(tmp_path: Path) -> Compile:
+    """Compile the body of a main with the bus of the bit-bang example."""
+
+    def make(body: str, mmcu: str = "atmega328p") -> Path:
+        source = tmp_path / "main.c"
+        source.write_text(f'#include "firmware.h"\n{body}\n')
+        driver = [
+            EXAMPLES / "lm629_avr_bitbang" / "lm629_bus.c",
+            EXAMPLES / "lm629_c" / "lm629_driver.c",
+        ]
+        used = driver if mmcu == "atmega328p" else []
+        return compile_avr(tmp_path / "main.elf", source, *used, mmcu=mmcu)
+
+    return make

@@ -1,0 +1,55 @@
+/* pin_link.h - a microcontroller's port bits as a session of vbus: pin decoder and client together.
+ *
+ * The board tells how port bits are wired (`pinmap` of the link in the board file). On a slaved board
+ * every request carries the host's own time stamp. Requests without a reply are sent with the next
+ * one that has one. License: Apache-2.0.
+ */
+#ifndef PIN_LINK_H
+#define PIN_LINK_H
+
+#include "pin_decoder.h"
+#include "vbus.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct pin_link {
+    struct vbus bus;
+    struct pin_decoder pins;
+
+    /* The host's own clock (ps), asked for time stamps; needed on slaved boards only. */
+    uint64_t (*clock)(void *context);
+    void *context;
+
+    int slaved;        /* the board's time is the host's */
+    int error;         /* the first error; nothing is sent any more */
+    int touched;       /* the chips were touched since the last pin_link_sync */
+    uint64_t edge;     /* no output line moves before this instant, as of the last pin_link_sync */
+    uint64_t cycles;   /* bus cycles so far */
+    unsigned selected;
+};
+
+#define PIN_LINK_E_WIRING (-200) /* the link has no pin map; name one as `pinmap` in the board file */
+
+/* Open the session at `where` (see vbus_open) and take its wiring. Returns 0 or an error. Set
+ * `clock` before the first pin moves. */
+int pin_link_open(struct pin_link *link, const char *where);
+
+/* Send what is still kept back and close the session; the first error, or 0. */
+int pin_link_close(struct pin_link *link);
+
+/* Bring the chips up to the host's time and take the levels of the output lines; 0 or an error. */
+int pin_link_sync(struct pin_link *link);
+
+/* Whether an output line is wired to port `port`. */
+int pin_link_watches(const struct pin_link *link, unsigned port);
+
+/* A sentence about an error. */
+const char *pin_link_strerror(int error);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,186 @@
+"""``vbus exec --avr``: AVR firmware in simavr, its port bits wired to the chips of a board."""
+
+import hashlib
+import os
+import shutil
+import subprocess
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Final
+
+from vbus.board.build import build, pin_map_of
+from vbus.board.config import read_board_file
+from vbus.board.sections import BoardFile, HostSection
+from vbus.board.settings import listed, suggestion
+from vbus.errors import ConfigError, VbusError
+from vbus.native import include_dir
+from vbus.server.server import LinkSpec, Server
+from vbus.server.serving import links_of
+from vbus.tools.beside import Findings, private_runtime, run_beside, tell
+from vbus.tools.transcript import Transcript
+
+KEYS: Final = {
+    "mmcu": "--mmcu",
+    "f": "--frequency",
+    "cycles": "--cycles",
+    "until": "--until",
+    "pin": "--until-pin",
+    "uart": "--uart",
+    "pty": "--pty",
+    "gdb": "--gdb",
+}
+"""Keys of the specification, and the options of vbus-avr they become."""
+
+FLAGS: Final = {"pace": "--pace", "stats": "--stats"}
+
+PACKAGES: Final = "libsimavr-dev libelf-dev"
+_SOURCES: Final = ("pin_link.c", "pin_decoder.c", "vbus.c")
+_HEADERS: Final = ("pin_link.h", "pin_decoder.h", "vbus.h")
+
+
+def parse(spec: str) -> list[str]:
+    r"""Return the options of vbus-avr that ``mmcu=atmega328p,f=16000000,until=done`` asks for.
+
+    A comma inside a value is written as ``\,``.
+
+    Raises:
+        ValueError: a key is unknown, or has or lacks a value.
+    """
+    options = []
+    for part in filter(None, spec.replace("\\,", "\0").split(",")):
+        key, equals, value = part.replace("\0", ",").partition("=")
+        if key in FLAGS and not equals:
+            options.append(FLAGS[key])
+        elif key in KEYS and value:
+            options += [KEYS[key], value]
+        elif key in KEYS:
+            raise ValueError(f'"{key}" needs a value: {key}=...')
+        elif key in FLAGS:
+            raise ValueError(f'"{key}" has no value')
+        else:
+            known = [*KEYS, *FLAGS]
+            hint = suggestion(key, known)
+            raise ValueError(f'unknown key "{key}"; {hint}allowed are {listed(known)}')
+    return options
+
+
+def simulator() -> str:
+    """Return the path of vbus-avr: ``$VBUS_AVR``, on the PATH, or built from the source tree.
+
+    Raises:
+        VbusError: there is none and none can be built.
+    """
+    found = os.environ.get("VBUS_AVR") or shutil.which("vbus-avr")
+    if found:
+        return found
+    source = Path(include_dir()).parents[1] / "contrib" / "simavr" / "vbus-avr.c"
+    if not source.exists():
+        raise VbusError(
+            "vbus-avr is not installed. It is a program of its own, in contrib/simavr of the source"
+            f" tree: install {PACKAGES}, run make there, and put vbus-avr on the PATH or in"
+            " $VBUS_AVR"
+        )
+    return _built(source)
+
+
+def _built(source: Path) -> str:
+    native = Path(include_dir())
+    files = [source, *(native / name for name in (*_SOURCES, *_HEADERS))]
+    digest = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    program = base / "vbus" / f"vbus-avr-{digest}"
+    if program.exists():
+        return str(program)
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        raise VbusError("vbus-avr must be built first, and there is no C compiler; install gcc")
+    program.parent.mkdir(parents=True, exist_ok=True)
+    made = program.with_suffix(f".{os.getpid()}")
+    done = subprocess.run(
+        [compiler, "-std=gnu99", "-O2", f"-I{native}", "-o", str(made), str(source),
+         *(str(native / name) for name in _SOURCES), "-lsimavr", "-lelf"],
+        capture_output=True,
+        text=True,
+    )  # fmt: skip
+    if done.returncode:
+        first = next(iter(done.stderr.strip().splitlines()), "")
+        raise VbusError(f"vbus-avr cannot be built; install {PACKAGES} ({first})")
+    made.replace(program)  # at once, whoever else builds it
+    return str(program)
+
+
+def run_avr(
+    spec: str,
+    elf: str,
+    board: str | None = None,
+    link: str | None = None,
+    pinmap: str | None = None,
+    transcript: str | None = None,
+) -> int:
+    """Run firmware on a board of its own, or on one that runs already; return its exit code.
+
+    Args:
+        spec: what the simulator is told; see :func:`parse`.
+        elf: the firmware.
+        board: board file; it is served as long as the firmware runs.
+        link: in place of ``board``: address of a link that has a pin map.
+        pinmap: which pin map of the board file; else its only one.
+        transcript: file that takes the bus cycles (with ``board`` only).
+
+    Raises:
+        ValueError: the specification is wrong, or neither or both of board and link are given.
+        ConfigError: the board file is wrong, not slaved, or has no such pin map.
+        VbusError: there is no simulator, or a link cannot be opened.
+    """
+    options = parse(spec)
+    if (board is None) == (link is None):
+        raise ValueError("name either a board file or a link")
+    if link is not None:
+        command = [simulator(), "--link", link, *options, elf]
+        return subprocess.run(command).returncode
+    assert board is not None
+    file, source = read_board_file(board)
+    host = _host(file, pinmap)
+    built = build(file, source)
+    command = [simulator(), "--link", "", *options, elf]
+    findings = Findings()
+    built.observe(findings)
+    with ExitStack() as stack:
+        folder = stack.enter_context(private_runtime())
+        command[2] = f"unix:{folder / 'avr.sock'}"
+        on_end = None
+        if transcript is not None:
+            written = Transcript(stack.enter_context(Path(transcript).open("w")))
+            built.observe(written)
+            on_end = written.flush
+        mine = LinkSpec(
+            command[2], "byte", list(host.chips), host.cycle, None, pin_map_of(file, host.pinmap)
+        )
+        others = [spec for spec in links_of(file) if spec.pin_map is None]
+        code = run_beside(Server(built, [mine, *others], file.board.stall), command, on_end)
+    tell(findings)
+    return code
+
+
+def _host(file: BoardFile, name: str | None) -> HostSection:
+    """Return the host that the firmware is: the file's own with the pin map, or one made up."""
+    if file.board.time != "slaved":
+        raise ConfigError(
+            f"{file.path}: chip time must follow the AVR, and this board is {file.board.time};"
+            ' write time = "slaved" in [board]'
+        )
+    names = [section.name for section in file.pinmaps]
+    if not names:
+        raise ConfigError(f"{file.path}: there is no [pinmaps.NAME]: what is wired to the AVR?")
+    if name is None and len(names) > 1:
+        raise ConfigError(f"{file.path}: choose one of its pin maps: {listed(names)}")
+    if name is not None and name not in names:
+        hint = suggestion(name, names)
+        raise ConfigError(
+            f"{file.path}: there is no [pinmaps.{name}]; {hint}this file has {listed(names)}"
+        )
+    chosen = name or names[0]
+    for host in file.hosts:
+        if host.pinmap == chosen:
+            return host
+    return HostSection(transport="", pinmap=chosen)
