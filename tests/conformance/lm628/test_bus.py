@@ -197,6 +197,17 @@ def test_a_contended_read_leaves_the_byte_to_be_read_again():
     assert bench.read(1) == 0x11
 
 
+@pytest.mark.spec("LM-BUS-4")
+def test_a_contended_read_is_no_data_read_at_all():
+    bench = Bench("strobe")
+    bench.chip.judged = False
+    bench.set(**{"/PS": HIGH, "/CS": LOW, "/WR": LOW, "D0-D7": 0x77})
+    bench.set(**{"/RD": LOW})
+    assert bench.rules() == ["contention"]
+    bench.set(**{"/RD": HIGH})
+    assert bench.axis.flags == 0x04, "no command error"
+
+
 @pytest.mark.spec("LM-BUS-5", "LM-T-15")
 def test_a_status_read_between_two_bytes_of_a_word_disturbs_nothing(bench):
     bench.axis.real = 0x12345678

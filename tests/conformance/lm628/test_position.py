@@ -253,7 +253,7 @@ def test_the_index_of_a_plant_is_captured_at_its_own_instant_inside_the_sample(m
 
 @pytest.mark.spec("LM-POS-3")
 @pytest.mark.parametrize(
-    ("armed_at", "index"), [(0.19, 20), (0.21, 40), (0.59, 60), (0.95, 100), (1.05, 120)]
+    ("armed_at", "index"), [(0.19, 20), (0.5, 60), (0.21, 40), (0.59, 60), (0.95, 100), (1.05, 120)]
 )
 def test_the_first_index_after_arming_counts(make, armed_at, index):
     """100 counts from sample 1 to 2 with an index every 20 of them; then 20 more."""
@@ -264,6 +264,18 @@ def test_the_first_index_after_arming_counts(make, armed_at, index):
     bench.sample(4)
     assert bench.axis.index == index
     assert not bench.axis.sip
+
+
+@pytest.mark.spec("LM-POS-3")
+@pytest.mark.parametrize(("early", "index"), [(1, 50), (0, 100)])
+def test_an_index_at_the_very_end_of_busy_of_sip_comes_too_early(make, early, index):
+    bench = make(plant=Course([0, 100], turn=50))
+    middle = SAMPLE + SAMPLE // 2
+    bench.at(middle - 15 * US - 210 * NS - early)
+    bench.write(0, 0x03)
+    assert bench.chip.ready_at() == middle - early
+    bench.sample(4)
+    assert bench.axis.index == index
 
 
 # -- home ---------------------------------------------------------------------------------------
