@@ -255,6 +255,28 @@ def test_arming_in_the_middle_of_a_slot_misses_what_has_gone_by_in_it() -> None:
         assert bench.chip.axes[0].encoder._armed is not captured
 
 
+@spec("PMD-CAP-1")
+@pytest.mark.parametrize("wired", [False, True])
+def test_home_of_one_axis_captures_the_encoder_it_has_wherever_that_is(wired: bool) -> None:
+    bench = Bench(encoder_2="axis 1")
+    master, slave = IdealPlant({"encoder_lines": 3200}), IdealPlant({"encoder_lines": 3200})
+    slave.switches["home"] = Switch(100, 200)
+    bench.chip.connect(0, master)
+    bench.chip.connect(1, slave)
+    for axis in ("SET_1", "SET_2"):
+        bench.send(axis)
+        bench.send("SET_PHASE_2")
+        bench.load(buf_mtr_cmd=0x7FFF, pos=1000, acc=8 << 16)
+        bench.load(vel=(4 if axis == "SET_1" else 8) << 16)
+    if wired:
+        bench.drive("QuadA2", 1)
+    bench.send("SET_CAPT_HOME")
+    bench.send("MULTI_UPDATE", 3)
+    bench.next_cycle(40)
+    # Axis 2 comes to 100 when axis 1, at half its speed, is at 50; wires have stood still.
+    assert bench.send("GET_CAPT") == (1 if wired else 50)
+
+
 @spec("PMD-CMD-69")
 def test_set_actl_pos_takes_the_place_of_its_instant() -> None:
     bench, _ = motored()

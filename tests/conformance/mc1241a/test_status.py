@@ -4,6 +4,7 @@ import pytest
 
 from tests.conformance.mc1241a.conftest import BUSY, CLK, CYCLE, Bench
 from vbus.kernel import US
+from vbus.signals import Observer
 
 spec = pytest.mark.spec
 
@@ -265,6 +266,41 @@ def test_without_an_interrupt_the_current_axis_answers(chip: Bench) -> None:
     assert chip.send("GET_INTRPT") == 0x1300
     assert chip.send("SET_I") == 0x1300
     assert chip.status() == 0x1300
+
+
+class _Line(Observer):
+    """Notes when the interrupt line falls."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.fell: list[int] = []
+        bench.chip.pins["~HostIntrpt"].net.observe(self)
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        if level == 0:
+            self.fell.append(when)
+
+
+@spec("PMD-INT-1")
+@pytest.mark.parametrize(
+    ("setup", "pin", "level"),
+    [
+        ("SET_CAPT_HOME", "~Home1", 0),
+        ("SET_CAPT_HOME", "PosLimit1", 1),
+        ("SET_EXT_BRK", "~Home1", 0),
+        ("SET_ACTL_POS_BRK", "QuadA1", 1),
+    ],
+)
+def test_an_input_interrupts_a_resting_chip_that_nobody_looks_at(
+    chip: Bench, setup: str, pin: str, level: int
+) -> None:
+    chip.send("SET_BRK_PNT", 1)
+    chip.send("SET_INTRPT_MASK", 0x002C)
+    chip.send(setup)
+    line = _Line(chip)
+    chip.kernel.run_until(1000 * CYCLE + 7)
+    chip.drive(pin, level)
+    chip.kernel.run_until(1010 * CYCLE)
+    assert line.fell == [1001 * CYCLE]
 
 
 @spec("PMD-INT-1")
