@@ -1,5 +1,5 @@
 # Made from aio/mcp1200_registers.py by vbus.tools.generate; change that file.
-# Made from the register table by vbus.tools.generate; change the table, or the generator.
+# Generated from the register table by vbus.tools.generate; change the table or the generator.
 """The MCP-1200's registers, one call to read and one to write each, blocking."""
 
 from vbus.client.mcp1200_access import Mcp1200Access

@@ -1,4 +1,4 @@
-# Made from the register table by vbus.tools.generate; change the table, or the generator.
+# Generated from the register table by vbus.tools.generate; change the table or the generator.
 """The MCP-1200's registers, one call to read and one to write each, for asyncio."""
 
 from vbus.client.aio.mcp1200_access import Mcp1200Access

@@ -6,7 +6,7 @@ from vbus.chips.tables import Register
 from vbus.tools.generate.layout import docstring, formatted
 
 _HEAD = '''\
-# Made from the register table by vbus.tools.generate; change the table, or the generator.
+# Generated from the register table by vbus.tools.generate; change the table or the generator.
 """The MCP-1200's registers, one call to read and one to write each, for asyncio."""
 
 from vbus.client.aio.mcp1200_access import Mcp1200Access
