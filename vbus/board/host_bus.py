@@ -27,7 +27,7 @@ SETTLE_EVERY: Final = 4096
 FLOATING: Final = 0xFF
 
 APPROACH: Final = 1000 * US
-"""How long before a host's time stamp the board may be brought there: more than any strobe takes."""
+"""How long before a host's time stamp the board may be brought there: longer than any strobe."""
 
 
 class HostBus(HostPort):
