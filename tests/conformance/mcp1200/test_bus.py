@@ -206,6 +206,20 @@ def test_the_output_latch_follows_the_register_until_cs_rises(strobes: Strober) 
 
 
 @pytest.mark.spec("MCP-BUS-6")
+def test_a_live_register_moves_on_the_bus_while_it_is_read(strobes: Strober) -> None:
+    bench = strobes.bench
+    bench.until(bench.sample_start())
+    strobes.begin(SEPARATE, 0x0F, 1)
+    strobes.set(bus=Z, oe=0)
+    assert bench.chip.bus_net.value == 0x40
+    bench.wait(64)
+    assert bench.chip.bus_net.value == 0x3F
+    strobes.set(cs=1)
+    bench.wait(64)
+    assert bench.chip.bus_net.value == 0x3F
+
+
+@pytest.mark.spec("MCP-BUS-6")
 def test_reading_has_its_effect_when_cs_rises(strobes: Strober) -> None:
     bench = strobes.bench
     strobes.begin(SEPARATE, 0x14, 1)

@@ -2,7 +2,9 @@
 
 import pytest
 
-from tests.conformance.mcp1200.conftest import Bench, Rail
+from tests.conformance.mcp1200.conftest import Bench, Edges, Rail
+from vbus.board.board import Board
+from vbus.chips.mcp1200 import MCP1200
 from vbus.kernel import NEVER, NS, US, Kernel
 from vbus.signals import HIGH, LOW, Pin
 
@@ -83,6 +85,43 @@ def test_four_chips_on_one_sync_net_start_their_samples_in_the_same_clock() -> N
     first = -(-released // (125 * NS)) + 4160
     for edges in watches:
         assert edges.of("BUSY", 1) == [first, first + 4160, first + 2 * 4160]
+
+
+@pytest.mark.spec("MCP-SMP-2")
+def test_four_axes_of_a_board_move_in_step_after_sync() -> None:
+    """The nets of a board file; a host pulses /SYNC and starts the same move on four chips."""
+    board = Board("four", "slaved")
+    for name in "abcd":
+        board.add_chip(MCP1200, name, "MCP-1200", 8_000_000)
+    board.join("/SYNC", [f"{name}./SYNC" for name in "abcd"])
+    board.power_on(True)
+    port = board.open_port("host")
+    watches = []
+    for place, name in enumerate("abcd"):
+        watches.append(Edges(8_000_000))
+        board.watch(f"{name}.BUSY", watches[-1])
+        port.select(1 << place)
+        # Different phases before the pulse.
+        port.write(0x0F, 0x30 + place)
+        port.delay(700 * US)
+        port.write(0x0F, 0x40)
+    sync = port.pin_number("/SYNC")
+    port.pin(sync, 0)
+    for place in range(4):
+        port.select(1 << place)
+        for address, data in ((0x28, 10), (0x26, 0x80), (0x2A, 1), (0x29, 0), (0x00, 8), (0x05, 3)):
+            port.write(address, data)
+    port.pin(sync, 1)
+    port.delay(30 * MS)
+    port.sample()
+    starts = [edges.of("BUSY", 1) for edges in watches]
+    assert len(starts[0]) > 50
+    assert starts[1:] == [starts[0]] * 3
+    positions = []
+    for place in range(4):
+        port.select(1 << place)
+        positions.append([port.read(address) for address in (0x0C, 0x0D, 0x0E)])
+    assert positions == [[0, 1, 0]] * 4
 
 
 @pytest.mark.spec("MCP-SMP-2")

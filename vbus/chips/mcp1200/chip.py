@@ -164,10 +164,10 @@ class MCP1200(Chip):
             self.works.run(cycle)
             self._refresh_due()
             self.outputs.show(cycle)
-            if self._reading >= 0:
-                self.bus.refresh()
         elif self.works.pulsing():
             self.outputs.show_pulse(self.cycle_now())
+        if self._reading >= 0:
+            self.bus.refresh()
 
     def changed(self) -> None:
         """Something from outside has touched the chip: show it, and set the timer anew."""
