@@ -13,8 +13,9 @@ from vbus.chips.lm628.encoder_pins import EncoderPins
 from vbus.chips.lm628.host import Host
 from vbus.chips.lm628.output import Output, OutputPins
 from vbus.chips.lm628.pins import BusPins
+from vbus.chips.tables import PinRow
 from vbus.kernel import NEVER, Clock, Kernel
-from vbus.options import Settings
+from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher, Z
 
 _RUNNING: Final = 0
@@ -43,12 +44,12 @@ class LM628(Chip):
             could be meant to have.
     """
 
-    FAMILY = ds.FAMILY
-    ADDRESS_BITS = ds.ADDRESS_BITS
-    PARTS = ds.PARTS
-    PINS = ds.PINS
-    RULES = ds.RULES
-    OPTIONS = ds.OPTIONS
+    FAMILY: str = ds.FAMILY
+    ADDRESS_BITS: int = ds.ADDRESS_BITS
+    PARTS: tuple[str, ...] = ds.PARTS
+    PINS: tuple[PinRow, ...] = ds.PINS
+    RULES: tuple[Rule, ...] = ds.RULES
+    OPTIONS: tuple[Option, ...] = ds.OPTIONS
 
     def __init__(
         self,
