@@ -109,6 +109,7 @@ def test_one_strobe_to_two_chips_starts_both_in_the_same_sample():
         port.select(1 << number)
         tune(port)
         load(port, position)
+        wait(port)
     port.select(0b11)
     port.write(0, 0x01)
     port.delay(300 * US)
