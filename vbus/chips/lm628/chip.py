@@ -73,9 +73,10 @@ class LM628(Chip):
         self.axis: Axis = Axis(chosen["pid_overflow"] == "wrap", chosen["reset_status"] == "C4")
         self.output: Output = Output(pwm, int(chosen["pwm_frame_clk"]))
         self.encoder: Encoder = Encoder(clock)
-        self.commands: Commands = Commands(self.axis, pwm, self._command_reset, self._found)
-        self.host: Host = Host(clock, chosen, self._host_broke, self.commands.execute)
-        self.commands.host = self.host
+        self.host: Host = Host(clock, chosen, self._host_broke)
+        self.commands: Commands = Commands(
+            self.host, self.axis, pwm, self._command_reset, self._found
+        )
         self._mode: int = _UNPOWERED
         self._reset_end: int = NEVER
         self._fails_left: int = int(chosen["reset_fail"])
@@ -121,7 +122,8 @@ class LM628(Chip):
         now = self._when = self.kernel.now
         judge_clock(self, float(self.settings["clk_duty"]))
         self._encoder_pins.preset()
-        self._cycle = self._outputs.anchor = self._cycle_from(now)
+        self._cycle = self._cycle_from(now)
+        self._outputs.begin(self._cycle)
         self.axis.reset()
         self.output.zero()
         self._run_encoder()
@@ -153,7 +155,7 @@ class LM628(Chip):
         self.axis.reset()
         self.encoder.index_at = NEVER
         self.output.zero()
-        self._outputs.anchor = self._cycle_from(self._when)
+        self._outputs.begin(self._cycle_from(self._when))
 
     def _command_reset(self) -> None:
         self._reset(_RESET_BY_COMMAND)
@@ -339,7 +341,7 @@ class LM628(Chip):
             else:
                 self._course = ()
         if running:
-            self._outputs.anchor = self._cycle
+            self._outputs.begin(self._cycle)
         self._sample_at = self._end_of_sample()
 
     def _start_of_sample(self) -> int:
@@ -414,9 +416,9 @@ class LM628(Chip):
         """Take back what :meth:`save_core` gave, now or a little while ago."""
         (
             axis, host, commands, output, encoder, self._mode, self._reset_end, self._fails_left,
-            self._when, self._cycle, self._sample_at, self._course, self._still,
-            self._outputs.anchor,
+            self._when, self._cycle, self._sample_at, self._course, self._still, anchor,
         ) = state  # type: ignore[assignment]  # fmt: skip
+        self._outputs.begin(anchor)  # type: ignore[arg-type]
         self.axis.load(axis)  # type: ignore[arg-type]
         self.host.load(host)  # type: ignore[arg-type]
         self.commands.load(commands)  # type: ignore[arg-type]

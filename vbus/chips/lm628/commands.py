@@ -16,6 +16,7 @@ class Commands:
     command byte, and with step n and the word for the n-th data word.
 
     Args:
+        host: the port the packets come through.
         axis: the registers.
         pwm: the part is a LM629.
         restart: runs the reset of the RESET command.
@@ -24,12 +25,13 @@ class Commands:
 
     def __init__(
         self,
+        host: Host,
         axis: Axis,
         pwm: bool,
         restart: Callable[[], None],
         report: Callable[[Rule, str], None],
     ) -> None:
-        self.host: Host | None = None
+        self._host: Host = host
         self._axis: Axis = axis
         self._pwm: bool = pwm
         self._restart: Callable[[], None] = restart
@@ -40,6 +42,7 @@ class Commands:
             row.code: getattr(self, row.handler) for row in ds.COMMANDS
         }
         self._words: dict[int, int] = {row.code: row.write for row in ds.COMMANDS}
+        host.serve(self.execute)
 
     def execute(self, code: int, step: int, word: int) -> bool:
         """Carry out a step of command ``code``; False if the code is undefined (LM-BUS-13)."""
@@ -48,14 +51,9 @@ class Commands:
             self._axis.flags |= ds.COMMAND_ERROR
             return False
         if step == 0:
-            self._port.words_due = self._words[code]
+            self._host.words_due = self._words[code]
         method(step, word)
         return True
-
-    @property
-    def _port(self) -> Host:
-        assert self.host is not None
-        return self.host
 
     # -- Initialization commands --------------------------------------------------------------
 
@@ -139,7 +137,7 @@ class Commands:
         pid = self._axis.pid
         if step == 1:
             self._control = word & 0x0F
-            self._port.words_due = (word & 0x0F).bit_count()
+            self._host.words_due = (word & 0x0F).bit_count()
             pid.store(0, word >> 8)
         elif step:
             # The highest load bit still set names the word.
@@ -161,7 +159,7 @@ class Commands:
         if step == 1:
             self._control = word
             profile.control = word & (ds.FORWARD | ds.VELOCITY_MODE | ds.STOPS)
-            self._port.words_due = 2 * sum(word & load != 0 for load in ds.LOADS)
+            self._host.words_due = 2 * sum(word & load != 0 for load in ds.LOADS)
         elif step:
             number = next(n for n, load in enumerate(ds.LOADS) if self._control & load)
             load = ds.LOADS[number]
@@ -186,31 +184,31 @@ class Commands:
 
     def cmd_rdsigs(self, step: int, word: int) -> None:
         """Read signals register."""
-        self._port.reply(self._axis.signals(), 1)
+        self._host.reply(self._axis.signals(), 1)
 
     def cmd_rdip(self, step: int, word: int) -> None:
         """Read index position."""
-        self._port.reply(self._axis.index, 2)
+        self._host.reply(self._axis.index, 2)
 
     def cmd_rddp(self, step: int, word: int) -> None:
         """Read desired position, its whole counts."""
-        self._port.reply(self._axis.profile.position >> 16, 2)
+        self._host.reply(self._axis.profile.position >> 16, 2)
 
     def cmd_rdrp(self, step: int, word: int) -> None:
         """Read real position."""
-        self._port.reply(self._axis.real, 2)
+        self._host.reply(self._axis.real, 2)
 
     def cmd_rddv(self, step: int, word: int) -> None:
         """Read desired velocity, 16.16."""
-        self._port.reply(self._axis.profile.velocity, 2)
+        self._host.reply(self._axis.profile.velocity, 2)
 
     def cmd_rdrv(self, step: int, word: int) -> None:
         """Read real velocity, whole counts per sample."""
-        self._port.reply(self._axis.real_velocity(), 1)
+        self._host.reply(self._axis.real_velocity(), 1)
 
     def cmd_rdsum(self, step: int, word: int) -> None:
         """Read integration-term summation value: the limited term (LM-AMB-9)."""
-        self._port.reply(self._axis.pid.term, 1)
+        self._host.reply(self._axis.pid.term, 1)
 
     def save(self) -> tuple[object, ...]:
         """Return what is kept between the words of a packet."""

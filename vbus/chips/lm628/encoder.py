@@ -69,9 +69,8 @@ class Encoder:
         """Return the count at instant ``when`` of the present sample."""
         if self.plant is None:
             return self.inputs.count
-        if self._from == self._to:
-            return self._to
-        return self.plant.count_at((when - self._start) / (self._end - self._start))
+        fraction = (when - self._start) / (self._end - self._start)
+        return self.plant.count_at(min(max(fraction, 0.0), 1.0))
 
     def seek(self, after: int) -> None:
         """Look for the plant's first index later than ``after`` in the present sample."""

@@ -27,6 +27,10 @@ _LOST: Final = 4
 _NO_BYTE: Final = 0xFF
 
 
+def _undefined(code: int, step: int, word: int) -> bool:
+    return False
+
+
 class Host:
     """State of the two ports.
 
@@ -38,7 +42,6 @@ class Host:
         clock: the chip's clock.
         settings: busy_clk, busy_jitter_clk, seed, busy.
         report: files violations.
-        execute: carries out commands.
 
     Attributes:
         busy_end: instant at which busy falls, NEVER if the chip is not busy (ps).
@@ -51,12 +54,10 @@ class Host:
         "busy_end", "words_due",
     )  # fmt: skip
 
-    def __init__(
-        self, clock: Clock, settings: dict[str, Value], report: Report, execute: Execute
-    ) -> None:
+    def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
         self._clock: Clock = clock
         self._report: Report = report
-        self._execute: Execute = execute
+        self._execute: Execute = _undefined
         self._busy_clk: int = int(settings["busy_clk"])
         self._jitter_clk: int = int(settings["busy_jitter_clk"])
         self._worst: bool = settings["busy"] == "worst"
@@ -72,6 +73,10 @@ class Host:
         self._high: int = 0
         self._latched: int = 0
         self._kind: int = _STATUS
+
+    def serve(self, execute: Execute) -> None:
+        """Have ``execute`` carry out the commands."""
+        self._execute = execute
 
     def reset(self) -> None:
         """Forget packets and the last byte (LM-RST-2, LM-RST-4)."""

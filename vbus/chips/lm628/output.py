@@ -151,10 +151,17 @@ class OutputPins:
         self._pins: tuple[Pin, ...] = pins
         self._word: int = -1
         self.anchor: int = 0
-        self.due: int = NEVER
+        self.due: int = 0
+
+    def begin(self, cycle: int) -> None:
+        """The output has got something new to show, from ``cycle`` on."""
+        self.anchor = cycle
+        self.due = 0
 
     def show(self, now: int) -> None:
         """Bring the pins up to ``now``."""
+        if now < self.due:
+            return
         clk = max(self._clock.cycle_at(now) - self.anchor, 0)
         word = self._output.word(clk)
         if word != self._word:

@@ -1,9 +1,11 @@
 """The filter: kp, limited ki and sampled kd terms at the chip's word widths (Eq. 1)."""
 
+from typing import Final
+
 from vbus.bits import wrap
 from vbus.chips.lm628.datasheet import COEFFICIENT_MAX
 
-SUM_MAX: int = 0x7FFFFF
+_SUM_MAX: Final = 0x7FFFFF
 
 
 def _sat16(value: int) -> int:
@@ -88,10 +90,10 @@ class Pid:
 
         # LM-PID-4, LM-PID-5: a sum that has reached its limit may only come back.
         total = self.sum + error
-        if total > SUM_MAX:
-            total = SUM_MAX
-        elif total < -SUM_MAX:
-            total = -SUM_MAX
+        if total > _SUM_MAX:
+            total = _SUM_MAX
+        elif total < -_SUM_MAX:
+            total = -_SUM_MAX
         term = self.ki * (total >> 8)
         term = wrap(term, 16) if wraps else _sat16(term)
         if term > self.il or term < -self.il:
