@@ -1,0 +1,76 @@
+"""Decoders by chip family, and the packets of a whole board while it runs."""
+
+from collections.abc import Callable
+from typing import Final
+
+from vbus.signals import Observer, Violation
+from vbus.trace.lm628_packets import Lm628Packets
+from vbus.trace.mc1241a_packets import Mc1241aPackets
+from vbus.trace.mcp1200_packets import Mcp1200Packets
+from vbus.trace.packets import UNKNOWN, Cycle, Decoder, Packet
+
+DECODERS: Final[dict[str, type[Decoder]]] = {
+    decoder.FAMILY: decoder for decoder in (Lm628Packets, Mc1241aPackets, Mcp1200Packets)
+}
+"""What reads the bus of each chip family."""
+
+
+class PlainPackets(Decoder):
+    """For chips nobody has written a decoder for: each cycle is shown as it is."""
+
+    def take(self, cycle: Cycle) -> list[Packet]:
+        """Show the cycle."""
+        way = "write" if cycle.write else "read"
+        return [Packet(UNKNOWN, f"{way} {cycle.address:X}H", f"{cycle.data:02X}H", "", (cycle,))]
+
+    def finish(self) -> list[Packet]:
+        """Return nothing: no cycle stays open."""
+        return []
+
+
+def decoder_of(family: str) -> Decoder:
+    """Return a new decoder for chips of ``family``; one without names if it is not known."""
+    return DECODERS.get(family, PlainPackets)()
+
+
+class BoardPackets(Observer):
+    """Packets of every chip of a board, as they are completed.
+
+    Chips written together (``"x+y"``) have a decoder each.
+
+    Args:
+        families: chip families by name of chip.
+        take: is given the chip's name and each packet.
+    """
+
+    def __init__(self, families: dict[str, str], take: Callable[[str, Packet], None]) -> None:
+        self._decoders: dict[str, Decoder] = {
+            name: decoder_of(family) for name, family in families.items()
+        }
+        self._take: Callable[[str, Packet], None] = take
+        self._lost: dict[str, tuple[int, str]] = {}
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Decode one more cycle."""
+        cycle = Cycle(when, write, address, data)
+        for name in chip.split("+"):
+            decoder = self._decoders.get(name)
+            if decoder is None:
+                continue
+            instant, rule = self._lost.pop(name, (-1, ""))
+            for packet in decoder.feed(cycle, rule if instant == when else ""):
+                self._take(name, packet)
+
+    def violation(self, violation: Violation) -> None:
+        """Remember a breach for which the cycle at this instant is lost: it comes right after."""
+        decoder = self._decoders.get(violation.chip)
+        if decoder is not None and violation.rule in decoder.LOST:
+            self._lost[violation.chip] = (violation.when, violation.rule)
+
+    def finish(self) -> None:
+        """Give what is still open."""
+        for name, decoder in self._decoders.items():
+            for packet in decoder.finish():
+                self._take(name, packet)
