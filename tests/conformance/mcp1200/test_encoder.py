@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.conformance.mcp1200.conftest import Bench
+from tests.conformance.mcp1200.conftest import Bench, Follower
 
 UP = ((0, 1), (0, 0), (1, 0), (1, 1))
 """Levels of A and B from the resting state 11, A before B."""
@@ -77,6 +77,17 @@ def test_the_index_pin_passes_the_same_filter(rising: int, first: int) -> None:
     bench.drive("INDEX", first)
     bench.wait(100)
     assert bench.seen("CAPTURE_CONTROL") == 0x10 | rising
+
+
+@pytest.mark.spec("MCP-ENC-1")
+def test_swapped_channels_turn_a_plant_round() -> None:
+    follower = Follower()
+    bench = Bench(plant=follower)
+    bench.write(0x1A, 0x80)
+    bench.put("COMMAND_POSITION", 100)
+    bench.control()
+    bench.samples(2)
+    assert (bench.position, follower.count) == (100, -100)
 
 
 @pytest.mark.spec("MCP-ENC-1")

@@ -131,6 +131,20 @@ def test_a_profile_decelerates_linearly_and_ends(begin: Callable[[Bench], None])
     assert (bench.seen("FLAG"), bench.seen("PHASE")) == (0, 0)
 
 
+@pytest.mark.spec("MCP-EXC-2")
+@pytest.mark.parametrize("begin", [profile, s_curve])
+def test_without_acceleration_a_profile_stops_at_once(begin: Callable[[Bench], None]) -> None:
+    bench = Bench()
+    bench.write(0x04, DECEL << 2)
+    moving(bench, begin, 40)
+    bench.put("ACCELERATION", 0)
+    bench.samples(1)
+    here = bench.seen("COMMAND_POSITION")
+    low_pulse(bench, "/STOP", US)
+    assert bench.trace("COMMAND_POSITION", 2) == [here, here]
+    assert bench.seen("FLAG") == 0
+
+
 @pytest.mark.spec("MCP-EXC-2", "MCP-EXC-3")
 @pytest.mark.parametrize(
     ("begin", "name"), [(velocity, "VELOCITY_COMMAND"), (high_velocity, "VELOCITY")]

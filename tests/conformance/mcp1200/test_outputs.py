@@ -194,21 +194,68 @@ def test_a_new_command_waits_for_the_next_frame(chip: Bench) -> None:
     ]  # fmt: skip
 
 
+def long_frames(bench: Bench) -> int:
+    """Frames of 1600 clocks; return the start of the one under way."""
+    bench.write(0x1A, 0x08)
+    bench.wait(200)
+    bench.chip.outputs.show_pulse(bench.cycle)
+    return bench.chip.works.pwm.start
+
+
+def unseen(bench: Bench, cycle: int) -> int:
+    """Let time pass with nobody looking; return the level of Pulse then."""
+    bench.kernel.run_until(bench.clock.ps(cycle))
+    return bench.pin("PULSE")
+
+
 @pytest.mark.spec("MCP-OUT-7", "MCP-SMP-5")
 def test_a_result_waits_for_the_next_frame_even_if_nobody_has_looked_for_long() -> None:
     bench = Bench()
     bench.put("COMMAND_POSITION", 3)
-    bench.write(0x1A, 0x08)
-    bench.wait(200)
-    bench.chip.outputs.show_pulse(bench.cycle)
-    frame = bench.chip.works.pwm.start
+    frame = long_frames(bench)
     bench.control()
     results = bench.sample_start() + 1000
     assert 100 < (results - frame) % 1600 < 1500
-    bench.kernel.run_until(bench.clock.ps(results + 5))
-    assert bench.pin("PULSE") == 0
+    assert unseen(bench, results + 5) == 0
     bench.until(results + 1600 - (results - frame) % 1600)
     assert bench.pin("PULSE") == 1
+
+
+@pytest.mark.spec("MCP-OUT-7")
+def test_a_write_that_becomes_visible_just_after_a_frame_began_waits_too() -> None:
+    bench = Bench()
+    frame = long_frames(bench) + 1600
+    bench.until(frame - 2)
+    bench.chip.write(0x09, 0x7F)
+    assert unseen(bench, frame + 10) == 0
+    assert unseen(bench, frame + 1600) == 1
+
+
+@pytest.mark.spec("MCP-OUT-7", "MCP-MOD-2")
+def test_the_frame_in_which_idle_begins_is_finished() -> None:
+    bench = Bench()
+    bench.put("COMMAND_POSITION", 100)
+    frame = long_frames(bench)
+    bench.control()
+    bench.samples(2)
+    bench.write(0x05, 0x01)
+    idle = bench.sample_start()
+    assert 100 < (idle - frame) % 1600 < 1500
+    assert unseen(bench, idle + 5) == 1
+    assert bench.pin("IDLE") == 1
+    assert unseen(bench, idle + 1600 - (idle - frame) % 1600) == 0
+
+
+@pytest.mark.spec("MCP-OUT-7", "MCP-MOD-4")
+def test_the_frame_in_which_a_limit_takes_the_output_away_is_finished() -> None:
+    bench = Bench()
+    frame = long_frames(bench) + 3200
+    bench.write(0x09, 0x7F)
+    bench.kernel.run_until(bench.clock.ps(frame + 700))
+    bench.drive("/LIMIT", 0)
+    assert bench.seen("PWM_COMMAND") == 0
+    assert unseen(bench, frame + 800) == 1
+    assert unseen(bench, frame + 1600) == 0
 
 
 @pytest.mark.spec("MCP-OUT-8")

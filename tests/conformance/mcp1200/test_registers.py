@@ -240,6 +240,20 @@ def test_in_motion_and_the_prof_pin_during_a_profile(bench: Bench) -> None:
 
 
 @pytest.mark.spec("MCP-FLG-4")
+def test_a_profile_set_off_while_busy_is_in_motion_from_then_on(bench: Bench) -> None:
+    bench.put("FINAL_POSITION", 6)
+    bench.put("PROFILE_VELOCITY", 2)
+    bench.put("ACCELERATION", 0x0200)
+    bench.control()
+    bench.samples(1)
+    edges = bench.watch("PROF")
+    bench.until(bench.sample_start() + 100)
+    bench.write(0x00, 0x08)
+    bench.samples(5)
+    assert [level for _, _, level in edges.seen] == [1, 0]
+
+
+@pytest.mark.spec("MCP-FLG-4")
 def test_in_motion_in_integral_velocity_follows_command_and_velocity(bench: Bench) -> None:
     bench.put("ACCELERATION", 0x0100)
     bench.control()
@@ -384,6 +398,10 @@ def test_bits_of_the_capture_control_register(bench: Bench) -> None:
         assert bench.read(0x03) == data
     bench.write(0x03, 0xFF)
     assert bench.read(0x03) == 0x76
+    bench.write(0x29, 0x00)
+    for data in (0x76, 0x00):
+        bench.write(0x03, data)
+        assert bench.read(0x03) == 0x80 | data
     bits = {bit.name: bit.mask for bit in ds.CAPTURE_BITS}
     assert bits == {
         "INTERPOLATOR_BUSY": 0x80, "BUSY_ON_PROF": 0x40, "INDEX_RISING": 0x20,

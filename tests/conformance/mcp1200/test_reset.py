@@ -227,6 +227,42 @@ def test_idle_from_control_comes_at_the_next_sample_start(bench: Bench) -> None:
     assert bench.pin("MC0-MC11") == 0x800
 
 
+@pytest.mark.spec("MCP-MOD-2", "MCP-MOD-5", "MCP-FLG-4")
+@pytest.mark.parametrize(
+    ("flag", "register", "shown"), [(0x08, "PHASE", 2), (0x0B, "INTERPOLATOR_COUNT", 5)]
+)
+def test_idle_ends_what_was_under_way(bench: Bench, flag: int, register: str, shown: int) -> None:
+    bench.put("FINAL_POSITION", 5000)
+    bench.put("PROFILE_VELOCITY", 20)
+    bench.put("ACCELERATION", 0x0100)
+    bench.put("INTERPOLATOR_PRESET", 2)
+    bench.write(0x00, flag)
+    bench.control()
+    bench.samples(4)
+    assert (bench.seen(register), bench.pin("PROF")) == (shown, 1)
+    bench.write(0x05, 0x01)
+    bench.samples(1)
+    assert (bench.seen(register), bench.pin("PROF"), bench.seen("FLAG") & 4) == (0, 0, 0)
+
+
+@pytest.mark.spec("MCP-RST-4", "MCP-ERR-1")
+def test_a_reset_forgets_the_backlash_taken_up(bench: Bench) -> None:
+    bench.extended()
+    bench.put("BACKLASH", 10)
+    bench.control()
+    for command in (0, 5, 3):
+        bench.put("COMMAND_POSITION", command)
+        bench.samples(1)
+    assert bench.seen("POSITION_ERROR") == -7
+    bench.write(0x05, 0x00)
+    bench.samples(1)
+    bench.wait(400)
+    bench.put("COMMAND_POSITION", 3)
+    bench.control()
+    bench.samples(1)
+    assert bench.seen("POSITION_ERROR") == 3
+
+
 @pytest.mark.spec("MCP-MOD-2")
 def test_writing_idle_in_idle_takes_the_motor_command_away(bench: Bench) -> None:
     bench.write(0x08, 0xC0)

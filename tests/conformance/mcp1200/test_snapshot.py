@@ -203,6 +203,26 @@ def test_a_resting_axis_jumped_over_equals_one_that_was_stepped(
     assert benches[0].chip.save() == benches[1].chip.save()
 
 
+@pytest.mark.parametrize("before", [1, 2, 3, 50, 95])
+@pytest.mark.parametrize("what", ["write", "count"])
+def test_what_comes_just_before_a_sample_is_not_jumped_over(what: str, before: int) -> None:
+    """A byte not yet visible, a level still in the filter, when a rest of many samples begins."""
+    benches = [Bench(), Bench()]
+    for bench in benches:
+        bench.write(0x1A, 0x70)
+        bench.until(4160 * 10 - before)
+        if what == "write":
+            bench.chip.write(0x0F, 0x50)
+        else:
+            bench.drive("CHA", 0)
+    begun = benches[0].cycle
+    benches[0].until(begun + 4160 * 60)
+    for clock in range(begun, begun + 4160 * 60, 1000):
+        benches[1].until(clock)
+    benches[1].until(begun + 4160 * 60)
+    assert benches[0].chip.save() == benches[1].chip.save()
+
+
 @pytest.mark.parametrize("plant", [1, 3])
 def test_telemetry_names_what_a_live_view_shows(plant: int) -> None:
     bench = Bench(plant=plant_of(plant))

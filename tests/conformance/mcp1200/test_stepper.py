@@ -66,6 +66,17 @@ def test_the_width_of_a_step_pulse(hz: int, width: int, picoseconds: int) -> Non
 
 
 @pytest.mark.spec("MCP-STP-2")
+def test_a_pulse_that_outlasts_its_sample_keeps_its_width() -> None:
+    bench = stepper(STEP_WIDTH=255)
+    out, edges = batch(bench, 20)
+    assert edges == [(out, "PULSE", 1)]
+    edges_after = bench.watch("PULSE")
+    bench.until(out + PERIOD + 300)
+    # Step 19 began 208 clocks before the end of the period.
+    assert edges_after.seen == [(out + 19 * 208 + 256, "PULSE", 0)]
+
+
+@pytest.mark.spec("MCP-STP-2")
 def test_low_pulses() -> None:
     bench = stepper(config=0x07)
     assert bench.pin("PULSE") == 1
@@ -310,6 +321,23 @@ def test_a_slow_motor_is_judged_over_as_many_samples_as_it_needs() -> None:
     bench.write(0x00, 0x0D)
     # 16/256 expected counts a step: sixteen steps until there is something to expect.
     bench.samples(16)
+    assert bench.seen("STATUS") & 0x10
+    bench.samples(2)
+    assert not bench.seen("STATUS") & 0x10
+
+
+@pytest.mark.spec("MCP-STP-4")
+def test_idle_begins_a_new_window() -> None:
+    plant = Slipping()
+    plant.per_step = 0.0
+    bench = stepper(plant, EXCEPTION=0x00)
+    run_at(bench, 5, 2)
+    bench.write(0x1C, 1, 0)
+    bench.samples(2)
+    bench.write(0x05, 0x01)
+    bench.samples(2)
+    bench.control()
+    bench.samples(3)
     assert bench.seen("STATUS") & 0x10
     bench.samples(2)
     assert not bench.seen("STATUS") & 0x10

@@ -398,8 +398,6 @@ class Clockwork:
         control = self.state == CONTROL
         if self._request != NO_REQUEST or self.breakpoint.sample():
             return cycle
-        if not control and self.side.sync == 0:
-            return cycle
         last = min(self._target, self._next_count() - 1)
         if self._writes:
             last = min(last, self._writes[0][0] - 1)
