@@ -11,8 +11,9 @@ from vbus.chips.mcp1200.outputs import OutputPins
 from vbus.chips.mcp1200.pins import LONG_AGO, HostPins
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.strobes import AcTable
+from vbus.chips.tables import PinRow
 from vbus.kernel import NEVER, Clock, Kernel
-from vbus.options import Settings
+from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Plant, Policy, Rule, Violation, Watcher, Z
 
 STROBE_PS: Final = 80_000
@@ -37,10 +38,10 @@ class MCP1200(Chip):
 
     FAMILY = ds.FAMILY
     ADDRESS_BITS = ds.ADDRESS_BITS
-    PARTS = ds.PARTS
-    PINS = ds.PINS
-    RULES = ds.RULES
-    OPTIONS = ds.OPTIONS
+    PARTS: tuple[str, ...] = ds.PARTS
+    PINS: tuple[PinRow, ...] = ds.PINS
+    RULES: tuple[Rule, ...] = ds.RULES
+    OPTIONS: tuple[Option, ...] = ds.OPTIONS
 
     def __init__(
         self,
