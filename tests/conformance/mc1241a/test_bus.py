@@ -355,6 +355,16 @@ def test_the_adapter_shows_host_rdy_in_d7_and_the_interrupt_line_in_d6(bench: Be
     assert bench.byte_in(COMMAND) & 0xC0 == 0x80
 
 
+@spec("PMD-BUS-12", "PMD-BUS-7")
+def test_the_adapter_shows_host_rdy_of_the_very_instant(chip: Bench) -> None:
+    chip.byte_out(COMMAND, 0x33)
+    ready = chip.chip.ready_at()
+    for when, bit in ((ready - 1, 0x00), (ready, 0x80)):
+        chip.kernel.run_until(when)
+        chip.chip.begin_read(COMMAND)
+        assert chip.chip.end_read() & 0x80 == bit
+
+
 @spec("PMD-BUS-12")
 def test_reading_the_adapter_moves_no_strobe_and_no_pointer(bench: Bench) -> None:
     assert bench.chip.strobes(False, COMMAND, 0) == []

@@ -80,6 +80,19 @@ def test_positions_wrap_at_31_bits(chip: Bench) -> None:
 
 
 @spec("PMD-ENC-1")
+@pytest.mark.parametrize("pin", ["QuadA1", "QuadB1"])
+def test_one_driven_channel_outranks_the_plant_s_encoder(pin: str) -> None:
+    bench = Bench()
+    bench.chip.connect(0, IdealPlant({"encoder_lines": 3200}))
+    bench.send("SET_PHASE_2")
+    bench.load(buf_mtr_cmd=0x7FFF)
+    bench.drive(pin, 1)
+    bench.move(pos=100, vel=8 << 16, acc=8 << 16)
+    bench.next_cycle(20)
+    assert bench.seen("actual") == (1 if pin == "QuadA1" else -1)
+
+
+@spec("PMD-ENC-1")
 def test_the_second_axis_has_its_own_encoder(chip: Bench) -> None:
     chip.drive("QuadB2", 1)
     chip.next_cycle()

@@ -208,6 +208,18 @@ def test_pwm_frames_carry_magnitude_and_sign() -> None:
     assert edges.of("PWMSign1B") == [(start, 1)]
 
 
+@spec("PMD-USTP-6", "PMD-USTP-5")
+def test_an_observer_who_comes_late_sees_the_present_outputs() -> None:
+    bench = powered()
+    bench.move(pos=64, vel=16 << 16, acc=16 << 16)
+    bench.kernel.run_for(20 * CYCLE)  # and nobody has looked since
+    edges = Edges(bench, "PWMMag1A", "DACSlct")
+    now = bench.now
+    bench.run_for(2 * FRAME)
+    assert edges.of("PWMMag1A") == [(-(-now // FRAME) * FRAME, 1)]
+    assert bench.seen("target") == 64
+
+
 @spec("PMD-USTP-6")
 def test_full_and_no_magnitude_have_no_edges() -> None:
     bench = powered()

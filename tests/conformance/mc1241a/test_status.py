@@ -247,6 +247,21 @@ def test_only_rst_intrpt_and_reset_release_the_line(chip: Bench) -> None:
     assert chip.level("~HostIntrpt") == 1
 
 
+@spec("PMD-INT-4", "PMD-RST-2")
+def test_reset_forgets_the_interrupting_axis(chip: Bench) -> None:
+    chip.send("SET_INTRPT_MASK", 1)
+    stop(chip)
+    chip.next_cycle()
+    chip.send("RESET")
+    assert chip.level("~HostIntrpt") == 1
+    assert chip.send("SET_2") == 0x1300
+    assert chip.send("GET_INTRPT") == 0x1300
+    chip.send("SET_INTRPT_MASK", 1)
+    stop(chip, 2)
+    chip.run_for(2 * CYCLE)
+    assert chip.level("~HostIntrpt") == 0
+
+
 @spec("PMD-INT-5")
 def test_get_intrpt_and_rst_intrpt_leave_the_current_axis(chip: Bench) -> None:
     chip.send("SET_2")

@@ -280,7 +280,6 @@ class Encoder:
         chip.advance()
         chip.follow_encoders()
         self._home_wired = self._home.net.driven
-        self._settle(chip.kernel.now)
         self._home_filter.edge(chip.kernel.now, self._home.value)
         chip.rearm()
 
