@@ -1,18 +1,37 @@
 """One axis: registers, update, and the order of work in a cycle."""
+
 from collections.abc import Callable
 from typing import Final
+
 from vbus.chips.mc1241a.breakpoints import cycles_to_go, is_met
-from vbus.chips.mc1241a.datasheet import BREAKPOINT, BRK_OFF, CAPTURE, COMMAND_ERROR, COMMAND_REFUSED, EVENTS, MOTION_COMPLETE, MOTION_ERROR, MOTOR_COMMAND_LOST, S_CURVE, STOP_TWICE, TRAPEZOIDAL, WRAP
+from vbus.chips.mc1241a.datasheet import (
+    BREAKPOINT,
+    BRK_OFF,
+    CAPTURE,
+    COMMAND_ERROR,
+    COMMAND_REFUSED,
+    EVENTS,
+    MOTION_COMPLETE,
+    MOTION_ERROR,
+    MOTOR_COMMAND_LOST,
+    S_CURVE,
+    STOP_TWICE,
+    TRAPEZOIDAL,
+    WRAP,
+)
 from vbus.chips.mc1241a.encoder import Encoder
 from vbus.chips.mc1241a.limits import LimitDetector
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.parameters import Registers
 from vbus.chips.mc1241a.profile import Profile
 from vbus.signals import Rule
-ERROR_LIMIT: Final = 32767
-'Largest position error the axis tolerates after reset.'
+
+ERROR_LIMIT: Final = 32_767
+"""Largest position error the axis tolerates after reset."""
+
 Report = Callable[[Rule, str], None]
-'Takes a rule the host has broken on an axis, and what happened.'
+"""Takes a rule the host has broken on an axis, and what happened."""
+
 
 class Axis:
     """Everything the chip set keeps for one axis.
@@ -24,7 +43,9 @@ class Axis:
         report: takes findings about the host.
     """
 
-    def __init__(self, number: int, encoder: Encoder, stepper: Microstepper, report: Report) -> None:
+    def __init__(
+        self, number: int, encoder: Encoder, stepper: Microstepper, report: Report
+    ) -> None:
         self.number: int = number
         self.encoder: Encoder = encoder
         self.stepper: Microstepper = stepper
@@ -43,11 +64,11 @@ class Axis:
         self.auto_stop: int = 1
         self.auto_update: int = 1
         self.position_given: bool = False
-        'SET_POS was given since the last update (PMD-TRJ-12).'
+        """SET_POS was given since the last update (PMD-TRJ-12)."""
         self._update_pending: bool = False
         self._position_taken: bool = False
         self.motor_command_direct: bool = False
-        'The active motor command was set by SET_MTR_CMD, past the buffer.'
+        """The active motor command was set by SET_MTR_CMD, past the buffer."""
         self.interrupt_mask: int = 0
         self.breakpoint_mode: int = BRK_OFF
         self.breakpoint_value: int = 0
@@ -55,7 +76,7 @@ class Axis:
         self.step_ratio: int = 0
         self.position_error_limit: int = ERROR_LIMIT
         self.position_error: int = 0
-        'Target minus actual position (counts), clamped to 16 bits.'
+        """Target minus actual position (counts), clamped to 16 bits."""
         self._error_offset: int = 0
         self.buffer.load((0,) * 10)
         self.active.load((0,) * 10)
@@ -64,6 +85,8 @@ class Axis:
         self.limits.reset()
         self.encoder.reset()
         self.stepper.reset()
+
+    # -- one cycle ----------------------------------------------------------------------------
 
     def cycle(self, time: int, home: int, positive: bool, negative: bool, sensing: bool) -> None:
         """Do the work of one cycle, in the order of PMD-CYC-1.
@@ -81,7 +104,11 @@ class Axis:
             self.events |= CAPTURE
         if self.encoder.wrapped:
             self.events |= WRAP
-        met = self.breakpoint_mode != BRK_OFF and is_met(self.breakpoint_mode, self.breakpoint_value, time, profile.target(), self.encoder.actual, self.events, home)
+        # A breakpoint looks at how the last cycle ended (PMD-UPD-3).
+        met = self.breakpoint_mode != BRK_OFF and is_met(
+            self.breakpoint_mode, self.breakpoint_value, time, profile.target(),
+            self.encoder.actual, self.events, home,
+        )  # fmt: skip
         if self._update_pending:
             self._update(positive and sensing, negative and sensing)
         if met:
@@ -93,7 +120,7 @@ class Axis:
         hit = self.limits.look(positive, negative, self.events, sensing)
         if hit:
             profile.halt()
-            self.events |= hit | MOTION_COMPLETE
+            self.events |= hit | MOTION_COMPLETE  # PMD-LIM-1
         start = profile.position
         self.events |= profile.step(self.active, self.start_velocity, counts)
         self.stepper.begin_cycle(start, profile.moved)
@@ -105,7 +132,7 @@ class Axis:
             self.position_error = 0
             return
         error = self._expected() - self.encoder.counted - self._error_offset
-        self.position_error = max(-32768, min(32767, error))
+        self.position_error = max(-32_768, min(32_767, error))
         if self._has_motion_error():
             self.events |= MOTION_ERROR
             if self.auto_stop and self.motor_on:
@@ -123,15 +150,17 @@ class Axis:
         self.position_error = 0
         self._error_offset = self._expected() - self.encoder.counted
 
+    # -- update -------------------------------------------------------------------------------
+
     def request_update(self) -> None:
         """UPDATE acts: what is in the buffer now is copied at the next cycle (NOTES 5)."""
-        buffer, taken = (self.buffer, self._taken)
+        buffer, taken = self.buffer, self._taken
         stop = buffer.stop | taken.stop
         smooth_stop = buffer.smooth_stop | taken.smooth_stop
         synch = buffer.synch | taken.synch
         buffer.stop = buffer.smooth_stop = buffer.synch = 0
         taken.load(buffer.save())
-        taken.stop, taken.smooth_stop, taken.synch = (stop, smooth_stop, synch)
+        taken.stop, taken.smooth_stop, taken.synch = stop, smooth_stop, synch
         self._position_taken |= self.position_given
         self.position_given = False
         self._update_pending = True
@@ -143,44 +172,48 @@ class Axis:
             at_positive: the positive limit switch is active and counts.
             at_negative: the negative limit switch is.
         """
-        taken, profile = (self._taken, self.profile)
-        stop, smooth, synch = (taken.stop, taken.smooth_stop, taken.synch)
+        taken, profile = self._taken, self.profile
+        stop, smooth, synch = taken.stop, taken.smooth_stop, taken.synch
         taken.stop = taken.smooth_stop = taken.synch = 0
-        given, self._position_taken = (self._position_taken, False)
+        given, self._position_taken = self._position_taken, False
         self._update_pending = False
         refused = self._copy(taken)
         if stop and smooth:
-            self._report(STOP_TWICE, f'axis {self.number + 1}: STOP wins over SMOOTH_STOP')
+            self._report(STOP_TWICE, f"axis {self.number + 1}: STOP wins over SMOOTH_STOP")
         if synch:
             self._renumber(self.encoder.actual)
         if refused:
             self._refuse(refused)
         if stop:
             profile.halt()
-            self.events |= MOTION_COMPLETE
+            self.events |= MOTION_COMPLETE  # PMD-TRJ-9
             return
         if not self.motor_on:
-            return
+            return  # PMD-MTR-2
         if smooth and profile.smooth_stop():
             return
         if profile.mode in (TRAPEZOIDAL, S_CURVE):
             way = (taken.position << 32) - profile.position
-            if way > 0 and at_positive or (way < 0 and at_negative):
-                self._refuse('the move leads toward an active limit switch')
+            if (way > 0 and at_positive) or (way < 0 and at_negative):
+                self._refuse("the move leads toward an active limit switch")  # PMD-ERR-3
                 return
         profile.start(self.active, given)
 
     def _copy(self, buffer: Registers) -> str:
         """Copy buffer to active, but for what must not change in motion; say what was refused."""
-        active, profile = (self.active, self.profile)
-        refused = ''
+        active, profile = self.active, self.profile
+        refused = ""
         if profile.in_motion():
             if profile.mode == TRAPEZOIDAL and buffer.acceleration != active.acceleration:
-                refused = 'acceleration changed in a trapezoidal move'
-            elif profile.mode == S_CURVE and (buffer.velocity != active.velocity or buffer.max_acceleration != active.max_acceleration or buffer.jerk != active.jerk):
-                refused = 'velocity, acceleration or jerk changed in an S-curve move'
-        keep_trapezoid = refused != '' and profile.mode == TRAPEZOIDAL
-        keep_s_curve = refused != '' and profile.mode == S_CURVE
+                refused = "acceleration changed in a trapezoidal move"  # PMD-ERR-1
+            elif profile.mode == S_CURVE and (
+                buffer.velocity != active.velocity
+                or buffer.max_acceleration != active.max_acceleration
+                or buffer.jerk != active.jerk
+            ):
+                refused = "velocity, acceleration or jerk changed in an S-curve move"  # PMD-ERR-2
+        keep_trapezoid = refused != "" and profile.mode == TRAPEZOIDAL
+        keep_s_curve = refused != "" and profile.mode == S_CURVE
         if not refused:
             active.velocity = buffer.velocity
         if not keep_trapezoid:
@@ -191,19 +224,25 @@ class Axis:
         active.position = buffer.position
         active.ratio = buffer.ratio
         if self.motor_command_direct and buffer.motor_command != active.motor_command:
-            self._report(MOTOR_COMMAND_LOST, f'axis {self.number + 1}: motor command {active.motor_command} set by SET_MTR_CMD is replaced by the buffered {buffer.motor_command}')
+            self._report(
+                MOTOR_COMMAND_LOST,
+                f"axis {self.number + 1}: motor command {active.motor_command} set by SET_MTR_CMD"
+                f" is replaced by the buffered {buffer.motor_command}",
+            )
         active.motor_command = buffer.motor_command
         self.motor_command_direct = False
         return refused
 
     def _refuse(self, why: str) -> None:
         self.events |= COMMAND_ERROR
-        self._report(COMMAND_REFUSED, f'axis {self.number + 1}: {why}')
+        self._report(COMMAND_REFUSED, f"axis {self.number + 1}: {why}")
+
+    # -- commands of this axis ----------------------------------------------------------------
 
     def set_start_velocity(self, value: int) -> None:
         """SET_START_VEL: at once, but not in motion (PMD-CMD-14)."""
         if self.profile.in_motion():
-            self._refuse('start velocity changed in motion')
+            self._refuse("start velocity changed in motion")
         else:
             self.start_velocity = value
 
@@ -243,39 +282,69 @@ class Axis:
             keep |= MOTION_ERROR
         self.events &= keep & EVENTS
 
-    def idle_cycles(self, time: int, home: int, positive: bool, negative: bool, sensing: bool) -> int:
+    # -- rest ---------------------------------------------------------------------------------
+
+    def idle_cycles(
+        self, time: int, home: int, positive: bool, negative: bool, sensing: bool
+    ) -> int:
         """Return how many coming cycles would change nothing; 0 if the next may do something."""
-        if self._update_pending or not self.profile.resting(self.active) or (not self.stepper.still()):
+        if (
+            self._update_pending
+            or not self.profile.resting(self.active)
+            or not self.stepper.still()
+        ):
             return 0
         if not self.encoder.resting():
             return 0
         if not self.limits.steady(positive, negative, self.events, sensing):
             return 0
-        if self._has_motion_error() and (not self.events & MOTION_ERROR):
+        if self._has_motion_error() and not self.events & MOTION_ERROR:
             return 0
         if self.breakpoint_mode == BRK_OFF:
             return 1 << 62
-        if is_met(self.breakpoint_mode, self.breakpoint_value, time + 1, self.profile.target(), self.encoder.actual, self.events, home):
+        if is_met(
+            self.breakpoint_mode, self.breakpoint_value, time + 1, self.profile.target(),
+            self.encoder.actual, self.events, home,
+        ):  # fmt: skip
             return 0
-        return cycles_to_go(self.breakpoint_mode, self.breakpoint_value, time) + 1
+        return cycles_to_go(self.breakpoint_mode, self.breakpoint_value, time) - 1
+
+    # -- state --------------------------------------------------------------------------------
 
     def save(self) -> tuple[object, ...]:
         """Return the whole state."""
-        return ((self.events, int(self.motor_on), self.auto_stop, self.auto_update, int(self._update_pending), int(self.position_given), int(self._position_taken), int(self.motor_command_direct), self.interrupt_mask, self.breakpoint_mode, self.breakpoint_value, self.start_velocity, self.step_ratio, self.position_error_limit, self.position_error, self._error_offset), self.buffer.save(), self._taken.save(), self.active.save(), self.profile.save(), self.limits.save(), self.encoder.save(), self.stepper.save())
+        return (
+            (
+                self.events, int(self.motor_on), self.auto_stop, self.auto_update,
+                int(self._update_pending), int(self.position_given), int(self._position_taken),
+                int(self.motor_command_direct),
+                self.interrupt_mask, self.breakpoint_mode, self.breakpoint_value,
+                self.start_velocity, self.step_ratio, self.position_error_limit,
+                self.position_error, self._error_offset,
+            ),
+            self.buffer.save(), self._taken.save(), self.active.save(), self.profile.save(),
+            self.limits.save(), self.encoder.save(), self.stepper.save(),
+        )  # fmt: skip
 
     def load(self, state: tuple[object, ...]) -> None:
         """Take back what :meth:`save` gave."""
         plain, buffer, taken, active, profile, limits, encoder, stepper = state
-        self.events, motor_on, self.auto_stop, self.auto_update, update_pending, position_given, position_taken, motor_command_direct, self.interrupt_mask, self.breakpoint_mode, self.breakpoint_value, self.start_velocity, self.step_ratio, self.position_error_limit, self.position_error, self._error_offset = plain
-        self.motor_on = bool(motor_on)
-        self._update_pending = bool(update_pending)
-        self.position_given = bool(position_given)
-        self._position_taken = bool(position_taken)
-        self.motor_command_direct = bool(motor_command_direct)
-        self.buffer.load(buffer)
-        self._taken.load(taken)
-        self.active.load(active)
-        self.profile.load(profile)
-        self.limits.load(limits)
-        self.encoder.load(encoder)
-        self.stepper.load(stepper)
+        (
+            self.events, motor_on, self.auto_stop, self.auto_update,
+            update_pending, position_given, position_taken, motor_command_direct,
+            self.interrupt_mask, self.breakpoint_mode, self.breakpoint_value,
+            self.start_velocity, self.step_ratio, self.position_error_limit,
+            self.position_error, self._error_offset,
+        ) = plain  # type: ignore[misc]  # fmt: skip
+        self.motor_on = bool(motor_on)  # type: ignore[has-type]
+        self._update_pending = bool(update_pending)  # type: ignore[has-type]
+        self.position_given = bool(position_given)  # type: ignore[has-type]
+        self._position_taken = bool(position_taken)  # type: ignore[has-type]
+        self.motor_command_direct = bool(motor_command_direct)  # type: ignore[has-type]
+        self.buffer.load(buffer)  # type: ignore[arg-type]
+        self._taken.load(taken)  # type: ignore[arg-type]
+        self.active.load(active)  # type: ignore[arg-type]
+        self.profile.load(profile)  # type: ignore[arg-type]
+        self.limits.load(limits)  # type: ignore[arg-type]
+        self.encoder.load(encoder)  # type: ignore[arg-type]
+        self.stepper.load(stepper)  # type: ignore[arg-type]
