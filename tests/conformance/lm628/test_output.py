@@ -3,7 +3,7 @@
 import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench, Course, Log
-from vbus.chips.lm628.output import Output
+from vbus.chips.lm628.output import STEADY, Output
 from vbus.kernel import NS
 
 CLK = 125 * NS
@@ -171,6 +171,7 @@ def test_a_magnitude_of_zero_makes_no_edges():
     bench.chip.pins["MAG"].net.observe(log)
     bench.run(3 * SAMPLE)
     assert log.edges == []
+    assert bench.chip.output.next_change(0) == STEADY
 
 
 @pytest.mark.spec("LM-CFG-1")

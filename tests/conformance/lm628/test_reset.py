@@ -99,6 +99,17 @@ def test_reset_forgets_half_a_word(bench):
 
 
 @pytest.mark.spec("LM-RST-2")
+def test_reset_forgets_what_was_to_be_read(bench):
+    bench.axis.index = 0x11223344
+    bench.command("RDIP")
+    bench.read(1)
+    pulse(bench)
+    bench.ready()
+    assert bench.read(1) == 0x00
+    assert bench.status() == 0x86, "nothing is offered: command error"
+
+
+@pytest.mark.spec("LM-RST-2")
 def test_position_is_zero_where_the_motor_is_when_the_reset_ends(make):
     bench = make(plant=Course([0, 0, 0, 100, 200, 300, 400, 500, 600, 700]), done=False)
     bench.chip.advance()
@@ -283,6 +294,15 @@ def test_before_power_on_the_chip_says_nothing_and_a_held_reset_pin_holds_it():
     bench.set(**{"/RST": HIGH})
     bench.run(MS)
     assert bench.status() == 0x84
+
+
+def test_a_chip_switched_on_again_with_its_reset_held_stays_in_reset():
+    bench = Bench("strobe", done=False)
+    bench.run(500 * US)
+    bench.set(**{"/RST": LOW})
+    bench.chip.power_on(False)
+    bench.run(10 * MS)
+    assert bench.status() == 0x00
 
 
 def test_power_on_done_starts_as_if_the_reset_had_just_ended(make):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.conformance.lm628.bench import BUSY, Bench
+from tests.conformance.lm628.bench import BUSY, Bench, Log
 from vbus.chips.lm628.datasheet import AC, RULES
 from vbus.kernel import NS, US
 from vbus.signals import HIGH, LOW, OFF, STRICT, Policy, Z
@@ -171,6 +171,21 @@ def test_data_that_changes_instead_of_floating_breaks_the_hold_time_too():
     assert bench.axis.threshold == 0x1256
 
 
+@pytest.mark.spec("LM-TIM-15", "LM-TIM-16")
+def test_data_put_out_just_before_the_strobe_rises_has_no_set_up_time_but_holds():
+    bench = at_the_pins()
+    play(
+        bench,
+        (0, "/PS", LOW), (0, "/CS", LOW), (50 * NS, "/WR", LOW), (50 * NS, "D0-D7", 0x04),
+        (200 * NS, "D0-D7", SIP),
+    )  # fmt: skip
+    bench.set(**{"/WR": HIGH})
+    bench.run(BUSY)
+
+    assert [(v.rule, v.measured) for v in bench.violations] == [("lm628.T15", 0)]
+    assert bench.axis.sip, "the later of two batches at one instant"
+
+
 @pytest.mark.spec("LM-TIM-15")
 def test_a_bus_that_nobody_drives_has_no_set_up_time():
     bench = at_the_pins()
@@ -267,6 +282,17 @@ def test_strict_access_time_shows_the_byte_exactly_when_it_is_over():
     assert bench.data() == 0x11
     bench.set(**{"/RD": HIGH})
     assert bench.violations == []
+
+
+@pytest.mark.spec("LM-TIM-10")
+def test_strict_access_time_is_an_edge_for_those_who_watch_the_bus():
+    bench = ready_to_report(strict("T10"))
+    log = Log()
+    bench.chip.bus_net.observe(log)
+    play(bench, (0, "/PS", HIGH), (0, "/CS", LOW), (100 * NS, "/RD", LOW))
+    fell = bench.now
+    bench.run(300 * NS)
+    assert log.edges == [(fell, "x.D0-D7", 0xFF), (fell + 180 * NS, "x.D0-D7", 0x11)]
 
 
 @pytest.mark.spec("LM-TIM-11")

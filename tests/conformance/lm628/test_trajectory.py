@@ -371,6 +371,30 @@ def test_stop_smoothly_without_acceleration_stops_at_once(bench):
     assert bench.axis.profile.done
 
 
+@pytest.mark.spec("LM-TRJ-5", "LM-TRJ-9")
+def test_stt_during_a_smooth_stop_goes_on_with_the_motion(bench):
+    bench.move(0x1800, accel=ONE, velocity=9 * ONE)
+    velocities(bench, 9)
+    bench.move(0x1C00)
+    assert velocities(bench, 2) == [8, 7]
+    bench.move(0x1800)
+    assert velocities(bench, 3) == [8, 9, 9]
+
+
+@pytest.mark.spec("LM-TRJ-10")
+def test_mechanics_that_follow_exactly_stand_still_while_the_motor_is_off(make):
+    bench = make(plant=Follower())
+    cruise(bench)
+    assert bench.axis.following == 4
+    bench.move(0x0100)
+    bench.next_sample()
+    bench.next_sample()
+    real = bench.axis.real
+    desired(bench, 5)
+    assert bench.axis.real == real
+    assert bench.chip.telemetry()["error"] == 0
+
+
 @pytest.mark.spec("LM-TRJ-10", "LM-STA-6")
 def test_motor_off_gives_no_drive_freezes_the_profile_and_still_tracks_the_position(make):
     plant = Course()
