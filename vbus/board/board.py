@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Final
 
 import msgpack
@@ -60,13 +60,17 @@ class Board:
         self.clock_step: int = clock_step
         self.violation_policy: Policy = violations if violations is not None else Policy()
         self.kernel: Kernel = Kernel()
-        self.limit: int = NEVER
+        self.limit: int = NEVER - 1
         """Time may run to this instant without the wall clock (ps); set by the pacer."""
         self.chips: list[Chip] = []
         self.plants: list[Plant] = []
         self.nets: dict[str, Net] = {}
         self.buses: dict[str, list[str]] = {}
         self.observers: list[Observer] = []
+        self.listeners: list[Observer] = []
+        """Observers that are told of violations only: bus cycles cost nothing for them."""
+        self.port_type: Callable[[Board, str, list[Chip], int, Card | None], HostBus] = HostBus
+        """What makes a port; a journal puts a recording one in its place."""
         self.violations: deque[Violation] = deque(maxlen=1000)
         """The latest violations; :attr:`counters` has the totals."""
         self.counters: dict[str, int] = {"reads": 0, "writes": 0, "violations": 0}
@@ -191,7 +195,7 @@ class Board:
         for chip in self.chips:
             chip.advance()
         self.kernel.settle()
-        for observer in self.observers:
+        for observer in (*self.listeners, *self.observers):
             observer.settled(self.kernel.now)
 
     def next_due(self) -> int:
@@ -219,7 +223,7 @@ class Board:
         """
         names = list(chips) if chips is not None else [chip.name for chip in self.chips]
         members = [self.chip(name) for name in names]
-        port = HostBus(self, label, members, cycle_ps, card)
+        port = self.port_type(self, label, members, cycle_ps, card)
         port.pin_map = pin_map
         self.ports.append(port)
         return port
@@ -231,7 +235,7 @@ class Board:
         self.violations.append(violation)
         self.counters["violations"] += 1
         self.counters[violation.rule] = self.counters.get(violation.rule, 0) + 1
-        for observer in self.observers:
+        for observer in (*self.listeners, *self.observers):
             observer.violation(violation)
 
     def _clash(self, net: Net) -> None:
@@ -253,6 +257,14 @@ class Board:
     def observe(self, observer: Observer) -> None:
         """Let ``observer`` see bus cycles and violations from now on."""
         self.observers.append(observer)
+
+    def unobserve(self, observer: Observer) -> None:
+        """Tell ``observer`` no more of bus cycles and violations."""
+        self.observers.remove(observer)
+
+    def listen(self, observer: Observer) -> None:
+        """Let ``observer`` see violations, and no bus cycles, from now on."""
+        self.listeners.append(observer)
 
     def watch(self, pin: str, observer: Observer) -> None:
         """Let ``observer`` see every edge of the net at ``pin`` (``"chip.pin"``)."""
@@ -296,7 +308,7 @@ class Board:
             tuple((chip.name, chip.part) for chip in self.chips),
             self.kernel.save(),
             tuple(chip.save() for chip in self.chips),
-            tuple((net.value, net.previous, net.changed_at) for net in self._all_nets()),
+            tuple(net.save() for net in self._all_nets()),
             tuple(pin.level for chip in self.chips for pin in chip.pins.values()),
             tuple(port.save() for port in self.ports),
         )
@@ -317,8 +329,8 @@ class Board:
         pins = [pin for chip in self.chips for pin in chip.pins.values()]
         for pin, level in zip(pins, levels, strict=True):  # type: ignore[call-overload]
             pin.level = level
-        for net, (value, previous, changed_at) in zip(self._all_nets(), nets, strict=True):  # type: ignore[call-overload]
-            net.value, net.previous, net.changed_at = value, previous, changed_at
+        for net, saved in zip(self._all_nets(), nets, strict=True):  # type: ignore[call-overload]
+            net.load(saved)
         for port, port_state in zip(self.ports, ports, strict=True):  # type: ignore[call-overload]
             port.load(port_state)
         self.kernel.load(kernel)  # type: ignore[arg-type]

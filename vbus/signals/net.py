@@ -192,11 +192,9 @@ class Net:
                 watcher.notify()
 
     def save(self) -> tuple[int, ...]:
-        """Return level, previous level, instant of change and what each pin drives."""
-        return (self.value, self.previous, self.changed_at, *(pin.level for pin in self.pins))
+        """Return the level and its history; what each pin drives is its owner's to save."""
+        return (self.value, self.previous, self.changed_at, self.let_go_at)
 
     def load(self, state: tuple[int, ...]) -> None:
         """Take back what :meth:`save` gave; nobody is notified."""
-        self.value, self.previous, self.changed_at = state[:3]
-        for pin, level in zip(self.pins, state[3:], strict=True):
-            pin.level = level
+        self.value, self.previous, self.changed_at, self.let_go_at = state
