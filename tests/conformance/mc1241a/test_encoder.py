@@ -261,7 +261,7 @@ def test_arming_in_the_middle_of_a_slot_misses_what_has_gone_by_in_it() -> None:
         assert (plant.count, plant.count_at(0.0)) == (100, 99)
         crossing = start + int(plant.fraction_at(100) * SLOT)
         bench.run_until(crossing + offset * NS)
-        bench.chip.follow_encoders()
+        bench.chip.cycles.follow_encoders()
         bench.chip.axes[0].encoder.set_source(1)
         bench.run_until(start + 20 * SLOT)
         # Armed before the edge it captures; what was captured by the first arming is forgotten.

@@ -5,59 +5,33 @@ from collections.abc import Callable
 from vbus.chips.base import Chip
 from vbus.chips.mc1241a.axis import Axis
 from vbus.chips.mc1241a.commands import Commands
+from vbus.chips.mc1241a.cycle import Cycles, Shared
 from vbus.chips.mc1241a.datasheet import (
     AC,
     BUSY_HALF_CLK,
     CARD_DECODES,
     COMMAND_PORT,
-    CYCLE_CLK,
     DATA_PORT,
     FAMILY,
     OPTIONS,
-    OUTPUT_PWM,
     PINS,
     RESET_CLK,
     RESET_PORT,
     RULES,
     SLOT_CLK,
-    SLOTS,
     STATUS_NO_INTERRUPT,
     STATUS_READY,
     VERSIONS,
 )
 from vbus.chips.mc1241a.encoder import Encoder
 from vbus.chips.mc1241a.events import NOBODY, Interrupts, mode_word, status_word
-from vbus.chips.mc1241a.microstep import FULL_SCALE, Microstepper
+from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.output import Output
 from vbus.chips.mc1241a.packet import HostPort
 from vbus.chips.mc1241a.pins import HostPins
 from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Settings
 from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Z
-
-
-class Shared:
-    """What the axes have in common."""
-
-    def __init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Take the values of the manual's reset table (PMD-RST-2)."""
-        self.time: int = 0
-        """Cycles since reset, 32 bits."""
-        self.output_mode: int = OUTPUT_PWM
-        self.limit_sense: int = 0
-        self.sensing: bool = True
-
-    def save(self) -> tuple[int, ...]:
-        """Return the whole state."""
-        return (self.time, self.output_mode, self.limit_sense, int(self.sensing))
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self.time, self.output_mode, self.limit_sense, sensing = state
-        self.sensing = bool(sensing)
 
 
 class MC1241A(Chip):
@@ -103,31 +77,23 @@ class MC1241A(Chip):
         self.busy_stretch: int = 0
         """Fault: this much is added to every busy time (ps)."""
         self.version: int = int(self.settings["version_word"]) or VERSIONS[part]
-        self.shared: Shared = Shared()
         self.interrupts: Interrupts = Interrupts()
-        self.motors: list[Plant | None] = [None] * self.AXES
         b_leads = self.settings["phase_b"] == "leads"
         self.axes: list[Axis] = [
             Axis(number, Encoder(self, number, self._encoder_source(number)),
                  Microstepper(b_leads), self.find)
             for number in range(self.AXES)
         ]  # fmt: skip
+        self.cycles: Cycles = Cycles(self, self.axes)
+        self.shared: Shared = self.cycles.shared
         self.port: HostPort = HostPort(self)
         self.commands: Commands = Commands(self)
         self.output: Output = Output(self)
         self._slot_busy: bool = self.settings["host_busy"] == "slot"
-        self._origin: int = 0
-        self._slot: int = 0
-        self._boundary: int = NEVER
         self._wake: int = 0
-        self._slotted: bool = False
-        self._reset_since: int = 0
         self._hold_at: int = NEVER
         self._held: bool = False
         self._adapter_read: bool = False
-        self._slot_start: int = 0
-        self._slot_end: int = 0
-        self._driven: list[tuple[int, int, int]] = [(0, 0, 0)] * self.AXES
         self.host_pins: HostPins = HostPins(self)
         self._ready_pin: Pin = self.pins["HostRdy"]
         self._interrupt_pin: Pin = self.pins["~HostIntrpt"]
@@ -209,8 +175,7 @@ class MC1241A(Chip):
         """Return when a busy time that begins now will end (PMD-BUS-7)."""
         now = self.kernel.now
         if self._slot_busy:
-            slot = (self.clock.cycle_at(now) - self._origin) // SLOT_CLK + 1
-            end = self.ps_of(slot * SLOT_CLK)
+            end = self.cycles.ps_of((self.cycles.slot_at(now) + 1) * SLOT_CLK)
         else:
             end = now + BUSY_HALF_CLK * 10**12 // (2 * self.clock.hz)
         return end + self.busy_stretch
@@ -263,46 +228,23 @@ class MC1241A(Chip):
 
     def restart(self, since: int, clocks: int = RESET_CLK) -> None:
         """Take every reset value; the host port is ready ``clocks`` after ``since`` (PMD-RST-1)."""
-        self.shared.reset()
+        self.cycles.stop()
         self.interrupts.reset()
         self.commands.current = 0
         for axis in self.axes:
             axis.reset()
         self.put(self._interrupt_pin, HIGH)
         self.output.rest()
-        if self._boundary != NEVER and self._slot:
-            self._reset_since = self.instant
         if self._held:
-            self._boundary = NEVER
             self.port.reset(since, NEVER)
         else:
             ready = since + self.clock.span(clocks)
             self.port.reset(since, ready)
-            # Counting starts with the first clock at which the port is ready.
-            self._origin = self.clock.cycle_at(ready - 1) + 1
-            self._slot = 0
-            self._boundary = self.ps_of(0)
+            self.cycles.begin(ready)
             self.output.reset()
         self.show_ready(False, self.instant)
 
-    def _end_reset(self) -> None:
-        """Counting starts: the axes are at 0, wherever the motors have gone without current."""
-        periods = (self.instant - self._reset_since) // self.clock.span(SLOT_CLK)
-        for motor in self.motors:
-            for _ in range(periods if motor is not None else 0):
-                assert motor is not None
-                motor.phases(0.0, 0.0, 0.0)
-                if motor.resting():
-                    break
-        for axis in self.axes:
-            axis.encoder.follow(self.instant, 1.0)
-            axis.encoder.reset()
-
     # -- time ---------------------------------------------------------------------------------
-
-    def ps_of(self, clk: int) -> int:
-        """Return the instant of clock ``clk``, counted from the end of the last reset."""
-        return self.clock.ps(self._origin + clk)
 
     def advance(self) -> None:
         """Do everything due up to now, in the order of its instants.
@@ -317,13 +259,13 @@ class MC1241A(Chip):
                 self._host_effect(when)
             elif self.interrupts.quiet_until == when:
                 self.interrupts.quiet_until = NEVER
-                self._look_for_interrupt()
+                self.look_for_interrupt()
             elif self._hold_at == when:
                 self._hold_at = NEVER
                 self._held = True
                 self.restart(when)
-            elif self._boundary == when:
-                self._run_boundary(now)
+            elif self.cycles.boundary == when:
+                self.cycles.run(now)
             else:
                 self.output.run(when)
             self._reckon()
@@ -331,7 +273,7 @@ class MC1241A(Chip):
 
     def _reckon(self) -> None:
         """Work out when the next thing is due."""
-        wake = self._boundary
+        wake = self.cycles.boundary
         due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at, self.output.due())
         self._wake = due if due < wake else wake
 
@@ -342,9 +284,10 @@ class MC1241A(Chip):
             self.output.rest()
         if self.port.due() == NEVER:
             self.show_ready(True, when)
-        self._look_for_interrupt()
+        self.look_for_interrupt()
 
-    def _look_for_interrupt(self) -> None:
+    def look_for_interrupt(self) -> None:
+        """Latch an axis whose event its mask lets through (PMD-INT-1)."""
         if self.interrupts.look(self.axes):
             self.put(self._interrupt_pin, LOW)
 
@@ -353,140 +296,15 @@ class MC1241A(Chip):
         self.interrupts.release(self.instant + self.clock.span_up(1))
         self.put(self._interrupt_pin, HIGH)
 
-    def _run_boundary(self, now: int) -> None:
-        """Run a microstep slot, and the cycle that begins with it."""
-        slot = self._slot
-        if slot % SLOTS == 0 and slot and self._skip_rest(now):
-            return
-        for axis in self.axes:
-            axis.encoder.follow(self.instant, 1.0)
-        if slot == 0:
-            self._end_reset()
-        elif slot % SLOTS == 0:
-            self._cycle()
-        if self._slotted:
-            self._slot_start = self.instant
-            self._slot_end = self.ps_of((slot + 1) * SLOT_CLK)
-            for number, motor in enumerate(self.motors):
-                if motor is not None:
-                    self._drive(number, motor)
-            self.output.begin_slot(slot * SLOT_CLK)
-        self._slot = slot + 1
-        self._plan_boundary()
-
-    def _plan_boundary(self) -> None:
-        """Find the next boundary; slots between cycles count only if something takes them."""
-        if not self._slotted:
-            self._slot = -(-self._slot // SLOTS) * SLOTS
-        self._boundary = self.ps_of(self._slot * SLOT_CLK)
-
-    def _cycle(self) -> None:
-        shared = self.shared
-        shared.time = shared.time + 1 & 0xFFFFFFFF
-        for axis in self.axes:
-            home = axis.encoder.home_level()
-            positive, negative = self._limits(axis)
-            axis.cycle(shared.time, home, positive, negative, shared.sensing)
-        self._look_for_interrupt()
-
-    def _limits(self, axis: Axis) -> tuple[bool, bool]:
-        """Return whether the limit switches of an axis are active, by their sense (PMD-LIM-1)."""
-        positive, negative = axis.encoder.limit_levels()
-        sense = self.shared.limit_sense >> 2 * axis.number
-        return positive != sense & 1, negative != sense >> 1 & 1
-
-    def _drive(self, number: int, motor: Plant) -> None:
-        """Run a motor through the slot that begins, with the currents just looked up."""
-        a, b, c = self._driven[number] = self._currents(number)
-        motor.phases(a / FULL_SCALE, b / FULL_SCALE, c / FULL_SCALE)
-
-    def _currents(self, number: int) -> tuple[int, int, int]:
-        """Return the phase currents of an axis; the amplifier makes the third (PMD-USTP-3)."""
-        a, b = self.phase_outputs(number)
-        return a, b, 0 if self.axes[number].stepper.two_phase else -(a + b)
-
-    def _slot_at(self, instant: int) -> int:
-        """Return the number of the slot under way at ``instant``."""
-        return max(0, (self.clock.cycle_at(instant) - self._origin) // SLOT_CLK)
-
-    def phase_outputs(self, number: int) -> tuple[int, int]:
-        """Return phases A and B of an axis as they are now (-32767 to 32767)."""
-        slot = self._slot_at(self.instant)
-        axis = self.axes[number]
-        return axis.stepper.outputs(slot, slot % SLOTS + 1, axis.active.motor_command)
-
-    def hold_outputs(self, number: int) -> None:
-        """Keep an axis's outputs until the next look-up: its amplitude or waveform changes.
-
-        What the host asks for at an instant comes before a look-up at that instant.
-        """
-        slot = self._slot_at(self.instant - 1)
-        axis = self.axes[number]
-        axis.stepper.hold(slot, slot % SLOTS + 1, axis.active.motor_command)
-
-    def follow_encoders(self) -> None:
-        """Bring the position counters up to the present instant inside a slot."""
-        fraction = 1.0
-        if self.instant < self._slot_end:
-            fraction = (self.instant - self._slot_start) / (self._slot_end - self._slot_start)
-        for axis in self.axes:
-            axis.encoder.follow(self.instant, fraction)
-
-    # -- rest ---------------------------------------------------------------------------------
-
-    def _idle_cycles(self) -> int:
-        """Return how many coming cycles would change nothing but the time."""
-        idle = 1 << 62
-        for number, axis in enumerate(self.axes):
-            positive, negative = self._limits(axis)
-            quiet = axis.idle_cycles(
-                self.shared.time, axis.encoder.home_level(), positive, negative,
-                self.shared.sensing,
-            )  # fmt: skip
-            if quiet < idle:
-                idle = quiet
-            motor = self.motors[number]
-            if idle and motor is not None:
-                if self._driven[number] != self._currents(number) or not motor.resting():
-                    return 0
-            if not idle:
-                return 0
-        return idle
-
-    def _skip_rest(self, now: int) -> bool:
-        """Pass over whole cycles in which nothing would happen; tell whether there were any."""
-        # The cycle under way is run: a command may still change what its slots put out.
-        over = (self.clock.cycle_at(now) - self._origin - self._slot * SLOT_CLK) // CYCLE_CLK
-        if over == 0 or self.output.heard:
-            return False
-        idle = self._idle_cycles()
-        if not idle:
-            return False
-        cycles = min(idle, over)
-        self.shared.time = self.shared.time + cycles & 0xFFFFFFFF
-        self._slot += cycles * SLOTS
-        self._boundary = self.ps_of(self._slot * SLOT_CLK)
-        return True
-
     def next_event(self) -> int:
         """Return a lower bound of the next change of an output (ps)."""
         self.advance()
         due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at, self.output.due())
         if self.output.heard:
-            due = min(due, self._boundary)
+            due = min(due, self.cycles.boundary)
         if self.interrupts.axis == NOBODY and any(axis.interrupt_mask for axis in self.axes):
-            due = min(due, self._next_interrupt())
+            due = min(due, self.cycles.next_event())
         return due
-
-    def _next_interrupt(self) -> int:
-        """Return the first cycle that may raise an event (ps)."""
-        if self._boundary == NEVER:
-            return NEVER
-        slot = -(-self._slot // SLOTS) * SLOTS
-        idle = self._idle_cycles() if slot else 0
-        if idle >= 1 << 62:
-            return NEVER
-        return self.ps_of((slot + idle * SLOTS) * SLOT_CLK)
 
     def rearm(self) -> None:
         """Take note of what something outside has changed."""
@@ -498,20 +316,11 @@ class MC1241A(Chip):
     def heard_changed(self) -> None:
         """Somebody began or ceased to listen to an output."""
         self.advance()
-        self.output.listen(self.clock.cycle_at(self.kernel.now - 1) + 1 - self._origin)
-        self._choose_slots()
+        self.output.listen(self.cycles.clk_from(self.kernel.now))
+        self.cycles.choose_slots()
+        self._reckon()
         super().heard_changed()
         self.rearm()
-
-    def _choose_slots(self) -> None:
-        slotted = self.output.heard or any(motor is not None for motor in self.motors)
-        if slotted != self._slotted:
-            self._slotted = slotted
-            if self._boundary != NEVER:
-                if self._slot:
-                    self._slot = self._slot_at(self.instant) + 1
-                self._plan_boundary()
-        self._reckon()
 
     def connect(self, axis: int, plant: Plant) -> None:
         """Attach a stepper motor with its encoder and switches to ``axis`` (0-based).
@@ -525,11 +334,8 @@ class MC1241A(Chip):
             raise ValueError(
                 f"the {self.part} gives phase currents; this plant takes {', '.join(plant.TAKES)}"
             )
-        plant.prepare(SLOT_CLK / self.clock.hz)
-        self.motors[axis] = plant
-        for other in self.axes:
-            other.encoder.attach(axis, plant)
-        self._choose_slots()
+        self.cycles.connect(axis, plant)
+        self._reckon()
 
     def find(self, rule: Rule, detail: str) -> None:
         """File a finding about the host at the instant of what the chip is doing."""
@@ -547,7 +353,7 @@ class MC1241A(Chip):
         }
         for axis in self.axes:
             n = axis.number + 1
-            a, b = self.phase_outputs(axis.number)
+            a, b = self.cycles.phase_outputs(axis.number)
             values[f"target {n}"] = axis.profile.target()
             values[f"velocity {n}"] = axis.profile.velocity / (1 << 32)
             values[f"actual {n}"] = axis.encoder.actual
@@ -563,47 +369,30 @@ class MC1241A(Chip):
         self.advance()
         return (
             (
-                self._origin,
-                self._slot,
-                self._boundary,
-                self._wake,
-                self._reset_since,
-                self._hold_at,
-                int(self._held),
-                int(self._adapter_read),
-                self._slot_start,
-                self._slot_end,
-                self.busy_stretch,
-                self.commands.current,
+                self._wake, self._hold_at, int(self._held), int(self._adapter_read),
+                self.busy_stretch, self.commands.current,
             ),
-            self.shared.save(),
+            self.cycles.save(),
             self.interrupts.save(),
             self.port.save(),
             self.output.save(),
             self.host_pins.save(),
             tuple(axis.save() for axis in self.axes),
-            tuple(self._driven),
-            tuple(None if motor is None else motor.save() for motor in self.motors),
-        )
+        )  # fmt: skip
 
     def load(self, state: tuple[object, ...]) -> None:
         """Take back what :meth:`save` gave."""
-        plain, shared, interrupts, port, output, pins, axes, driven, motors = state
+        plain, cycles, interrupts, port, output, pins, axes = state
         (
-            self._origin, self._slot, self._boundary, self._wake, self._reset_since,
-            self._hold_at, held, adapter, self._slot_start,
-            self._slot_end, self.busy_stretch, self.commands.current,
+            self._wake, self._hold_at, held, adapter,
+            self.busy_stretch, self.commands.current,
         ) = plain  # type: ignore[misc]  # fmt: skip
         self._held = bool(held)  # type: ignore[has-type]
         self._adapter_read = bool(adapter)  # type: ignore[has-type]
-        self.shared.load(shared)  # type: ignore[arg-type]
+        self.cycles.load(cycles)  # type: ignore[arg-type]
         self.interrupts.load(interrupts)  # type: ignore[arg-type]
         self.port.load(port)  # type: ignore[arg-type]
         self.output.load(output)  # type: ignore[arg-type]
         self.host_pins.load(pins)  # type: ignore[arg-type]
         for axis, axis_state in zip(self.axes, axes, strict=True):  # type: ignore[call-overload]
             axis.load(axis_state)
-        self._driven = [tuple(three) for three in driven]  # type: ignore[attr-defined]
-        for motor, motor_state in zip(self.motors, motors, strict=True):  # type: ignore[call-overload]
-            if motor is not None:
-                motor.load(motor_state)

@@ -215,7 +215,7 @@ class Commands:
         return self._axis.encoder.actual
 
     def _set_capture(self, source: int) -> int:
-        self._chip.follow_encoders()
+        self._chip.cycles.follow_encoders()
         self._axis.encoder.set_source(source)
         return 0
 
@@ -229,7 +229,7 @@ class Commands:
 
     def cmd_get_capt(self, _: int) -> int:
         """Captured position; a new capture may come (PMD-CMD-52)."""
-        self._chip.follow_encoders()
+        self._chip.cycles.follow_encoders()
         return self._axis.encoder.collect()
 
     def cmd_set_step_ratio(self, value: int) -> int:
@@ -258,7 +258,7 @@ class Commands:
 
     def cmd_set_mtr_cmd(self, value: int) -> int:
         """Amplitude, at the next look-up (PMD-CMD-64)."""
-        self._chip.hold_outputs(self.current)
+        self._chip.cycles.hold_outputs(self.current)
         axis = self._axis
         axis.active.motor_command = self._motor_command(COMMANDS["SET_MTR_CMD"], value)
         axis.motor_command_direct = True
@@ -274,14 +274,14 @@ class Commands:
 
     def cmd_set_actl_pos(self, value: int) -> int:
         """Give both positions a number (PMD-CMD-69)."""
-        self._chip.follow_encoders()
+        self._chip.cycles.follow_encoders()
         row = COMMANDS["SET_ACTL_POS"]
         self._axis.set_actual_position(self._fit(row, "position", value))
         return 0
 
     def cmd_get_lmt_swtch(self, _: int) -> int:
         """Levels of the limit switch inputs (PMD-CMD-71)."""
-        self._chip.follow_encoders()
+        self._chip.cycles.follow_encoders()
         word = 0
         for axis in self._chip.axes:
             positive, negative = axis.encoder.limit_levels()
@@ -302,7 +302,7 @@ class Commands:
 
     def cmd_get_home(self, _: int) -> int:
         """Levels of the home inputs (PMD-CMD-74)."""
-        self._chip.follow_encoders()
+        self._chip.cycles.follow_encoders()
         word = 0
         for axis in self._chip.axes:
             word |= axis.encoder.home_level() << axis.number
@@ -320,7 +320,7 @@ class Commands:
     # -- microstepping ------------------------------------------------------------------------
 
     def _set_phases(self, two: bool) -> int:
-        self._chip.hold_outputs(self.current)
+        self._chip.cycles.hold_outputs(self.current)
         self._axis.stepper.two_phase = two
         return 0
 

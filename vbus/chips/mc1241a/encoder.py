@@ -262,7 +262,7 @@ class Encoder:
         now = chip.kernel.now
         self._settle(now)
         if not self._wired and (self._a.net.driven or self._b.net.driven):
-            chip.follow_encoders()
+            chip.cycles.follow_encoders()
             self._wired = True
         found = self._decoder.edge(now, self._a.value, self._b.value, self._index.value)
         if found and chip.judged:
@@ -278,7 +278,7 @@ class Encoder:
         """~Home has moved."""
         chip = self._chip
         chip.advance()
-        chip.follow_encoders()
+        chip.cycles.follow_encoders()
         self._home_wired = self._home.net.driven
         self._home_filter.edge(chip.kernel.now, self._home.value)
         chip.rearm()

@@ -77,7 +77,7 @@ class Output:
             return NEVER
         due = self._queue[0][0] if self._queue else NEVER
         if self._chip.shared.output_mode == OUTPUT_PWM:
-            frame = self._chip.ps_of(self._frame * FRAME_CLK)
+            frame = self._chip.cycles.ps_of(self._frame * FRAME_CLK)
             return frame if frame < due else due
         return due
 
@@ -88,7 +88,7 @@ class Output:
             self._chip.put(self._pins[number], level)
         if (
             self._chip.shared.output_mode == OUTPUT_PWM
-            and self._chip.ps_of(self._frame * FRAME_CLK) == when
+            and self._chip.cycles.ps_of(self._frame * FRAME_CLK) == when
         ):
             self._begin_frame()
 
@@ -97,7 +97,7 @@ class Output:
         start = self._frame * FRAME_CLK
         self._frame += 1
         for axis in range(len(chip.axes)):
-            for phase, output in enumerate(chip.phase_outputs(axis)):
+            for phase, output in enumerate(chip.cycles.phase_outputs(axis)):
                 number = 2 * (2 * axis + phase)
                 positive = output >= 0
                 sign = self._positive_sign if positive else 1 - self._positive_sign
@@ -105,7 +105,7 @@ class Output:
                 high = pwm_magnitude(output)
                 chip.put(self._pins[number], HIGH if high else LOW)
                 if 0 < high < FRAME_CLK:
-                    self._push(chip.ps_of(start + high), number, LOW)
+                    self._push(chip.cycles.ps_of(start + high), number, LOW)
 
     def begin_slot(self, clk: int) -> None:
         """A microstep look-up begins: write the DAC words (PMD-USTP-5)."""
@@ -114,9 +114,9 @@ class Output:
             return
         address, select, data, low, write, strobe = range(8, 14)
         for axis in range(len(chip.axes)):
-            for phase, output in enumerate(chip.phase_outputs(axis)):
+            for phase, output in enumerate(chip.cycles.phase_outputs(axis)):
                 number = 2 * axis + phase
-                start = chip.ps_of(clk + number * CLOCK_OUT_CLK)
+                start = chip.cycles.ps_of(clk + number * CLOCK_OUT_CLK)
                 word = dac_word(output)
                 self._push(start + ADDRESS_PS, address, DAC_ADDRESS)
                 self._push(start + ADDRESS_PS, select, number)
@@ -126,7 +126,7 @@ class Output:
                 self._push(start + SELECT_PS, strobe, HIGH)
                 self._push(start + WRITTEN_PS, strobe, LOW)
                 self._push(start + WRITTEN_PS, write, HIGH)
-        end = chip.ps_of(clk + 2 * len(chip.axes) * CLOCK_OUT_CLK)
+        end = chip.cycles.ps_of(clk + 2 * len(chip.axes) * CLOCK_OUT_CLK)
         self._push(end + ADDRESS_PS, address, 0)
 
     def _push(self, when: int, number: int, level: int) -> None:

@@ -1,0 +1,284 @@
+"""The cycle and its eight slots: profiles, look-ups and motors in step, and rest passed over."""
+
+from typing import TYPE_CHECKING, Final
+
+from vbus.chips.mc1241a.axis import Axis
+from vbus.chips.mc1241a.datasheet import CYCLE_CLK, OUTPUT_PWM, SLOT_CLK, SLOTS
+from vbus.chips.mc1241a.microstep import FULL_SCALE
+from vbus.kernel import NEVER
+from vbus.signals import Plant
+
+if TYPE_CHECKING:
+    from vbus.chips.mc1241a.chip import MC1241A
+
+FOR_EVER: Final = 1 << 62
+"""More cycles than there will be."""
+
+
+class Shared:
+    """What the axes have in common."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Take the values of the manual's reset table (PMD-RST-2)."""
+        self.time: int = 0
+        """Cycles since reset, 32 bits."""
+        self.output_mode: int = OUTPUT_PWM
+        self.limit_sense: int = 0
+        self.sensing: bool = True
+
+    def save(self) -> tuple[int, ...]:
+        """Return the whole state."""
+        return (self.time, self.output_mode, self.limit_sense, int(self.sensing))
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self.time, self.output_mode, self.limit_sense, sensing = state
+        self.sensing = bool(sensing)
+
+
+class Cycles:
+    """Cycles and slots at whole clock numbers, counted from the end of the last reset (NOTES 2).
+
+    Args:
+        chip: the chip set.
+        axes: its axes.
+    """
+
+    def __init__(self, chip: "MC1241A", axes: list[Axis]) -> None:
+        self._chip: MC1241A = chip
+        self._axes: list[Axis] = axes
+        self.shared: Shared = Shared()
+        self.motors: list[Plant | None] = [None] * len(axes)
+        self.boundary: int = NEVER
+        """Instant at which the next slot or cycle begins (ps); NEVER while ~Reset is held."""
+        self.skipping: bool = True
+        """Whether cycles in which nothing happens are passed over; the results are the same."""
+        self.run_count: int = 0
+        """Cycles run, not passed over, since the chip set was made."""
+        self._origin: int = 0
+        self._slot: int = 0
+        self._slotted: bool = False
+        self._reset_since: int = 0
+        self._slot_start: int = 0
+        self._slot_end: int = 0
+        self._driven: list[tuple[int, int, int]] = [(0, 0, 0)] * len(axes)
+
+    # -- reset --------------------------------------------------------------------------------
+
+    def stop(self) -> None:
+        """A reset begins at the present instant: no cycles, no currents."""
+        self.shared.reset()
+        if self.boundary != NEVER and self._slot:
+            self._reset_since = self._chip.instant
+        self.boundary = NEVER
+
+    def begin(self, ready: int) -> None:
+        """Count from the first clock at which the host port is ready (ps)."""
+        self._origin = self._chip.clock.cycle_at(ready - 1) + 1
+        self._slot = 0
+        self.boundary = self.ps_of(0)
+
+    def _end_reset(self) -> None:
+        """The axes are at 0, wherever the motors have gone without currents."""
+        chip = self._chip
+        periods = (chip.instant - self._reset_since) // chip.clock.span(SLOT_CLK)
+        for motor in self.motors:
+            for _ in range(periods if motor is not None else 0):
+                assert motor is not None
+                motor.phases(0.0, 0.0, 0.0)
+                if motor.resting():
+                    break
+        for axis in self._axes:
+            axis.encoder.follow(chip.instant, 1.0)
+            axis.encoder.reset()
+
+    # -- time ---------------------------------------------------------------------------------
+
+    def ps_of(self, clk: int) -> int:
+        """Return the instant of clock ``clk``, counted from the end of the last reset."""
+        return self._chip.clock.ps(self._origin + clk)
+
+    def clk_from(self, instant: int) -> int:
+        """Return the first clock at or after ``instant``, counted in the same way."""
+        return self._chip.clock.cycle_at(instant - 1) + 1 - self._origin
+
+    def slot_at(self, instant: int) -> int:
+        """Return the number of the slot under way at ``instant``."""
+        return max(0, (self._chip.clock.cycle_at(instant) - self._origin) // SLOT_CLK)
+
+    # -- slots and cycles ---------------------------------------------------------------------
+
+    def run(self, now: int) -> None:
+        """Run the slot that begins at :attr:`boundary`, and the cycle that begins with it.
+
+        Args:
+            now: the instant up to which the chip set is being brought.
+        """
+        slot = self._slot
+        if slot % SLOTS == 0 and slot and self._skip_rest(now):
+            return
+        chip = self._chip
+        for axis in self._axes:
+            axis.encoder.follow(chip.instant, 1.0)
+        if slot == 0:
+            self._end_reset()
+        elif slot % SLOTS == 0:
+            self._cycle()
+        if self._slotted:
+            self._slot_start = chip.instant
+            self._slot_end = self.ps_of((slot + 1) * SLOT_CLK)
+            for number, motor in enumerate(self.motors):
+                if motor is not None:
+                    self._drive(number, motor)
+            chip.output.begin_slot(slot * SLOT_CLK)
+        self._slot = slot + 1
+        self._plan()
+
+    def _plan(self) -> None:
+        """Find the next boundary; slots between cycles count only if something takes them."""
+        if not self._slotted:
+            self._slot = -(-self._slot // SLOTS) * SLOTS
+        self.boundary = self.ps_of(self._slot * SLOT_CLK)
+
+    def _cycle(self) -> None:
+        shared = self.shared
+        shared.time = shared.time + 1 & 0xFFFFFFFF
+        self.run_count += 1
+        for axis in self._axes:
+            home = axis.encoder.home_level()
+            positive, negative = self._limits(axis)
+            axis.cycle(shared.time, home, positive, negative, shared.sensing)
+        self._chip.look_for_interrupt()
+
+    def _limits(self, axis: Axis) -> tuple[bool, bool]:
+        """Return whether the limit switches of an axis are active, by their sense (PMD-LIM-1)."""
+        positive, negative = axis.encoder.limit_levels()
+        sense = self.shared.limit_sense >> 2 * axis.number
+        return positive != sense & 1, negative != sense >> 1 & 1
+
+    # -- motors -------------------------------------------------------------------------------
+
+    def connect(self, axis: int, motor: Plant) -> None:
+        """Attach the motor of an axis, with its encoder and switches."""
+        motor.prepare(SLOT_CLK / self._chip.clock.hz)
+        self.motors[axis] = motor
+        for other in self._axes:
+            other.encoder.attach(axis, motor)
+        self.choose_slots()
+
+    def choose_slots(self) -> None:
+        """Run every slot if a motor or an observer of the outputs takes it, else cycles only."""
+        slotted = self._chip.output.heard or any(motor is not None for motor in self.motors)
+        if slotted != self._slotted:
+            self._slotted = slotted
+            if self.boundary != NEVER:
+                if self._slot:
+                    self._slot = self.slot_at(self._chip.instant) + 1
+                self._plan()
+
+    def _drive(self, number: int, motor: Plant) -> None:
+        """Run a motor through the slot that begins, with the currents just looked up."""
+        a, b, c = self._driven[number] = self._currents(number)
+        motor.phases(a / FULL_SCALE, b / FULL_SCALE, c / FULL_SCALE)
+
+    def _currents(self, number: int) -> tuple[int, int, int]:
+        """Return the phase currents of an axis; the amplifier makes the third (PMD-USTP-3)."""
+        a, b = self.phase_outputs(number)
+        return a, b, 0 if self._axes[number].stepper.two_phase else -(a + b)
+
+    def phase_outputs(self, number: int) -> tuple[int, int]:
+        """Return phases A and B of an axis as they are now (-32767 to 32767)."""
+        slot = self.slot_at(self._chip.instant)
+        axis = self._axes[number]
+        return axis.stepper.outputs(slot, slot % SLOTS + 1, axis.active.motor_command)
+
+    def hold_outputs(self, number: int) -> None:
+        """Keep an axis's outputs until the next look-up: its amplitude or waveform changes.
+
+        What the host asks for at an instant comes before a look-up at that instant.
+        """
+        slot = self.slot_at(self._chip.instant - 1)
+        axis = self._axes[number]
+        axis.stepper.hold(slot, slot % SLOTS + 1, axis.active.motor_command)
+
+    def follow_encoders(self) -> None:
+        """Bring the position counters up to the present instant inside a slot."""
+        instant = self._chip.instant
+        fraction = 1.0
+        if instant < self._slot_end:
+            fraction = (instant - self._slot_start) / (self._slot_end - self._slot_start)
+        for axis in self._axes:
+            axis.encoder.follow(instant, fraction)
+
+    # -- rest ---------------------------------------------------------------------------------
+
+    def _idle(self) -> int:
+        """Return how many coming cycles would change nothing but the time."""
+        idle = FOR_EVER
+        for number, axis in enumerate(self._axes):
+            positive, negative = self._limits(axis)
+            quiet = axis.idle_cycles(
+                self.shared.time, axis.encoder.home_level(), positive, negative,
+                self.shared.sensing,
+            )  # fmt: skip
+            if quiet == 0:
+                return 0
+            motor = self.motors[number]
+            if motor is not None:
+                if self._driven[number] != self._currents(number) or not motor.resting():
+                    return 0
+            idle = min(idle, quiet)
+        return idle
+
+    def _skip_rest(self, now: int) -> bool:
+        """Pass over whole cycles in which nothing would happen; tell whether there were any."""
+        # The cycle under way is run: a command may still change what its slots put out.
+        clk = self._chip.clock.cycle_at(now) - self._origin
+        over = (clk - self._slot * SLOT_CLK) // CYCLE_CLK
+        if over == 0 or not self.skipping or self._chip.output.heard:
+            return False
+        cycles = min(self._idle(), over)
+        if cycles == 0:
+            return False
+        self.shared.time = self.shared.time + cycles & 0xFFFFFFFF
+        self._slot += cycles * SLOTS
+        self.boundary = self.ps_of(self._slot * SLOT_CLK)
+        return True
+
+    def next_event(self) -> int:
+        """Return the beginning of the first coming cycle that may raise an event (ps)."""
+        if self.boundary == NEVER:
+            return NEVER
+        slot = -(-self._slot // SLOTS) * SLOTS
+        idle = self._idle() if slot else 0
+        return NEVER if idle == FOR_EVER else self.ps_of((slot + idle * SLOTS) * SLOT_CLK)
+
+    # -- state --------------------------------------------------------------------------------
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state, with the motors'; what differs with looking on comes last."""
+        return (
+            self.shared.save(),
+            tuple(self._driven),
+            tuple(None if motor is None else motor.save() for motor in self.motors),
+            (
+                self._origin, self._slot, self.boundary, self._reset_since,
+                self._slot_start, self._slot_end,
+            ),
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        shared, driven, motors, plain = state
+        self.shared.load(shared)  # type: ignore[arg-type]
+        self._driven = [tuple(three) for three in driven]  # type: ignore[attr-defined]
+        for motor, motor_state in zip(self.motors, motors, strict=True):  # type: ignore[call-overload]
+            if motor is not None:
+                motor.load(motor_state)
+        (
+            self._origin, self._slot, self.boundary, self._reset_since,
+            self._slot_start, self._slot_end,
+        ) = plain  # type: ignore[misc]  # fmt: skip
