@@ -11,6 +11,7 @@ import pytest
 from tests.e2e.serving import served
 from tests.e2e.test_pty import open_raw, read_exactly, toy_board, wait_for_sessions
 from vbus.board.board import Board
+from vbus.kernel import NEVER
 from vbus.server.server import LinkSpec
 from vbus.signals import Observer
 
@@ -26,6 +27,7 @@ RESTLESS = """
 import sys
 from tests.unit.board.toy import Toy
 from vbus.board.board import Board
+from vbus.kernel import NEVER
 from vbus.kernel import MS
 from vbus.server.server import LinkSpec, run
 
@@ -51,7 +53,7 @@ run(board, links, on_ready=lambda server: print("ready", flush=True))
     ("policy", "wait"),
     [
         ("lockstep", b"\x50" + u64(WEEK)),
-        ("lockstep", b"\x50" + b"\xff" * 8),
+        ("lockstep", b"\x50" + u64(NEVER - 1)),
         ("slaved", b"\x51" + u64(WEEK) + b"\x10"),
         ("slaved", b"\x51" + u64(WEEK) + b"\x53"),
     ],
@@ -127,3 +129,18 @@ def test_a_board_without_a_limit_of_rate_answers_its_hosts(runtime: Path) -> Non
         os.write(fd, b"\x50" + u64(10 * 10**12) + b"\x02\x01")
         assert read_exactly(fd, 2) == b"E\x01"
         os.close(fd)
+
+
+def test_time_has_an_end_and_the_board_says_so(runtime: Path) -> None:
+    refused = b"X\x03"
+    with served(toy_board(), ONE) as server:
+        fd = open_raw(runtime / "one")
+        os.write(fd, b"\x50" + u64(NEVER) + b"\x52")
+        assert read_exactly(fd, 13) == refused + b"\x00\x00T" + u64(0), "no time has passed"
+
+        os.write(fd, b"\x50" + u64(NEVER - 1) + b"\x11\x21\x01\x52")
+        assert read_exactly(fd, 17) == (
+            refused + b"\x00\x03" + refused + b"\x00\x04T" + u64(NEVER - 1)
+        )
+        os.close(fd)
+        wait_for_sessions(server, 0)

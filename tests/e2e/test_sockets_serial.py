@@ -1,13 +1,16 @@
 """Unix sockets, TCP and serial devices, for real."""
 
+import errno
 import os
 import select
 import socket
 import stat
+import termios
 from pathlib import Path
 
 import pytest
 
+import vbus.transports.serial
 from tests.e2e.serving import served
 from tests.e2e.test_pty import read_exactly, start, toy_board, wait_for_sessions
 from vbus.errors import TransportError
@@ -191,4 +194,31 @@ def test_a_real_serial_device_is_a_host_and_may_be_unplugged_and_plugged_in_agai
             "was unplugged; waiting for it",
             "is back",
         ]
+    cable.unplug()
+
+
+def test_a_device_that_is_pulled_out_while_it_is_opened_is_looked_for_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cable = Cable(tmp_path / "ttyUSB0")
+    monkeypatch.setattr("vbus.transports.serial.RETRY_SECONDS", 0.01)
+    prepare = vbus.transports.serial._prepare
+    tries: list[int] = []
+
+    def interrupted(fd: int) -> None:
+        tries.append(fd)
+        if len(tries) in (2, 3):
+            raise termios.error(errno.EIO, "Input/output error")
+        prepare(fd)
+
+    monkeypatch.setattr("vbus.transports.serial._prepare", interrupted)
+    with served(toy_board(), LinkSpec(f"serial:{tmp_path}/ttyUSB0")) as server:
+        cable.unplug()
+        wait_for_sessions(server, 0)
+        cable.plug()
+        wait_for_sessions(server, 1)
+        answer = frame(0, b"E\x42")
+        os.write(cable.host, frame(0, b"\x02\x42"))
+        assert read_exactly(cable.host, len(answer)) == answer
+    assert len(tries) == 4
     cable.unplug()

@@ -168,6 +168,8 @@ class HostBus(HostPort):
         else:
             when = self._kernel.now + self._cycle
         if when > self.board.limit:
+            if when >= NEVER:
+                raise PortError(codes.BAD_AT, f"time ends at {NEVER - 1} ps")
             self._hold(when)
         return when
 
@@ -341,7 +343,10 @@ class HostBus(HostPort):
         """Let time pass for this host."""
         self._timed = True
         if self._target < 0:
-            self._target = min(self._host_now() + duration, NEVER - 1)
+            until = self._host_now() + duration
+            if until >= NEVER:
+                raise PortError(codes.BAD_AT, f"delay {duration}: time ends at {NEVER - 1} ps")
+            self._target = until
             self._stamp = -1
         if not self._pass_to(self._target):
             return False

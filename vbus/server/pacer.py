@@ -104,7 +104,7 @@ class Pacer:
         board = self.board
         kernel = board.kernel
         if not self._paced:
-            board.limit = kernel.now + LEASE
+            board.limit = min(kernel.now + LEASE, NEVER - 1)
             return True
         numerator, denominator = self._ps_per_ns
         target = self._anchor_ps + (self._clock() - self._anchor_ns) * numerator // denominator
@@ -189,9 +189,7 @@ class Pacer:
             self._timer.set(max(1, wait))
 
     def touched(self) -> None:
-        """A host has been served: an edge may be due earlier now, and chips may have begun to owe
-        time.
-        """
+        """A host has been served: an edge may be due earlier now."""
         if self.board.kernel.next_due < self._armed:
             self.arm()
 
@@ -203,7 +201,8 @@ class Pacer:
         self._armed = NEVER
         there = self.catch_up()
         now = self.board.now
-        self._wake(now)
+        # Not at `now`: hosts may have run ahead of the wall clock.
+        self._wake(self.board.limit - AHEAD)
         if now >= self._tick_at or not there:
             started = self._clock()
             self.board.catch_up()
@@ -244,7 +243,7 @@ class Pacer:
         if target > board.now:
             board.run_until(target)
             board.catch_up()
-        board.limit = board.now + LEASE
+        board.limit = min(board.now + LEASE, NEVER - 1)
         if not self.free:
             self._adapt_slice(self._clock() - started)
         self._wake(board.now)

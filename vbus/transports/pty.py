@@ -39,9 +39,9 @@ class PtyTransport(Transport):
     server that was killed is repaired at the next start.
 
     Whether somebody has the terminal open is known from the master: it reports a hang-up while
-    nobody has. That is a state, not an event, so the event loop must not wait for it: between
-    sessions only an inotify watch is waited for. Counting its events would not do: the system
-    reports two like events in a row as one.
+    nobody has. An edge-triggered epoll makes an event of that state, an inotify watch tells of
+    opens. Counting the watch's reports would not do: the system reports two like ones in a row as
+    one, and a close before it takes effect.
     """
 
     SCHEME = "pty"
@@ -54,6 +54,7 @@ class PtyTransport(Transport):
         self._lock: NameLock = NameLock(self._link_path)
         self._watch: OpenWatch | None = None
         self._poll: select.poll = select.poll()
+        self._hangups: select.epoll | None = None
         self._clients: int = 0
         self._turned: bool = False
         self._link: PtyLink | None = None
@@ -96,14 +97,22 @@ class PtyTransport(Transport):
         os.set_blocking(self._master, False)
         self._poll = select.poll()
         self._poll.register(self._master, select.POLLIN)
+        self._hangups = select.epoll()
+        self._hangups.register(self._master, select.EPOLLHUP | select.EPOLLET)
         self._watch = OpenWatch(self._name)
         temporary = self._link_path.with_name(f".{self._link_path.name}.{os.getpid()}")
         temporary.unlink(missing_ok=True)
         temporary.symlink_to(self._name)
         temporary.replace(self._link_path)
         self._loop.add_reader(self._watch.fd, self._notice)
+        self._loop.add_reader(self._hangups.fileno(), self._notice)
 
     def _unmake(self) -> None:
+        if self._hangups is not None:
+            if self._loop is not None:
+                self._loop.remove_reader(self._hangups.fileno())
+            self._hangups.close()
+            self._hangups = None
         if self._watch is not None:
             if self._loop is not None:
                 self._loop.remove_reader(self._watch.fd)
@@ -121,8 +130,9 @@ class PtyTransport(Transport):
         ``data`` has just been read: it belongs to whoever has the terminal open now, or, if
         nobody has, to the client that was there.
         """
-        if self._watch is None:
+        if self._watch is None or self._hangups is None:
             return
+        self._hangups.poll(0)
         self._turned = self._count(self._watch.read())
         state = self._look()
         link = self._link

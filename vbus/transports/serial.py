@@ -71,13 +71,13 @@ class SerialTransport(Transport):
 
         try:
             port = Serial(self.path, self._baud, timeout=0, write_timeout=0, exclusive=True)
-        except (SerialException, ValueError, OSError) as error:
+            try:
+                _prepare(port.fileno())
+            except BaseException:
+                port.close()
+                raise
+        except (SerialException, ValueError, OSError, termios.error) as error:
             raise TransportError(f"{self.url}: {error}") from error
-        os.set_blocking(port.fileno(), False)
-        # With pyserial's VMIN of 0 a read that finds nothing looks like a closed line.
-        attributes = termios.tcgetattr(port.fileno())
-        attributes[6][termios.VMIN] = 1
-        termios.tcsetattr(port.fileno(), termios.TCSANOW, attributes)
         self.state = "connected"
         if self._on_link is not None:
             self._on_link(SerialLink(self, port))
@@ -106,3 +106,11 @@ class SerialTransport(Transport):
         if self._retry is not None:
             self._retry.cancel()
             self._retry = None
+
+
+def _prepare(fd: int) -> None:
+    os.set_blocking(fd, False)
+    # With pyserial's VMIN of 0 a read that finds nothing looks like a closed line.
+    attributes = termios.tcgetattr(fd)
+    attributes[6][termios.VMIN] = 1
+    termios.tcsetattr(fd, termios.TCSANOW, attributes)

@@ -133,6 +133,20 @@ def test_looking_often_or_seldom_is_no_lag_while_the_machine_keeps_up() -> None:
     assert (pacer.lag, pacer.worst_lag) == (0, 0)
 
 
+def test_a_held_host_is_woken_by_the_wall_clock_though_another_one_has_run_ahead() -> None:
+    board, pacer, wall = paced()
+    woken: list[int] = []
+    pacer.wake_at(5 * MS, lambda: woken.append(wall.ns))
+    board.run_until(4 * MS)
+
+    for _ in range(4):
+        wall.ns += 1_000_000
+        pacer._woken()
+
+    # Time may run to 5 ms as soon as the wall clock is at 3 ms.
+    assert woken == [5_003_000_000]
+
+
 class Loop:
     """As much of an event loop as a host-paced board needs; the test runs it step by step."""
 
