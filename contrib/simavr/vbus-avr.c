@@ -569,7 +569,8 @@ int main(int argc, char **argv)
     }
     error = pin_link_open(&sim.link, link);
     if (error < 0) {
-        fprintf(stderr, "vbus-avr: %s: %s\n", link, pin_link_strerror(error));
+        fprintf(stderr, "vbus-avr: %s: %s\n", link,
+                error == VBUS_E_SYSTEM ? strerror(sim.link.bus.system) : pin_link_strerror(error));
         return NO_LINK;
     }
     if (!sim.link.slaved) {

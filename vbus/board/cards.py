@@ -61,6 +61,20 @@ class Card:
         """Return the data bits that nobody drives when ``address`` is read."""
         return self._floating.get(address - self.base, 0)
 
+    def text(self) -> str:
+        """Return the table as HELLO tells it: ``r340=0.1`` and ``w340=0.1``, in hexadecimal.
+
+        Direction and address at the card, number and address of the chip; ``/7F`` behind a read
+        are the data bits nobody drives.
+        """
+        entries = []
+        for letter, rows in (("r", self._reads), ("w", self._writes)):
+            for offset, (chip, address) in sorted(rows.items()):
+                bits = self._floating.get(offset, 0) if letter == "r" else 0
+                floating = f"/{bits:02X}" if bits else ""
+                entries.append(f"{letter}{self.base + offset:X}={chip:X}.{address:X}{floating}")
+        return " ".join(entries)
+
     def offsets(self) -> list[int]:
         """Return every decoded offset, in rising order."""
         return sorted({*self._reads, *self._writes})

@@ -90,6 +90,7 @@ class HostBus(HostPort):
             self._pins.side_names(),
             ["claim", "events", "lines", "sync"],
             wiring(self.pin_map, self.chips, self._pins),
+            self._card.text() if self._card is not None else "",
         )
 
     # -- choosing chips -----------------------------------------------------------------------

@@ -1,9 +1,10 @@
 /* pin_link.c - see pin_link.h. License: Apache-2.0. */
 #include "pin_link.h"
 
+#include "link_text.h"
+
 #include <string.h>
 
-#define HELLO_ROOM 16384
 #define FLOATING 0xFF
 #define REPLY_MS 60000 /* a host that slept for long makes the board compute for long */
 
@@ -12,36 +13,6 @@ const char *pin_link_strerror(int error)
     if (error == PIN_LINK_E_WIRING)
         return "this link has no pin map; name one as pinmap of the host in the board file";
     return vbus_strerror(error);
-}
-
-/* Find the text that belongs to `key` in a msgpack map; its length, or -1. Keys are ASCII, and no
- * text of the map has bytes above 7Fh, so that a key's head byte is found nowhere else. */
-static int text_of(const unsigned char *map, size_t size, const char *key, const char **text)
-{
-    size_t length = strlen(key), place;
-
-    for (place = 0; place + length + 4 < size; place++) {
-        const unsigned char *value = map + place + 1 + length;
-        size_t found;
-
-        if (map[place] != (0xA0 | length) || memcmp(map + place + 1, key, length) != 0)
-            continue;
-        if ((*value & 0xE0) == 0xA0) {
-            found = *value & 0x1F;
-            value += 1;
-        } else if (*value == 0xD9) {
-            found = value[1];
-            value += 2;
-        } else if (*value == 0xDA) {
-            found = (size_t)value[1] << 8 | value[2];
-            value += 3;
-        } else {
-            continue;
-        }
-        *text = (const char *)value;
-        return value + found <= map + size ? (int)found : -1;
-    }
-    return -1;
 }
 
 static int keep(struct pin_link *link, int result)
@@ -103,10 +74,9 @@ static void on_side(void *context, unsigned number, unsigned level)
 
 int pin_link_open(struct pin_link *link, const char *where)
 {
-    static unsigned char description[HELLO_ROOM];
-    char wiring[HELLO_ROOM];
-    const char *text = NULL;
-    int size, length;
+    static unsigned char description[LINK_TEXT_ROOM];
+    static char text[LINK_TEXT_ROOM];
+    int size;
 
     memset(link, 0, sizeof *link);
     link->edge = VBUS_NO_EDGE;
@@ -117,16 +87,11 @@ int pin_link_open(struct pin_link *link, const char *where)
         size = vbus_hello(&link->bus, description, sizeof description);
     if (size < 0)
         return keep(link, size);
-    if (size > HELLO_ROOM)
-        size = HELLO_ROOM;
-    length = text_of(description, (size_t)size, "policy", &text);
-    link->slaved = length == 6 && memcmp(text, "slaved", 6) == 0;
-    length = text_of(description, (size_t)size, "wiring", &text);
-    if (length <= 0)
+    link_text(description, (size_t)size, "policy", text);
+    link->slaved = strcmp(text, "slaved") == 0;
+    if (link_text(description, (size_t)size, "wiring", text) <= 0)
         return keep(link, PIN_LINK_E_WIRING);
-    memcpy(wiring, text, (size_t)length);
-    wiring[length] = '\0';
-    if (pin_decoder_init(&link->pins, wiring) != 0)
+    if (pin_decoder_init(&link->pins, text) != 0)
         return keep(link, VBUS_E_PROTOCOL);
     link->pins.on_read = on_read;
     link->pins.on_write = on_write;

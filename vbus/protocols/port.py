@@ -49,6 +49,7 @@ class PortInfo:
         pins: side pins by number, for PIN and GETPIN.
         features: optional requests this board understands.
         wiring: which port bits of a microcontroller reach which pins (docs/board-file.md), or "".
+        card: which card address reaches which address of which chip, or "".
     """
 
     board: str
@@ -60,6 +61,7 @@ class PortInfo:
     pins: list[str] = field(default_factory=list)
     features: list[str] = field(default_factory=list)
     wiring: str = ""
+    card: str = ""
 
 
 class HostPort:

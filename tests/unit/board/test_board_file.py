@@ -8,8 +8,10 @@ from tests.unit.board.parts import Acme, Motor
 from vbus.board import plugins
 from vbus.board.board import Board
 from vbus.board.build import card_of, load_board, load_board_text
+from vbus.board.cards import card_of_rows
 from vbus.board.config import read_board_text
 from vbus.board.source import BoardFileError
+from vbus.chips.tables import CardRow
 from vbus.errors import ConfigError
 from vbus.signals import HIGH, LOW, OFF, STRICT, WARN, Z
 
@@ -202,6 +204,11 @@ def test_a_named_decode_gives_each_chip_its_block() -> None:
     assert card.decode(0x33F) is None
     assert (card.floating(0x340), card.floating(0x344)) == (0x00, 0x7F)
     assert card.offsets() == [0, 2, 4, 16, 18, 20]
+
+
+def test_a_card_tells_its_table_to_the_host() -> None:
+    card = card_of_rows("c", 0x340, 2, [(1, [CardRow(0, 0, 0), CardRow(1, 5, 1, 0x80)])])
+    assert card.text() == "r340=1.0 r342=1.5/7F w340=1.0 w342=1.1"
 
 
 def test_a_card_of_rows_counts_offsets_in_strides() -> None:

@@ -1,0 +1,182 @@
+/* card_link.c - see card_link.h. License: Apache-2.0. */
+#ifndef _POSIX_C_SOURCE
+#define _POSIX_C_SOURCE 200809L
+#endif
+
+#include "card_link.h"
+#include "link_text.h"
+#include "vbus.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define MOST_PORTS 512
+#define DELAY_PORT 0x80 /* writes here are pauses on every PC */
+
+struct port {
+    unsigned long address;
+    unsigned char write, chip, chip_address, floating;
+};
+
+static struct {
+    struct vbus bus;
+    struct port ports[MOST_PORTS];
+    unsigned count, selected;
+    pid_t owner;
+    int slaved;
+    uint64_t time;
+} card;
+
+static void fail(const char *where, const char *what)
+{
+    fflush(stdout);
+    fprintf(stderr, "vbus: %s: %s\n", where, what);
+    exit(4);
+}
+
+static void must(int error)
+{
+    if (error == VBUS_E_SYSTEM)
+        fail("link", strerror(card.bus.system));
+    if (error < 0)
+        fail("link", vbus_strerror(error));
+}
+
+/* Read "r340=0.1/7F"; return what follows, or NULL. */
+static const char *read_port(const char *text, struct port *port)
+{
+    char *end;
+
+    port->write = *text == 'w';
+    if (!port->write && *text != 'r')
+        return NULL;
+    port->address = strtoul(text + 1, &end, 16);
+    if (*end != '=')
+        return NULL;
+    port->chip = (unsigned char)strtoul(end + 1, &end, 16);
+    if (*end != '.')
+        return NULL;
+    port->chip_address = (unsigned char)strtoul(end + 1, &end, 16);
+    port->floating = 0;
+    if (*end == '/')
+        port->floating = (unsigned char)strtoul(end + 1, &end, 16);
+    return *end == ' ' ? end + 1 : *end == '\0' ? end : NULL;
+}
+
+static void open_card(void)
+{
+    static unsigned char description[LINK_TEXT_ROOM];
+    static char text[LINK_TEXT_ROOM];
+    const char *where = getenv("VBUS_LINK"), *next = text;
+    int size;
+
+    if (card.owner == getpid())
+        return;
+    if (where == NULL)
+        fail("VBUS_LINK", "not set; name a link that has a card, such as unix:PATH");
+    if (card.owner != 0)
+        vbus_close(&card.bus); /* the parent's session is not ours */
+    memset(&card, 0, sizeof card);
+    size = vbus_open(&card.bus, where);
+    if (size == VBUS_E_SYSTEM)
+        fail(where, strerror(card.bus.system));
+    must(size);
+    size = vbus_hello(&card.bus, description, sizeof description);
+    must(size);
+    if (link_text(description, (size_t)size, "card", text) <= 0)
+        fail(where, "this link has no card; name one as card of the host in the board file");
+    while (*next != '\0') {
+        if (card.count == MOST_PORTS || (next = read_port(next, &card.ports[card.count++])) == NULL)
+            fail(where, "its card cannot be understood");
+    }
+    link_text(description, (size_t)size, "policy", text);
+    card.slaved = strcmp(text, "slaved") == 0;
+    card.selected = 1;
+    card.owner = getpid();
+    vbus_buffer(&card.bus);
+}
+
+static const struct port *find(unsigned long address, int write)
+{
+    unsigned turn;
+
+    open_card();
+    for (turn = 0; turn < card.count; turn++)
+        if (card.ports[turn].address == address && card.ports[turn].write == write)
+            return &card.ports[turn];
+    return NULL;
+}
+
+static void begin(const struct port *port)
+{
+    unsigned chips = 1U << port->chip;
+
+    if (chips != card.selected)
+        must(vbus_select(&card.bus, chips));
+    card.selected = chips;
+    if (card.slaved) {
+        card.time += VBUS_US;
+        must(vbus_at(&card.bus, card.time));
+    }
+}
+
+unsigned card_read(unsigned long address)
+{
+    const struct port *port = find(address, 0);
+    int data;
+
+    if (port == NULL)
+        return 0xFF;
+    begin(port);
+    data = vbus_read(&card.bus, port->chip_address);
+    must(data);
+    return (unsigned)data | port->floating;
+}
+
+void card_write(unsigned long address, unsigned data)
+{
+    const struct port *port = find(address, 1);
+
+    if (port == NULL) {
+        if (address == DELAY_PORT)
+            card_pass(VBUS_US);
+        return;
+    }
+    begin(port);
+    must(vbus_write(&card.bus, port->chip_address, data & 0xFF));
+    must(vbus_flush(&card.bus));
+    vbus_buffer(&card.bus);
+}
+
+uint32_t card_read_wide(unsigned long address, unsigned size, int big)
+{
+    uint32_t value = 0;
+    unsigned turn;
+
+    for (turn = 0; turn < size; turn++) {
+        uint32_t byte = card_read(address + turn);
+
+        value |= byte << 8 * (big ? size - 1 - turn : turn);
+    }
+    return value;
+}
+
+void card_write_wide(unsigned long address, uint32_t value, unsigned size, int big)
+{
+    unsigned turn;
+
+    for (turn = 0; turn < size; turn++)
+        card_write(address + turn, value >> 8 * (big ? size - 1 - turn : turn) & 0xFF);
+}
+
+void card_pass(uint64_t duration)
+{
+    open_card();
+    if (card.slaved)
+        card.time += duration;
+    else
+        must(vbus_delay(&card.bus, duration));
+}

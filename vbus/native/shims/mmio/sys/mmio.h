@@ -1,0 +1,2 @@
+/* sys/mmio.h - accesses to memory-mapped chips. License: Apache-2.0. */
+#include "vbus_mmio.h"
