@@ -8,6 +8,7 @@
     +-- TransportError    a link cannot be opened or was lost (also an OSError)
     |   +-- NameInUseError    another running process has the name
     +-- NotReadyError     a chip stays busy, or does not get there, beyond the host's own limit
+    +-- ChecksumError     a chip's checksum of a packet is not the host's
     +-- PluginError       an entry point is missing or broken
     +-- SnapshotError     a saved state does not fit the board it is loaded into
 
@@ -41,6 +42,10 @@ class TransportError(VbusError, OSError):
 
 class NotReadyError(VbusError, TimeoutError):
     """A chip that stays busy, or an axis that does not get there, beyond the limit the host set."""
+
+
+class ChecksumError(VbusError):
+    """A packet whose checksum, as the chip tells it, is not what was sent and received."""
 
 
 class NameInUseError(TransportError):

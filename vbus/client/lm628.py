@@ -18,7 +18,8 @@ from vbus.chips.lm628.datasheet import (
 )
 from vbus.client.bus import Bus, Chip
 from vbus.client.lm628_commands import Lm628Commands
-from vbus.client.lm628_packets import READY_POLLS, words_of
+from vbus.client.packets import READY_POLLS
+from vbus.client.words import words_of
 from vbus.errors import NotReadyError
 from vbus.protocols.quantities import format_instant, parse_duration
 

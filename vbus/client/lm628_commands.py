@@ -3,7 +3,8 @@
 """The LM628's and LM629's commands, one call each, blocking."""
 
 from vbus.bits import sign_extend
-from vbus.client.lm628_packets import Lm628Packets, words_of
+from vbus.client.lm628_packets import Lm628Packets
+from vbus.client.words import words_of
 
 
 class Lm628Commands(Lm628Packets):

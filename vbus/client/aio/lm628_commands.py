@@ -2,7 +2,8 @@
 """The LM628's and LM629's commands, one call each, for asyncio."""
 
 from vbus.bits import sign_extend
-from vbus.client.aio.lm628_packets import Lm628Packets, words_of
+from vbus.client.aio.lm628_packets import Lm628Packets
+from vbus.client.words import words_of
 
 
 class Lm628Commands(Lm628Packets):

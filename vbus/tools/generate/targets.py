@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from vbus.tools.generate import board_file, documents, lm628, mcp1200
+from vbus.tools.generate import board_file, documents, lm628, mc1241a, mcp1200
 from vbus.tools.generate.layout import ROOT
 from vbus.tools.generate.twins import blocking
 
@@ -16,6 +16,7 @@ _CLIENT: Final = ROOT / "vbus" / "client"
 
 FAMILIES: Final[list[Target]] = [
     ("vbus/client/aio/lm628_commands.py", lm628.from_datasheet),
+    ("vbus/client/aio/mc1241a_commands.py", mc1241a.from_datasheet),
     ("vbus/client/aio/mcp1200_registers.py", mcp1200.from_datasheet),
 ]
 """Calls made from the tables of each chip family; add a family here."""

@@ -1,0 +1,114 @@
+"""How a host moves words to and from a chip that takes packets and has a busy bit, for asyncio."""
+
+from typing import Final
+
+from vbus.client.aio.bus import Cycles
+from vbus.client.words import bytes_of
+from vbus.errors import NotReadyError
+
+READY_POLLS: Final = 1000
+"""Status reads after which a chip that is still busy is given up."""
+READY_TIME: Final = "10ms"
+"""The same where the board waits for us: far above every busy time, and a reset."""
+
+
+class Packets:
+    """Packets of a command byte and 16-bit words, high byte first.
+
+    A family says where its ports are and which status bit tells that it is ready.
+
+    Args:
+        cycles: the chip on its bus, from :meth:`Bus.chip`; or a bus with one chip.
+        ready: how busy is waited for. ``"poll"`` reads the status before each access, as a
+            driver on hardware does. ``"wait"`` lets the board wait: a whole packet is one
+            message, which is several times faster.
+        polls: status reads after which a busy chip is given up.
+    """
+
+    COMMAND_PORT: int = 0
+    DATA_PORT: int = 1
+    READY_MASK: int = 0
+    """The status bit."""
+    READY_LEVEL: int = 0
+    """What is left of the status under the mask while the chip is ready."""
+
+    def __init__(self, cycles: Cycles, *, ready: str = "poll", polls: int = READY_POLLS) -> None:
+        if ready not in ("poll", "wait"):
+            raise ValueError(f"ready = {ready!r}: allowed are 'poll' and 'wait'")
+        self.cycles: Cycles = cycles
+        self.ready: str = ready
+        self.polls: int = polls
+
+    async def status(self) -> int:
+        """Return the status byte; possible at any time."""
+        return await self.cycles.read(self.COMMAND_PORT)
+
+    async def wait_ready(self) -> None:
+        """Read the status until the chip is ready.
+
+        Raises:
+            NotReadyError: it still is not after the number of polls allowed.
+        """
+        for _ in range(self.polls):
+            if await self.status() & self.READY_MASK == self.READY_LEVEL:
+                return
+        raise NotReadyError(f"the chip is still busy after {self.polls} status reads")
+
+    async def command(self, code: int, *words: int) -> None:
+        """Write a command byte and its data words.
+
+        Words are 16 bits, signed or not.
+
+        Raises:
+            NotReadyError: the chip stays busy; the rest of the packet is not sent.
+            ValueError: a word that does not fit.
+        """
+        await self.packet(code, words, 0)
+
+    async def query(self, code: int, count: int) -> int:
+        """Write a command byte and read ``count`` words; return them as one unsigned number.
+
+        Raises:
+            NotReadyError: the chip stays busy.
+        """
+        value = 0
+        for word in await self.packet(code, (), count):
+            value = value << 16 | word
+        return value
+
+    async def packet(self, code: int, words: tuple[int, ...], count: int) -> list[int]:
+        """Write a command byte and words, then read ``count`` words; return these.
+
+        Raises:
+            NotReadyError: the chip stays busy; the rest of the packet is not sent.
+            ValueError: a word that does not fit.
+        """
+        pairs = [bytes_of(word) for word in words]
+        if self.ready == "wait":
+            return await self._message(code, pairs, count)
+        await self.wait_ready()
+        await self.cycles.write(self.COMMAND_PORT, code)
+        for pair in pairs:
+            await self.wait_ready()
+            await self.cycles.writes(self.DATA_PORT, pair)
+        answers = []
+        for _ in range(count):
+            await self.wait_ready()
+            answers.append(int.from_bytes(await self.cycles.reads(self.DATA_PORT, 2), "big"))
+        return answers
+
+    async def _message(self, code: int, pairs: list[bytes], count: int) -> list[int]:
+        """Move a whole packet in one message."""
+        async with self.cycles.batch() as batch:
+            waits = [batch.wait(READY_TIME)]
+            batch.write(self.COMMAND_PORT, code)
+            for pair in pairs:
+                waits.append(batch.wait(READY_TIME))
+                batch.writes(self.DATA_PORT, pair)
+            words = []
+            for _ in range(count):
+                waits.append(batch.wait(READY_TIME))
+                words.append(batch.reads(self.DATA_PORT, 2))
+        if not all(wait.value.ready for wait in waits):
+            raise NotReadyError(f"the chip is still busy after {READY_TIME}")
+        return [int.from_bytes(word.value, "big") for word in words]
