@@ -6,7 +6,7 @@ from typing import Final
 from vbus.chips.mc1241a.datasheet import EVENTS, MOTION_COMPLETE
 from vbus.client.bus import Bus, Chip
 from vbus.client.mc1241a_commands import Mc1241aCommands
-from vbus.client.packets import READY_POLLS
+from vbus.client.mc1241a_packets import READY_POLLS
 from vbus.errors import NotReadyError
 from vbus.protocols.quantities import format_instant, parse_duration
 

@@ -5,9 +5,11 @@ from typing import Final
 
 from vbus.chips.mc1241a.datasheet import COMMAND_PORT, COMMANDS, DATA_PORT, STATUS_READY
 from vbus.client.bus import Cycles
-from vbus.client.packets import READY_POLLS, Packets
+from vbus.client.packets import Packets
 from vbus.errors import ChecksumError
 
+READY_POLLS: Final = 10_000
+"""Status reads after which a chip set is given up: a reset takes 2 ms."""
 _RESET: Final = COMMANDS["RESET"].code
 """After a reset there is no checksum (PMD-RST-1)."""
 

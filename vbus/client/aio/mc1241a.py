@@ -5,7 +5,7 @@ from typing import Final
 from vbus.chips.mc1241a.datasheet import EVENTS, MOTION_COMPLETE
 from vbus.client.aio.bus import Bus, Chip
 from vbus.client.aio.mc1241a_commands import Mc1241aCommands
-from vbus.client.aio.packets import READY_POLLS
+from vbus.client.aio.mc1241a_packets import READY_POLLS
 from vbus.errors import NotReadyError
 from vbus.protocols.quantities import format_instant, parse_duration
 
