@@ -19,7 +19,7 @@ from vbus.signals.axis import SWITCHES
 _Section = TypeVar("_Section", bound=sections.Section)
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _NAMED: Final = ("chips", "plants", "nets", "buses", "cards", "pinmaps")
-_SECTIONS: Final = ("board", "violations", *_NAMED, "hosts")
+_SECTIONS: Final = ("board", "violations", *_NAMED, "hosts", "record")
 
 
 def read_board_file(path: str | FilePath) -> tuple[sections.BoardFile, Source]:
@@ -88,6 +88,7 @@ class _Reader:
             cards=tuple(self._cards()),
             pinmaps=tuple(self._pin_maps()),
             hosts=tuple(self._hosts()),
+            record=self._record(),
         )
         known = {kind: list(self._table((kind,), self._data) or ()) for kind in _NAMED}
         checks.check(file, known, self._source)
@@ -207,6 +208,11 @@ class _Reader:
                 " digits, - and _",
             )
         return read
+
+    def _record(self) -> sections.RecordSection:
+        table = self._table(("record",), self._data) or {}
+        read = self._keys(sections.RecordSection, table, ("record",))
+        return read or sections.RecordSection()
 
     def _violations(self) -> Iterator[tuple[str, str]]:
         """Give rule or family and level; an unquoted dotted rule arrives as a table in a table."""

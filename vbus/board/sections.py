@@ -200,6 +200,14 @@ class HostSection(Section, frozen=True, kw_only=True):
     ] = ""
 
 
+class RecordSection(Section, frozen=True, kw_only=True):
+    """``[record]``: files that tell what happened, and numbers for who watches."""
+
+    journal: Annotated[
+        str, _key("text", "file that takes every call of every host, for vbus replay")
+    ] = ""
+
+
 NO_HOST: Final = HostSection(transport="")
 """Stands for a host that could not be read, so that the others keep their places."""
 
@@ -217,3 +225,4 @@ class BoardFile(Section, frozen=True, kw_only=True):
     cards: tuple[CardSection, ...]
     pinmaps: tuple[PinMapSection, ...]
     hosts: tuple[HostSection, ...]
+    record: RecordSection = RecordSection()

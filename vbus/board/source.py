@@ -59,6 +59,7 @@ class Source:
 
     def __init__(self, file: str, text: str) -> None:
         self.file: str = file
+        self.text: str = text
         self._lines: TomlLines = TomlLines(text)
         self._problems: list[Problem] = []
 

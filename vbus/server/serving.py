@@ -1,6 +1,8 @@
 """Serving what a board file describes."""
 
-from collections.abc import Callable
+import asyncio
+import logging
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import msgspec
@@ -10,7 +12,10 @@ from vbus.board.config import read_board_file
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.errors import ConfigError
+from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server, run
+
+log = logging.getLogger("vbus")
 
 
 def links_of(file: BoardFile) -> list[LinkSpec]:
@@ -33,6 +38,7 @@ def serve(
     rate: float | None = None,
     on_ready: Callable[[Server], None] | None = None,
     report: Callable[[str], None] | None = None,
+    record: Mapping[str, object] | None = None,
 ) -> None:
     """Serve the board a file describes until SIGINT or SIGTERM.
 
@@ -41,12 +47,16 @@ def serve(
         rate: replaces the file's own rate: chip seconds per second, ``inf`` for no limit.
         on_ready: called once when every link is open.
         report: takes sentences about what happens to links (a device was unplugged).
+        record: replaces keys of the file's ``[record]``.
 
     Raises:
         ConfigError: the file has mistakes, or no hosts.
         TransportError: a link cannot be opened.
     """
-    serve_read(*read_board_file(path), rate, on_ready, report)
+    file, source = read_board_file(path)
+    wishes = msgspec.structs.replace(file.record, **(record or {}))
+    file = msgspec.structs.replace(file, record=wishes)
+    serve_read(file, source, rate, on_ready, report)
 
 
 def serve_read(
@@ -69,4 +79,15 @@ def serve_read(
                 f" {file.board.time}"
             )
         file = msgspec.structs.replace(file, board=msgspec.structs.replace(file.board, rate=rate))
-    run(build(file, source), links_of(file), file.board.stall, on_ready, report)
+    board = build(file, source)
+    recording = Recording(board, file.record, source.text, file.path, report or log.warning)
+
+    def ready(server: Server) -> None:
+        recording.start(asyncio.get_running_loop())
+        if on_ready is not None:
+            on_ready(server)
+
+    try:
+        run(board, links_of(file), file.board.stall, ready, report)
+    finally:
+        recording.close()

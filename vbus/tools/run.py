@@ -25,8 +25,9 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.command("run")
 @click.argument("board")
 @click.option("--rate", callback=_rate, help='Chip seconds per second of wall time, or "max".')
+@click.option("--journal", metavar="FILE", help="Write every call of every host to FILE.")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
-def command(board: str, rate: float | None, as_json: bool) -> None:
+def command(board: str, rate: float | None, journal: str | None, as_json: bool) -> None:
     """Run a board and serve its links until Ctrl-C.
 
     BOARD is a board file. Prints what is attached where, once every link is open.
@@ -37,7 +38,12 @@ def command(board: str, rate: float | None, as_json: bool) -> None:
         status = server.statistics()
         click.echo(json.dumps(status) if as_json else "\n".join(_lines(status)))
 
-    serve(board, rate, ready, report=lambda sentence: click.echo(f"vbus: {sentence}", err=True))
+    def report(sentence: str) -> None:
+        click.echo(f"vbus: {sentence}", err=True)
+
+    wishes = {"journal": journal}
+    record = {key: value for key, value in wishes.items() if value is not None}
+    serve(board, rate, ready, report, record)
 
 
 def _lines(status: dict[str, Any]) -> list[str]:

@@ -23,6 +23,7 @@ _SECTIONS: Final[dict[str, type[Struct]]] = {
     "ports": sections.CardPortSection,
     "pinmaps": sections.PinMapSection,
     "hosts": sections.HostSection,
+    "record": sections.RecordSection,
 }
 
 

@@ -1,0 +1,85 @@
+"""What a journal costs: time per bus cycle beside the same run without one, and bytes per cycle.
+
+Each figure is the median of rounds in which both variants take turns, so that neighbours on the
+machine hit both alike.
+"""
+
+import io
+import statistics
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import BinaryIO
+
+from benchmarks.in_process import CHIPS, board, command
+from vbus.board.host_bus import HostBus
+from vbus.trace.journal import Journal
+
+CYCLES = 40_000
+ROUNDS = 9
+
+
+def polls(port: HostBus, status: int) -> None:
+    """A driver that waits: the same status read again and again."""
+    read = port.read
+    for _ in range(CYCLES):
+        read(status)
+
+
+def moves(port: HostBus, status: int) -> None:
+    """A driver at work on a LM629: positions are read while the motor turns."""
+    command(port, 0x1E, 0x000A, 300, 2000)
+    command(port, 0x04)
+    command(port, 0x1F, 0x1828, 0, 1000, 1, 0)
+    command(port, 0x01)
+    for _ in range(CYCLES // 80):
+        while port.read(0) & 1:
+            pass
+        port.write(0, 0x0A)
+        for _ in range(2):
+            while port.read(0) & 1:
+                pass
+            port.read(1)
+            port.read(1)
+
+
+def run(chip: str, work: object, file: BinaryIO | None) -> tuple[float, int, int]:
+    """Return ns per cycle, cycles, and bytes of the journal."""
+    made = board(chip)
+    journal = Journal(made, file) if file is not None else None
+    port = made.open_port("bench")
+    start = time.perf_counter_ns()
+    work(port, CHIPS[chip][2])  # type: ignore[operator]
+    if journal is not None:
+        journal.flush()
+    took = time.perf_counter_ns() - start
+    cycles = made.counters["reads"] + made.counters["writes"]
+    return took / cycles, cycles, journal.bytes if journal is not None else 0
+
+
+def compare(chip: str, work: object, folder: Path) -> None:
+    """Print one line for one driver on one chip."""
+    plain, recorded = [], []
+    cycles = size = 0
+    for _ in range(ROUNDS):
+        plain.append(run(chip, work, None)[0])
+        with io.FileIO(folder / "run.vbj", "w") as file:
+            cost, cycles, size = run(chip, work, file)  # type: ignore[arg-type]
+        recorded.append(cost)
+    without, with_journal = statistics.median(plain), statistics.median(recorded)
+    print(
+        f"{chip:9} {work.__name__:6} {without:6.0f} ns without, {with_journal:6.0f} ns with a"  # type: ignore[attr-defined]
+        f" journal: {(with_journal / without - 1) * 100:+4.0f} %   {size / cycles:6.3f} bytes a"
+        " cycle   goal <= +50 %"
+    )
+
+
+def main() -> None:
+    with TemporaryDirectory() as folder:
+        for chip in CHIPS:
+            compare(chip, polls, Path(folder))
+        compare("LM629", moves, Path(folder))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,238 @@
+"""Journals: everything a host can do is written down, and survives being cut anywhere."""
+
+import io
+
+import pytest
+
+from tests.unit.trace.conftest import LM629, lm629_move, read, record, strobed
+from vbus.board.build import load_board_text
+from vbus.kernel import MS
+from vbus.protocols.port import PortError
+from vbus.trace.journal import Journal
+from vbus.trace.journal_format import (
+    MAGIC,
+    OPERATIONS,
+    JournalError,
+    JournalReader,
+    block,
+    header_block,
+    rows_block,
+)
+
+TWO = (
+    LM629
+    + """
+[chips.y]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+"""
+)
+
+
+def test_the_header_names_board_file_versions_seed_and_hash(moved: bytes) -> None:
+    header, _ = read(moved)
+    assert header.board == "bench"
+    assert header.file == "board.toml"
+    assert header.text == LM629
+    assert len(header.digest) == 64
+    assert (header.seed, header.policy, header.format) == (0, "lockstep", 1)
+    assert header.families == {"x": "lm628"}
+    assert header.vbus
+    assert header.python.startswith("3.")
+
+
+def test_a_bus_cycle_has_its_call_and_its_latching_edge() -> None:
+    board = load_board_text(LM629)
+    file = io.BytesIO()
+    journal = Journal(board, file, LM629)
+    port = board.open_port("h")
+    board.run_until(5_000_000)
+    assert port.read(0) == 0x84
+    port.write(0, 0x0A)
+    journal.flush()
+    _, (opened, a_read, a_write) = read(file.getvalue())
+    assert (opened.op, opened.args) == ("open", ("h", ["x"], 0))
+    assert (a_read.op, a_read.args, a_read.reply) == ("read", (0,), 0x84)
+    assert (a_read.when, a_read.after) == (5_000_000, 6_000_000)
+    assert (a_write.op, a_write.args, a_write.reply) == ("write", (0, 0x0A), None)
+    assert (a_write.when, a_write.after) == (6_000_000, 7_000_000)
+
+
+def test_everything_a_host_can_do_is_written_down() -> None:
+    board = load_board_text(TWO.replace("lockstep", "slaved"))
+    file = io.BytesIO()
+    journal = Journal(board, file)
+    one, two = board.open_port("one"), board.open_port("two")
+    one.select(3)
+    one.claim()
+    one.at(10)
+    one.write(0, 0x1D)
+    one.unclaim()
+    one.wait(MS)
+    one.events(1)
+    strobed(two)
+    one.take_events()
+    for call in (lambda: one.select(9), lambda: one.at(1), lambda: two.lines(0x8000_0000, 0)):
+        with pytest.raises(PortError):
+            call()
+    board.limit = board.now + 5
+    assert two.delay(MS) is False
+    one.close()
+    two.close()
+    journal.close()
+    _, entries = read(file.getvalue())
+    assert {entry.op for entry in entries} >= set(OPERATIONS) - {"read", "edges"}
+    refused = [(entry.op, entry.error) for entry in entries if entry.error]
+    assert refused == [("select", 2), ("at", 3), ("lines", 2)]
+    (held,) = [entry for entry in entries if entry.limit >= 0]
+    assert (held.op, held.args, held.reply) == ("delay", (MS,), False)
+    assert held.limit == held.when + 5
+
+
+def test_a_violation_stands_before_the_call_it_was_found_in(moved: bytes) -> None:
+    _, entries = read(moved)
+    place = next(n for n, entry in enumerate(entries) if entry.op == "violation")
+    assert entries[place].args[1:4] == ("x", "lm628.busy-write", "LM-BUS-10")
+    assert entries[place + 1].op == "write"
+    assert entries[place + 1].after == entries[place].args[0]
+
+
+def test_the_end_has_the_number_of_entries_and_the_state(moved: bytes) -> None:
+    _, entries = read(moved)
+    assert entries[-1].op == "end"
+    count, digest = entries[-1].args
+    assert count == len(entries) - 1
+    assert len(digest) == 64
+
+
+def test_a_journal_cut_at_any_byte_gives_everything_flushed_before() -> None:
+    board = load_board_text(LM629)
+    file = io.BytesIO()
+    journal = Journal(board, file)
+    ends = [(len(file.getvalue()), 0)]
+    port = board.open_port("h")
+    for _ in range(4):
+        for _ in range(3):
+            port.read(0)
+        journal.flush()
+        ends.append((len(file.getvalue()), journal.entries))
+    data = file.getvalue()
+    for size in range(ends[0][0], len(data) + 1):
+        reader = JournalReader(io.BytesIO(data[:size]))
+        flushed = max(count for end, count in ends if end <= size)
+        assert len(list(reader)) == flushed
+        whole = size in [end for end, _ in ends]
+        assert bool(reader.damage) != whole
+
+
+@pytest.mark.parametrize("size", range(0, 200, 7))
+def test_a_journal_cut_inside_its_header_says_so(moved: bytes, size: int) -> None:
+    with pytest.raises(JournalError, match=r"no journal|no header"):
+        JournalReader(io.BytesIO(moved[:size]))
+
+
+def test_a_flipped_bit_is_damage_and_not_an_end(moved: bytes) -> None:
+    broken = bytearray(moved)
+    broken[-20] ^= 4
+    with pytest.raises(JournalError, match="is damaged"):
+        read(bytes(broken))
+
+
+def test_a_missing_block_is_noticed() -> None:
+    header = record(LM629, close=False)
+    with pytest.raises(JournalError, match="entries 0 to 4 are missing"):
+        read(header + rows_block(5, [0, 0, 0, 0], 0))
+
+
+def test_a_file_of_another_kind_or_version_is_refused() -> None:
+    with pytest.raises(JournalError, match="no journal of version 1"):
+        JournalReader(io.BytesIO(b"$date today $end"))
+    with pytest.raises(JournalError, match="the header of another version"):
+        JournalReader(io.BytesIO(MAGIC + block({"new": 1})))
+
+
+class _Full(io.RawIOBase):
+    """A disk with room for some bytes, that takes them a few at a time."""
+
+    def __init__(self, room: int) -> None:
+        self.data = b""
+        self.room = room
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: bytes) -> int:  # type: ignore[override]
+        if not self.room:
+            raise OSError(28, "No space left on device")
+        part = bytes(data[: min(self.room, 100)])
+        self.room -= len(part)
+        self.data += part
+        return len(part)
+
+
+def test_a_full_disk_ends_the_journal_with_a_sentence_and_not_the_board() -> None:
+    board = load_board_text(LM629)
+    disk = _Full(900)
+    told: list[str] = []
+    journal = Journal(board, disk, LM629, report=told.append)  # type: ignore[arg-type]
+    port = board.open_port("h")
+    for _ in range(20):
+        lm629_move(port)
+        journal.flush()
+    assert port.read(0) & 0x80 == 0
+    assert len(told) == 1
+    assert told[0].startswith("the journal ends after")
+    assert told[0].endswith("No space left on device")
+    assert JournalReader(io.BytesIO(disk.data)).header.board == "bench"
+
+
+def test_a_journal_must_come_before_the_first_port() -> None:
+    board = load_board_text(LM629)
+    board.open_port("early")
+    with pytest.raises(Exception, match="before the first port"):
+        Journal(board, io.BytesIO())
+
+
+def test_closing_twice_is_closing_once_and_ports_are_plain_again() -> None:
+    board = load_board_text(LM629)
+    file = io.BytesIO()
+    journal = Journal(board, file)
+    journal.close()
+    size = len(file.getvalue())
+    journal.close()
+    port = board.open_port("h")
+    port.read(0)
+    journal.flush()
+    assert len(file.getvalue()) == size
+
+
+def test_recording_changes_nothing() -> None:
+    plain = load_board_text(LM629)
+    port = plain.open_port("h")
+    lm629_move(port)
+    recorded = load_board_text(LM629)
+    Journal(recorded, io.BytesIO())
+    other = recorded.open_port("h")
+    lm629_move(other)
+    assert recorded.state_hash() == plain.state_hash()
+    assert recorded.counters == plain.counters
+
+
+def test_a_poll_costs_less_than_a_byte() -> None:
+    def polls(port: object) -> None:
+        for _ in range(20_000):
+            port.read(0)  # type: ignore[attr-defined]
+
+    assert len(record(LM629, polls)) < 20_000
+
+
+def test_rows_are_packed_as_the_format_says(moved: bytes) -> None:
+    opened = [["h", ["x"], 0], None, 0, -1]
+    rows = [0, 2, opened, 0, 7, 0, 0x0084, 9, 9, 1, 0x000A, 10]
+    _, entries = read(header_block(read(moved)[0]) + rows_block(0, rows, 0))
+    assert [(e.number, e.when, e.after, e.op, e.args, e.reply) for e in entries] == [
+        (0, 0, 0, "open", ("h", ["x"], 0), None),
+        (1, 7, 9, "read", (0,), 0x84),
+        (2, 9, 10, "write", (0, 0x0A), None),
+    ]

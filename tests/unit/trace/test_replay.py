@@ -1,0 +1,260 @@
+"""Replays: the same again, and the first difference on both sides."""
+
+import io
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.unit.trace.conftest import LM629, board_of, lm629_move, read, record, strobed
+from vbus.board.build import load_board_text
+from vbus.board.host_bus import HostBus
+from vbus.kernel import MS, US
+from vbus.protocols.port import PortError
+from vbus.trace.journal import Journal
+from vbus.trace.journal_format import Entry
+from vbus.trace.replay import Divergence, Outcome, Replay
+
+MC1241A = """\
+[board]
+name = "bench"
+time = "lockstep"
+[chips.x]
+part = "MC1241A"
+clock = "25 MHz"
+plants = ["none"]
+"""
+MCP1200 = """\
+[board]
+name = "bench"
+time = "lockstep"
+[chips.x]
+part = "MCP-1200"
+clock = "8 MHz"
+plant = "none"
+"""
+
+
+def played(data: bytes, *, without: int = -1, changed: dict[int, dict[str, Any]] | None = None,
+           text: str = "") -> Outcome:  # fmt: skip
+    """Replay a journal, perhaps with an entry left out or changed, perhaps on another board."""
+    header, entries = read(data)
+    board = load_board_text(text) if text else board_of(header)
+    chosen = [
+        replace(entry, **(changed or {}).get(entry.number, {}))
+        for entry in entries
+        if entry.number != without
+    ]
+    return Replay(board, chosen, header.families).run()
+
+
+def difference(outcome: Outcome) -> Divergence:
+    assert outcome.divergence is not None
+    return outcome.divergence
+
+
+def test_a_journal_plays_again_without_a_difference(moved: bytes) -> None:
+    outcome = played(moved)
+    assert outcome.divergence is None
+    assert outcome.ended
+    assert outcome.entries == len(read(moved)[1])
+    assert outcome.cycles > 100
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "realtime"])
+def test_strobes_pins_and_time_play_again(policy: str) -> None:
+    outcome = played(record(LM629.replace("lockstep", policy), strobed, lm629_move))
+    assert outcome.divergence is None
+    assert outcome.ended
+
+
+def test_a_journal_without_its_end_plays_as_far_as_it_goes() -> None:
+    outcome = played(record(LM629, lm629_move, close=False))
+    assert outcome.divergence is None
+    assert not outcome.ended
+
+
+def find(data: bytes, **wanted: object) -> Entry:
+    """Return the first entry of a journal with these attributes."""
+    for entry in read(data)[1]:
+        if all(getattr(entry, name) == value for name, value in wanted.items()):
+            return entry
+    raise AssertionError(wanted)
+
+
+def test_another_byte_is_shown_with_both_packets_and_the_clause(moved: bytes) -> None:
+    entries = read(moved)[1]
+    rdrp = next(e for e in entries if e.op == "write" and e.args == (0, 0x0A))
+    data_reads = [e for e in entries if e.number > rdrp.number and e.args == (1,)]
+    wrong = data_reads[3]
+    found = difference(played(moved, changed={wrong.number: {"reply": wrong.reply ^ 1}}))
+    assert (found.entry, found.what, found.clause) == (wrong.number, "reply", "LM-CMD-11")
+    assert found.where == "host0, x: read 1"
+    value = int.from_bytes(bytes(e.reply for e in data_reads[:4]), "big")
+    assert found.now == f"{wrong.reply:02X}H in RDRP +{value} cnt"
+    assert found.recorded == f"{wrong.reply ^ 1:02X}H in RDRP +{value ^ 1} cnt"
+
+
+def test_a_first_byte_that_differs_is_shown_in_its_whole_packet(moved: bytes) -> None:
+    entries = read(moved)[1]
+    first = next(e for e in entries if e.args == (1,) and e.op == "read")
+    found = difference(played(moved, changed={first.number: {"reply": 0x7F}}))
+    assert found.recorded.startswith("7FH in RDRP +2130")
+
+
+def test_a_status_byte_that_differs_is_shown_by_its_flags(moved: bytes) -> None:
+    status = find(moved, op="read", args=(0,))
+    found = difference(played(moved, changed={status.number: {"reply": 0xC4}}))
+    assert found.recorded == "C4H in RDSTAT C4H MOTOR_OFF BREAKPOINT TRAJECTORY_COMPLETE"
+    assert found.now == "84H in RDSTAT 84H MOTOR_OFF TRAJECTORY_COMPLETE"
+    assert found.clause == "LM-CMD-23"
+
+
+def test_another_instant_is_a_difference(moved: bytes) -> None:
+    entry = find(moved, op="write", args=(0, 0x04))
+    found = difference(played(moved, changed={entry.number: {"after": entry.after + 1}}))
+    assert (found.entry, found.what) == (entry.number, "instant")
+
+
+def test_a_violation_in_the_journal_that_does_not_happen_is_unconsumed(moved: bytes) -> None:
+    text = LM629 + '[violations]\n"lm628.busy-write" = "off"\n'
+    found = difference(played(moved, text=text))
+    assert (found.what, found.clause, found.now) == ("unconsumed", "LM-BUS-10", "nothing")
+    assert found.recorded.startswith("lm628.busy-write at ")
+
+
+def test_a_violation_that_is_not_in_the_journal_is_missing(moved: bytes) -> None:
+    entry = find(moved, op="violation")
+    found = difference(played(moved, without=entry.number, changed=_renumbered(moved, entry)))
+    assert (found.what, found.clause, found.recorded) == ("missing", "LM-BUS-10", "nothing")
+
+
+def _renumbered(data: bytes, gone: Entry) -> dict[int, dict[str, Any]]:
+    """Make the rest of a journal look as if an entry had never been there."""
+    changes: dict[int, dict[str, Any]] = {}
+    for entry in read(data)[1]:
+        if entry.number > gone.number:
+            changes[entry.number] = {"number": entry.number - 1}
+            if entry.op == "end":
+                changes[entry.number]["args"] = (entry.args[0] - 1, entry.args[1])
+    return changes
+
+
+def test_a_violation_with_other_figures_is_a_difference(moved: bytes) -> None:
+    entry = find(moved, op="violation")
+    args = (*entry.args[:5], entry.args[5] + 1, *entry.args[6:])
+    found = difference(played(moved, changed={entry.number: {"args": args}}))
+    assert (found.entry, found.what) == (entry.number, "violation")
+
+
+@pytest.mark.parametrize("op", ["read", "write", "delay"])
+def test_an_entry_left_out_is_noticed(moved: bytes, op: str) -> None:
+    entries = [e for e in read(moved)[1] if e.op == op]
+    for entry in (entries[0], entries[len(entries) // 2], entries[-1]):
+        assert played(moved, without=entry.number).divergence is not None
+
+
+def test_an_entry_behind_the_end_is_unconsumed(moved: bytes) -> None:
+    header, entries = read(moved)
+    late = replace(entries[-2], number=entries[-1].number + 1)
+    found = difference(Replay(board_of(header), [*entries, late], header.families).run())
+    assert (found.what, found.entry) == ("unconsumed", late.number)
+
+
+def test_another_chip_is_a_difference_and_the_first_one_is_told(moved: bytes) -> None:
+    slow = LM629.replace("8 MHz", "6 MHz").replace("LM629N-8", "LM629N-6")
+    found = difference(played(moved, text=slow))
+    assert found.what in ("reply", "violation", "unconsumed")
+
+
+def test_the_same_replies_with_another_state_at_the_end_is_a_difference(moved: bytes) -> None:
+    end = read(moved)[1][-1]
+    found = difference(played(moved, changed={end.number: {"args": (end.args[0], "0" * 64)}}))
+    assert (found.what, found.where) == ("state", "the end")
+
+
+def test_progress_is_told_now_and_then() -> None:
+    def polls(port: HostBus) -> None:
+        for _ in range(10_000):
+            port.read(0)
+
+    header, entries = read(record(LM629, polls))
+    told: list[int] = []
+    Replay(board_of(header), entries, header.families, told.append).run()
+    assert told == [4096, 8192]
+
+
+def test_a_realtime_board_plays_again_at_its_instants() -> None:
+    text = LM629.replace("lockstep", "realtime")
+    board = load_board_text(text)
+    file = io.BytesIO()
+    journal = Journal(board, file, text)
+    one, two = board.open_port("one"), board.open_port("two")
+    # The wall clock brings the board to instants of its own, between and before calls.
+    for step in range(60):
+        board.run_until(board.now + 17_345_678 * (step % 7 + 1))
+        board.limit = board.now + 2 * MS
+        if step % 5 == 0:
+            board.catch_up()
+        one.write(0, 0x0A)
+        board.run_until(board.now + 31_000_001)
+        two.read(0)
+        one.read(1)
+        two.claim()
+        one.claim()
+        two.unclaim()
+        one.unclaim()
+        while not two.delay(5 * MS):
+            board.run_until(board.now + 3 * MS + 77)
+            one.read(0)
+            board.limit = board.now + 2 * MS
+        while one.wait(MS) is None:
+            board.run_until(board.now + 777_777)
+            board.limit = board.now + 300_000
+    one.close()
+    two.close()
+    journal.close()
+    outcome = played(file.getvalue())
+    assert outcome.divergence is None
+    assert outcome.ended
+
+
+CALLS = st.one_of(
+    st.tuples(st.just("read"), st.integers(0, 1)),
+    st.tuples(st.just("write"), st.integers(0, 1), st.integers(0, 255)),
+    st.tuples(st.just("lines"), st.integers(0, 31), st.integers(0, 31)),
+    st.tuples(st.just("drive"), st.integers(0, 255)),
+    st.tuples(st.sampled_from(["release", "sample", "now", "sync", "claim", "unclaim"])),
+    st.tuples(st.just("pin"), st.integers(0, 9), st.integers(0, 3)),
+    st.tuples(st.just("getpin"), st.integers(0, 9)),
+    st.tuples(st.just("delay"), st.integers(0, 3 * MS)),
+    st.tuples(st.just("wait"), st.integers(0, 100 * US)),
+    st.tuples(st.just("select"), st.integers(0, 2)),
+    st.tuples(st.just("events"), st.integers(0, 3)),
+    st.tuples(st.just("take_events")),
+    st.tuples(st.just("at"), st.integers(0, 10 * MS)),
+)
+
+
+@pytest.mark.parametrize("text", [LM629, MC1241A, MCP1200], ids=["lm628", "mc1241a", "mcp1200"])
+@settings(max_examples=30, deadline=None)
+@given(st.lists(CALLS, max_size=40), st.sampled_from(["lockstep", "slaved", "realtime"]),
+       st.lists(st.integers(0, 2 * MS), min_size=1, max_size=5))  # fmt: skip
+def test_whatever_a_host_does_plays_again(
+    text: str, calls: list[tuple[Any, ...]], policy: str, steps: list[int]
+) -> None:
+    def host(port: HostBus) -> None:
+        for number, (name, *args) in enumerate(calls):
+            if policy == "realtime":
+                port.board.run_until(port.board.now + steps[number % len(steps)])
+                port.board.limit = port.board.now + steps[-1]
+            with suppress(PortError):
+                getattr(port, name)(*args)
+
+    data = record(text.replace("lockstep", policy), host)
+    outcome = played(data)
+    assert outcome.divergence is None
+    assert outcome.ended

@@ -1,0 +1,163 @@
+"""``vbus explain``: bytes, status words, rules and journal entries in the manual's words."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import click
+
+from vbus.tools import exit_codes
+from vbus.trace.packets import Cycle, Decoder, Packet
+
+_HEX: Final = re.compile(r"(?:0x)?([0-9A-Fa-f]{1,2})[hH]?")
+_WORD: Final = re.compile(r"([a-z]+)=(?:0x)?([0-9A-Fa-f]{1,8})[hH]?")
+_LINE: Final = re.compile(r"\b([rw]) ([0-9A-Fa-f]{1,2}) ([0-9A-Fa-f]{2})(?: x(\d{1,6}))?\b")
+_ENTRY: Final = re.compile(r"(.+?)(?::(\d+)(?:-(\d+))?)?")
+
+
+@click.command("explain")
+@click.argument("what")
+@click.argument("items", metavar="[BYTE]...", nargs=-1)
+@click.option("--status", metavar="HEX", help="Explain a status byte or word.")
+@click.option("--signals", metavar="HEX", help="Explain a signals word (LM628).")
+@click.option("--mode", metavar="HEX", help="Explain a mode word (MC1241A).")
+def command(
+    what: str, items: tuple[str, ...], status: str | None, signals: str | None, mode: str | None
+) -> int:
+    """Explain bytes on a bus, a status value, a rule, or entries of a journal.
+
+    WHAT is a chip family or part, and BYTEs are what its host writes (or reads, where the command
+    says so), in hexadecimal: "vbus explain lm628 1F 00 2A". A BYTE may also be a bus cycle as
+    transcripts have it, "w 0 1F" or "r 0 84", or a word by name, "signals=8544".
+
+    WHAT may be a rule ("lm628.T14"), a clause ("LM-BUS-7"), or a journal: "run.vbj" is all of it,
+    "run.vbj:17" its entry 17, "run.vbj:17-40" several.
+    """
+    words = [
+        f"{name}={value}"
+        for name, value in (("status", status), ("signals", signals), ("mode", mode))
+        if value is not None
+    ]
+    lines = _rule(what)
+    decoder = None if lines else _decoder(what)
+    if decoder is not None:
+        if not items and not words:
+            raise click.UsageError(f"{what}: say what to explain: bytes, or --status HEX")
+        for line in _chip(decoder, [*words, *items]):
+            click.echo(line)
+        return exit_codes.OK
+    if items or words:
+        raise click.UsageError(f'"{what}" is no chip; bytes and words belong to {_families()}')
+    if lines:
+        click.echo("\n".join(lines))
+        return exit_codes.OK
+    match = _ENTRY.fullmatch(what)
+    if match and Path(match[1]).is_file():
+        from vbus.tools.journal_lines import decoded
+
+        first = int(match[2]) if match[2] else 0
+        last = int(match[3]) if match[3] else first if match[2] else None
+        for line in decoded(Path(match[1]), first, last):
+            click.echo(line)
+        return exit_codes.OK
+    raise click.UsageError(
+        f'"{what}" is neither a chip ({_families()}), nor a rule ("vbus check --rules" lists them),'
+        " nor a clause, nor a journal"
+    )
+
+
+def _families() -> str:
+    from vbus.trace.decode import DECODERS
+
+    return ", ".join(DECODERS)
+
+
+def _decoder(name: str) -> Decoder | None:
+    """Return the decoder for a family or part, if ``name`` is one."""
+    from vbus.board import plugins
+    from vbus.errors import PluginError
+    from vbus.trace.decode import DECODERS
+
+    family = name.lower()
+    if family not in DECODERS:
+        try:
+            family = plugins.chip_class(name.upper()).FAMILY
+        except PluginError:
+            return None
+    made = DECODERS.get(family)
+    return made() if made is not None else None
+
+
+def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:
+    text = " ".join(items)
+    cycles = [
+        Cycle(0, match[1] == "w", int(match[2], 16), int(match[3], 16))
+        for match in _LINE.finditer(text)
+        for _ in range(int(match[4] or 1))
+    ]
+    rest = _LINE.sub(" ", text).split() if cycles else text.replace(",", " ").split()
+    data: list[int] = []
+    for item in rest:
+        word = _WORD.fullmatch(item)
+        byte = _HEX.fullmatch(item)
+        if word:
+            try:
+                value = decoder.word(word[1], int(word[2], 16))
+            except ValueError as error:
+                raise click.UsageError(str(error)) from None
+            yield f"{word[1]} {value}"
+        elif byte and not cycles:
+            data.append(int(byte[1], 16))
+        elif not cycles:
+            raise click.UsageError(f'"{item}" is no byte; write two hexadecimal digits')
+    try:
+        cycles = cycles or decoder.typed(data)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from None
+    for cycle in cycles:
+        for packet in decoder.feed(cycle):
+            yield from _packet(packet)
+    for packet in decoder.finish():
+        yield from _packet(packet)
+
+
+def _packet(packet: Packet) -> Iterator[str]:
+    clause = f"  [{packet.clause}]" if packet.clause else ""
+    yield f"{' '.join(f'{cycle.data:02X}' for cycle in packet.cycles)}: {packet.text}{clause}"
+
+
+def _rule(name: str) -> list[str]:
+    """Explain a rule or a clause; nothing if there is none of that name."""
+    from vbus.board.checks import all_rules
+
+    lines: list[str] = []
+    for rule in all_rules():
+        if name in (rule.name, rule.clause):
+            lines.append(f"{rule.name} ({rule.severity}, {rule.clause}): {rule.title}")
+            lines.extend(_limit(rule.name))
+    from vbus.trace.tables import commands, registers
+
+    for family, row in commands():
+        if name == row.clause:
+            lines.append(f"{family}: {row.name} ({row.code:02X}H): {row.title}")
+    for family, register in registers():
+        if name == register.clause:
+            where = " ".join(f"{address:02X}H" for address in register.addresses)
+            lines.append(f"{family}: {register.name} ({where}): {register.title}")
+    return lines
+
+
+def _limit(name: str) -> Iterator[str]:
+    from vbus.trace.tables import ac_tables
+
+    family, _, symbol = name.partition(".")
+    for owner, supply, table in ac_tables():
+        for row in table:
+            if owner == family and row.symbol == symbol:
+                least = [f"{row.min_ps / 1000:g} ns"] if row.min_ps else []
+                least += [f"{row.min_clk:g} clk"] if row.min_clk else []
+                minimum = f"at least {' + '.join(least) or '0 ns'}"
+                limit = f"at most {row.max_ps / 1000:g} ns" if row.max_ps else minimum
+                both = f"{minimum}, {limit}" if row.max_ps and least else limit
+                yield f"  AC row {symbol}{f' at {supply}' if supply else ''}: {both}"

@@ -1,0 +1,140 @@
+"""Journals as lines for people: what ``explain`` and ``replay`` print of them."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from vbus.errors import VbusError
+from vbus.protocols.quantities import format_instant
+from vbus.signals import Violation
+from vbus.trace.decode import BoardPackets
+from vbus.trace.journal_format import Entry, JournalReader
+from vbus.trace.journal_view import Sessions, show, violation_of
+from vbus.trace.packets import Packet
+
+
+def instant(ps: int) -> str:
+    """Return an instant in microseconds with all its digits that tell."""
+    return format_instant(ps) if ps >= 0 else f"{ps} ps"
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[tuple[JournalReader, BinaryIO]]:
+    """Open a journal.
+
+    Raises:
+        JournalError: it is none.
+        VbusError: it cannot be read.
+    """
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise VbusError(f"{path}: cannot be read: {error.strerror}") from error
+    with file:
+        yield JournalReader(file), file
+
+
+@contextmanager
+def progress(path: Path, reader: JournalReader, what: str) -> Iterator[Callable[[], None]]:
+    """Show a bar on a terminal while a journal is read; gives what moves it."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda: None
+        return
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task(what, total=path.stat().st_size)
+        yield lambda: bar.update(task, completed=reader.position)
+
+
+def moving(entries: Iterator[Entry], move: Callable[[], None]) -> Iterator[Entry]:
+    """Pass entries on and move the bar now and then."""
+    for entry in entries:
+        if not entry.number & 0xFFF:
+            move()
+        yield entry
+
+
+def decoded(path: Path, first: int, last: int | None) -> Iterator[str]:
+    """Give a journal in the manual's words, all of it or some entries."""
+    with opened(path) as (reader, _):
+        if last is not None:
+            yield from _entries(reader, first, last)
+            return
+        lines: list[str] = []
+
+        def take(chip: str, packet: Packet) -> None:
+            clause = f"  [{packet.clause}]" if packet.clause else ""
+            lines.append(f"{instant(packet.end)} {chip} {packet.text}{clause}")
+
+        watch = _Lines(reader.header.families, take, lines)
+        with progress(path, reader, "decoding") as move:
+            sessions = Sessions()
+            for entry in moving(iter(reader), move):
+                show(entry, sessions, watch)
+                yield from lines
+                lines.clear()
+            watch.finish()
+            yield from lines
+        if reader.damage:
+            yield f"# {path}: {reader.damage}"
+
+
+class _Lines(BoardPackets):
+    """Packets and violations as lines, in the order they come."""
+
+    def __init__(
+        self, families: dict[str, str], take: Callable[[str, Packet], None], lines: list[str]
+    ) -> None:
+        super().__init__(families, take)
+        self._lines: list[str] = lines
+
+    def violation(self, violation: Violation) -> None:
+        """Show a finding where it was made."""
+        super().violation(violation)
+        v = violation
+        self._lines.append(f"{instant(v.when)} {v.chip} ! {v.rule}: {v.detail}  [{v.clause}]")
+
+
+def _entries(reader: JournalReader, first: int, last: int) -> Iterator[str]:
+    """Give entries as they were made, each with the packet that ends in it."""
+    sessions = Sessions()
+    ended: list[str] = []
+    watch = BoardPackets(
+        reader.header.families, lambda chip, packet: ended.append(f"{chip} {packet.text}")
+    )
+    count = 0
+    for entry in reader:
+        show(entry, sessions, watch)
+        count += 1
+        if first <= entry.number <= last:
+            yield line(entry, sessions)
+            for packet in ended:
+                yield f"    {packet}"
+        ended.clear()
+        if entry.number >= last:
+            return
+    if count <= first:
+        raise VbusError(f"the journal has no entry {first}; its last one is {count - 1}")
+
+
+def line(entry: Entry, sessions: Sessions) -> str:
+    """Return one entry as one line."""
+    place = f"{entry.number}: {instant(entry.when)}"
+    if entry.op == "violation":
+        violation = violation_of(entry)
+        return f"{place} ! {violation.chip} {violation.rule}: {violation.detail}"
+    if entry.op == "end":
+        return f"{place} end: {entry.args[0]} entries, state {entry.args[1]}"
+    where = f"{sessions.host(entry)} {sessions.chip(entry)}"
+    if entry.op in ("read", "write") and not entry.error:
+        data = entry.args[1] if entry.op == "write" else entry.reply
+        return f"{place} {where} {entry.op[0]} {entry.args[0]:X} {data:02X}"
+    asked = " ".join(str(item) for item in entry.args)
+    answer = "" if entry.reply is None else f" -> {entry.reply}"
+    refused = f" refused, number {entry.error}" if entry.error else ""
+    held = " (not finished)" if entry.limit >= 0 else ""
+    return f"{place} {where} {entry.op} {asked}".rstrip() + answer + refused + held

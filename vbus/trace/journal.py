@@ -1,0 +1,130 @@
+"""The journal: everything hosts did to a board, so that a run can be repeated exactly."""
+
+import hashlib
+import platform
+from collections.abc import Callable
+from typing import Any, BinaryIO
+
+import vbus
+from vbus.board.board import Board
+from vbus.board.cards import Card
+from vbus.board.host_bus import HostBus
+from vbus.chips.base import Chip
+from vbus.errors import VbusError
+from vbus.signals import Observer, Violation
+from vbus.trace.journal_format import CODE, Header, header_block, rows_block
+from vbus.trace.recorded_bus import RecordedBus
+
+
+class Journal(Observer):
+    """Writes down every call on every port of a board, and every violation.
+
+    Attach it before the first port is opened. Entries are written in blocks: when some hundred
+    have come, whenever the board catches up, and at the end. Each block is handed to the file in
+    one piece, so what was written stays readable whatever happens to the process; give it a file
+    without a buffer of its own.
+
+    A file that takes no more (a full disk) ends the journal; the board goes on.
+
+    Args:
+        board: a board nobody has opened a port on.
+        file: takes the bytes.
+        text: the board file, for replays; empty for a board made in Python.
+        name: name of the board file.
+        report: takes a sentence when the file takes no more.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        file: BinaryIO,
+        text: str = "",
+        name: str = "",
+        report: Callable[[str], None] | None = None,
+    ) -> None:
+        if board.ports:
+            raise VbusError("a journal must be attached before the first port is opened")
+        self.board: Board = board
+        self.rows: list[Any] = []
+        """What is not written yet: instant, key, value, instant afterwards, and so on."""
+        self.entries: int = 0
+        """Entries written."""
+        self.bytes: int = 0
+        """Bytes written."""
+        self.error: str = ""
+        """Why the file takes no more, or ""."""
+        self._file: BinaryIO = file
+        self._report: Callable[[str], None] | None = report
+        self._last: int = 0
+        self._ports: int = 0
+        header = Header(
+            board.name,
+            name,
+            text,
+            hashlib.sha256(text.encode()).hexdigest(),
+            board.seed,
+            board.policy,
+            {chip.name: chip.FAMILY for chip in board.chips},
+            vbus.__version__,
+            platform.python_version(),
+        )
+        self._write(header_block(header))
+        board.port_type = self._port
+        board.listen(self)
+
+    def _port(
+        self, board: Board, label: str, chips: list[Chip], cycle_ps: int, card: Card | None
+    ) -> HostBus:
+        self._ports += 1
+        return RecordedBus(board, label, chips, cycle_ps, card, self, self._ports - 1)
+
+    def violation(self, violation: Violation) -> None:
+        """Write a finding down."""
+        now = self.board.now
+        v = violation
+        row = [v.when, v.chip, v.rule, v.clause, v.severity, v.measured, v.limit, v.detail]
+        self.rows += (now, CODE["violation"], row, now)
+
+    def settled(self, now: int) -> None:
+        """The board has caught up: write what there is."""
+        self.flush()
+
+    def flush(self) -> None:
+        """Write what is not written yet."""
+        rows = self.rows
+        if not rows:
+            return
+        first, before = self.entries, self._last
+        self.entries += len(rows) // 4
+        self._last = rows[-1]
+        self._write(rows_block(first, rows, before))
+        rows.clear()
+
+    def _write(self, data: bytes) -> None:
+        if self.error:
+            return
+        try:
+            done = self._file.write(data)
+            while done is not None and done < len(data):
+                data = data[done:]
+                done = self._file.write(data)
+            self._file.flush()
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            self.error = f"the journal ends after {self.bytes} bytes: {reason}"
+            if self._report is not None:
+                self._report(self.error)
+            return
+        self.bytes += len(data)
+
+    def close(self) -> None:
+        """End the journal with the board's state hash; the file is left open. May be repeated."""
+        if self.board.port_type is HostBus:
+            return
+        self.board.port_type = HostBus
+        digest = self.board.state_hash()
+        now = self.board.now
+        count = self.entries + len(self.rows) // 4
+        self.rows += (now, CODE["end"], [count, digest], now)
+        self.flush()
+        self.board.listeners.remove(self)
