@@ -1,6 +1,7 @@
 """AVR firmware against chips: what real firmware does, and how a run ends."""
 
 import os
+import subprocess
 import threading
 import time
 from collections.abc import Callable
@@ -8,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.avr.conftest import EXAMPLES, Compile, compile_avr
+from tests.avr.conftest import EXAMPLES, REQUIRED, Compile, compile_avr
+from tests.shims.conftest import compile_for
 from vbus.errors import ConfigError
+from vbus.tools import exec as exec_module
 from vbus.tools.exec_avr import parse, run_avr
 
 BOARD = EXAMPLES / "lm629_avr_bitbang" / "board.toml"
@@ -456,3 +459,55 @@ def test_the_example_gives_what_it_says(capfd: pytest.CaptureFixture[str], tmp_p
 
     assert run_avr(UNO, str(elf), str(BOARD)) == 0
     assert capfd.readouterr().out == (folder / "expected.txt").read_text()
+
+
+def bus_of(path: Path) -> list[str]:
+    """Return a transcript without how often an unchanged status was polled."""
+    return [line.partition(" x")[0] for line in path.read_text().splitlines()]
+
+
+def test_the_example_runs_the_same_bus_cycles_in_simavr_and_through_the_shim(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder = EXAMPLES / "lm629_avr_bitbang"
+    sources = [folder / "main.c", folder / "lm629_bus.c", EXAMPLES / "lm629_c" / "lm629_driver.c"]
+    elf = compile_avr(tmp_path / "move.elf", *sources)
+    program = compile_for(
+        "avr", tmp_path / "move", "-DF_CPU=16000000UL", f"-I{EXAMPLES / 'lm629_c'}", *sources
+    )
+    avr, shim = tmp_path / "avr.txt", tmp_path / "shim.txt"
+
+    assert run_avr(UNO, str(elf), str(BOARD), transcript=str(avr)) == 0
+    said = capfd.readouterr().out
+    assert exec_command(["--board", str(BOARD), "--transcript", str(shim), str(program)]) == 0
+
+    assert capfd.readouterr().out == said
+    assert bus_of(shim) == bus_of(avr)
+    assert len(bus_of(avr)) > 150
+
+
+def exec_command(arguments: list[str]) -> int:
+    code: int = exec_module.command.main(arguments, standalone_mode=False)
+    return code
+
+
+def test_the_arduino_example_gives_what_it_says(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    core = Path(os.environ.get("ARDUINO_AVR", "/usr/share/arduino/hardware/arduino/avr"))
+    assert core.exists() or not REQUIRED, "arduino-core-avr is required"
+    if not core.exists():
+        pytest.skip("needs arduino-core-avr")
+    folder = EXAMPLES / "lm629_arduino"
+    elf, bus = tmp_path / "two.elf", tmp_path / "bus.txt"
+    subprocess.run(["sh", folder / "build.sh", elf], check=True)
+
+    code = run_avr(
+        f"{UNO},until=done,cycles=160000000", str(elf), str(folder / "board.toml"),
+        transcript=str(bus),
+    )  # fmt: skip
+
+    assert code == 0
+    said = capfd.readouterr().out.replace("\r", "")
+    assert said == (folder / "expected.txt").read_text().rstrip("\n")
+    assert bus.read_text().count("x+y w 0 01") == 3

@@ -15,6 +15,7 @@ import pytest
 
 import vbus as package
 from tests.e2e.command import BOARD, plug_in, running, start, vbus
+from vbus.tools.cli import _COMMANDS
 
 
 @pytest.fixture(autouse=True)
@@ -43,7 +44,7 @@ def test_the_version_is_that_of_the_package() -> None:
 def test_help_names_every_command_and_exit_code() -> None:
     done = vbus("--help")
     assert done.returncode == 0
-    for command in ("cflags", "check", "demo", "doctor", "ls", "run"):
+    for command in _COMMANDS:
         assert re.search(rf"^  {command} +[A-Z]", done.stdout, re.M)
         assert vbus(command, "--help").returncode == 0
     for code in (0, 1, 2, 3, 4, 5, 130):
@@ -55,8 +56,8 @@ def test_help_names_every_command_and_exit_code() -> None:
     [
         (
             ["chek"],
-            'Error: there is no command "chek"; did you mean "check"? there are cflags, check,'
-            " demo, doctor, ls, run",
+            'Error: there is no command "chek"; did you mean "check"? there are '
+            + ", ".join(_COMMANDS),
         ),
         (["check"], "Error: name a board file, or ask for --rules"),
         (["run"], "Error: Missing argument 'BOARD'."),

@@ -5,14 +5,19 @@ import os
 import signal
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import click
 
+from vbus.board.build import build, card_of, pin_map_of
+from vbus.board.sections import BoardFile, HostSection
+from vbus.board.source import Source
 from vbus.errors import VbusError
-from vbus.server.server import Server
+from vbus.server.server import LinkSpec, Server
+from vbus.server.serving import links_of
 from vbus.signals import Observer, Violation
+from vbus.tools.transcript import Transcript
 
 
 class Findings(Observer):
@@ -34,10 +39,10 @@ class Findings(Observer):
         for key, violation in self.first.items():
             others = self.count[key] - 1
             more = f" (and {others} more)" if others else ""
-            when = violation.when / 1e6
+            when = f"{violation.when // 1_000_000}.{violation.when % 1_000_000 // 1000:03} us"
             lines.append(
                 f"{violation.severity}: {violation.chip}: {violation.rule} ({violation.clause})"
-                f" at {when:.3f} us: {violation.detail}{more}"
+                f" at {when}: {violation.detail}{more}"
             )
         return lines
 
@@ -59,38 +64,70 @@ def private_runtime() -> Iterator[Path]:
                 del os.environ["VBUS_RUNTIME"]
 
 
-def run_beside(server: Server, command: list[str], on_end: Callable[[], None] | None = None) -> int:
-    """Serve a board while ``command`` runs; return the command's exit code.
+def run_on_board(
+    file: BoardFile,
+    source: Source,
+    host: HostSection,
+    command: Callable[[str], list[str]],
+    transcript: str | None = None,
+) -> int:
+    """Run a program on a board that lives as long as the program; return its exit code.
 
-    SIGINT and SIGTERM are passed on to it. A command that died of a signal gives 128 + its number.
+    The program's link is a socket of its own; it is in ``$VBUS_LINK``. The file's other hosts are
+    served as well. What was broken is told at the end.
 
     Args:
-        server: the board with its links, not yet started.
-        command: program and arguments; it inherits the standard streams.
-        on_end: called when it has ended and before the links are closed.
+        file: the board.
+        source: the same as text, for mistakes found late.
+        host: what the program reaches: chips, card, pin map.
+        command: gives program and arguments, for the address of the link.
+        transcript: file that takes the bus cycles.
 
     Raises:
+        ConfigError: the board cannot be built.
         TransportError: a link cannot be opened.
-        VbusError: the program cannot be started.
+        VbusError: the program cannot be started, or the transcript cannot be written.
     """
-    return asyncio.run(_run_beside(server, command, on_end))
+    board = build(file, source)
+    findings = Findings()
+    board.observe(findings)
+    with ExitStack() as stack:
+        link = f"unix:{stack.enter_context(private_runtime()) / 'host.sock'}"
+        written: Transcript | None = None
+        if transcript is not None:
+            try:
+                written = Transcript(stack.enter_context(Path(transcript).open("w")))
+            except OSError as error:
+                raise VbusError(f"{transcript}: {error.strerror}") from error
+            board.observe(written)
+        card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
+        mine = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map)
+        served = zip(file.hosts, links_of(file), strict=True)
+        others = [spec for section, spec in served if section is not host]
+        server = Server(board, [mine, *others], file.board.stall)
+        code = asyncio.run(_run_beside(server, command(link), link))
+        if written is not None:
+            written.flush()
+    for line in findings.lines():
+        click.echo(f"vbus: {line}", err=True)
+    return code
 
 
-async def _run_beside(server: Server, command: list[str], on_end: Callable[[], None] | None) -> int:
+async def _run_beside(server: Server, command: list[str], link: str) -> int:
+    """Serve while ``command`` runs; a command that died of a signal gives 128 + its number."""
     loop = asyncio.get_running_loop()
     server.start(loop)
     try:
         try:
-            process = await asyncio.create_subprocess_exec(*command)
+            process = await asyncio.create_subprocess_exec(
+                *command, env={**os.environ, "VBUS_LINK": link}
+            )
         except OSError as error:
             raise VbusError(f"{command[0]}: {error.strerror}") from error
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, _pass_on, process, number)
         code = await process.wait()
-        # What the program sent last may still be on its way.
-        await asyncio.sleep(0)
-        if on_end is not None:
-            on_end()
+        server.board.catch_up()
     finally:
         server.stop()
     return code if code >= 0 else 128 - code
@@ -99,9 +136,3 @@ async def _run_beside(server: Server, command: list[str], on_end: Callable[[], N
 def _pass_on(process: asyncio.subprocess.Process, number: int) -> None:
     if process.returncode is None:
         process.send_signal(number)
-
-
-def tell(findings: Findings) -> None:
-    """Print what a host has broken where errors belong."""
-    for line in findings.lines():
-        click.echo(f"vbus: {line}", err=True)

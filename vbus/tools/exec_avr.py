@@ -4,20 +4,15 @@ import hashlib
 import os
 import shutil
 import subprocess
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
 
-from vbus.board.build import build, pin_map_of
 from vbus.board.config import read_board_file
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.settings import listed, suggestion
 from vbus.errors import ConfigError, VbusError
 from vbus.native import include_dir
-from vbus.server.server import LinkSpec, Server
-from vbus.server.serving import links_of
-from vbus.tools.beside import Findings, private_runtime, run_beside, tell
-from vbus.tools.transcript import Transcript
+from vbus.tools.beside import run_on_board
 
 KEYS: Final = {
     "mmcu": "--mmcu",
@@ -140,26 +135,14 @@ def run_avr(
         return subprocess.run(command).returncode
     assert board is not None
     file, source = read_board_file(board)
-    host = _host(file, pinmap)
-    built = build(file, source)
-    command = [simulator(), "--link", "", *options, elf]
-    findings = Findings()
-    built.observe(findings)
-    with ExitStack() as stack:
-        folder = stack.enter_context(private_runtime())
-        command[2] = f"unix:{folder / 'avr.sock'}"
-        on_end = None
-        if transcript is not None:
-            written = Transcript(stack.enter_context(Path(transcript).open("w")))
-            built.observe(written)
-            on_end = written.flush
-        mine = LinkSpec(
-            command[2], "byte", list(host.chips), host.cycle, None, pin_map_of(file, host.pinmap)
-        )
-        others = [spec for spec in links_of(file) if spec.pin_map is None]
-        code = run_beside(Server(built, [mine, *others], file.board.stall), command, on_end)
-    tell(findings)
-    return code
+    program = simulator()
+    return run_on_board(
+        file,
+        source,
+        _host(file, pinmap),
+        lambda address: [program, "--link", address, *options, elf],
+        transcript,
+    )
 
 
 def _host(file: BoardFile, name: str | None) -> HostSection:

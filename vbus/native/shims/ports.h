@@ -73,6 +73,7 @@ void set_level(unsigned port, uint8_t level);
 /* Time in picoseconds. Looking at a clock moves it, so that waiting for an instant ends. */
 void pass(uint64_t duration);
 uint64_t look_at_clock();
+bool own_clock(uint64_t *now); /* one access; false if the board keeps the time */
 void set_clock_period(uint64_t period); /* what a register access takes; at the start 62.5 ns */
 
 /* Called whenever interrupts may be served. Returns whether any is enabled: if none is, the chips

@@ -27,13 +27,50 @@ void write_pin(unsigned port, uint8_t value)
     vbus_shim::set_level(port, vbus_shim::port_level(port) ^ value);
 }
 
-uint8_t read_data(unsigned) { return (uint8_t)vbus_shim::console_read(); }
-void write_data(unsigned, uint8_t value) { vbus_shim::console_write(value); }
+#ifndef F_CPU
+#define F_CPU 16000000UL
+#endif
 
+const uint64_t PERIOD = UINT64_C(1000000000000) / F_CPU;
+const bool clock_is_set = (vbus_shim::set_clock_period(PERIOD), true);
+
+uint64_t sent_at; /* when the last byte given to the UART has left it */
+
+/* Start bit, eight bits, stop bit. */
+uint64_t byte_time()
+{
+    unsigned divisor = (unsigned)plain[BAUD_H] << 8 | plain[BAUD_L] | UBRR0;
+
+    return 10 * (plain[CONSOLE_A] & _BV(U2X0) ? 8 : 16) * (divisor + 1) * PERIOD;
+}
+
+uint8_t read_data(unsigned) { return (uint8_t)vbus_shim::console_read(); }
+
+void write_data(unsigned, uint8_t value)
+{
+    uint64_t now;
+
+    if (vbus_shim::own_clock(&now))
+        sent_at = (sent_at > now ? sent_at : now) + byte_time();
+    vbus_shim::console_write(value);
+}
+
+/* One byte is being sent and one may wait. Where the board keeps the time, sending takes none. */
 uint8_t read_console(unsigned)
 {
-    vbus_shim::pass(0);
-    return (uint8_t)(_BV(UDRE0) | _BV(TXC0) | (vbus_shim::console_ready() ? _BV(RXC0) : 0));
+    uint64_t now;
+    uint8_t flags = (uint8_t)(plain[CONSOLE_A] & _BV(U2X0));
+
+    if (!vbus_shim::own_clock(&now))
+        now = sent_at;
+    vbus_shim::serve_interrupts();
+    if (sent_at <= now + byte_time())
+        flags |= _BV(UDRE0);
+    if (sent_at <= now)
+        flags |= _BV(TXC0);
+    if (plain[CONSOLE_B] & _BV(RXEN0) && vbus_shim::console_ready())
+        flags |= _BV(RXC0);
+    return flags;
 }
 
 /* Where external interrupts and pin change interrupts come in. */

@@ -1,0 +1,59 @@
+"""``vbus exec``: a program and a board that live as long as each other."""
+
+import click
+
+
+@click.command("exec", context_settings={"ignore_unknown_options": True})
+@click.option("--board", metavar="FILE", help="The board file; served while the program runs.")
+@click.option("--link", metavar="WHERE", help="In place of --board: a link of a running board.")
+@click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware; mmcu=atmega328p,f=16000000.")
+@click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
+@click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
+@click.argument("program", nargs=-1, required=True, type=click.UNPROCESSED)
+def command(
+    board: str | None,
+    link: str | None,
+    avr: str | None,
+    pinmap: str | None,
+    transcript: str | None,
+    program: tuple[str, ...],
+) -> int:
+    r"""Run a program on a board of its own; the exit code is the program's.
+
+    \b
+    vbus exec --board board.toml -- ./host          finds the board's link in $VBUS_LINK
+    vbus exec --board board.toml --avr mmcu=atmega328p,f=16000000 firmware.elf
+
+    SPEC is a list of mmcu=, f= (clock in Hz), cycles= (end after so many), until= (end when the
+    firmware has sent this text), pin= (end when it drives a pin, PB5=1), uart=, pty= (a terminal
+    in place of stdout), pace (no faster than real time), gdb= (port for avr-gdb), stats.
+    """
+    if (board is None) == (link is None):
+        raise click.UsageError("name either a board file with --board or a link with --link")
+    if avr is not None:
+        from vbus.tools.exec_avr import run_avr
+
+        if len(program) != 1:
+            raise click.UsageError("--avr takes one firmware file and no arguments")
+        try:
+            return run_avr(avr, program[0], board, link, pinmap, transcript)
+        except ValueError as error:
+            raise click.BadParameter(str(error), param_hint="--avr") from None
+    if board is None:
+        raise click.UsageError("--link is for firmware; a program takes its link from $VBUS_LINK")
+    return _run(board, pinmap, transcript, list(program))
+
+
+def _run(board: str, pinmap: str | None, transcript: str | None, program: list[str]) -> int:
+    from vbus.board.config import read_board_file
+    from vbus.board.sections import HostSection
+    from vbus.errors import ConfigError
+    from vbus.tools.beside import run_on_board
+
+    file, source = read_board_file(board)
+    if pinmap is not None and all(section.name != pinmap for section in file.pinmaps):
+        raise ConfigError(f"{board}: there is no [pinmaps.{pinmap}]")
+    wanted = [host for host in file.hosts if pinmap is None or host.pinmap == pinmap]
+    described = [host for host in wanted if host.pinmap or host.card] or wanted
+    host = described[0] if described else HostSection(transport="", pinmap=pinmap or "")
+    return run_on_board(file, source, host, lambda _: program, transcript)
