@@ -23,8 +23,16 @@ def boards_directory() -> Path:
 
 def status_path(board: str) -> Path:
     """Return the status socket of the board called ``board``."""
-    safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in board)
-    return boards_directory() / f"{safe}.sock"
+    return boards_directory() / f"{_safe(board)}.sock"
+
+
+def watch_path(board: str) -> Path:
+    """Return the socket at which the board called ``board`` can be watched."""
+    return boards_directory() / f"{_safe(board)}.watch"
+
+
+def _safe(board: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_." else "_" for c in board)
 
 
 def ask(path: Path) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from vbus.server.loop import HostLoop
 from vbus.server.pacer import Pacer
 from vbus.server.registry import status_path
 from vbus.server.session import Session
+from vbus.server.watching import Watching
 from vbus.transports.base import Link, Transport, split_url
 from vbus.transports.sockets import UnixTransport
 
@@ -82,6 +83,7 @@ class Server:
         self._report: Callable[[str], None] = report if report is not None else log.warning
         self._hosts: list[_Host] = [self._host(spec) for spec in links]
         self._status: UnixTransport | None = None
+        self._watching: Watching = Watching(board, self.statistics)
         self._loop: asyncio.AbstractEventLoop | None = None
 
     @staticmethod
@@ -147,6 +149,7 @@ class Server:
         if self._status is not None:
             self._status.close()
             self._status = None
+        self._watching.close()
 
     async def serve(self, stop: asyncio.Event, ready: Callable[[], None] | None = None) -> None:
         """Serve until ``stop`` is set."""
@@ -171,6 +174,7 @@ class Server:
                 " this one another name"
             ) from error
         self._status = status
+        self._watching.open(loop)
 
     def _tell(self, link: Link) -> None:
         try:
@@ -194,7 +198,12 @@ class Server:
             "worst_lag_ps": self.pacer.worst_lag,
             "slipped_ps": self.pacer.slipped,
             "chips": [
-                {"name": chip.name, "part": chip.part, "clock_hz": chip.clock.hz}
+                {
+                    "name": chip.name,
+                    "part": chip.part,
+                    "family": chip.FAMILY,
+                    "clock_hz": chip.clock.hz,
+                }
                 for chip in board.chips
             ],
             "links": [

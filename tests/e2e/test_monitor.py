@@ -1,0 +1,130 @@
+"""``vbus monitor`` beside a running board, and what it leaves behind."""
+
+import io
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from tests.e2e.command import running, start, vbus
+from vbus import connect
+from vbus.tools.monitor import View, screen
+
+BOARD = """\
+[board]
+name = "bench"
+time = "lockstep"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/x"
+"""
+
+
+@pytest.fixture
+def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
+    path = tmp_path / "bench.toml"
+    path.write_text(BOARD)
+    return path
+
+
+def wait_for(path: Path) -> None:
+    for _ in range(200):
+        if path.exists():
+            return
+        time.sleep(0.02)
+    raise AssertionError(f"{path} has not come")
+
+
+def watch(*options: str) -> subprocess.Popen[str]:
+    process = start("monitor", "bench", *options)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "watching bench\n"
+    return process
+
+
+def careless(folder: Path) -> None:
+    with connect(f"unix:{folder}/run/x") as bus:
+        chip = bus.chip("x")
+        chip.read(0)
+        chip.write(0, 0x1D)
+        chip.write(0, 0x1D)  # busy: ignored
+        bus.delay("1ms")
+        chip.writes(1, bytes((0x00, 0x3B)))
+        bus.delay("1ms")
+        chip.write(0, 0x3F)
+        bus.now()
+
+
+@pytest.mark.slow
+def test_packets_and_violations_are_shown_as_they_happen(board: Path, tmp_path: Path) -> None:
+    with running(board):
+        process = watch("--count", "3")
+        careless(tmp_path)
+        out, err = process.communicate(timeout=30)
+        assert (process.returncode, err) == (0, "")
+    texts = [line.split(" ", 1)[1] for line in out.splitlines()]
+    assert texts == [
+        "x ! lm628.busy-write: command 1DH written while busy",
+        "x write of 1DH at address 0H not taken: lm628.busy-write",
+        "x RSTI resets BREAKPOINT TRAJECTORY_COMPLETE  [LM-CMD-18]",
+        "x undefined command 3FH  [LM-BUS-13]",
+    ]
+
+
+@pytest.mark.slow
+def test_a_watcher_that_leaves_or_hangs_does_not_disturb_the_board(
+    board: Path, tmp_path: Path
+) -> None:
+    with running(board):
+        first = watch("--status")
+        hangs = watch()
+        first.kill()
+        first.communicate()
+        with connect(f"unix:{tmp_path}/run/x") as bus:
+            for _ in range(200):
+                bus.chip("x").reads(0, 250)
+        assert vbus("ls", "bench").returncode == 0
+        hangs.kill()
+        hangs.communicate()
+
+
+@pytest.mark.slow
+def test_a_monitor_ends_with_its_board(board: Path, tmp_path: Path) -> None:
+    with running(board):
+        process = watch()
+    assert process.communicate(timeout=30)[1] == ""
+    assert process.returncode == 0
+    assert not list((tmp_path / "run" / "boards").glob("*.watch"))
+
+
+def test_a_board_that_does_not_run_is_named(board: Path) -> None:
+    done = vbus("monitor", "nobody")
+    assert done.returncode == 4
+    assert done.stderr.startswith('vbus: no board called "nobody" can be watched (')
+
+
+def test_the_screen_has_packets_axes_violations_and_what_was_too_fast() -> None:
+    view = View({"x": "lm628"}, status=False)
+    for item in (
+        ["c", 10, "h", "x", False, 0, 0x84],
+        ["c", 20, "h", "x", True, 0, 0x02],
+        ["c", 30, "h", "x", True, 0, 0x02],
+        ["v", 30, "x", "lm628.T9", "LM-TIM-9", "error", 1, 2, "too short"],
+        ["t", 2_000_000, {"x": {"real": 12}}],
+        ["lost", 7],
+    ):
+        view.take(item)  # type: ignore[arg-type]
+    console = Console(width=100, record=True, file=io.StringIO())
+    console.print(screen({"board": "bench"}, view))
+    text = console.export_text()
+    assert "x DFH  [LM-CMD-3]  x2" in text
+    assert "real 12" in text
+    assert "lm628.T9 x1" in text
+    assert "2us   3 bus cycles, 2 packets, 1 polls not shown, 7 cycles too fast" in text
