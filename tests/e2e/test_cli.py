@@ -250,7 +250,7 @@ def test_a_killed_board_leaves_nothing_that_a_restart_does_not_repair(
     with running(board) as (process, _):
         process.kill()
     assert (runtime / "x").is_symlink()
-    assert "warn  left-overs: 6 of servers that were killed" in vbus("doctor").stdout
+    assert "warn  left-overs: 8 of servers that were killed" in vbus("doctor").stdout
     with running(board) as (process, lines):
         assert lines[-1] == "ready; Ctrl-C stops it"
         assert os.access(runtime / "x", os.R_OK | os.W_OK)
@@ -280,7 +280,9 @@ def test_ls_sees_a_running_board_with_chips_links_time_and_lag(board: Path, runt
     assert chip == "  chip x: ACME-1 at 8 MHz"
     assert pty == f"  link pty:{runtime}/x: byte to x, waiting, 0 bytes in, 0 out"
     assert unix == f"  link unix:{runtime}/x.sock: text to x, waiting, 0 bytes in, 0 out"
-    assert status["chips"] == [{"name": "x", "part": "ACME-1", "clock_hz": 8_000_000}]
+    assert status["chips"] == [
+        {"name": "x", "part": "ACME-1", "family": "acme", "clock_hz": 8_000_000}
+    ]
     assert status["time_ps"] > 0
     assert status["lag_ps"] >= 0
 

@@ -16,6 +16,7 @@ _COMMANDS: Final = {
     "check": "Check board files; list the rules hosts are held to.",
     "demo": "Watch a chip move a motor under a host in another process.",
     "doctor": "Look for what is missing or broken on this machine.",
+    "exec": "Run a program or AVR firmware on a board of its own.",
     "explain": "Explain bytes on a bus, a status value, a rule, or a journal.",
     "ls": "List the boards that run on this machine.",
     "monitor": "Watch the buses of a running board in the manual's words.",
