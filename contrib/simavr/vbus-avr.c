@@ -67,7 +67,7 @@ static struct {
     int terminal, kept, pace;
     struct timespec began;
     avr_irq_t *uart_in;
-    int uart_ready;
+    int uart_ready, middle; /* middle: of a line of text */
 } sim;
 
 static void stop(int code, const char *message, ...) __attribute__((format(printf, 2, 3)));
@@ -309,6 +309,7 @@ static void uart_out(avr_irq_t *irq, uint32_t value, void *param)
             ;
     } else {
         putchar(byte);
+        sim.middle = byte != '\n';
         if (byte == '\n')
             fflush(stdout);
     }
@@ -606,8 +607,10 @@ int main(int argc, char **argv)
     }
     clock_gettime(CLOCK_MONOTONIC, &sim.began);
     run();
-    failed(pin_link_close(&sim.link));
+    if (sim.middle)
+        putchar('\n');
     fflush(stdout);
+    failed(pin_link_close(&sim.link));
     if (terminal != NULL)
         unlink(terminal);
     clock_gettime(CLOCK_MONOTONIC, &end);

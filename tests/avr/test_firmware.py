@@ -509,5 +509,5 @@ def test_the_arduino_example_gives_what_it_says(
 
     assert code == 0
     said = capfd.readouterr().out.replace("\r", "")
-    assert said == (folder / "expected.txt").read_text().rstrip("\n")
+    assert said == (folder / "expected.txt").read_text()
     assert bus.read_text().count("x+y w 0 01") == 3

@@ -34,7 +34,7 @@ def steps(page: str) -> list[str]:
 
 def shell(commands: list[str]) -> str:
     """Return a script; after each start of a board it waits until that board answers."""
-    script = "set -e -m\ntrap 'kill $(jobs -p)' EXIT\n"
+    script = "set -e -m\ntrap 'jobs -p | xargs -r kill' EXIT\n"
     boards = 0
     for command in commands:
         for line in command.splitlines(keepends=True):
@@ -87,6 +87,9 @@ def test_the_commands_of_a_page_work_as_printed(page: Path, tmp_path: Path) -> N
     "page", sorted(EXAMPLES.glob("*/README.md")), ids=lambda page: page.parent.name
 )
 def test_the_commands_of_an_example_work_as_printed(page: Path, tmp_path: Path) -> None:
+    lacking = "avr-gcc" in page.read_text() and shutil.which("avr-gcc") is None
+    if lacking and os.environ.get("VBUS_REQUIRE_ALL") != "1":
+        pytest.skip("needs gcc-avr, and what else the page names")
     shutil.copytree(EXAMPLES, tmp_path / "examples")
 
     done = run(steps(page.read_text()), tmp_path / "examples" / page.parent.name)

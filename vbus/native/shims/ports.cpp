@@ -19,7 +19,7 @@ bool is_open;
 uint64_t own_time, period = 62500, limit = UINT64_MAX;
 uint8_t drive[PIN_PORTS], level[PIN_PORTS];
 bool (*serve)();
-bool serving;
+bool serving, middle; /* middle: of a line of text */
 const char *until;
 size_t matched;
 
@@ -32,6 +32,8 @@ void leave()
 {
     if (is_open && chips.error == 0)
         pin_link_close(&chips);
+    if (middle)
+        putchar('\n');
     fflush(stdout);
 }
 
@@ -223,6 +225,7 @@ void console_write(uint8_t byte)
 {
     open_link();
     putchar(byte);
+    middle = byte != '\n';
     if (until == NULL)
         return;
     while (matched > 0 && until[matched] != (char)byte) {
