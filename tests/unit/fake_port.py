@@ -111,6 +111,22 @@ class FakePort(HostPort):
         self.time = max(self.time, when)
         return True
 
+    def lease(self, address: int) -> tuple[int, int, int] | None:
+        if address == 0:
+            return self.outputs, self.time, self.time + 5 * US
+        return (self.outputs, self.time, NEVER) if address == 2 else None
+
+    def polled(self, address: int, count: int) -> bool:
+        if address == 0xEE:
+            raise PortError(codes.NO_SUCH, "address EE: nobody is there")
+        if self._target < 0:
+            self._target = self.time + count * US
+        if not self._pass_to(self._target):
+            return False
+        self._target = -1
+        self.calls.append(("polled", address, count))
+        return True
+
     def wait(self, longest: int) -> tuple[bool, int] | None:
         if self._target < 0:
             self._target = self.time + longest

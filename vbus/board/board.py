@@ -223,6 +223,8 @@ class Board:
         """
         names = list(chips) if chips is not None else [chip.name for chip in self.chips]
         members = [self.chip(name) for name in names]
+        for other in self.ports:
+            other.end_lease()
         port = self.port_type(self, label, members, cycle_ps, card)
         port.pin_map = pin_map
         self.ports.append(port)

@@ -26,6 +26,9 @@ SETTLE_EVERY: Final = 4096
 
 FLOATING: Final = 0xFF
 
+LONGEST_LEASE: Final = 100_000 * US
+"""How far ahead a lease reaches at most: a host that polls for ever is heard of now and then."""
+
 APPROACH: Final = 1000 * US
 """How long before a host's time stamp the board may be brought there: longer than any strobe."""
 
@@ -68,6 +71,10 @@ class HostBus(HostPort):
         self._last_at: int = 0
         self._timed: bool = board.policy != "lockstep"
         self._target: int = -1
+        self._polls: int = -1
+        self.every_cycle: bool = False
+        """Whether each poll of POLLED must be run, though nobody could tell: for a journal."""
+        self._leased_until: int = 0
         self._claimed: list[str] = []
         self._pins: HostPins = HostPins(board.kernel, label, chips, self._edge_seen)
 
@@ -88,7 +95,7 @@ class HostBus(HostPort):
             self._pins.line_names(),
             self._pins.output_names(),
             self._pins.side_names(),
-            ["claim", "events", "lines", "sync"],
+            ["claim", "events", "leases", "lines", "sync"],
             wiring(self.pin_map, self.chips, self._pins),
             self._card.text() if self._card is not None else "",
         )
@@ -213,6 +220,75 @@ class HostBus(HostPort):
         if board.observers:
             self._tell(when, False, address, data)
         return data
+
+    def lease(self, address: int) -> tuple[int, int, int] | None:
+        """Tell how long the byte just read will be read again; see :class:`HostPort`.
+
+        Nothing is promised in real time, nor while another host could touch the chips.
+        """
+        board = self.board
+        chip = self._chip
+        if (
+            chip is None
+            or address not in chip.FREE_READS
+            or board.policy == "realtime"
+            or len(board.ports) > 1
+        ):
+            return None
+        outputs = self._pins.output_word()
+        until = min(self._kernel.next_due, chip.steady_until(address))
+        for neighbour in self.chips:
+            until = min(until, neighbour.next_event())
+        now = self._kernel.now
+        if until <= now + self._cycle:
+            return None
+        self._leased_until = min(until, now + LONGEST_LEASE)
+        return outputs, now, self._leased_until
+
+    def end_lease(self) -> None:
+        """Somebody else is about to touch the board: what was promised comes true first."""
+        until, self._leased_until = self._leased_until, 0
+        if until > self._kernel.now:
+            self.board.run_until(until)
+
+    def polled(self, address: int, count: int) -> bool:
+        """Run the polls a host has answered from a lease; False to be resumed later."""
+        if self._polls < 0:
+            self._polls = count
+        self.held = False
+        while self._polls:
+            if self.held:
+                return False
+            self._pass_over(address)
+            try:
+                self.read(address)
+            except PortError:
+                self._polls = -1
+                raise
+            self._polls -= 1
+        self._polls = -1
+        return True
+
+    def _pass_over(self, address: int) -> None:
+        """Leave out all polls but the last that time allows, where nothing could tell."""
+        chip = self._chip
+        board = self.board
+        if (
+            self._stamp >= 0
+            or chip is None
+            or not chip.TRACELESS
+            or address not in chip.FREE_READS
+            or self.every_cycle
+            or board.observers
+            or self._observed()
+        ):
+            return
+        now = self._kernel.now
+        over = min(self._polls, (board.limit - now) // self._cycle) - 1
+        if over > 0:
+            self._run_until(now + over * self._cycle)
+            board.counters["reads"] += over
+            self._polls -= over
 
     def write(self, address: int, data: int) -> None:
         """Run one write cycle on every selected chip."""

@@ -38,6 +38,11 @@ class Chip:
     PARTS: tuple[str, ...] = ()
     PINS: tuple[PinRow, ...] = ()
     RULES: tuple[Rule, ...] = ()
+    FREE_READS: tuple[int, ...] = ()
+    """Addresses at which reading has no effect a host could see: :meth:`steady_until` is for them."""
+    TRACELESS: bool = False
+    """Whether reads at these addresses leave no trace in the chip's state either, so that of many
+    in a row only the last need be run."""
     OPTIONS: tuple[Option, ...] = ()
     CARD_DECODES: dict[str, tuple[CardRow, ...]] = {}
     """Address decodes of known cards, by name; an address may lie beyond :attr:`ADDRESS_BITS`
@@ -115,6 +120,14 @@ class Chip:
         Holds as long as nothing from outside touches the chip; :data:`NEVER` if nothing will.
         """
         raise NotImplementedError
+
+    def steady_until(self, address: int) -> int:
+        """Return until when reads at ``address`` give what the one just made gave (ps).
+
+        A lower bound for an address of :attr:`FREE_READS`: before that instant the byte stays
+        as it is, unless something from outside touches the chip. :data:`NEVER` if it stays.
+        """
+        return self.kernel.now
 
     def power_on(self, done: bool) -> None:
         """Supply is up and the reset pin is released now: the datasheet's reset runs.

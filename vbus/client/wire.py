@@ -4,12 +4,14 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Final, Generic, NamedTuple, TypeVar
 
+from vbus.client.lease import Lease
 from vbus.errors import ProtocolError, VbusError
 from vbus.protocols.hello import decode_hello
 from vbus.protocols.port import PortInfo
 from vbus.protocols.quantities import parse_duration
 from vbus.protocols.requests import (
     FATAL,
+    LEASED,
     LONGEST,
     NO_EDGE,
     REFUSALS,
@@ -164,6 +166,12 @@ class Message:
         self.requests: list[tuple[str, Later[Values] | None]] = []
         self.duration: int = 0
         """How much chip time the requests may take besides their bus cycles (ps)."""
+        self.polls: int = -1
+        """The address, if all this asks for is one read cycle."""
+        self.stamp: int = -1
+        """The time stamp it ends with (ps)."""
+        self.touches: bool = False
+        """Whether it does more than let time pass."""
         self.mask: int | None = None
         """The selection these requests end with; None: as it was."""
 
@@ -175,11 +183,16 @@ class Message:
     def _post(self, row: Request, *values: int | bytes) -> None:
         self.data += row.pack(*values)
         self.requests.append((row.name, None))
+        self.polls = -1
+        if row.name not in ("AT", "DELAY"):
+            self.touches = True
 
     def _ask(self, row: Request, decode: Decode[T], *values: int | bytes) -> Later[T]:
         later = Later(row.name, decode)
         self.data += row.pack(*values)
         self.requests.append((row.name, later))  # type: ignore[arg-type]
+        self.polls = -1
+        self.touches = True
         return later
 
     def hello(self) -> Later[PortInfo]:
@@ -205,9 +218,10 @@ class Message:
 
     def read(self, address: int) -> Later[int]:
         """Run one read cycle."""
-        if 0 <= address < 16:
-            return self._ask(REQUESTS["READ4"], _number, address)
-        return self._ask(REQUESTS["READ"], _number, address)
+        later = self._ask(REQUESTS["READ4" if 0 <= address < 16 else "READ"], _number, address)
+        if len(self.requests) == 1:
+            self.polls = address
+        return later
 
     def write(self, address: int, data: int) -> None:
         """Run one write cycle with ``data`` (0 to 255)."""
@@ -271,7 +285,12 @@ class Message:
 
     def at(self, instant: int | str) -> None:
         """Set the host's own clock (slaved boards): the next cycle happens then."""
-        self._post(REQUESTS["AT"], _ps(instant))
+        self.stamp = _ps(instant)
+        self._post(REQUESTS["AT"], self.stamp)
+
+    def leases(self, on: bool) -> None:
+        """Have reads without side effects answered by leases, or no more."""
+        self._post(REQUESTS["LEASES"], int(on))
 
     def now(self) -> Later[int]:
         """Ask for chip time (ps)."""
@@ -323,6 +342,10 @@ class Wire:
 
     def __init__(self) -> None:
         self.selected: int | None = 1
+        self.cycles: list[int] = []
+        """What a bus cycle of each chip costs (ps); with it, polls are answered from leases."""
+        self._lease: Lease | None = None
+        self._polling: int = -1
         self.events: deque[Event] = deque()
         self._bytes: bytearray = bytearray()
         self._number: int = 0
@@ -339,9 +362,9 @@ class Wire:
         """
         if self._dead is not None:
             raise self._dead
-        head = b""
+        head = self._pass_lease(message, mask)
         if mask is not None and mask != self.selected:
-            head = REQUESTS["SELECT"].pack(mask)
+            head += REQUESTS["SELECT"].pack(mask)
             self._posted.append((self._number, "SELECT"))
             self._number += 1
             self.selected = mask
@@ -355,6 +378,58 @@ class Wire:
         if message.mask is not None:
             self.selected = message.mask
         return head + bytes(message.data)
+
+    def known(self, message: Message, mask: int | None) -> bytes | None:
+        """Answer ``message`` if it is a poll whose byte a lease knows.
+
+        Returns:
+            What the board has to be told of it, often nothing; None if the board must be asked.
+        """
+        lease = self._lease
+        if (
+            lease is None
+            or message.polls < 0
+            or mask not in (None, self.selected)
+            or self._dead is not None
+            or not lease.poll(message.polls)
+        ):
+            return None
+        for _, later in message.requests:
+            if later is not None:
+                later.settle((lease.data,))
+        return self.tell_polls() if lease.telling else b""
+
+    def tell_polls(self) -> bytes:
+        """Return the bytes that tell the board of the polls it was spared; none if there are none."""
+        lease = self._lease
+        if lease is None or not lease.polls:
+            return b""
+        data = REQUESTS["POLLED"].pack(lease.address, lease.polls)
+        lease.told()
+        self._posted.append((self._number, "POLLED"))
+        self._number += 1
+        return data
+
+    def _pass_lease(self, message: Message, mask: int | None) -> bytes:
+        """``message`` is about to be sent: tell of earlier polls; it may end the lease."""
+        data = self.tell_polls()
+        self._polling = message.polls
+        if message.touches or mask not in (None, self.selected):
+            self._lease = None
+        elif self._lease is not None:
+            if message.stamp >= 0:
+                self._lease.at(message.stamp)
+            if message.duration:
+                self._lease.delay(message.duration)
+        return data
+
+    def _take_lease(self, values: Values) -> None:
+        """A read was answered by a lease."""
+        data, _, instant, until = (int(value) for value in values)
+        mask = self.selected or 0
+        chip = mask.bit_length() - 1
+        if self._polling >= 0 and mask == 1 << chip and chip < len(self.cycles):
+            self._lease = Lease(self._polling, data, instant, until, self.cycles[chip])
 
     def end(self, error: VbusError) -> None:
         """Give the session up: nothing can be sent, and whatever is awaited fails."""
@@ -412,7 +487,11 @@ class Wire:
         return end - position
 
     def _settle(self, reply: Reply, values: Values) -> None:
-        if not self._awaited or REQUESTS[self._awaited[0].name].reply != reply.tag:
+        expected = REQUESTS[self._awaited[0].name].reply if self._awaited else ""
+        if reply.tag == LEASED and expected == "D":
+            self._take_lease(values)
+            values = values[:1]
+        elif expected != reply.tag:
             asked = self._awaited[0].name if self._awaited else "nothing"
             self.end(ProtocolError(f"the board replied {reply.tag!r} to {asked}"))
             return

@@ -63,6 +63,7 @@ static void begin(struct vbus *bus)
     memset(bus, 0, sizeof *bus);
     bus->fd = -1;
     bus->timeout_ms = DEFAULT_TIMEOUT_MS;
+    bus->selected = 1;
 }
 
 int vbus_attach(struct vbus *bus, int fd)
@@ -194,6 +195,8 @@ int vbus_open(struct vbus *bus, const char *where)
 
 void vbus_close(struct vbus *bus)
 {
+    if (bus->fd >= 0 && bus->dead == 0)
+        vbus_send(bus); /* whatever comes of it, this is the end */
     if (bus->fd >= 0)
         close(bus->fd);
     bus->fd = -1;
@@ -285,6 +288,31 @@ static int send_out(struct vbus *bus)
     return 0;
 }
 
+/* Queue what tells of the polls answered from a lease: they come before whatever is asked next. */
+static int tell_polls(struct vbus *bus)
+{
+    unsigned char *end;
+
+    if (bus->lease_polls == 0)
+        return 0;
+    if (bus->out_size + 4 > sizeof bus->out) {
+        int error = send_out(bus);
+
+        if (error < 0)
+            return error;
+    }
+    end = bus->out + bus->out_size;
+    end[0] = VBUS_POLLED;
+    end[1] = (unsigned char)bus->lease_address;
+    end[2] = (unsigned char)(bus->lease_polls >> 8);
+    end[3] = (unsigned char)bus->lease_polls;
+    bus->out_size += 4;
+    bus->number++;
+    bus->passing += bus->lease_polls * bus->lease_cycle;
+    bus->lease_polls = 0;
+    return 0;
+}
+
 /* Queue a request; send it unless requests are kept back or its reply is waited for anyway. */
 static int put(struct vbus *bus, const unsigned char *head, size_t size, const unsigned char *tail,
                size_t tail_size, int asks)
@@ -293,6 +321,13 @@ static int put(struct vbus *bus, const unsigned char *head, size_t size, const u
 
     if (bus->dead != 0)
         return bus->dead;
+    error = tell_polls(bus);
+    if (error < 0)
+        return error;
+    if (head[0] != VBUS_DELAY && head[0] != VBUS_AT) { /* a lease outlives time passing, no more */
+        bus->leased = 0;
+        bus->stamped = 0;
+    }
     if (bus->out_size + size + tail_size > sizeof bus->out) {
         error = send_out(bus);
         if (error < 0)
@@ -319,7 +354,14 @@ void vbus_buffer(struct vbus *bus)
 int vbus_flush(struct vbus *bus)
 {
     bus->buffering = 0;
-    return bus->dead != 0 ? bus->dead : send_out(bus);
+    return vbus_send(bus);
+}
+
+int vbus_send(struct vbus *bus)
+{
+    int error = bus->dead != 0 ? bus->dead : tell_polls(bus);
+
+    return error < 0 ? error : send_out(bus);
 }
 
 /* --- receiving -------------------------------------------------------------------------------- */
@@ -418,6 +460,23 @@ static int take_refusal(struct vbus *bus, uint16_t number, int64_t deadline)
     return 0;
 }
 
+/* Take the rest of a leased byte's reply. */
+static int take_lease(struct vbus *bus, unsigned char *data, int64_t deadline)
+{
+    unsigned char body[21];
+    int error = take(bus, body, sizeof body, deadline);
+
+    if (error == 0) {
+        *data = body[0];
+        bus->leased = 1;
+        bus->lease_data = body[0];
+        bus->lease_outputs = (uint32_t)number_of(body + 1, 4);
+        bus->lease_now = number_of(body + 5, 8);
+        bus->lease_until = number_of(body + 13, 8);
+    }
+    return error;
+}
+
 /* Wait for the reply `tag` of request `number`; take the fixed part of its body. */
 static int reply(struct vbus *bus, uint16_t number, int tag, unsigned char *body, size_t size)
 {
@@ -433,6 +492,8 @@ static int reply(struct vbus *bus, uint16_t number, int tag, unsigned char *body
         error = take(bus, &got, 1, deadline);
         if (error == 0 && got == tag)
             error = take(bus, body, size, deadline);
+        else if (error == 0 && got == VBUS_TAG_LEASED && tag == VBUS_TAG_DATA)
+            error = take_lease(bus, body, deadline);
         else if (error == 0 && got == VBUS_TAG_EVENT) {
             error = take_event(bus, deadline);
             if (error == 0)
@@ -520,6 +581,7 @@ int vbus_select(struct vbus *bus, unsigned mask)
     request[0] = VBUS_SELECT;
     request[1] = low(mask >> 8);
     request[2] = low(mask);
+    bus->selected = mask;
     return post(bus, request, 3);
 }
 
@@ -537,6 +599,36 @@ int vbus_unclaim(struct vbus *bus)
     return post(bus, &request, 1);
 }
 
+/* The instant of a poll made now, and whether the lease holds at it. */
+static int poll_leased(struct vbus *bus, unsigned address)
+{
+    uint64_t when = bus->lease_now + bus->lease_cycle;
+
+    if (bus->stamped)
+        when = bus->stamp > bus->lease_now ? bus->stamp : bus->lease_now;
+    if (address != bus->lease_address || when >= bus->lease_until || bus->ask_count > 0)
+        return 0;
+    bus->lease_now = when;
+    bus->lease_polls++;
+    /* A stamp belongs to one poll; otherwise they are a cycle apart and told of together. */
+    if ((bus->stamped || bus->lease_polls == 0xFFFF) && tell_polls(bus) < 0)
+        return 0;
+    bus->stamped = 0;
+    return 1;
+}
+
+/* Note what a lease just taken is for. */
+static void begin_lease(struct vbus *bus, unsigned address)
+{
+    unsigned chip = 0;
+
+    while (chip < 15 && (bus->selected >> chip & 1) == 0)
+        chip++;
+    bus->lease_address = address;
+    bus->lease_cycle = bus->cycles[chip];
+    bus->leased = bus->lease_cycle > 0;
+}
+
 int vbus_read(struct vbus *bus, unsigned address)
 {
     unsigned char request[2], body[1];
@@ -544,7 +636,11 @@ int vbus_read(struct vbus *bus, unsigned address)
 
     if (address > 255)
         return VBUS_E_ARGUMENT;
+    if (bus->leased && bus->dead == 0 && poll_leased(bus, address))
+        return (int)bus->lease_data;
     error = ask(bus, request, read_request(request, address), VBUS_TAG_DATA, body, 1);
+    if (bus->leased)
+        begin_lease(bus, address);
     return error < 0 ? error : body[0];
 }
 
@@ -634,6 +730,7 @@ int vbus_take_read(struct vbus *bus)
     bus->ask_first = (bus->ask_first + 1) % VBUS_MOST_ASKED;
     bus->ask_count--;
     error = reply(bus, number, VBUS_TAG_DATA, body, 1);
+    bus->leased = 0; /* what has been asked since may have ended it */
     if (error == 0)
         error = refusal(bus);
     return error < 0 ? error : body[0];
@@ -712,6 +809,13 @@ int vbus_delay(struct vbus *bus, uint64_t duration)
 
     with_u64(request, VBUS_DELAY, duration);
     bus->passing += duration;
+    if (bus->leased) {
+        if (bus->stamped && bus->stamp > bus->lease_now)
+            bus->lease_now = bus->stamp;
+        bus->stamped = 0;
+        bus->lease_now += duration;
+        bus->leased = bus->lease_now < bus->lease_until;
+    }
     return post(bus, request, 9);
 }
 
@@ -720,6 +824,8 @@ int vbus_at(struct vbus *bus, uint64_t instant)
     unsigned char request[9];
 
     with_u64(request, VBUS_AT, instant);
+    bus->stamp = instant;
+    bus->stamped = 1;
     return post(bus, request, 9);
 }
 
@@ -760,7 +866,7 @@ int vbus_events(struct vbus *bus, uint32_t mask)
 int vbus_wait_event(struct vbus *bus, int timeout_ms)
 {
     unsigned char tag;
-    int error = bus->dead != 0 ? bus->dead : bus->ask_count > 0 ? VBUS_E_ORDER : send_out(bus);
+    int error = bus->dead != 0 ? bus->dead : bus->ask_count > 0 ? VBUS_E_ORDER : vbus_send(bus);
 
     while (error == 0) {
         if (bus->in_begin == bus->in_end) {
@@ -997,4 +1103,71 @@ int vbus_number(struct vbus *bus, const char *list, const char *name)
             walk_past(&walk);
     }
     return walk.error < 0 ? walk.error : found;
+}
+
+/* Take the value of a chip's "cycle_ps". */
+static uint64_t walk_cycle(struct walk *walk)
+{
+    unsigned type = (unsigned)walk_number(walk, 1);
+    uint64_t value = type;
+
+    if (type >= 0xCC && type <= 0xCF) {
+        unsigned half = type == 0xCF ? 4 : 1U << (type - 0xCC);
+
+        value = walk_number(walk, half);
+        if (type == 0xCF)
+            value = value << 32 | walk_number(walk, 4);
+    }
+    return value;
+}
+
+/* Take the list of chips: how long a bus cycle of each takes. */
+static void walk_chips(struct walk *walk)
+{
+    char key[32];
+    uint32_t count, pairs, turn;
+
+    if (walk_head(walk, &count) != ARRAY && walk->error == 0)
+        walk->error = die(walk->bus, VBUS_E_PROTOCOL);
+    for (turn = 0; turn < count && walk->error == 0; turn++) {
+        if (walk_head(walk, &pairs) != MAP && walk->error == 0)
+            walk->error = die(walk->bus, VBUS_E_PROTOCOL);
+        for (; pairs > 0 && walk->error == 0; pairs--) {
+            walk_string(walk, key, sizeof key);
+            if (strcmp(key, "cycle_ps") == 0 && turn < 16)
+                walk->bus->cycles[turn] = walk_cycle(walk);
+            else
+                walk_past(walk);
+        }
+    }
+}
+
+int vbus_leases(struct vbus *bus, int on)
+{
+    unsigned char request[2];
+    struct walk walk;
+    char key[32];
+    uint32_t pairs;
+    int length = on ? ask_hello(bus) : 0;
+
+    if (length < 0)
+        return length;
+    walk.bus = bus;
+    walk.deadline = deadline_of(bus);
+    walk.left = (size_t)length;
+    walk.error = 0;
+    if (on && walk_head(&walk, &pairs) != MAP && walk.error == 0)
+        walk.error = die(bus, VBUS_E_PROTOCOL);
+    for (; on && pairs > 0 && walk.error == 0; pairs--) {
+        walk_string(&walk, key, sizeof key);
+        if (strcmp(key, "chips") == 0)
+            walk_chips(&walk);
+        else
+            walk_past(&walk);
+    }
+    if (walk.error < 0)
+        return walk.error;
+    request[0] = VBUS_LEASES;
+    request[1] = low(on != 0);
+    return post(bus, request, 2);
 }

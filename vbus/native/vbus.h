@@ -53,13 +53,16 @@ extern "C" {
 #define VBUS_AT 0x51
 #define VBUS_NOW 0x52
 #define VBUS_SYNC 0x53
+#define VBUS_POLLED 0x54
 #define VBUS_EVENTS 0x60
+#define VBUS_LEASES 0x61
 
 /* Replies: first byte. */
 #define VBUS_TAG_HELLO 'V'
 #define VBUS_TAG_ECHO 'E'
 #define VBUS_TAG_CLAIM 'C'
 #define VBUS_TAG_DATA 'D'
+#define VBUS_TAG_LEASED 'L'
 #define VBUS_TAG_BYTES 'B'
 #define VBUS_TAG_WAIT 'R'
 #define VBUS_TAG_SAMPLE 'P'
@@ -111,6 +114,11 @@ struct vbus {
     unsigned ask_first, ask_count;
     uint64_t passing;
     size_t out_size, in_begin, in_end;
+    int leased, stamped;
+    unsigned selected, lease_address, lease_data, lease_polls;
+    uint32_t lease_outputs;
+    uint64_t lease_now, lease_until, lease_cycle, stamp;
+    uint64_t cycles[16];
     unsigned char out[512], in[512];
 };
 
@@ -162,6 +170,15 @@ void vbus_buffer(struct vbus *bus);
 
 /* Send what is kept back, and keep nothing back any more. */
 int vbus_flush(struct vbus *bus);
+
+/* Send what is kept back, and go on keeping. */
+int vbus_send(struct vbus *bus);
+
+/* Answer polls from leases (1) or ask the board each time (0, as at the start). On lockstep and
+ * slaved boards a read without side effects tells how long its byte will stay; until then vbus_read
+ * gives that byte without asking, and the board is told how often it did, so that time, counts and
+ * traces are those of a host that asks. Asks for the description of the session. */
+int vbus_leases(struct vbus *bus, int on);
 
 /* Ask for a read cycle without waiting, and later take the bytes in the same order. */
 int vbus_ask_read(struct vbus *bus, unsigned address);

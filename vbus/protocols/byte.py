@@ -8,10 +8,11 @@ from vbus.protocols import codes
 from vbus.protocols.base import Protocol
 from vbus.protocols.hello import encode_hello
 from vbus.protocols.port import HostPort, PortError
-from vbus.protocols.requests import FATAL, NO_EDGE, REQUESTS, VERSION
+from vbus.protocols.requests import FATAL, LEASED, NO_EDGE, REQUESTS, VERSION
 
 _READ4: Final = REQUESTS["READ4"].code
 _D: Final = ord("D")
+_L: Final = ord(LEASED)
 _U32: Final = (1 << 32) - 1
 
 SIZES: Final = bytes(
@@ -42,6 +43,7 @@ class ByteProtocol(Protocol):
         self._number: int = 0
         self._refusal: bytes = b""
         self._watching: bool = False
+        self._leasing: bool = False
         self._handlers: list[Callable[[bytes, int], bool]] = [
             self._handler(code) for code in range(256)
         ]
@@ -60,6 +62,7 @@ class ByteProtocol(Protocol):
         self._number = 0
         self._refusal = b""
         self._watching = False
+        self._leasing = False
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out every request now complete."""
@@ -92,8 +95,11 @@ class ByteProtocol(Protocol):
             try:
                 if code & 0xF0 == _READ4:  # nearly all traffic is a driver polling its status
                     value = port.read(code & 15)
-                    out.append(_D)
-                    out.append(value)
+                    if self._leasing:
+                        out += self._read_reply(code & 15, value)
+                    else:
+                        out.append(_D)
+                        out.append(value)
                 else:
                     if COUNTED[code]:
                         following += data[following - 1]
@@ -182,8 +188,22 @@ class ByteProtocol(Protocol):
         return True
 
     def _do_read(self, data: bytes, start: int) -> bool:
-        self.out += bytes((_D, self.port.read(data[start])))
+        value = self.port.read(data[start])
+        self.out += self._read_reply(data[start], value)
         return True
+
+    def _read_reply(self, address: int, value: int) -> bytes:
+        """Return what answers a read: with a lease if one can be given and was asked for."""
+        lease = self.port.lease(address) if self._leasing else None
+        if lease is None:
+            return bytes((_D, value))
+        outputs, instant, until = lease
+        return (
+            bytes((_L, value))
+            + (outputs & _U32).to_bytes(4, "big")
+            + instant.to_bytes(8, "big")
+            + (NO_EDGE if until >= NEVER else until).to_bytes(8, "big")
+        )
 
     def _do_write(self, data: bytes, start: int) -> bool:
         self.port.write(data[start], data[start + 1])
@@ -264,6 +284,15 @@ class ByteProtocol(Protocol):
         outputs, edge = self.port.sync()
         self.out += b"S" + (outputs & _U32).to_bytes(4, "big")
         self.out += (NO_EDGE if edge >= NEVER else edge).to_bytes(8, "big")
+        return True
+
+    def _do_polled(self, data: bytes, start: int) -> bool:
+        return self.port.polled(data[start], data[start + 1] << 8 | data[start + 2])
+
+    def _do_leases(self, data: bytes, start: int) -> bool:
+        if data[start] > 1:
+            raise PortError(codes.NO_SUCH, f"leases {data[start]}; allowed are 0 and 1")
+        self._leasing = data[start] == 1
         return True
 
     def _do_events(self, data: bytes, start: int) -> bool:

@@ -108,6 +108,23 @@ class HostPort:
         """Run one read cycle; return the byte (0..255)."""
         raise NotImplementedError
 
+    def lease(self, address: int) -> tuple[int, int, int] | None:
+        """Tell how long the byte just read at ``address`` will be read again.
+
+        Returns:
+            ``(output lines, now, until)``: before the instant ``until`` every read at ``address``
+            would give the same byte and the output lines stay, as long as this host does nothing
+            but poll and let time pass. None if there is nothing to promise.
+        """
+        return None
+
+    def polled(self, address: int, count: int) -> bool:
+        """Run ``count`` read cycles whose bytes the host knows already from a lease.
+
+        False if the session must be resumed later.
+        """
+        raise NotImplementedError
+
     def write(self, address: int, data: int) -> None:
         """Run one write cycle."""
         raise NotImplementedError

@@ -196,6 +196,11 @@ REPLIES: Final = {
         Reply("E", _layout("n:u8"), "the barrier's number"),
         Reply("C", _layout("held:u8"), "1: the bus is yours"),
         Reply("D", _layout("d:u8"), "a byte read, or a level"),
+        Reply(
+            "L",
+            _layout("d:u8 outputs:u32 instant:u64 until:u64"),
+            "a byte read and the output lines, when that was, and before when neither changes",
+        ),
         Reply("B", _layout("data:bytes8"), "bytes read"),
         Reply("R", _layout("ready:u8 instant:u64"), "ready (1) or not (0), and when that was"),
         Reply("P", _layout("d:u8 outputs:u32"), "D0-D7 as they stand, and the output lines"),
@@ -257,10 +262,25 @@ REQUESTS: Final = RequestTable(
         reply="S",
     ),
     Request(
+        "POLLED",
+        0x54,
+        "this host polled address a n times more, a cycle time apart, and knew the byte by a lease",
+        _layout("a:u8 n:u16"),
+    ),
+    Request(
         "EVENTS", 0x60, "report each edge of these output lines from now on", _layout("mask:u32")
     ),
+    Request(
+        "LEASES",
+        0x61,
+        "1: answer reads without side effects by 'L' where the board can tell; 0: no more",
+        _layout("on:u8"),
+    ),
 )
-"""The requests of version 1. Opcodes 54 and 61 are kept free for reporting leased polls."""
+"""The requests of version 1."""
+
+LEASED: Final = "L"
+"""Tag of the reply that may stand in the place of ``'D'`` after LEASES 1."""
 
 REFUSALS: Final = {
     codes.UNKNOWN_REQUEST: ("UNKNOWN", "unknown request"),

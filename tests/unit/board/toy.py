@@ -28,6 +28,8 @@ class Toy(Chip):
         PinRow("IRQ", "out", rest=LOW),
     )
     RULES = tuple(AC.rules.values())
+    FREE_READS = (0,)
+    TRACELESS = True
 
     def __init__(self, *args, **kwargs) -> None:  # type: ignore[no-untyped-def]
         super().__init__(*args, **kwargs)
@@ -83,6 +85,9 @@ class Toy(Chip):
 
     def ready_at(self) -> int:
         return self.busy_until
+
+    def steady_until(self, address: int) -> int:
+        return self.busy_until if self.kernel.now < self.busy_until else NEVER
 
     def power_on(self, done: bool) -> None:
         pass

@@ -144,7 +144,7 @@ def test_an_at_beyond_the_end_of_time_is_refused(wire: ByteProtocol, when: int) 
 
 @pytest.mark.parametrize(
     ("request_bytes", "code"),
-    [("00", 1), ("06", 1), ("54", 1), ("61", 1), ("ff", 1), ("32 00 00", 4), ("33 00 00", 4),
+    [("00", 1), ("06", 1), ("55", 1), ("62", 1), ("ff", 1), ("32 00 00", 4), ("33 00 00", 4),
      ("01 00", 5)],
 )  # fmt: skip
 def test_after_a_request_of_unknown_length_every_byte_is_refused_alike(
@@ -269,6 +269,47 @@ def test_a_refused_events_request_loses_no_event(wire: ByteProtocol, port: FakeP
     assert say(wire, "60 80000000") == event(1, 0) + "58020001"
 
 
-def test_opcodes_kept_for_leases_are_free() -> None:
-    assert REQUESTS.by_code(0x54) is None
-    assert REQUESTS.by_code(0x61) is None
+# -- leases ----------------------------------------------------------------------------------------
+
+
+def leased(data: int, outputs: int, when: int, until: int) -> str:
+    return f"4c{data:02x}{outputs:08x}{when:016x}{until:016x}"
+
+
+def test_a_read_is_answered_with_a_lease_where_the_board_can_tell_and_the_host_asked(
+    wire: ByteProtocol,
+) -> None:
+    assert say(wire, "10 11") == "44014413"
+    assert say(wire, "61 01 10 11 30 00") == (
+        leased(3, 0, 3 * US, 8 * US) + "4415" + leased(5, 0, 5 * US, 10 * US)
+    )
+    assert say(wire, "61 00 10") == "4406"
+
+
+def test_a_lease_without_end_is_all_ones(wire: ByteProtocol) -> None:
+    assert say(wire, "61 01 12") == leased(0x23, 0, US, (1 << 64) - 1)
+
+
+def test_leases_are_on_or_off_and_end_with_the_session(wire: ByteProtocol) -> None:
+    assert say(wire, "61 02") == "58020000"
+    assert say(wire, "61 01") == ""
+    wire.reset()
+    assert say(wire, "10") == "4401"
+
+
+def test_polled_tells_how_often_the_host_has_looked(wire: ByteProtocol, port: FakePort) -> None:
+    assert say(wire, "54 00 0102 54 02 0000 54 ee 0001 52") == (
+        "58020002" + "54" + (0x102 * US).to_bytes(8, "big").hex()
+    )
+    assert port.calls == [("polled", 0, 0x102), ("polled", 2, 0)]
+
+
+def test_polls_that_time_does_not_allow_keep_everything_behind_them(
+    wire: ByteProtocol, port: FakePort
+) -> None:
+    port.limit = 2 * US
+    assert say(wire, "54 00 0003 02 01") == ""
+    port.limit = 3 * US
+    port.go_on()
+    wire.resume()
+    assert wire.take().hex() == "4501"

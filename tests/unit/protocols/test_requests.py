@@ -41,7 +41,9 @@ from vbus.protocols.requests import (
         ("AT", ((1 << 64) - 1,), "51ffffffffffffffff"),
         ("NOW", (), "52"),
         ("SYNC", (), "53"),
+        ("POLLED", (1, 0x0102), "54010102"),
         ("EVENTS", (0x80000001,), "6080000001"),
+        ("LEASES", (1,), "6101"),
     ],
 )
 def test_a_request_has_the_bytes_the_protocol_says(
@@ -51,7 +53,7 @@ def test_a_request_has_the_bytes_the_protocol_says(
 
 
 def test_the_table_has_no_other_requests() -> None:
-    assert len(list(REQUESTS)) == 23
+    assert len(list(REQUESTS)) == 25
 
 
 def test_every_request_has_one_handler_and_every_handler_a_request() -> None:
@@ -61,7 +63,7 @@ def test_every_request_has_one_handler_and_every_handler_a_request() -> None:
 
 
 def test_every_answer_is_a_known_reply() -> None:
-    assert {row.reply for row in REQUESTS} - {""} == set(REPLIES) - {"I", "X"}
+    assert {row.reply for row in REQUESTS} - {""} == set(REPLIES) - {"I", "L", "X"}
 
 
 def test_reply_tags_are_letters_and_never_opcodes_of_short_cycles() -> None:

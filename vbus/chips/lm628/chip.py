@@ -49,6 +49,8 @@ class LM628(Chip):
     PARTS: tuple[str, ...] = ds.PARTS
     PINS: tuple[PinRow, ...] = ds.PINS
     RULES: tuple[Rule, ...] = ds.RULES
+    FREE_READS = (ds.COMMAND_PORT,)
+    TRACELESS = True
     OPTIONS: tuple[Option, ...] = ds.OPTIONS
 
     def __init__(
@@ -239,6 +241,10 @@ class LM628(Chip):
         if self._mode != _RUNNING:
             return self._reset_end
         return self.host.busy_end if self.host.busy else self.kernel.now
+
+    def steady_until(self, address: int) -> int:
+        """Return until when the status byte stays as it is: it changes as outputs do (LM-STA-1)."""
+        return self.next_event()
 
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
         """Return the edges of a whole cycle at the shortest times the manual allows."""

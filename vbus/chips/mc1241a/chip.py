@@ -53,6 +53,8 @@ class MC1241A(Chip):
     PARTS = ("MC1241A", "MC1141A")
     PINS = PINS
     RULES = RULES
+    FREE_READS = (COMMAND_PORT,)
+    TRACELESS = True
     OPTIONS = OPTIONS
     CARD_DECODES = CARD_DECODES
 
@@ -295,6 +297,12 @@ class MC1241A(Chip):
         """RST_INTRPT: the line goes high for a clock at least (PMD-INT-3)."""
         self.interrupts.release(self.instant + self.clock.span_up(1))
         self.put(self._interrupt_pin, HIGH)
+
+    def steady_until(self, address: int) -> int:
+        """Return until when the adapter's status byte stays as it is (PMD-BUS-12)."""
+        due = self.next_event()
+        ready = self.port.busy_until
+        return min(due, ready) if ready > self.kernel.now else due
 
     def next_event(self) -> int:
         """Return a lower bound of the next change of an output (ps)."""

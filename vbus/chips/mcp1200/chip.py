@@ -41,6 +41,7 @@ class MCP1200(Chip):
     PARTS: tuple[str, ...] = ds.PARTS
     PINS: tuple[PinRow, ...] = ds.PINS
     RULES: tuple[Rule, ...] = ds.RULES
+    FREE_READS = (ds.STATUS,)
     OPTIONS: tuple[Option, ...] = ds.OPTIONS
 
     def __init__(
@@ -126,6 +127,10 @@ class MCP1200(Chip):
     def _stall(self) -> None:
         self.works.stall()
         self._refresh_due()
+
+    def steady_until(self, address: int) -> int:
+        """Return until when a status register stays as it is: until anything happens inside."""
+        return self._due_ps
 
     def ready_at(self) -> int:
         """Return when the recovery time of the last access is over (MCP-BUS-12)."""

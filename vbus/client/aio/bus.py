@@ -1,7 +1,7 @@
 """A bus over any link, for asyncio."""
 
 from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from time import monotonic
 from types import TracebackType
 from typing import Concatenate, Final, ParamSpec, Self, TypeVar
@@ -9,7 +9,7 @@ from typing import Concatenate, Final, ParamSpec, Self, TypeVar
 from vbus.client.aio.ready import Lock, until_ready
 from vbus.client.links import Link, open_link
 from vbus.client.wire import Event, Later, Message, Ready, Sample, Sync, Wire
-from vbus.errors import TransportError
+from vbus.errors import TransportError, VbusError
 from vbus.protocols.port import PortInfo
 
 P = ParamSpec("P")
@@ -17,6 +17,9 @@ T = TypeVar("T")
 
 TIMEOUT: Final = 5.0
 """Seconds a reply may take, on top of the time its requests let pass."""
+
+MOST_KEPT: Final = 4096
+"""Bytes that are kept back at most while posting."""
 
 _LONGEST_WAIT: Final = 86400.0
 
@@ -110,6 +113,8 @@ class Bus(Cycles):
         self._lock = Lock()
         self._info: PortInfo | None = None
         self._passing: int = 0
+        self._posting: bool = False
+        self._kept: bytearray = bytearray()
 
     async def __aenter__(self) -> Self:
         return self
@@ -123,7 +128,9 @@ class Bus(Cycles):
         await self.close()
 
     async def close(self) -> None:
-        """Close the link; again is harmless."""
+        """Close the link, sending first what is kept back; again is harmless."""
+        with suppress(VbusError):
+            await self.posting(False)
         self._wire.end(TransportError(f"{self.link.where}: this end has closed it"))
         self.link.close()
 
@@ -208,6 +215,25 @@ class Bus(Cycles):
         """Set the host's own clock (slaved boards): the next cycle happens at ``instant``."""
         await self._post(Message.at, instant)
 
+    async def leases(self, on: bool = True) -> None:
+        """Answer polls from leases, or ask the board each time (as at the start).
+
+        On lockstep and slaved boards a read without side effects tells how long its byte will
+        stay; until then it is given again without asking. The board is told how often that was,
+        so that time, counts and traces are those of a host that asks.
+        """
+        self._wire.cycles = [chip.cycle_ps for chip in self.info.chips] if on else []
+        await self._post(Message.leases, on)
+
+    async def posting(self, on: bool = True) -> None:
+        """Keep requests without a reply back, to travel with the next one that has a reply.
+
+        ``False`` sends what is kept back, and keeps nothing back any more (as at the start).
+        """
+        self._posting = on
+        if not on:
+            await self._exchange(Message())
+
     async def now(self) -> int:
         """Return chip time (ps)."""
         return await self._ask(Message.now)
@@ -250,7 +276,16 @@ class Bus(Cycles):
     async def exchange(self, message: Message, mask: int | None) -> None:
         """Send ``message`` with these chips selected (None: as it is) and take its replies."""
         async with self._lock:
-            rest = memoryview(self._wire.send(message, mask))
+            told = self._wire.known(message, mask)
+            if told is not None:
+                self._kept += told
+                return
+            self._kept += self._wire.send(message, mask)
+            if self._posting and len(self._kept) < MOST_KEPT and message.done:
+                self._passing += message.duration
+                return
+            rest = memoryview(bytes(self._kept))
+            self._kept.clear()
             self._passing += message.duration
             deadline = monotonic() + self._patience()
             try:

@@ -1,0 +1,298 @@
+"""Leases: a host that answers its own polls sees, and leaves behind, what it would have otherwise."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.unit.board.toy import Toy
+from vbus.board.board import Board
+from vbus.board.build import load_board_text
+from vbus.board.host_bus import LONGEST_LEASE, HostBus
+from vbus.kernel import MS, US
+from vbus.protocols.port import PortError
+from vbus.signals import Observer
+
+PLANT = '[plants.m]\nmodel = "ideal"\n'
+PARTS = {
+    "LM629": ('part = "LM629N-8"\nclock = "8 MHz"\nplant = "m"\n' + PLANT, 0),
+    "MC1141A": ('part = "MC1141A"\nclock = "15 MHz"\nplant = "none"\n', 1),
+    "MCP-1200": ('part = "MCP-1200"\nclock = "10 MHz"\nplant = "m"\n' + PLANT, 7),
+}
+
+
+def toy_bench(policy: str = "lockstep") -> tuple[Board, HostBus, Toy]:
+    board = Board("bench", policy)
+    chip = board.add_chip(Toy, "t0", "TOY", 8_000_000)
+    board.power_on()
+    assert isinstance(chip, Toy)
+    return board, board.open_port("host"), chip
+
+
+def bench(part: str) -> tuple[Board, HostBus, int]:
+    chip, address = PARTS[part]
+    board = load_board_text(f'[board]\nname = "b"\ntime = "lockstep"\n[chips.x]\n{chip}')
+    board.start_trace()
+    return board, board.open_port("host"), address
+
+
+class Leasing:
+    """A host that keeps to its leases; counts what it asks the board for."""
+
+    def __init__(self, port: HostBus, on: bool, cycle: int = US) -> None:
+        self.port = port
+        self.on = on
+        self.cycle = cycle
+        self.asked = 0
+        self._address = -1
+        self._data = self._now = self._until = self._polls = 0
+
+    def read(self, address: int) -> int:
+        if self.on and address == self._address and self._now + self.cycle < self._until:
+            self._now += self.cycle
+            self._polls += 1
+            return self._data
+        self.settle()
+        self._address = -1
+        self.asked += 1
+        data = self.port.read(address)
+        lease = self.port.lease(address) if self.on else None
+        if lease is not None:
+            self._address, self._data = address, data
+            _, self._now, self._until = lease
+        return data
+
+    def settle(self) -> None:
+        if self._polls:
+            assert self.port.polled(self._address, self._polls)
+        self._polls = 0
+
+    def write(self, address: int, data: int) -> None:
+        self.settle()
+        self._address = -1
+        self.port.write(address, data)
+
+    def delay(self, duration: int) -> None:
+        self.settle()
+        self._now += duration
+        assert self.port.delay(duration)
+
+
+class Log(Observer):
+    def __init__(self) -> None:
+        self.cycles: list[tuple[int, bool, int, int]] = []
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        self.cycles.append((when, write, address, data))
+
+
+steps = st.lists(
+    st.one_of(
+        st.tuples(st.just("w"), st.integers(0, 1), st.integers(0, 255)),
+        st.tuples(st.just("r"), st.integers(0, 1), st.integers(0, 1)),
+        st.tuples(st.just("poll"), st.integers(1, 400), st.integers(0, 0)),
+        st.tuples(st.just("delay"), st.integers(0, 3 * MS), st.integers(0, 0)),
+    ),
+    max_size=25,
+)
+
+
+def run(
+    part: str, script: list[tuple[str, int, int]], on: bool, watched: bool
+) -> tuple[object, ...]:
+    board, port, status = bench(part)
+    log = Log()
+    if watched:
+        board.observe(log)
+        board.watch(f"x.{board.chips[0].data_pin.name}", Observer())
+    host = Leasing(port, on)
+    seen: list[int] = []
+    for kind, first, second in script:
+        if kind == "w":
+            host.write(first if part != "MCP-1200" else (5, 0)[first], second)
+        elif kind == "r":
+            seen.append(host.read(first if part != "MCP-1200" else (7, 0x14)[first]))
+        elif kind == "poll":
+            seen.extend(host.read(status) for _ in range(first))
+        else:
+            host.delay(first)
+    host.settle()
+    return seen, log.cycles, board.now, dict(board.counters), board.state_hash(), board.trace_hash()
+
+
+@pytest.mark.parametrize("watched", [False, True])
+@pytest.mark.parametrize("part", list(PARTS))
+@settings(max_examples=40, deadline=None)
+@given(script=steps)
+def test_leased_and_unleased_runs_are_the_same_run(
+    part: str, watched: bool, script: list[tuple[str, int, int]]
+) -> None:
+    assert run(part, script, True, watched) == run(part, script, False, watched)
+
+
+def reset_and_move(host: Leasing) -> list[int]:
+    """What an LM629 driver does: reset, load a trajectory, poll until it is complete."""
+    polls: list[int] = []
+
+    def wait(mask: int, value: int) -> None:
+        count = 1
+        while host.read(0) & mask != value:
+            count += 1
+        polls.append(count)
+
+    def command(code: int, *data: int) -> None:
+        host.write(0, code)
+        wait(1, 0)
+        for place in range(0, len(data), 2):
+            host.write(1, data[place])
+            host.write(1, data[place + 1])
+            wait(1, 0)
+
+    wait(0xFF, 0x84)
+    command(0x1E, 0x00, 0x0F, 0, 50, 0, 10, 0, 50, 0, 100)
+    command(0x04)
+    command(0x1F, 0x00, 0x2A, 0, 0, 0, 20, 0, 2, 0, 0, 0, 0, 4, 0)
+    command(0x01)
+    wait(4, 4)
+    return polls
+
+
+@pytest.mark.parametrize("traced", [False, True])
+def test_a_driver_polls_as_often_and_asks_a_tenth(traced: bool) -> None:
+    results = []
+    hosts = []
+    for on in (False, True):
+        chip = PARTS["LM629"][0]
+        board = load_board_text(f'[board]\ntime = "lockstep"\n[chips.x]\n{chip}')
+        if traced:
+            board.start_trace()
+        host = Leasing(board.open_port("host"), on)
+        polls = reset_and_move(host)
+        host.settle()
+        trace = board.trace_hash() if traced else ""
+        results.append((polls, board.now, board.counters["reads"], board.state_hash(), trace))
+        hosts.append(host)
+
+    assert results[0] == results[1]
+    assert hosts[1].asked * 10 < hosts[0].asked, "most polls were answered from leases"
+
+
+def test_a_lease_ends_before_the_byte_changes() -> None:
+    _, port, _ = toy_bench()
+    port.write(0, 200)  # busy for 10 us from 1 us on
+    assert port.read(0) == 1
+    assert port.lease(0) == (0, 2 * US, 11 * US)
+
+
+def test_a_lease_ends_before_an_output_line_moves() -> None:
+    _, port, _ = toy_bench()
+    port.write(0, 5)  # IRQ rises at 6 us, busy ends at 11 us
+    port.read(0)
+    assert port.lease(0) == (0, 2 * US, 6 * US)
+
+
+def test_no_lease_reaches_further_than_a_tenth_of_a_second() -> None:
+    _, port, _ = toy_bench()
+    port.read(0)
+    assert port.lease(0) == (0, US, US + LONGEST_LEASE)
+
+
+def test_nothing_is_promised_where_reading_has_an_effect() -> None:
+    _, port, _ = toy_bench()
+    port.read(1)
+    assert port.lease(1) is None
+
+
+def test_nothing_is_promised_that_no_poll_could_use() -> None:
+    _, port, chip = toy_bench()
+    port.write(0, 200)
+    port.delay(8 * US)
+    port.read(0)
+    assert chip.busy_until == port.now() + US
+    assert port.lease(0) is None
+
+
+def test_nothing_is_promised_in_real_time_or_to_one_of_several_hosts() -> None:
+    _, port, _ = toy_bench("realtime")
+    port.read(0)
+    assert port.lease(0) is None
+
+    board, port, _ = toy_bench()
+    other = board.open_port("other")
+    port.read(0)
+    assert port.lease(0) is None
+    other.close()
+    assert port.lease(0) is not None
+
+
+def test_nothing_is_promised_with_several_chips_selected() -> None:
+    board = Board("bench", "lockstep")
+    for name in ("t0", "t1"):
+        board.add_chip(Toy, name, "TOY", 8_000_000)
+    board.power_on()
+    port = board.open_port("host")
+    port.select(3)
+    port.read(0)
+    assert port.lease(0) is None
+
+
+def test_whoever_comes_acts_after_what_was_promised() -> None:
+    board, port, _ = toy_bench()
+    port.write(0, 200)
+    port.read(0)
+    assert port.lease(0) == (0, 2 * US, 11 * US)
+
+    board.open_port("operator")
+
+    assert board.now == 11 * US
+
+
+def test_polls_are_run_a_cycle_apart_and_counted() -> None:
+    board, port, _ = toy_bench()
+    log = Log()
+    board.observe(log)
+    port.write(0, 200)
+
+    assert port.polled(0, 3)
+
+    assert log.cycles[1:] == [(when * US, False, 0, 1) for when in (2, 3, 4)]
+    assert board.counters["reads"] == 3
+    assert board.now == 4 * US
+
+
+def test_a_slaved_host_stamps_each_of_its_polls() -> None:
+    board, port, _ = toy_bench("slaved")
+    log = Log()
+    board.observe(log)
+    port.at(7 * US)
+    port.polled(0, 1)
+    port.at(9 * US)
+    port.polled(0, 1)
+    assert [when for when, *_ in log.cycles] == [7 * US, 9 * US]
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_polls_wait_for_the_time_they_take(watched: bool) -> None:
+    board, port, _ = toy_bench()
+    if watched:
+        board.observe(Log())
+    board.limit = 4 * US
+    assert not port.polled(0, 10)
+    assert port.held
+    assert board.now <= 5 * US
+
+    board.limit = 100 * US
+    assert port.go_on()
+    assert port.polled(0, 10), "the same call again finishes the rest"
+    assert (board.now, board.counters["reads"]) == (10 * US, 10)
+    assert port.polled(0, 2)
+    assert board.counters["reads"] == 12
+
+
+def test_polls_beyond_the_end_of_time_are_refused() -> None:
+    board, port, _ = toy_bench()
+    assert port.delay((1 << 63) - 2 - 5 * US)
+    with pytest.raises(PortError, match="time ends"):
+        port.polled(0, 10)
+    assert board.counters["reads"] == 5
