@@ -206,6 +206,13 @@ class RecordSection(Section, frozen=True, kw_only=True):
     journal: Annotated[
         str, _key("text", "file that takes every call of every host, for vbus replay")
     ] = ""
+    report: Annotated[
+        str,
+        _key("text", "file that takes the violations at the end: .txt, .json, .xml or .sarif"),
+    ] = ""
+    suppress: Annotated[
+        str, _key("text", "file of violations that are accepted, each with a reason")
+    ] = ""
 
 
 NO_HOST: Final = HostSection(transport="")

@@ -6,9 +6,13 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from vbus.board.board import Board
+from vbus.board.checks import all_rules
 from vbus.board.sections import RecordSection
 from vbus.errors import VbusError
 from vbus.trace.journal import Journal
+from vbus.trace.report import Report
+from vbus.trace.report_formats import FORMATS, format_of
+from vbus.trace.suppress import Suppression, read_suppressions
 
 FLUSH_SECONDS: Final = 0.2
 """How long an entry of a journal may wait for company."""
@@ -24,6 +28,22 @@ def create(path: str) -> BinaryIO:
         return Path(path).open("wb", buffering=0)
     except OSError as error:
         raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def suppressions_of(path: str) -> list[Suppression]:
+    """Return the accepted violations of a file; none if ``path`` is empty.
+
+    Raises:
+        VbusError: it cannot be read or is wrong.
+    """
+    if not path:
+        return []
+    try:
+        text = Path(path).read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "this is no UTF-8 text"
+        raise VbusError(f"{path}: cannot be read: {reason}") from error
+    return read_suppressions(text, path, [rule.name for rule in all_rules()])
 
 
 class Recording:
@@ -52,6 +72,23 @@ class Recording:
         if wishes.journal:
             file = self._create(wishes.journal)
             self.journal = Journal(board, file, text, name, report)
+        self._say: Callable[[str], None] = report
+        self._report: Report | None = None
+        self._report_file: BinaryIO | None = None
+        self._format: str = ""
+        if wishes.report:
+            self._open_report(board, wishes, name)
+
+    def _open_report(self, board: Board, wishes: RecordSection, name: str) -> None:
+        try:
+            self._format = format_of(wishes.report)
+        except ValueError as error:
+            raise VbusError(str(error)) from None
+        accepted = suppressions_of(wishes.suppress)
+        self._report_file = self._create(wishes.report)
+        families = {chip.name: chip.FAMILY for chip in board.chips}
+        self._report = Report(board.name, families, all_rules(), accepted, name)
+        board.observe(self._report)
 
     def _create(self, path: str) -> BinaryIO:
         file = create(path)
@@ -76,5 +113,10 @@ class Recording:
             self._timer.cancel()
         if self.journal is not None:
             self.journal.close()
+        if self._report is not None and self._report_file is not None:
+            try:
+                self._report_file.write(FORMATS[self._format](self._report).encode())
+            except OSError as error:
+                self._say(f"the report is not written: {error.strerror}")
         for file in self._files:
             file.close()

@@ -21,6 +21,7 @@ _COMMANDS: Final = {
     "ls": "List the boards that run on this machine.",
     "monitor": "Watch the buses of a running board in the manual's words.",
     "replay": "Play a recorded run again; stop at the first difference.",
+    "report": "Show the violations of a recorded run, with the cycles around them.",
     "run": "Run a board and serve its links until Ctrl-C.",
 }
 

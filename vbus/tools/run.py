@@ -26,8 +26,17 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.argument("board")
 @click.option("--rate", callback=_rate, help='Chip seconds per second of wall time, or "max".')
 @click.option("--journal", metavar="FILE", help="Write every call of every host to FILE.")
+@click.option("--report", metavar="FILE", help="Write violations: .txt, .json, .xml or .sarif.")
+@click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
-def command(board: str, rate: float | None, journal: str | None, as_json: bool) -> None:
+def command(
+    board: str,
+    rate: float | None,
+    journal: str | None,
+    report: str | None,
+    suppress: str | None,
+    as_json: bool,
+) -> None:
     """Run a board and serve its links until Ctrl-C.
 
     BOARD is a board file. Prints what is attached where, once every link is open.
@@ -38,12 +47,12 @@ def command(board: str, rate: float | None, journal: str | None, as_json: bool) 
         status = server.statistics()
         click.echo(json.dumps(status) if as_json else "\n".join(_lines(status)))
 
-    def report(sentence: str) -> None:
+    def say(sentence: str) -> None:
         click.echo(f"vbus: {sentence}", err=True)
 
-    wishes = {"journal": journal}
+    wishes = {"journal": journal, "report": report, "suppress": suppress}
     record = {key: value for key, value in wishes.items() if value is not None}
-    serve(board, rate, ready, report, record)
+    serve(board, rate, ready, say, record)
 
 
 def _lines(status: dict[str, Any]) -> list[str]:

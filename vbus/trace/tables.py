@@ -1,6 +1,7 @@
 """The tables of all chip families that come with vbus, for those who explain them."""
 
 from collections.abc import Iterator
+from functools import cache
 
 from vbus.chips.lm628 import datasheet as lm628
 from vbus.chips.mc1241a import datasheet as mc1241a
@@ -29,3 +30,9 @@ def ac_tables() -> Iterator[tuple[str, str, AcTable]]:
     yield mc1241a.FAMILY, "", mc1241a.AC
     for supply, table in mcp1200.AC.items():
         yield mcp1200.FAMILY, supply, table
+
+
+@cache
+def ac_rules() -> frozenset[str]:
+    """Return the names of the rules that measure an interval, in ps."""
+    return frozenset(rule.name for _, _, table in ac_tables() for rule in table.rules.values())

@@ -1,0 +1,46 @@
+"""``vbus report``: the violations of a recorded run."""
+
+from pathlib import Path
+from typing import Final
+
+import click
+
+from vbus.tools import exit_codes
+from vbus.tools.journal_lines import moving, opened, progress
+
+_FORMATS: Final = ("text", "json", "junit", "sarif")
+_SEVERITIES: Final = ("note", "warning", "error")
+
+
+@click.command("report")
+@click.argument("journal", type=click.Path(path_type=Path))
+@click.option("--format", "style", type=click.Choice(_FORMATS), default="text", show_default=True)
+@click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
+@click.option(
+    "--fail-on",
+    type=click.Choice([*_SEVERITIES, "never"]),
+    default="error",
+    show_default=True,
+    help="Exit with 1 if a violation of this severity or above is not accepted.",
+)
+def command(journal: Path, style: str, suppress: str | None, fail_on: str) -> int:
+    """Show every violation of a journal with the 20 bus cycles before and after it."""
+    from vbus.board.checks import all_rules
+    from vbus.server.recording import suppressions_of
+    from vbus.trace.journal_view import play
+    from vbus.trace.report import Report
+    from vbus.trace.report_formats import FORMATS
+
+    with opened(journal) as (reader, _):
+        header = reader.header
+        report = Report(
+            header.board, header.families, all_rules(), suppressions_of(suppress or ""), header.file
+        )
+        with progress(journal, reader, "reading") as move:
+            play(moving(iter(reader), move), report)
+    click.echo(FORMATS[style](report), nl=False)
+    if fail_on == "never":
+        return exit_codes.OK
+    counted = _SEVERITIES[_SEVERITIES.index(fail_on) :]
+    failed = any(report.unaccepted(severity) for severity in counted)
+    return exit_codes.FAILURE if failed else exit_codes.OK
