@@ -260,6 +260,24 @@ def test_every_run_is_the_same(
     assert len(first) > 60
 
 
+@pytest.mark.parametrize("changes", [(), INTERRUPT], ids=["plain", "interrupt"])
+def test_read_leases_change_nothing_but_the_speed(
+    run: Run,
+    firmware: Compile,
+    transcript: Callable[[], list[str]],
+    monkeypatch: pytest.MonkeyPatch,
+    changes: tuple[str, str],
+) -> None:
+    body = SLEEPER if changes else SLEEPER.replace("while (!seen)\n        sleep_mode();", "")
+    elf = firmware(body.replace("while (lm629", "for (uint8_t n = 0; n < 99; n++) ; while (lm629"))
+    text = board(changes) if changes else None
+    with_leases = run(elf, board=text), transcript()
+    monkeypatch.setenv("VBUS_LEASES", "0")
+
+    assert (run(elf, board=text), transcript()) == with_leases
+    assert len(with_leases[1]) > 60
+
+
 @pytest.mark.parametrize("mmcu", ["atmega1281", "atmega2560"])
 def test_other_parts_and_other_ports(
     run: Run, firmware: Compile, transcript: Callable[[], list[str]], mmcu: str

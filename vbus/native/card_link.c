@@ -66,11 +66,22 @@ static const char *read_port(const char *text, struct port *port)
     return *end == ' ' ? end + 1 : *end == '\0' ? end : NULL;
 }
 
+/* What is still kept back goes out: polls answered from a lease, writes. */
+static void leave(void)
+{
+    if (card.owner == getpid()) {
+        vbus_echo(&card.bus, 0);
+        vbus_close(&card.bus);
+    }
+}
+
 static void open_card(void)
 {
+    static int leaves;
+
     static unsigned char description[LINK_TEXT_ROOM];
     static char text[LINK_TEXT_ROOM];
-    const char *where = getenv("VBUS_LINK"), *next = text;
+    const char *where = getenv("VBUS_LINK"), *next = text, *leases;
     int size;
 
     if (card.owner == getpid())
@@ -96,7 +107,13 @@ static void open_card(void)
     card.slaved = strcmp(text, "slaved") == 0;
     card.selected = 1;
     card.owner = getpid();
+    if (!leaves)
+        atexit(leave);
+    leaves = 1;
     vbus_buffer(&card.bus);
+    leases = getenv("VBUS_LEASES");
+    if (leases == NULL || *leases != '0')
+        must(vbus_leases(&card.bus, 1));
 }
 
 static const struct port *find(unsigned long address, int write)

@@ -1,0 +1,63 @@
+"""How fast port bits become bus cycles: AVR firmware in simavr, and a shim on the PC.
+
+Prints, for firmware that does nothing, that polls a status for ever, and that writes with pauses,
+how many times faster than its 16 MHz it ran; and bus cycles per second of the same source through
+the shim. Needs gcc-avr, avr-libc, libsimavr-dev, libelf-dev and g++.
+"""
+
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+EXAMPLES = Path(__file__).parents[1] / "firmware_host_examples"
+BUS = EXAMPLES / "lm629_avr_bitbang"
+HOSTS = {
+    "no traffic": "_delay_ms(3000);",
+    "endless polling": "uint16_t i; for (i = 0; i < 20000; i++) lm629_bus_read_status();",
+    "writes and pauses": """uint16_t i; for (i = 0; i < 5000; i++) {
+        lm629_bus_write_command(0x1D); _delay_us(20);
+        lm629_bus_write_data(0); lm629_bus_write_data(0); _delay_us(20); }""",
+}
+MAIN = """#include "lm629_bus.h"
+#include "lm629_driver.h"
+#include <avr/io.h>
+#include <util/delay.h>
+int main(void) {{ lm629_bus_init(); {} return 0; }}
+"""
+
+
+def vbus(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "vbus", *map(str, arguments)]
+    return subprocess.run(command, check=True, capture_output=True, text=True)
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        for name, body in HOSTS.items():
+            source = Path(folder) / "main.c"
+            source.write_text(MAIN.format(body))
+            common = [
+                "-O2", "-DF_CPU=16000000UL", f"-I{BUS}", f"-I{EXAMPLES / 'lm629_c'}", "-o",
+                f"{folder}/main", str(source), str(BUS / "lm629_bus.c"),
+            ]  # fmt: skip
+            board = BUS / "board.toml"
+            subprocess.run(["avr-gcc", "-mmcu=atmega328p", *common], check=True)
+            spec = "mmcu=atmega328p,f=16000000,stats"
+            told = vbus("exec", "--board", board, "--avr", spec, f"{folder}/main").stderr
+            found = re.search(r"(\d+) bus cycles, ([\d.]+) s, ([\d.]+) x", told)
+            assert found, told
+            cycles, seconds, speed = int(found[1]), float(found[2]), found[3]
+            print(
+                f"{name}: simavr {speed} x real time, {cycles / seconds:.0f} bus cycles/s", end=""
+            )
+            flags = vbus("cflags", "--shim", "avr").stdout.split()
+            subprocess.run(["g++", *flags, *common], check=True)
+            began = time.perf_counter()
+            vbus("exec", "--board", board, "--", f"{folder}/main")
+            print(f"; shim {time.perf_counter() - began:.2f} s, start-up included")
+
+
+main()
