@@ -78,9 +78,10 @@ class RunningBoard:
         return str(self.runtime / name)
 
 
-def compile_c(output: Path, *sources: str) -> Path:
+def compile_c(output: Path, *sources: str, shim: str = "") -> Path:
     """Compile an example as its README says, with every warning an error."""
-    flags = subprocess.run(vbus("cflags"), capture_output=True, text=True, check=True).stdout
+    asked = vbus("cflags", "--shim", shim) if shim else vbus("cflags")
+    flags = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
     done = subprocess.run(
         [require("cc"), "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-o", str(output),
          *flags.split(), *(str(EXAMPLES / source) for source in sources)],
