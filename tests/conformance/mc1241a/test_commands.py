@@ -313,6 +313,16 @@ def test_set_actl_pos_gives_both_positions_a_number(chip: Bench) -> None:
     assert chip.send("GET_ACTL_POS") == -123456
 
 
+@spec("PMD-CMD-69")
+def test_set_actl_pos_takes_in_the_counts_made_until_it_acts(chip: Bench) -> None:
+    chip.next_cycle()
+    chip.drive("QuadA1", 1)
+    chip.run_for(1_000_000)
+    chip.send("SET_ACTL_POS", 100)
+    chip.next_cycle()
+    assert chip.seen("actual") == 100
+
+
 @spec("PMD-CMD-49")
 def test_actual_position_is_of_the_last_cycle(chip: Bench) -> None:
     chip.next_cycle()

@@ -221,6 +221,17 @@ def test_an_observer_who_comes_late_sees_the_present_outputs() -> None:
 
 
 @spec("PMD-USTP-6")
+def test_outputs_heard_after_other_lines_are_made_in_time() -> None:
+    bench = powered(16384)
+    at_angle(bench, 64)
+    ready = Edges(bench, "HostRdy")
+    edges = Edges(bench, "PWMMag1A")
+    bench.kernel.run_for(3 * FRAME)
+    assert len(edges.of("PWMMag1A")) >= 5
+    assert ready.seen == []
+
+
+@spec("PMD-USTP-6")
 def test_full_and_no_magnitude_have_no_edges() -> None:
     bench = powered()
     at_angle(bench, 64)
@@ -234,10 +245,11 @@ def test_full_and_no_magnitude_have_no_edges() -> None:
 def test_sign_low_is_positive_unless_set_otherwise() -> None:
     for setting, level in (("low", 0), ("high", 1)):
         bench = powered(pwm_sign=setting)
-        at_angle(bench, 64)
         Edges(bench, "PWMSign1A")
-        bench.run_for(2 * FRAME)
-        assert bench.level("PWMSign1A") == level
+        for angle, sign in ((64, level), (192, 1 - level)):
+            at_angle(bench, angle)
+            bench.run_for(2 * FRAME)
+            assert bench.level("PWMSign1A") == sign
 
 
 @spec("PMD-USTP-7", "PMD-CMD-61")

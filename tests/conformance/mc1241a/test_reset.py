@@ -6,7 +6,7 @@ from tests.conformance.mc1241a.conftest import CYCLE, Bench
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.kernel import MS, NEVER, NS, US
 from vbus.plant.stepper import StepperMotor
-from vbus.signals import STRICT, Policy, Z
+from vbus.signals import STRICT, Observer, Policy, Z
 
 spec = pytest.mark.spec
 
@@ -137,6 +137,44 @@ def test_time_starts_at_0_with_every_reset(chip: Bench) -> None:
     chip.run_until(first)
     assert chip.seen_time() == 1
     assert chip.send("GET_TIME") == 1
+
+
+@spec("PMD-RST-1")
+def test_host_rdy_falls_when_the_reset_pin_has_been_low_for_1_us(chip: Bench) -> None:
+    edges: list[tuple[int, int]] = []
+
+    class Ready(Observer):
+        def edge(self, when: int, net: str, level: int) -> None:
+            edges.append((when, level))
+
+    chip.chip.pins["HostRdy"].net.observe(Ready())
+    chip.kernel.run_until(7 * MS)
+    chip.drive("~Reset", 0)
+    chip.kernel.run_until(9 * MS)
+    chip.drive("~Reset", 1)
+    chip.kernel.run_until(20 * MS)
+    assert edges == [(7 * MS + US, 0), (11 * MS, 1)]
+
+
+@spec("PMD-RST-2", "PMD-UPD-1")
+def test_an_update_that_was_asked_for_does_not_outlive_a_reset(chip: Bench) -> None:
+    chip.next_cycle()
+    for name in ("STOP", "UPDATE", "RESET"):
+        chip.send(name)
+    chip.send("UPDATE")
+    chip.run_for(2 * CYCLE)
+    assert chip.status() == 0x0300
+
+
+@spec("PMD-RST-2", "PMD-LIM-2")
+def test_reset_arms_the_limit_detector(chip: Bench) -> None:
+    chip.drive("NegLimit1", 1)
+    chip.next_cycle()
+    chip.send("CLR_STATUS")
+    chip.send("RESET")
+    assert chip.status() == 0x0300
+    chip.run_for(2 * CYCLE)
+    assert chip.status() == 0x0341
 
 
 @spec("PMD-RST-2")

@@ -203,6 +203,24 @@ def test_after_a_stop_a_plain_update_goes_on_to_the_buffered_position(chip: Benc
         assert chip.seen("target") == 2000
 
 
+@spec("PMD-TRJ-13", "PMD-TRJ-10")
+def test_an_s_curve_that_was_left_is_forgotten(chip: Bench) -> None:
+    s_curve(chip, 2000)
+    chip.next_cycle(60)
+    chip.send("SET_PRFL_TRAP")
+    chip.send("STOP")
+    chip.move()
+    chip.next_cycle()
+    at = chip.seen("target")
+    chip.send("CLR_STATUS")
+    chip.send("SET_PRFL_S_CRV")
+    chip.send("SMOOTH_STOP")
+    chip.move()
+    chip.next_cycle(5)
+    assert chip.seen("target") == at
+    assert chip.status() == 0x0301
+
+
 @spec("PMD-TRJ-13")
 def test_s_curve_selected_in_motion_stops_the_axis_and_is_reported(chip: Bench) -> None:
     chip.move(pos=10_000, vel=4 << 16, acc=1 << 16)

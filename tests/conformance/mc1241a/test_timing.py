@@ -127,6 +127,16 @@ def test_limits_are_not_judged_where_time_stands_still() -> None:
     assert bench.read_word() == 0x7FFF
 
 
+def test_a_host_without_time_may_drive_the_bus_right_after_a_read() -> None:
+    bench = Bench("strobe")
+    for _, pin, level in WRITE:
+        bench.drive(pin, level)
+    bench.wait_ready()
+    for pin, level in (("~HostSlct", 0), ("~HostRead", 0), ("~HostRead", 1), ("D0-D7", 0x11)):
+        bench.drive(pin, level)
+    assert bench.violations == []
+
+
 @spec("PMD-TIM-8", "PMD-AMB-19")
 @pytest.mark.parametrize(("held", "found"), [(2000, []), (2001, [("T6", 2001, 2000)])])
 def test_select_is_released_within_2_us_of_the_busy_edge(

@@ -293,12 +293,13 @@ def test_a_time_that_has_passed_does_not_fire(chip: Bench) -> None:
 
 
 @spec("PMD-CMD-28", "PMD-UPD-3")
-def test_positive_target_breakpoint(chip: Bench) -> None:
+@pytest.mark.parametrize(("value", "stopped"), [(100, 100), (101, 104)])
+def test_positive_target_breakpoint(chip: Bench, value: int, stopped: int) -> None:
     cruise(chip)
-    stop_at(chip, "SET_POS_BRK", 101)
+    stop_at(chip, "SET_POS_BRK", value)
     chip.next_cycle(200)
-    # Reached by 104 at the end of one cycle, seen at the start of the next.
-    assert chip.seen("target") == 104
+    # Reached at the end of one cycle, seen at the start of the next.
+    assert chip.seen("target") == stopped
     assert chip.status() == 0x0305
 
 
