@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.avr.conftest import EXAMPLES, REQUIRED, Compile, compile_avr
+from tests.e2e.command import start
 from tests.shims.conftest import compile_for
 from vbus.errors import ConfigError
 from vbus.tools import exec as exec_module
@@ -413,6 +414,36 @@ def test_the_uart_is_a_terminal_if_asked_for(firmware: Compile, tmp_path: Path) 
     talker.join()
     assert b"".join(got) == b"IBM"
     assert not link.is_symlink()
+
+
+def test_a_board_that_dies_ends_the_run(
+    firmware: Compile,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    elf = firmware(
+        """int main(void)
+        {
+            lm629_bus_init();
+            say("up\\n");
+            for (;;) {
+                lm629_bus_read_status();
+                lm629_bus_write_data(0);
+            }
+        }"""
+    )
+    monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
+    board = start("run", BOARD)
+    assert board.stdout is not None
+    while not board.stdout.readline().startswith("ready"):
+        pass
+    killer = threading.Timer(1, board.kill)
+    killer.start()
+    assert run_avr(UNO, str(elf), link=f"unix:{tmp_path}/run/lm629_avr_bitbang.sock") == 4
+    killer.join()
+    board.communicate()
+    assert "vbus-avr: the board is lost: the board has closed the link" in capfd.readouterr().err
 
 
 def test_a_part_without_a_port_of_the_pin_map_is_refused(

@@ -116,6 +116,9 @@ def run_on_board(
 async def _run_beside(server: Server, command: list[str], link: str) -> int:
     """Serve while ``command`` runs; a command that died of a signal gives 128 + its number."""
     loop = asyncio.get_running_loop()
+    running: list[asyncio.subprocess.Process] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, _pass_on, running, number)
     server.start(loop)
     try:
         try:
@@ -124,8 +127,7 @@ async def _run_beside(server: Server, command: list[str], link: str) -> int:
             )
         except OSError as error:
             raise VbusError(f"{command[0]}: {error.strerror}") from error
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, _pass_on, process, number)
+        running.append(process)
         code = await process.wait()
         server.board.catch_up()
     finally:
@@ -133,6 +135,7 @@ async def _run_beside(server: Server, command: list[str], link: str) -> int:
     return code if code >= 0 else 128 - code
 
 
-def _pass_on(process: asyncio.subprocess.Process, number: int) -> None:
-    if process.returncode is None:
-        process.send_signal(number)
+def _pass_on(running: list[asyncio.subprocess.Process], number: int) -> None:
+    for process in running:
+        if process.returncode is None:
+            process.send_signal(number)

@@ -1,0 +1,129 @@
+"""``vbus exec``: a program beside a board of its own."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.command import start, vbus
+
+BOARD = """\
+[board]
+name = "bench"
+time = "lockstep"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+[cards.slot]
+base = 0x340
+decode = "direct"
+chips = ["x"]
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/other.sock"
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/x.sock"
+card = "slot"
+"""
+HELLO = """\
+import os
+from vbus import connect
+with connect(os.environ["VBUS_LINK"]) as bus:
+    print(f"{bus.read(0):02X}")
+    bus.write(1, 0)
+"""
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Path:
+    path = tmp_path / "board.toml"
+    path.write_text(BOARD)
+    return path
+
+
+def test_a_program_finds_its_board_and_its_transcript_is_kept(board: Path, tmp_path: Path) -> None:
+    done = vbus(
+        "exec", "--board", board, "--transcript", tmp_path / "bus.txt", "--",
+        sys.executable, "-c", HELLO,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, "00\n")
+    lines = (tmp_path / "bus.txt").read_text().splitlines()
+    assert lines[0] == "x r 0 00"
+    assert "x w 1 00" in lines
+
+
+def test_the_exit_code_is_the_programs(board: Path) -> None:
+    assert vbus("exec", "--board", board, "--", "sh", "-c", "exit 42").returncode == 42
+    assert vbus("exec", "--board", board, "--", "sh", "-c", "kill -9 $$").returncode == 137
+
+
+def test_runs_beside_each_other_do_not_meet(board: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("VBUS_RUNTIME")
+    nap = [start("exec", "--board", board, "--", "sleep", "1") for _ in range(2)]
+    assert [process.communicate(timeout=60)[1] for process in nap] == ["", ""]
+    assert [process.returncode for process in nap] == [0, 0]
+
+
+def test_an_interrupt_is_passed_on(board: Path) -> None:
+    process = start(
+        "exec",
+        "--board",
+        board,
+        "--",
+        "sh",
+        "-c",
+        "trap 'exit 9' TERM; echo up; while :; do :; done",
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "up\n"
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=60)
+    assert process.returncode == 9
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["true"], 2, "name either a board file with --board or a link with --link"),
+        (["--board", "b", "--link", "l", "true"], 2, "name either a board file"),
+        (["--board", "BOARD", "/no/program"], 1, "/no/program: No such file or directory"),
+        (["--board", "none.toml", "true"], 3, "none.toml: cannot be read"),
+        (["--board", "BOARD", "--pinmap", "p", "true"], 3, "there is no [pinmaps.p]"),
+        (["--board", "BOARD", "--transcript", "/no/t", "true"], 1, "/no/t: No such file"),
+        (["--board", "BOARD", "--avr", "mcu=x", "a.elf"], 2, 'unknown key "mcu"'),
+        (["--board", "BOARD", "--avr", "mmcu=x", "a.elf", "b"], 2, "--avr takes one firmware file"),
+        (["--board", "BOARD", "--avr", "mmcu=x", "a.elf"], 3, "chip time must follow the AVR"),
+        (["--link", "unix:/x", "true"], 2, "--link is for firmware"),
+    ],
+)
+def test_what_is_wrong_is_said(board: Path, arguments: list[str], code: int, message: str) -> None:
+    done = vbus("exec", *(str(board) if word == "BOARD" else word for word in arguments))
+    assert done.returncode == code
+    assert message in done.stderr
+
+
+def test_a_board_that_dies_ends_a_program_that_uses_it(board: Path, tmp_path: Path) -> None:
+    """The program is inside a bus cycle, or on its way to one."""
+    script = tmp_path / "host.py"
+    script.write_text(HELLO.replace("    bus.write(1, 0)\n", "    while True: bus.read(0)\n"))
+    process = start("run", board, "--json")
+    assert process.stdout is not None
+    process.stdout.readline()
+    link = f"unix:{os.environ['VBUS_RUNTIME']}/x.sock"
+    host = subprocess.Popen(
+        [sys.executable, "-u", script],
+        env={**os.environ, "VBUS_LINK": link},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert host.stdout is not None
+    host.stdout.readline()
+    process.kill()
+    process.communicate()
+    _, errors = host.communicate(timeout=60)
+    assert host.returncode == 1
+    assert "closed" in errors
