@@ -1,0 +1,43 @@
+"""Compilers for the tests of ``vbus exec``."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ALL = os.environ.get("VBUS_REQUIRE_ALL") == "1"
+
+
+def require(program: str) -> str:
+    """Return the program's path; skip the test without it, unless everything is required."""
+    found = shutil.which(program)
+    if found is None and not ALL:
+        pytest.skip(f"needs {program}")
+    assert found is not None, f"{program} is required"
+    return found
+
+
+@pytest.fixture(scope="session")
+def can_32_bits(tmp_path_factory: pytest.TempPathFactory) -> bool:
+    folder = tmp_path_factory.mktemp("probe")
+    (folder / "probe.c").write_text("#include <stdio.h>\nint main(void) { return 0; }\n")
+    command = [require("gcc"), "-m32", "-o", str(folder / "probe"), str(folder / "probe.c")]
+    return subprocess.run(command, capture_output=True).returncode == 0
+
+
+@pytest.fixture(params=[64, 32], ids=["64 bits", "32 bits"])
+def bits(request: pytest.FixtureRequest, can_32_bits: bool) -> int:
+    if request.param == 32 and not can_32_bits:
+        assert not ALL, "a 32-bit compiler is required"
+        pytest.skip("needs a 32-bit compiler (gcc-multilib)")
+    return int(request.param)
+
+
+def compile_c(output: Path, *arguments: str | Path) -> Path:
+    """Compile a program, every warning an error."""
+    command = [require("gcc"), "-Wall", "-Wextra", "-Werror", "-o", str(output)]
+    done = subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return output

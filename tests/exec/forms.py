@@ -1,0 +1,221 @@
+"""Instruction forms for the decoder's test, as assembler text; ``%M`` stands for the memory operand.
+
+Each form is assembled twice: once for plain memory, once for the window. Registers that point to
+memory: bx, si, di (and r8, r13 with 64 bits); cx is a small count; bp is an odd bit offset.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+BINARY = ("add", "or", "adc", "sbb", "and", "sub", "xor", "cmp")
+SHIFTS = ("rol", "ror", "rcl", "rcr", "shl", "shr", "sar")
+CONDITIONS = (
+    "o",
+    "no",
+    "b",
+    "ae",
+    "e",
+    "ne",
+    "be",
+    "a",
+    "s",
+    "ns",
+    "p",
+    "np",
+    "l",
+    "ge",
+    "le",
+    "g",
+)
+REGISTERS = {"b": "%al %dl %ch", "w": "%ax %dx", "l": "%eax %edx", "q": "%rax %r12"}
+
+
+@dataclass(frozen=True)
+class Form:
+    """One instruction.
+
+    Attributes:
+        text: AT&T assembler.
+        plain: ``"s"``: the source (si) is plain memory in both runs; ``"d"``: the destination is.
+        refused: the decoder must not know it.
+    """
+
+    text: str
+    plain: str = ""
+    refused: bool = False
+
+
+def sizes(bits: int) -> str:
+    return "bwlq" if bits == 64 else "bwl"
+
+
+def _registers(size: str, bits: int) -> list[str]:
+    registers = REGISTERS[size].split()
+    if bits == 64 and size == "b":
+        registers += ["%sil", "%r9b"]
+    return registers
+
+
+def operations(bits: int) -> Iterator[Form]:
+    """Everything on one simple memory operand."""
+    wide = sizes(bits)[1:]
+    for size in sizes(bits):
+        registers = _registers(size, bits)
+        first = registers[0]
+        for op in BINARY:
+            for register in registers:
+                yield Form(f"{op}{size} {register}, %M")
+            yield Form(f"{op}{size} %M, {first}")
+            yield Form(f"{op}{size} $0x35, %M")
+            yield Form(f"{op}{size} $-3, %M")
+            if size != "b":
+                yield Form(f"{op}{size} $0x{'1234' if size == 'w' else '12345678'}, %M")
+        for op in ("mov", "test", "xchg", "cmpxchg", "xadd"):
+            for register in registers:
+                yield Form(f"{op}{size} {register}, %M")
+        for register in registers:
+            yield Form(f"mov{size} %M, {register}")
+        yield Form(f"mov{size} $0x5A, %M")
+        yield Form(f"test{size} $0x5A, %M")
+        for op in ("inc", "dec", "neg", "not", "mul", "imul"):
+            yield Form(f"{op}{size} %M")
+        for op in SHIFTS:
+            for count in ("$1", "$3", "%cl"):
+                yield Form(f"{op}{size} {count}, %M")
+        for op in ("div", "idiv"):
+            yield Form(f"{op}{size} %M", refused=True)
+    for size in wide:
+        first = REGISTERS[size].split()[0]
+        for op in ("bt", "bts", "btr", "btc"):
+            yield Form(f"{op}{size} $5, %M")
+            yield Form(
+                f"{op}{size} {'%bp' if size == 'w' else '%ebp' if size == 'l' else '%rbp'}, %M"
+            )
+        yield Form(f"imul{size} %M, {first}")
+        yield Form(f"imul{size} $7, %M, {first}")
+        yield Form(f"imul{size} $0x1234, %M, {first}")
+        yield Form(f"bsf{size} %M, {first}")
+        yield Form(f"bsr{size} %M, {first}")
+        yield Form(f"movbe{size} %M, {first}")
+        yield Form(f"movbe{size} {first}, %M")
+        yield Form(f"tzcnt{size} %M, {first}", refused=True)
+        for condition in ("e", "ne", "l", "a"):
+            yield Form(f"cmov{condition} %M, {first}")
+        yield Form(f"movzb{size} %M, {first}")
+        yield Form(f"movsb{size} %M, {first}")
+        if size != "w":
+            yield Form(f"movzw{size} %M, {first}")
+            yield Form(f"movsw{size} %M, {first}")
+    if bits == 64:
+        yield Form("movslq %M, %rdx")
+        yield Form("movnti %rax, %M")
+        yield Form("pushq %M; popq %rax")
+        yield Form("pushq %rax; popq %M")
+    else:
+        yield Form("pushl %M; popl %eax")
+        yield Form("pushl %eax; popl %M")
+    for condition in CONDITIONS:
+        yield Form(f"set{condition} %M")
+    yield Form("movnti %eax, %M")
+    yield Form("lock addl %eax, %M")
+    yield Form("lock xaddb %al, %M")
+    yield Form("jmp *%M", refused=True)
+    yield Form("call *%M", refused=True)
+
+
+def vectors(bits: int) -> Iterator[Form]:
+    """Moves of XMM registers, as string functions and compilers use them."""
+    for op in ("movups", "movupd", "movdqu", "movaps", "movapd", "movdqa"):
+        yield Form(f"{op} %M, %xmm1")
+        yield Form(f"{op} %xmm1, %M")
+    for op in ("movss", "movsd", "movq", "movd", "movlps", "movhps", "movlpd", "movhpd"):
+        yield Form(f"{op} %M, %xmm2")
+        yield Form(f"{op} %xmm2, %M")
+    for op in ("movntps", "movntpd", "movntdq"):
+        yield Form(f"{op} %xmm1, %M")
+    yield Form("paddb %M, %xmm1", refused=True)
+    yield Form("movq %M, %mm1; emms", refused=True)
+    yield Form("fldl %M; fstp %st(0)", refused=True)
+    if bits == 64:
+        yield Form("movdqu %M, %xmm7")
+        yield Form("vmovdqu %M, %ymm1; vzeroupper", refused=True)
+
+
+def addresses(bits: int) -> Iterator[str]:
+    """Every way to write an address; ``BASE`` is the start of the window or of plain memory."""
+    a, b, si, di = (
+        ("%rax", "%rbx", "%rsi", "%rdi") if bits == 64 else ("%eax", "%ebx", "%esi", "%edi")
+    )
+    c = "%rcx" if bits == 64 else "%ecx"
+    del a
+    yield f"({b})"
+    yield f"16({b})"
+    yield f"-16({b})"
+    yield f"0x180({b})"
+    yield f"-0x100({b})"
+    for scale in (1, 2, 4, 8):
+        yield f"({b},{c},{scale})"
+        yield f"5({si},{c},{scale})"
+        yield f"-0x90({di},{c},{scale})"
+        yield f"BASE+0x40(,{c},{scale})"
+    yield "BASE+0x48"
+    if bits == 64:
+        yield "BASE+0x48(%rip)"
+        yield "(%r8)"
+        yield "4(%r8,%rcx,2)"
+        yield "(%r13)"
+        yield "0x77(%r13,%rcx)"
+        yield "8(%ebx)"
+        yield "8(%ebx,%ecx,4)"
+
+
+def strings(bits: int) -> Iterator[Form]:
+    for size in sizes(bits):
+        for op in ("movs", "stos", "lods", "cmps", "scas"):
+            yield Form(f"{op}{size}")
+            yield Form(f"std; {op}{size}; cld")
+        for op in ("movs", "stos"):
+            yield Form(f"rep {op}{size}")
+        for op in ("cmps", "scas"):
+            yield Form(f"repe {op}{size}")
+            yield Form(f"repne {op}{size}")
+        yield Form(f"rep movs{size}", plain="s")
+        yield Form(f"rep movs{size}", plain="d")
+        yield Form(f"movs{size}", plain="s")
+        yield Form(f"cmps{size}", plain="d")
+    if bits == 64:
+        yield Form("addr32 movsb")
+
+
+def forms(bits: int) -> list[Form]:
+    result = []
+    base = "%rbx" if bits == 64 else "%ebx"
+    for form in (*operations(bits), *vectors(bits)):
+        result.append(Form(form.text.replace("%M", f"32({base})"), refused=form.refused))
+    for address in addresses(bits):
+        result.extend(
+            Form(text.replace("%M", address))
+            for text in ("movb %al, %M", "movl %M, %eax", "addl $0x12345678, %M", "shll $2, %M")
+        )
+    absolute = "movabs" if bits == 64 else "mov"
+    result.append(Form(f"{absolute} BASE+8, %al"))
+    result.append(Form(f"{absolute} %eax, BASE+8"))
+    result.extend(strings(bits))
+    return result
+
+
+def source(bits: int) -> str:
+    """Return the assembler file: both versions of each form, and the table of them."""
+    lines = [".text"]
+    table = []
+    word = ".quad" if bits == 64 else ".long"
+    for number, form in enumerate(forms(bits)):
+        for version, base in (("n", "plain_base"), ("t", "window_base")):
+            lines += [f"{version}{number}:", f"    {form.text.replace('BASE', base)}", "    ret"]
+        text = form.text.replace('"', '\\"')
+        lines += [".section .rodata", f'm{number}: .asciz "{text}"', ".text"]
+        flags = (1 if form.plain == "s" else 2 if form.plain == "d" else 0) | 4 * form.refused
+        table.append(f"    {word} n{number}, t{number}, m{number}, {flags}")
+    lines += [".data", ".globl form_table", "form_table:", *table, f"    {word} 0, 0, 0, 0"]
+    lines += ['.section .note.GNU-stack,"",@progbits']
+    return "\n".join(lines) + "\n"
