@@ -131,13 +131,13 @@ def test_a_driver_in_python_polls_as_often_as_one_in_process(
 def test_the_python_client_asks_less_with_leases(runtime: Path) -> None:
     sizes = []
     for leases in (False, True):
-        with served(servo(), LinkSpec(f"unix:{runtime}/x", "byte")) as server:
-            with connect(f"unix:{runtime}/x") as bus:
-                bus.leases(leases)
-                bus.posting(True)
-                reset_and_move(PythonHost(bus))  # type: ignore[arg-type]
-                bus.echo()
-                sizes.append(server.statistics()["links"][0]["received"])
+        link = LinkSpec(f"unix:{runtime}/x", "byte")
+        with served(servo(), link) as server, connect(f"unix:{runtime}/x") as bus:
+            bus.leases(leases)
+            bus.posting(True)
+            reset_and_move(PythonHost(bus))  # type: ignore[arg-type]
+            bus.echo()
+            sizes.append(server.statistics()["links"][0]["received"])
     assert sizes[1] * 5 < sizes[0]
 
 

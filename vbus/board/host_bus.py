@@ -6,12 +6,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from vbus.board.cards import Card
+from vbus.board.host_clock import HostClock
 from vbus.board.host_pins import HostPins
 from vbus.board.pin_maps import PinMap, wiring
 from vbus.chips.base import Chip
 from vbus.kernel import NEVER, US
 from vbus.protocols import codes
-from vbus.protocols.port import ChipInfo, HostPort, PortError, PortInfo
+from vbus.protocols.port import ChipInfo, PortError, PortInfo
 from vbus.signals import Z
 
 if TYPE_CHECKING:
@@ -29,11 +30,8 @@ FLOATING: Final = 0xFF
 LONGEST_LEASE: Final = 100_000 * US
 """How far ahead a lease reaches at most: a host that polls for ever is heard of now and then."""
 
-APPROACH: Final = 1000 * US
-"""How long before a host's time stamp the board may be brought there: longer than any strobe."""
 
-
-class HostBus(HostPort):
+class HostBus(HostClock):
     """The port a board gives to one session; see :class:`~vbus.protocols.port.HostPort`.
 
     **A whole cycle** has its latching edge at the host's instant: the host's own time stamp
@@ -52,25 +50,18 @@ class HostBus(HostPort):
     def __init__(
         self, board: Board, label: str, chips: list[Chip], cycle_ps: int, card: Card | None
     ) -> None:
-        self.board: Board = board
+        super().__init__(board)
         self.label: str = label
         self.chips: list[Chip] = chips
-        self.held = False
-        self.hold_until = 0
         self.on_resume: Callable[[], None] | None = None
         self.on_events: Callable[[], None] | None = None
-        self._kernel = board.kernel
         self._card: Card | None = card
         self.pin_map: PinMap | None = None
         self._cycles: list[int] = [cycle_ps or self._default_cycle(chip) for chip in chips]
         self._mask: int = 1
         self._selected: list[Chip] = chips[:1]
         self._chip: Chip | None = chips[0] if chips else None
-        self._cycle: int = self._cycles[0] if chips else US
-        self._stamp: int = -1
-        self._last_at: int = 0
-        self._timed: bool = board.policy != "lockstep"
-        self._target: int = -1
+        self._cycle = self._cycles[0] if chips else US
         self._polls: int = -1
         self.every_cycle: bool = False
         """Whether each poll of POLLED must be run, though nobody could tell: for a journal."""
@@ -162,24 +153,7 @@ class HostBus(HostPort):
                 self.held = False
         return not self.held
 
-    def _hold(self, until: int) -> None:
-        self.held = True
-        self.hold_until = until
-
     # -- whole bus cycles ---------------------------------------------------------------------
-
-    def _begin(self) -> int:
-        """Return the instant of the next cycle's latching edge."""
-        if self._stamp >= 0:
-            when = max(self._stamp, self._kernel.now)
-            self._stamp = -1
-        else:
-            when = self._kernel.now + self._cycle
-        if when > self.board.limit:
-            if when >= NEVER:
-                raise PortError(codes.BAD_AT, f"time ends at {NEVER - 1} ps")
-            self._hold(when)
-        return when
 
     def _observed(self) -> bool:
         if not self._kernel.observed:
@@ -189,13 +163,6 @@ class HostBus(HostPort):
                 if pin.net.observers:
                     return True
         return False
-
-    def _run_until(self, when: int) -> None:
-        kernel = self._kernel
-        if kernel.next_due > when:
-            kernel.now = when
-        else:
-            kernel.run_until(when)
 
     def read(self, address: int) -> int:
         """Run one read cycle; return the byte (0..255)."""
@@ -321,14 +288,6 @@ class HostBus(HostPort):
 
     # -- strobes and pins ---------------------------------------------------------------------
 
-    def _arrive(self) -> None:
-        """Come to the host's instant for something that takes no time of its own."""
-        if self._stamp >= 0:
-            when = max(self._stamp, self._kernel.now)
-            self._stamp = -1
-            self.board.run_until(when)
-        self.board.player.flush()
-
     def lines(self, mask: int, levels: int) -> None:
         """Put control lines to levels, all at this instant."""
         self._arrive()
@@ -383,21 +342,6 @@ class HostBus(HostPort):
 
     # -- time ---------------------------------------------------------------------------------
 
-    def _pass_to(self, when: int) -> bool:
-        """Let time pass to ``when`` if the wall clock allows; else hold the session."""
-        if when > self.board.limit:
-            self._hold(when)
-            return False
-        self.held = False
-        if when > self._kernel.now:
-            self.board.run_until(when)
-        return True
-
-    def _host_now(self) -> int:
-        if self._stamp >= 0:
-            return max(self._stamp, self._kernel.now)
-        return self._kernel.now
-
     def wait(self, longest: int) -> tuple[bool, int] | None:
         """Let time pass until the selected chips can take a cycle, at most ``longest`` ps."""
         self._arrive()
@@ -415,38 +359,6 @@ class HostBus(HostPort):
                 return ready <= now, now
             if not self._pass_to(min(ready, deadline)):
                 return None
-
-    def delay(self, duration: int) -> bool:
-        """Let time pass for this host."""
-        self._timed = True
-        if self._target < 0:
-            until = self._host_now() + duration
-            if until >= NEVER:
-                raise PortError(codes.BAD_AT, f"delay {duration}: time ends at {NEVER - 1} ps")
-            self._target = until
-            self._stamp = -1
-        if not self._pass_to(self._target):
-            return False
-        self._target = -1
-        return True
-
-    def at(self, when: int) -> None:
-        """Set the host's own clock (slaved boards only)."""
-        if self.board.policy != "slaved":
-            raise PortError(
-                codes.BAD_AT, f"at: board {self.board.name!r} is {self.board.policy}, not slaved"
-            )
-        if when < self._last_at:
-            raise PortError(codes.BAD_AT, f"at {when}: before the last at, {self._last_at}")
-        self._last_at = when
-        self._stamp = when
-        # Far ahead: the server brings time near it in slices, before the strobes of that cycle.
-        if when - APPROACH > self.board.limit:
-            self._hold(when - APPROACH)
-
-    def now(self) -> int:
-        """Return chip time."""
-        return self._host_now()
 
     def sync(self) -> tuple[int, int]:
         """Bring the chips up to the host's time; output lines and the next possible edge."""

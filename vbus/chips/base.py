@@ -39,7 +39,7 @@ class Chip:
     PINS: tuple[PinRow, ...] = ()
     RULES: tuple[Rule, ...] = ()
     FREE_READS: tuple[int, ...] = ()
-    """Addresses at which reading has no effect a host could see: :meth:`steady_until` is for them."""
+    """Addresses at which reading has no effect a host could see; see :meth:`steady_until`."""
     TRACELESS: bool = False
     """Whether reads at these addresses leave no trace in the chip's state either, so that of many
     in a row only the last need be run."""

@@ -9,8 +9,8 @@
 """
 
 from vbus.client.bus import Bus, Chip, connect
+from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
 from vbus.client.units import Units
-from vbus.client.wire import Event, Later, Message, Ready, Sample, Sync
 
 __all__ = [
     "Bus",

@@ -8,8 +8,9 @@ from types import TracebackType
 from typing import Concatenate, Final, ParamSpec, Self, TypeVar
 
 from vbus.client.links import Link, open_link
+from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
 from vbus.client.ready import Lock, until_ready
-from vbus.client.wire import Event, Later, Message, Ready, Sample, Sync, Wire
+from vbus.client.wire import Wire
 from vbus.errors import TransportError, VbusError
 from vbus.protocols.port import PortInfo
 
@@ -82,7 +83,7 @@ class Cycles:
         """Collect requests and send them as one message when the block is left.
 
         Inside the block, calls go to the message it gives; each call that has a reply returns a
-        :class:`~vbus.client.wire.Later`, whose ``value`` can be had after the block. Several
+        :class:`~vbus.client.message.Later`, whose ``value`` can be had after the block. Several
         cycles in one message cost little more than one.
         """
         message = Message(self._names())

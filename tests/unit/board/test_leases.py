@@ -1,4 +1,4 @@
-"""Leases: a host that answers its own polls sees, and leaves behind, what it would have otherwise."""
+"""Leases: a host that answers its own polls sees and leaves behind what it would have anyway."""
 
 import pytest
 from hypothesis import given, settings

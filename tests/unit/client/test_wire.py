@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from tests.unit.fake_port import FakePort
 from tests.unit.protocols.grammar import cuts, pieces
-from vbus.client.wire import Event, Message, Ready, Sample, Sync, Wire
+from vbus.client.message import Event, Message, Ready, Sample, Sync
+from vbus.client.wire import Wire
 from vbus.errors import ProtocolError
 from vbus.kernel import US
 from vbus.protocols.byte import ByteProtocol

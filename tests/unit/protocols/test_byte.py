@@ -7,7 +7,6 @@ from vbus.kernel import NEVER, US
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.hello import decode_hello
 from vbus.protocols.port import ChipInfo, PortInfo
-from vbus.protocols.requests import REQUESTS
 
 
 @pytest.fixture
