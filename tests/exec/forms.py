@@ -1,5 +1,6 @@
-"""Instruction forms for the decoder's test, as assembler text; ``%M`` stands for the memory operand.
+"""Instruction forms for the decoder's test, as assembler text.
 
+``%M`` stands for the memory operand, ``BASE`` for the start of plain memory or of the window.
 Each form is assembled twice: once for plain memory, once for the window. Registers that point to
 memory: bx, si, di (and r8, r13 with 64 bits); cx is a small count; bp is an odd bit offset.
 """

@@ -101,11 +101,10 @@ static void point(struct state *state, uintptr_t base, uintptr_t flags)
 #endif
 }
 
-static int differs(const struct state *a, const struct state *b, uintptr_t flags)
+static int differs(const struct state *a, const struct state *b)
 {
     unsigned turn;
 
-    (void)flags;
     for (turn = 0; turn < X86_REGISTERS; turn++) {
         if (turn == X86_SP || a->regs[turn] == b->regs[turn])
             continue;
@@ -122,11 +121,12 @@ static void *memory(uintptr_t where, int protection)
 
 int main(int count, char **arguments)
 {
-    int rounds = atoi(arguments[1]), wrong = 0, forms = 0, refusals = 0;
-    unsigned char *plain, *common, before[SIZE];
-    const struct form *form;
+    static int rounds, wrong, forms, refusals; /* static: siglongjmp must not lose them */
+    static unsigned char *plain, *common, before[SIZE], start[SIZE];
+    static const struct form *form;
     struct sigaction action;
 
+    rounds = atoi(arguments[1]);
     seed = strtoull(arguments[count - 1], NULL, 10) * 2 + 1;
     plain = memory(PLAIN, PROT_READ | PROT_WRITE);
     common = memory(COMMON, PROT_READ | PROT_WRITE);
@@ -136,9 +136,10 @@ int main(int count, char **arguments)
     action.sa_flags = SA_SIGINFO;
     sigaction(SIGSEGV, &action, NULL);
     for (form = form_table; form->native != NULL; form++) {
-        volatile int turn, bad = 0, refusal = 0;
+        static int turn, bad, refusal;
 
         forms++;
+        bad = refusal = 0;
         for (turn = 0; turn < rounds && !bad && !refusal; turn++) {
             struct state native, trapped;
             unsigned place;
@@ -155,6 +156,7 @@ int main(int count, char **arguments)
                 native.xmm[place / 16][place % 16] = (unsigned char)number();
             if (number() % 2) /* so that comparisons of strings go on for a while */
                 memcpy(before + 0x480, before + 0x500, 3), memcpy(common + 0x500, before + 0x480, 3);
+            memcpy(start, common, SIZE);
             trapped = native;
             point(&native, PLAIN, form->flags);
             point(&trapped, WINDOW, form->flags);
@@ -174,10 +176,10 @@ int main(int count, char **arguments)
                 unsigned char after[SIZE];
 
                 memcpy(after, common, SIZE);
-                if (form->flags & 2) /* the destination is plain: put it back */
-                    memset(common, 0, SIZE), memcpy(common, after, SIZE);
+                if (form->flags & 2) /* both runs write there: from the same start */
+                    memcpy(common, start, SIZE);
                 run_form(form->native, &native);
-                bad = memcmp(plain, shadow, SIZE) != 0 || differs(&native, &trapped, form->flags)
+                bad = memcmp(plain, shadow, SIZE) != 0 || differs(&native, &trapped)
                       || memcmp(after, common, SIZE) != 0;
             }
             if (steps == 0 && native.regs[X86_CX] == trapped.regs[X86_CX]
