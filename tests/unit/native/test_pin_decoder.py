@@ -143,6 +143,15 @@ def test_a_port_that_still_drives_reads_itself(decoder: Path) -> None:
     assert played == ["read 1 1", "D A5"]
 
 
+def test_a_port_that_fights_the_chip_for_a_while_leaves_its_byte_alone(decoder: Path) -> None:
+    steps = [IDLE, "D00 00", "=A5", "C1F 16", "DFF 3C", "?D", "D00 00", "?D"]
+    assert play(decoder, ONE, *steps) == ["read 1 1", "D 3C", "D A5"]
+
+
+def test_with_both_strobes_low_it_is_a_write(decoder: Path) -> None:
+    assert play(decoder, ONE, IDLE, "DFF 21", "C1F 1D", "C1F 14", "C1F 17") == ["write 1 1 21"]
+
+
 def test_one_read_per_strobe_however_often_the_port_is_looked_at(decoder: Path) -> None:
     played = play(decoder, ONE, IDLE, "=85", "C1F 12", "?D", "?D", "C1F 1F", "C1F 12")
     assert played == ["read 1 0", "D 85", "D 85", "read 1 0"]
@@ -158,7 +167,7 @@ def test_read_bytes_come_scattered_over_ports(decoder: Path) -> None:
 
 
 def test_a_chip_goes_on_driving_after_another_on_the_same_lines_has_let_go(decoder: Path) -> None:
-    played = play(decoder, TWO, IDLE, "D00 00", "=0F", "C1F 16", "=F0", "C1F 06", "C1F 0E", "?D")
+    played = play(decoder, TWO, IDLE, "D00 FF", "=0F", "C1F 16", "=F0", "C1F 06", "C1F 0E", "?D")
     assert played == ["read 1 1", "read 2 1", "D F0"]
 
 
