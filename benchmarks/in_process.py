@@ -62,14 +62,40 @@ def command(port: object, code: int, *words: int) -> None:
         port.write(1, word & 0xFF)  # type: ignore[attr-defined]
 
 
-def moving_lm629() -> tuple[Board, object]:
+def moving_lm629() -> Board:
+    """An LM629 in velocity mode, one count a sample."""
     made = board("LM629")
     port = made.open_port("bench")
     command(port, 0x1E, 0x000A, 300, 2000)
     command(port, 0x04)
     command(port, 0x1F, 0x1828, 0, 1000, 1, 0)
     command(port, 0x01)
-    return made, port
+    return made
+
+
+def moving_mcp1200() -> Board:
+    """An MCP-1200 with its PID in integral velocity mode, two counts a sample."""
+    made = board("MCP-1200")
+    port = made.open_port("bench")
+    for register, value in ((0x01, 0x08), (0x26, 0x10), (0x3C, 2), (0x05, 3), (0x00, 0x0D)):
+        port.write(register, value)
+        port.delay(1_000_000_000)
+    return made
+
+
+def moving_mc1241a() -> Board:
+    """An MC1241A with one axis in velocity mode, five microsteps a cycle."""
+    made = board("MC1241A")
+    port = made.open_port("bench")
+    packets = ((0x74,), (0x77, 24000), (0x0A,), (0x11, 5, 0), (0x12, 0, 1000), (0x1A,))
+    for code, *words in packets:
+        port.wait(10_000_000_000)
+        port.write(1, code)
+        for word in words:
+            port.wait(10_000_000_000)
+            port.write(0, word >> 8)
+            port.write(0, word & 0xFF)
+    return made
 
 
 def samples(made: Board, period_ps: int, count: int) -> float:
@@ -133,14 +159,19 @@ def main() -> None:
 
         cost = per_call(batch, 400) / 64
         print(f"{chip:9} through the byte protocol, 64 up {cost:8.0f} ns   {cost / call:6.1f} x")
-    moving, _ = moving_lm629()
+    for name, made, period in (
+        ("LM629", moving_lm629(), 256_000_000),
+        ("MCP-1200", moving_mcp1200(), 520_000_000),
+        ("MC1241A", moving_mc1241a(), 542_720_000),
+    ):
+        cost = samples(made, period, 1000)
+        assert made.plants[0].count != 0, f"the motor of the {name} has not moved"
+        print(
+            f"{name:9} sample, moving, with its motor {cost:8.0f} ns   {period / cost / 1000:6.0f}"
+            " axes in real time on one core"
+        )
     rest = board("LM629")
     rest.run_for(SECOND // 10)
-    cost = samples(moving, 256_000_000, 4000)
-    print(
-        f"LM629     sample, moving, motor of 4 steps {cost:8.0f} ns   {256_000 / cost:6.0f} axes"
-        " in real time on one core"
-    )
     cost = samples(rest, 256_000_000, 400_000)
     print(f"LM629     sample, motor off                {cost:8.1f} ns")
     start = statistics.median(first_answer() for _ in range(5))
