@@ -29,8 +29,9 @@ from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.output import Output
 from vbus.chips.mc1241a.packet import HostPort
 from vbus.chips.mc1241a.pins import HostPins
+from vbus.chips.tables import PinRow
 from vbus.kernel import NEVER, Clock, Kernel
-from vbus.options import Settings
+from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Z
 
 
@@ -50,12 +51,12 @@ class MC1241A(Chip):
     FAMILY = FAMILY
     ADDRESS_BITS = 1
     AXES = 2
-    PARTS = ("MC1241A", "MC1141A")
-    PINS = PINS
-    RULES = RULES
-    FREE_READS = (COMMAND_PORT,)
+    PARTS: tuple[str, ...] = ("MC1241A", "MC1141A")
+    PINS: tuple[PinRow, ...] = PINS
+    RULES: tuple[Rule, ...] = RULES
+    FREE_READS: tuple[int, ...] = (COMMAND_PORT,)
     TRACELESS = True
-    OPTIONS = OPTIONS
+    OPTIONS: tuple[Option, ...] = OPTIONS
     CARD_DECODES = CARD_DECODES
 
     def __init__(
