@@ -1,7 +1,7 @@
 """The double-buffered registers, and SET_ and GET_ commands served from the table."""
 
 from vbus.bits import sign_extend, wrap
-from vbus.chips.mc1241a.datasheet import BUFFERED, PARAMETERS
+from vbus.chips.mc1241a.datasheet import PARAMETERS
 from vbus.chips.tables import Command
 
 
@@ -58,8 +58,3 @@ def in_range(row: Command, fitted: int, value: int) -> bool:
     """Tell whether cutting ``value`` to ``fitted`` has lost nothing."""
     bits = 16 * row.write
     return fitted == (sign_extend(value, bits) if row.signed else value)
-
-
-def is_buffered(name: str) -> bool:
-    """Tell whether parameter ``name`` has a buffer and an active register."""
-    return name in BUFFERED
