@@ -96,7 +96,7 @@ def test_an_interrupt_is_passed_on(board: Path) -> None:
         (["--board", "BOARD", "--avr", "mcu=x", "a.elf"], 2, 'unknown key "mcu"'),
         (["--board", "BOARD", "--avr", "mmcu=x", "a.elf", "b"], 2, "--avr takes one firmware file"),
         (["--board", "BOARD", "--avr", "mmcu=x", "a.elf"], 3, "chip time must follow the AVR"),
-        (["--link", "unix:/x", "true"], 2, "--link is for firmware"),
+        (["--link", "unix:/nowhere", "true"], 4, "/nowhere"),
     ],
 )
 def test_what_is_wrong_is_said(board: Path, arguments: list[str], code: int, message: str) -> None:

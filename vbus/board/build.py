@@ -9,7 +9,7 @@ from typing import Final
 from vbus.board import cards, pin_maps, plugins
 from vbus.board.board import Board
 from vbus.board.config import read_board_file, read_board_text
-from vbus.board.sections import RESTS, BoardFile, HostSection, PlantSection
+from vbus.board.sections import RESTS, SIGNALS, BoardFile, HostSection, PlantSection
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
 from vbus.chips.tables import CardRow
@@ -128,7 +128,10 @@ def card_of(file: BoardFile, host: HostSection) -> cards.Card | None:
             moved = [CardRow(start + r.offset, r.read, r.write, r.bits) for r in rows]
             blocks.append((reached.index(name), moved))
             start += card.block or max(row.offset for row in rows) + 1
-        return cards.card_of_rows(card.name, card.base, card.stride, blocks)
+        made = cards.card_of_rows(card.name, card.base, card.stride, blocks)
+        made.memory, made.fixed, made.big_endian = card.memory, card.fixed, card.big_endian
+        made.interrupt, made.signal = card.interrupt, SIGNALS.get(card.signal, 0)
+        return made
     return None
 
 

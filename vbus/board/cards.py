@@ -36,7 +36,10 @@ class Card:
         floating: data bits that nobody drives when an offset is read; they are read as 1.
     """
 
-    __slots__ = ("_floating", "_reads", "_writes", "base", "name")
+    __slots__ = (
+        "_floating", "_reads", "_writes", "base", "big_endian", "fixed", "interrupt", "memory",
+        "name", "signal",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -51,6 +54,16 @@ class Card:
         self._reads: dict[int, tuple[int, int]] = dict(rows)
         self._writes: dict[int, tuple[int, int]] = dict(rows if writes is None else writes)
         self._floating: dict[int, int] = dict(floating or {})
+        self.memory: bool = False
+        """Whether programs find it among memory addresses, not I/O ports."""
+        self.fixed: int = 0
+        """Where a program expects the memory page of the first port without mapping it, or 0."""
+        self.big_endian: bool = False
+        """Whether the byte at the lowest address of a wide access is the most significant one."""
+        self.interrupt: str = ""
+        """The output, ``"chip.pin"``, that interrupts a program; a name with / or ~ does when low."""
+        self.signal: int = 0
+        """Number of the signal an interrupt sends to a program, or 0."""
 
     def decode(self, address: int, write: bool = False) -> tuple[int, int] | None:
         """Return (chip number, chip address) behind ``address``; None if nobody answers."""
@@ -74,6 +87,18 @@ class Card:
                 floating = f"/{bits:02X}" if bits else ""
                 entries.append(f"{letter}{self.base + offset:X}={chip:X}.{address:X}{floating}")
         return " ".join(entries)
+
+    def program_text(self, outputs: list[str]) -> str:
+        """Return what HELLO tells ``vbus exec``: how a program finds the card.
+
+        ``line`` is the number of the interrupting output among ``outputs``.
+        """
+        parts = [f"memory={int(self.memory)}", f"fixed={self.fixed}", f"big={int(self.big_endian)}"]
+        if self.interrupt in outputs:
+            low = self.interrupt.partition(".")[2][:1] in ("/", "~")
+            number = outputs.index(self.interrupt)
+            parts += [f"line={number}", f"low={int(low)}", f"signal={self.signal}"]
+        return ";".join(parts)
 
     def offsets(self) -> list[int]:
         """Return every decoded offset, in rising order."""

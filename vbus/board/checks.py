@@ -205,6 +205,7 @@ class _Checks:
                 self._decode(card, (*path, "decode"), self._parts[name])
         if card.decode and not card.chips:
             self._source.fail(path, f'"decode" needs chips: which ones are behind "{card.decode}"?')
+        self._card_interrupt(card, path)
         offsets: dict[int, int] = {}
         for place, port in enumerate(card.ports):
             where: Path = (*path, "ports", place)
@@ -222,6 +223,31 @@ class _Checks:
                 self._source.fail(
                     (*where, "address"),
                     f'found {port.address}; addresses of "{port.chip}" are 0 to {highest}',
+                )
+
+    def _card_interrupt(self, card: CardSection, path: Path) -> None:
+        if card.signal and not card.interrupt:
+            self._source.fail(
+                (*path, "signal"), 'a signal needs "interrupt": which output sends it?'
+            )
+        if card.fixed and not card.memory:
+            self._source.fail((*path, "fixed"), 'a fixed address needs "memory = true"')
+        if card.fixed % 4096:
+            self._source.fail(
+                (*path, "fixed"), f"found {card.fixed}; a page begins at 4096 times n"
+            )
+        name, _, pin = card.interrupt.partition(".")
+        if card.interrupt and self._exists((*path, "interrupt"), "chips", name):
+            part = self._parts.get(name)
+            outputs = [
+                row.name
+                for row in (part.PINS if part is not None else ())
+                if row.direction != "in" and row.width == 1 and not (row.strobe or row.wave)
+            ]
+            if part is not None and pin not in outputs:
+                known = listed(f"{name}.{output}" for output in outputs)
+                self._source.fail(
+                    (*path, "interrupt"), f"found {quoted(card.interrupt)}; outputs are {known}"
                 )
 
     def _decode(self, card: CardSection, path: Path, chip: Chip) -> None:

@@ -89,7 +89,13 @@ class HostBus(HostClock):
             ["claim", "events", "leases", "lines", "sync"],
             wiring(self.pin_map, self.chips, self._pins),
             self._card.text() if self._card is not None else "",
+            self._program(),
         )
+
+    def _program(self) -> str:
+        if self._card is None:
+            return ""
+        return f"step={self.board.clock_step};{self._card.program_text(self._pins.output_names())}"
 
     # -- choosing chips -----------------------------------------------------------------------
 

@@ -15,6 +15,8 @@ from vbus.options import Option, Value
 TIMES: Final = ("realtime", "lockstep", "slaved")
 LEVELS: Final = ("off", "warn", "strict")
 RESTS: Final = ("low", "high", "keep")
+SIGNALS: Final = {"SIGHUP": 1, "SIGUSR1": 10, "SIGUSR2": 12, "SIGALRM": 14, "SIGIO": 29}
+"""Signals that may stand for an interrupt, with their numbers on Linux for x86."""
 
 NO_PLANT: Final = "none"
 """In place of a plant's name: nothing is behind the axis, or nets drive its encoder inputs."""
@@ -166,6 +168,28 @@ class CardSection(Section, frozen=True, kw_only=True):
     block: Annotated[
         int, _key("count", "ports from one chip's block to the next; 0: the circuit's own", low=0)
     ] = 0
+    memory: Annotated[
+        bool, _key("flag", "its addresses are memory, not I/O ports (for programs: vbus exec)")
+    ] = False
+    fixed: Annotated[
+        int,
+        _key(
+            "count",
+            "where a program expects the memory page of its first port without mapping it; 0:"
+            " nowhere",
+            low=0,
+        ),
+    ] = 0
+    big_endian: Annotated[
+        bool,
+        _key("flag", "in wide accesses the byte at the lowest address is the most significant"),
+    ] = False
+    interrupt: Annotated[str, _key("text", 'output that interrupts the program, as "chip.pin"')] = (
+        ""
+    )
+    signal: Annotated[
+        str, _key("choice", "signal an interrupt sends to the program", tuple(SIGNALS))
+    ] = ""
     ports: tuple[CardPortSection, ...] = ()
 
 
@@ -215,6 +239,31 @@ class RecordSection(Section, frozen=True, kw_only=True):
     ] = ""
 
 
+class WaveSection(Section, frozen=True, kw_only=True):
+    """``[waves.NAME]``: a waveform file."""
+
+    name: str
+    file: Annotated[str, _key("text", "the VCD file")]
+    profile: Annotated[
+        str,
+        _key(
+            "choice",
+            "vectors, values and packets for GTKWave and Surfer; or single bits for sigrok",
+            ("full", "sigrok"),
+        ),
+    ] = "full"
+    signals: Annotated[
+        tuple[str, ...],
+        _key(NAMES, 'patterns such as "x.*"; else the buses and all pins but fast ones'),
+    ] = ()
+    trigger: Annotated[str, _key("text", "what to wait for; else recording begins at once")] = ""
+    before: Annotated[int, _key("s", "how much to show from before the trigger", low=0)] = 0
+    duration: Annotated[int, _key("s", "how long to record; 0 s: to the end", low=0)] = 0
+    sample: Annotated[
+        int, _key("s", "how often values such as positions are looked at", low=1_000_000)
+    ] = 1_000_000_000
+
+
 NO_HOST: Final = HostSection(transport="")
 """Stands for a host that could not be read, so that the others keep their places."""
 
@@ -233,3 +282,4 @@ class BoardFile(Section, frozen=True, kw_only=True):
     pinmaps: tuple[PinMapSection, ...]
     hosts: tuple[HostSection, ...]
     record: RecordSection = RecordSection()
+    waves: tuple[WaveSection, ...] = ()

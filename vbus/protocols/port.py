@@ -50,6 +50,7 @@ class PortInfo:
         features: optional requests this board understands.
         wiring: which port bits of a microcontroller reach which pins (docs/board-file.md), or "".
         card: which card address reaches which address of which chip, or "".
+        program: how ``vbus exec`` attaches a program to the card, or "".
     """
 
     board: str
@@ -62,6 +63,7 @@ class PortInfo:
     features: list[str] = field(default_factory=list)
     wiring: str = ""
     card: str = ""
+    program: str = ""
 
 
 class HostPort:

@@ -17,6 +17,7 @@ from vbus.errors import VbusError
 from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of
 from vbus.signals import Observer, Violation
+from vbus.tools import preload
 from vbus.tools.transcript import Transcript
 
 
@@ -101,11 +102,16 @@ def run_on_board(
                 raise VbusError(f"{transcript}: {error.strerror}") from error
             board.observe(written)
         card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
+        environment = {"VBUS_LINK": link}
+        if card is not None:
+            port = board.open_port("program", host.chips or None, host.cycle, card)
+            environment = preload.environment(port.info(), link)
+            port.close()
         mine = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
         server = Server(board, [mine, *others], file.board.stall)
-        code = asyncio.run(_run_beside(server, command(link), link))
+        code = asyncio.run(_run_beside(server, command(link), environment))
         if written is not None:
             written.flush()
     for line in findings.lines():
@@ -113,7 +119,7 @@ def run_on_board(
     return code
 
 
-async def _run_beside(server: Server, command: list[str], link: str) -> int:
+async def _run_beside(server: Server, command: list[str], environment: dict[str, str]) -> int:
     """Serve while ``command`` runs; a command that died of a signal gives 128 + its number."""
     loop = asyncio.get_running_loop()
     running: list[asyncio.subprocess.Process] = []
@@ -123,7 +129,7 @@ async def _run_beside(server: Server, command: list[str], link: str) -> int:
     try:
         try:
             process = await asyncio.create_subprocess_exec(
-                *command, env={**os.environ, "VBUS_LINK": link}
+                *command, env={**os.environ, **environment}
             )
         except OSError as error:
             raise VbusError(f"{command[0]}: {error.strerror}") from error

@@ -40,8 +40,28 @@ def command(
         except ValueError as error:
             raise click.BadParameter(str(error), param_hint="--avr") from None
     if board is None:
-        raise click.UsageError("--link is for firmware; a program takes its link from $VBUS_LINK")
+        assert link is not None
+        return _join(link, list(program))
     return _run(board, pinmap, transcript, list(program))
+
+
+def _join(link: str, program: list[str]) -> int:
+    """Run a program on a board that runs already."""
+    import os
+    import subprocess
+
+    from vbus.client import connect
+    from vbus.errors import VbusError
+    from vbus.tools.preload import environment
+
+    with connect(link) as bus:
+        info = bus.info
+    variables = environment(info, link) if info.card else {"VBUS_LINK": link}
+    try:
+        code = subprocess.run(program, env={**os.environ, **variables}).returncode
+    except OSError as error:
+        raise VbusError(f"{program[0]}: {error.strerror}") from error
+    return code if code >= 0 else 128 - code
 
 
 def _run(board: str, pinmap: str | None, transcript: str | None, program: list[str]) -> int:

@@ -1,0 +1,525 @@
+/* card.c - see card.h. License: Apache-2.0. */
+#define _GNU_SOURCE
+#include "card.h"
+
+#include "../vbus.h"
+#include "sys.h"
+
+#include <dlfcn.h>
+#include <sched.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <sys/resource.h>
+
+#define MOST_PORTS 1024
+#define MOST_CHIPS 16
+#define MOST_REPORTS 16
+#define NO_LINK 4
+#define REPLY_MS 60000
+#define PS_PER_NS 1000u
+#define FLOATING 0xFF
+
+struct port {
+    uintptr_t address;
+    unsigned char chip, chip_address, floating;
+};
+
+struct card_settings card = {.line = -1};
+
+static struct {
+    struct port ports[MOST_PORTS];
+    unsigned count;
+} reads, writes;
+
+static struct vbus bus;
+static int open_session, slaved;
+static unsigned selected;
+static uint64_t cycles[MOST_CHIPS], clock_step;
+static uint64_t elapsed;  /* virtual time since it began (ps) */
+static uint64_t owed;     /* of that, what the board has not been told (lockstep) */
+static uint64_t board_at; /* what the board's clock showed when ours showed 0 (slaved) */
+static uint64_t begun_ps;
+static int watching, line_active;
+static uint32_t interrupts, raised;
+static uintptr_t current_ip;
+static volatile int lock;
+
+/* --- messages --------------------------------------------------------------------------------- */
+
+static size_t add(char *text, size_t size, size_t room, const char *part)
+{
+    while (*part != '\0' && size < room)
+        text[size++] = *part++;
+    return size;
+}
+
+static size_t add_number(char *text, size_t size, size_t room, uintptr_t value, unsigned base)
+{
+    char digits[24];
+    size_t place = sizeof digits;
+
+    digits[--place] = '\0';
+    do {
+        digits[--place] = "0123456789abcdef"[value % base];
+        value /= base;
+    } while (value > 0);
+    return add(text, size, room, digits + place);
+}
+
+void card_say(const char *format, ...)
+{
+    char text[600];
+    size_t size = add(text, 0, sizeof text - 1, "vbus exec: ");
+    va_list rest;
+
+    va_start(rest, format);
+    for (; *format != '\0' && size < sizeof text - 1; format++) {
+        if (*format != '%') {
+            text[size++] = *format;
+        } else if (*++format == 's') {
+            size = add(text, size, sizeof text - 1, va_arg(rest, const char *));
+        } else if (*format == 'x') {
+            size = add_number(text, size, sizeof text - 1, va_arg(rest, uintptr_t), 16);
+        } else {
+            size = add_number(text, size, sizeof text - 1, (unsigned)va_arg(rest, int), 10);
+        }
+    }
+    va_end(rest);
+    text[size++] = '\n';
+    sys_write(2, text, size);
+}
+
+_Noreturn void card_end(int code)
+{
+    for (;;)
+        syscall(SYS_exit_group, code);
+}
+
+void card_say_place(const char *before, uintptr_t ip, const char *after)
+{
+    Dl_info info;
+
+    if (ip != 0 && dladdr((void *)ip, &info) != 0 && info.dli_fname != NULL)
+        card_say("%s instruction at 0x%x (%s+0x%x)%s", before, ip, info.dli_fname,
+                 ip - (uintptr_t)info.dli_fbase, after);
+    else
+        card_say("%s instruction at 0x%x%s", before, ip, after);
+}
+
+static void say_mapped(void)
+{
+    char text[256];
+    size_t size = 0;
+    unsigned turn;
+
+    for (turn = 0; turn < reads.count && size < sizeof text - 24; turn++) {
+        if (turn > 0)
+            text[size++] = ' ';
+        size = add_number(text, size, sizeof text - 8, reads.ports[turn].address, 16);
+    }
+    if (turn < reads.count)
+        size = add(text, size, sizeof text - 1, " ...");
+    text[size] = '\0';
+    card_say("the card answers reads at (hexadecimal) %s", size > 0 ? text : "no address");
+}
+
+static void must(int error)
+{
+    if (error >= 0)
+        return;
+    card_say("the board is gone or refuses: %s",
+             error == VBUS_E_SYSTEM ? strerror(bus.system) : vbus_strerror(error));
+    if (current_ip != 0)
+        card_say_place("it was needed by the", current_ip, "");
+    card_end(NO_LINK);
+}
+
+/* Say once for each address that nobody is there. */
+static void unanswered(uintptr_t address, unsigned size, int write, uintptr_t ip)
+{
+    static uintptr_t said[MOST_REPORTS];
+    static unsigned count;
+    unsigned turn;
+
+    for (turn = 0; turn < count; turn++)
+        if (said[turn] == address)
+            return;
+    if (count == MOST_REPORTS)
+        return;
+    said[count++] = address;
+    card_say("nobody answers a %s of %d bytes at %s 0x%x; %s", write ? "write" : "read", (int)size,
+             card.memory ? "address" : "port", address, write ? "it is lost" : "FFh is read");
+    card_say_place("by the", ip, "");
+    say_mapped();
+    if (count == MOST_REPORTS)
+        card_say("further addresses are not reported");
+}
+
+/* --- what vbus exec tells --------------------------------------------------------------------- */
+
+static const char *setting(const char *text, const char *key)
+{
+    size_t size = strlen(key);
+
+    while (text != NULL && *text != '\0') {
+        if (strncmp(text, key, size) == 0 && text[size] == '=')
+            return text + size + 1;
+        text = strchr(text, ';');
+        text = text == NULL ? NULL : text + 1;
+    }
+    return NULL;
+}
+
+static unsigned long long number_setting(const char *text, const char *key)
+{
+    const char *value = setting(text, key);
+
+    return value == NULL ? 0 : strtoull(value, NULL, 0);
+}
+
+/* Read "r340=0.1/7F w341=0.1 ..." up to the semicolon; the entries come sorted by address. */
+static void read_card(const char *text)
+{
+    while (text != NULL && (*text == 'r' || *text == 'w')) {
+        struct port port = {0, 0, 0, 0};
+        int write = *text == 'w';
+        char *end;
+
+        port.address = strtoull(text + 1, &end, 16);
+        port.chip = (unsigned char)(strtoul(end + 1, &end, 16) % MOST_CHIPS);
+        port.chip_address = (unsigned char)strtoul(end + 1, &end, 16);
+        if (*end == '/')
+            port.floating = (unsigned char)strtoul(end + 1, &end, 16);
+        if (card.end == 0 || port.address < card.first)
+            card.first = port.address;
+        if (port.address >= card.end)
+            card.end = port.address + 1;
+        if (write && writes.count < MOST_PORTS)
+            writes.ports[writes.count++] = port;
+        else if (!write && reads.count < MOST_PORTS)
+            reads.ports[reads.count++] = port;
+        text = *end == ' ' ? end + 1 : NULL;
+    }
+}
+
+void card_read_settings(void)
+{
+    const char *text = getenv("VBUS_EXEC"), *policy = setting(text, "policy"), *next;
+    unsigned turn;
+
+    if (text == NULL || policy == NULL || getenv("VBUS_LINK") == NULL)
+        return;
+    card.present = 1;
+    card.virtual_time = strncmp(policy, "realtime", 8) != 0;
+    slaved = strncmp(policy, "slaved", 6) == 0;
+    card.memory = number_setting(text, "memory") != 0;
+    card.big = number_setting(text, "big") != 0;
+    card.fixed = (uintptr_t)number_setting(text, "fixed");
+    card.line = setting(text, "line") != NULL ? (int)number_setting(text, "line") : -1;
+    card.active_low = number_setting(text, "low") != 0;
+    card.signal = (int)number_setting(text, "signal");
+    clock_step = number_setting(text, "step");
+    next = setting(text, "cycles");
+    for (turn = 0; turn < MOST_CHIPS && next != NULL; turn++) {
+        char *end;
+
+        cycles[turn] = strtoull(next, &end, 10);
+        next = *end == ',' ? end + 1 : NULL;
+    }
+    read_card(setting(text, "card"));
+}
+
+/* --- the session ------------------------------------------------------------------------------ */
+
+void card_enter(sigset_t *before)
+{
+    sys_block(before);
+    while (__atomic_exchange_n(&lock, 1, __ATOMIC_ACQUIRE))
+        sched_yield();
+}
+
+void card_leave(const sigset_t *before)
+{
+    __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
+    sys_restore(before);
+}
+
+static void on_event(void *context, uint32_t outputs, uint64_t instant)
+{
+    int active = (int)(outputs >> card.line & 1) != card.active_low;
+
+    (void)context;
+    (void)instant;
+    if (active && !line_active)
+        interrupts++;
+    line_active = active;
+}
+
+/* Programs close low descriptors, or count on their numbers. */
+static void lift_descriptor(void)
+{
+    struct rlimit limit;
+    int least = 900, fd;
+
+    if (getrlimit(RLIMIT_NOFILE, &limit) == 0 && limit.rlim_cur < 1000)
+        least = limit.rlim_cur > 100 ? (int)limit.rlim_cur - 64 : 3;
+    fd = fcntl(bus.fd, F_DUPFD_CLOEXEC, least);
+    if (fd >= 0) {
+        sys_close(bus.fd);
+        bus.fd = fd;
+    }
+}
+
+static void open_card(void)
+{
+    const char *where = getenv("VBUS_LINK");
+    uint64_t now = 0;
+    int error;
+
+    if (open_session)
+        return;
+    error = where == NULL ? VBUS_E_WHERE : vbus_open(&bus, where);
+    if (error < 0) {
+        card_say("%s: %s", where == NULL ? "VBUS_LINK" : where,
+                 error == VBUS_E_SYSTEM ? strerror(bus.system) : vbus_strerror(error));
+        card_end(NO_LINK);
+    }
+    lift_descriptor();
+    open_session = 1;
+    selected = 1;
+    bus.timeout_ms = REPLY_MS;
+    bus.on_event = on_event;
+    if (!card.virtual_time)
+        return;
+    card_begin_time();
+    vbus_buffer(&bus);
+    must(vbus_leases(&bus, 1));
+    must(vbus_now(&bus, &now));
+    board_at = now - begun_ps;
+    owed = elapsed - begun_ps;
+    begun_ps = elapsed;
+    if (watching || card.signal) {
+        watching = 0;
+        card_watch();
+    }
+}
+
+void card_forget(void)
+{
+    if (open_session)
+        sys_close(bus.fd);
+    open_session = 0;
+    begun_ps = elapsed;
+    __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
+}
+
+int card_owns(int fd)
+{
+    return open_session && fd == bus.fd && fd >= 0;
+}
+
+void card_send(void)
+{
+    if (open_session)
+        must(vbus_send(&bus));
+}
+
+/* Tell the board how much time has passed, before something happens. */
+static void tell_time(void)
+{
+    if (!card.virtual_time)
+        return;
+    if (slaved)
+        must(vbus_at(&bus, board_at + elapsed));
+    else if (owed > 0)
+        must(vbus_delay(&bus, owed));
+    owed = 0;
+}
+
+static void begin_cycle(const struct port *port)
+{
+    unsigned mask = 1u << port->chip;
+
+    if (mask != selected)
+        must(vbus_select(&bus, mask));
+    selected = mask;
+    if (slaved)
+        elapsed += cycles[port->chip];
+    tell_time();
+    if (!slaved)
+        elapsed += cycles[port->chip];
+}
+
+static const struct port *find(const struct port *ports, unsigned count, uintptr_t address)
+{
+    unsigned first = 0;
+
+    while (count > 0) {
+        unsigned half = count / 2;
+
+        if (ports[first + half].address < address) {
+            first += half + 1;
+            count -= half + 1;
+        } else {
+            count = half;
+        }
+    }
+    return ports + first;
+}
+
+void card_load(uintptr_t address, unsigned char *data, unsigned size, uintptr_t ip)
+{
+    unsigned turn, answers = 0;
+
+    for (turn = 0; turn < size; turn++) {
+        unsigned place = card.big ? size - 1 - turn : turn;
+        const struct port *port = find(reads.ports, reads.count, address + turn);
+        int byte;
+
+        data[place] = FLOATING;
+        if (port == reads.ports + reads.count || port->address != address + turn)
+            continue;
+        current_ip = ip;
+        answers++;
+        open_card();
+        begin_cycle(port);
+        byte = vbus_read(&bus, port->chip_address);
+        must(byte);
+        data[place] = (unsigned char)(byte | port->floating);
+    }
+    current_ip = 0;
+    if (answers == 0)
+        unanswered(address, size, 0, ip);
+}
+
+void card_store(uintptr_t address, const unsigned char *data, unsigned size, uintptr_t ip)
+{
+    unsigned turn, answers = 0;
+
+    for (turn = 0; turn < size; turn++) {
+        const struct port *port = find(writes.ports, writes.count, address + turn);
+
+        if (port == writes.ports + writes.count || port->address != address + turn)
+            continue;
+        current_ip = ip;
+        answers++;
+        open_card();
+        begin_cycle(port);
+        must(vbus_write(&bus, port->chip_address, data[card.big ? size - 1 - turn : turn]));
+    }
+    if (answers == 0)
+        unanswered(address, size, 1, ip);
+    else if (watching && card.signal)
+        must(vbus_echo(&bus, 0)); /* what it has caused is known then */
+    current_ip = 0;
+}
+
+/* --- time ------------------------------------------------------------------------------------- */
+
+static volatile int begun;
+
+void card_begin_time(void)
+{
+    if (!begun)
+        card_set_clocks();
+    begun = 1;
+}
+
+int card_time_begun(void)
+{
+    return begun;
+}
+
+static void spend(uint64_t ps)
+{
+    elapsed += ps;
+    if (!slaved && open_session)
+        owed += ps;
+}
+
+uint64_t card_look(void)
+{
+    spend(clock_step);
+    return elapsed / PS_PER_NS;
+}
+
+uint64_t card_pass(uint64_t duration)
+{
+    uint64_t left = duration * PS_PER_NS;
+
+    if (!card.signal || !open_session) {
+        spend(left);
+        return 0;
+    }
+    while (left > 0) {
+        uint64_t before = elapsed;
+        uint32_t seen = card_interrupts();
+
+        card_approach_interrupt(left / PS_PER_NS + 1);
+        left -= elapsed - before < left ? elapsed - before : left;
+        if (card_interrupts() != seen)
+            return left / PS_PER_NS;
+    }
+    return 0;
+}
+
+/* --- interrupts ------------------------------------------------------------------------------- */
+
+void card_watch(void)
+{
+    uint32_t outputs;
+
+    if (card.line < 0 || watching)
+        return;
+    watching = 1;
+    if (!open_session) {
+        open_card();
+        return;
+    }
+    must(vbus_events(&bus, 1u << card.line));
+    must(vbus_sync(&bus, &outputs, NULL));
+    line_active = (int)(outputs >> card.line & 1) != card.active_low;
+    if (line_active)
+        interrupts++;
+}
+
+uint32_t card_interrupts(void)
+{
+    open_card();
+    tell_time();
+    must(vbus_sync(&bus, NULL, NULL));
+    return interrupts;
+}
+
+void card_approach_interrupt(uint64_t longest)
+{
+    uint64_t edge, now = 0, step = longest * PS_PER_NS;
+
+    open_card();
+    tell_time();
+    must(vbus_sync(&bus, NULL, &edge));
+    if (slaved)
+        now = board_at + elapsed;
+    else
+        must(vbus_now(&bus, &now));
+    if (edge <= now)
+        step = PS_PER_NS;
+    else if (edge - now < step)
+        step = edge - now;
+    spend(step);
+}
+
+void card_rearm(void)
+{
+    card_interrupts();
+    if (line_active)
+        interrupts++;
+}
+
+void card_raise(void)
+{
+    while (card.signal && raised != interrupts) {
+        raised++;
+        syscall(SYS_tgkill, getpid(), syscall(SYS_gettid), card.signal);
+    }
+}

@@ -1,0 +1,19 @@
+/* client.c - the C client, its system calls made directly. License: Apache-2.0. */
+#define _GNU_SOURCE
+#include "sys.h"
+
+#include <errno.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <termios.h>
+
+#define open(path, flags) sys_open(path, flags)
+#define close(fd) sys_close(fd)
+#define read(fd, data, size) sys_read(fd, data, size)
+#define write(fd, data, size) sys_write(fd, data, size)
+#define poll(set, count, timeout) sys_poll(set, count, timeout)
+#define clock_gettime(clock, when) sys_clock_gettime(clock, when)
+
+#include "../vbus.c"

@@ -1,0 +1,526 @@
+/* files.c - /dev/port, /dev/mem and /dev/uio0 as the program opens, reads, writes and maps them;
+ * ioperm and iopl; fork and the library's start and end. License: Apache-2.0.
+ */
+#define _GNU_SOURCE
+#include "files.h"
+
+#include "card.h"
+#include "sys.h"
+#include "trap.h"
+
+#include <dlfcn.h>
+#include <errno.h>
+#include <pthread.h>
+#include <sched.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <sys/mman.h>
+
+#undef open
+#undef open64
+
+#define MOST_FILES 1024
+#define PAGE 4096u
+
+enum kind { NONE, PORTS, MEMORY, UIO };
+
+static unsigned char kinds[MOST_FILES];
+static uint32_t uio_seen;
+
+/* The next definition of a function behind ours. */
+#define REAL(name)                                                                                 \
+    static __typeof__(&name) real;                                                                 \
+    if (real == NULL)                                                                              \
+        *(void **)&real = dlsym(RTLD_NEXT, #name)
+
+static enum kind kind_of(int fd)
+{
+    return fd >= 0 && fd < MOST_FILES ? (enum kind)kinds[fd] : NONE;
+}
+
+static enum kind kind_of_path(const char *path)
+{
+    if (!card.present || path == NULL || strncmp(path, "/dev/", 5) != 0)
+        return NONE;
+    if (strcmp(path, "/dev/port") == 0 && !card.memory)
+        return PORTS;
+    if (strcmp(path, "/dev/mem") == 0 && card.memory)
+        return MEMORY;
+    return strcmp(path, "/dev/uio0") == 0 ? UIO : NONE;
+}
+
+static void begin(void)
+{
+    sigset_t before;
+
+    if (!card.virtual_time)
+        return;
+    card_enter(&before);
+    card_begin_time();
+    card_leave(&before);
+}
+
+/* A descriptor of the program's own stands for the device: it has a position, can be copied and
+ * closed, and means nothing to anybody else. */
+static int open_device(enum kind kind, int flags)
+{
+    int fd = (int)syscall(SYS_memfd_create, "vbus", flags & O_CLOEXEC ? 1 : 0);
+
+    if (fd < 0)
+        return -1;
+    if (fd >= MOST_FILES) {
+        sys_close(fd);
+        errno = EMFILE;
+        return -1;
+    }
+    if (flags & O_NONBLOCK)
+        fcntl(fd, F_SETFL, O_NONBLOCK);
+    kinds[fd] = (unsigned char)kind;
+    begin();
+    if (kind == UIO && card.line >= 0) {
+        sigset_t before;
+
+        card_enter(&before);
+        card_watch();
+        uio_seen = 0;
+        card_leave(&before);
+    }
+    return fd;
+}
+
+#define MODE(flags)                                                                                \
+    mode_t mode = 0;                                                                               \
+    if ((flags) & (O_CREAT | __O_TMPFILE)) {                                                       \
+        va_list rest;                                                                              \
+        va_start(rest, flags);                                                                     \
+        mode = (mode_t)va_arg(rest, int);                                                          \
+        va_end(rest);                                                                              \
+    }
+
+#define OPEN(name)                                                                                 \
+    PUBLIC int name(const char *path, int flags, ...)                                              \
+    {                                                                                              \
+        static int (*real)(const char *, int, ...);                                                \
+        enum kind kind = kind_of_path(path);                                                       \
+        MODE(flags)                                                                                \
+        if (kind != NONE)                                                                          \
+            return open_device(kind, flags);                                                       \
+        if (real == NULL)                                                                          \
+            *(void **)&real = dlsym(RTLD_NEXT, #name);                                             \
+        return real(path, flags, mode);                                                            \
+    }
+
+#define OPENAT(name)                                                                               \
+    PUBLIC int name(int folder, const char *path, int flags, ...)                                  \
+    {                                                                                              \
+        static int (*real)(int, const char *, int, ...);                                           \
+        enum kind kind = kind_of_path(path);                                                       \
+        MODE(flags)                                                                                \
+        if (kind != NONE)                                                                          \
+            return open_device(kind, flags);                                                       \
+        if (real == NULL)                                                                          \
+            *(void **)&real = dlsym(RTLD_NEXT, #name);                                             \
+        return real(folder, path, flags, mode);                                                    \
+    }
+
+OPEN(open)
+OPEN(open64)
+OPENAT(openat)
+OPENAT(openat64)
+
+/* What fortified programs call. */
+#define OPEN_2(name, plain)                                                                        \
+    PUBLIC int name(const char *path, int flags);                                                  \
+    PUBLIC int name(const char *path, int flags)                                                   \
+    {                                                                                              \
+        return plain(path, flags, 0);                                                              \
+    }
+#define OPENAT_2(name, plain)                                                                      \
+    PUBLIC int name(int folder, const char *path, int flags);                                      \
+    PUBLIC int name(int folder, const char *path, int flags)                                       \
+    {                                                                                              \
+        return plain(folder, path, flags, 0);                                                      \
+    }
+
+OPEN_2(__open_2, open)
+OPEN_2(__open64_2, open64)
+OPENAT_2(__openat_2, openat)
+OPENAT_2(__openat64_2, openat64)
+
+/* --- reading and writing ---------------------------------------------------------------------- */
+
+static ssize_t move(enum kind kind, unsigned char *into, const unsigned char *from, size_t size,
+                    uint64_t place)
+{
+    uintptr_t ip = (uintptr_t)__builtin_return_address(0);
+    size_t turn;
+    sigset_t before;
+
+    if (kind == PORTS && place >= 0x10000)
+        return 0;
+    if (kind == PORTS && size > 0x10000 - place)
+        size = (size_t)(0x10000 - place);
+    card_enter(&before);
+    for (turn = 0; turn < size; turn++) {
+        if (into != NULL)
+            card_load((uintptr_t)place + turn, into + turn, 1, ip);
+        else
+            card_store((uintptr_t)place + turn, from + turn, 1, ip);
+    }
+    card_leave(&before);
+    card_raise();
+    return (ssize_t)size;
+}
+
+static ssize_t move_here(int fd, unsigned char *into, const unsigned char *from, size_t size)
+{
+    off64_t place = lseek64(fd, 0, SEEK_CUR);
+    ssize_t done = move(kind_of(fd), into, from, size, (uint64_t)place);
+
+    if (done > 0)
+        lseek64(fd, place + done, SEEK_SET);
+    return done;
+}
+
+/* Whether an interrupt has come that has not been read. */
+static int uio_ready(uint32_t *count)
+{
+    sigset_t before;
+
+    card_enter(&before);
+    *count = card_interrupts();
+    card_leave(&before);
+    return *count != uio_seen;
+}
+
+static void uio_wait(uint64_t longest_ns)
+{
+    sigset_t before;
+
+    if (!card.virtual_time) {
+        sys_poll(NULL, 0, 1);
+        return;
+    }
+    card_enter(&before);
+    card_approach_interrupt(longest_ns);
+    card_leave(&before);
+    sched_yield();
+}
+
+#define UIO_STEP 10000000u /* ns of chip time between looks where nothing is in sight */
+
+static ssize_t read_uio(int fd, void *data, size_t size)
+{
+    uint32_t count;
+
+    if (size != 4 || card.line < 0) {
+        errno = card.line < 0 ? EIO : EINVAL;
+        return -1;
+    }
+    while (!uio_ready(&count)) {
+        if (fcntl(fd, F_GETFL) & O_NONBLOCK) {
+            errno = EAGAIN;
+            return -1;
+        }
+        uio_wait(UIO_STEP);
+    }
+    uio_seen = count;
+    memcpy(data, &count, 4);
+    return 4;
+}
+
+static ssize_t write_uio(const void *data, size_t size)
+{
+    uint32_t on;
+    sigset_t before;
+
+    if (size != 4) {
+        errno = EINVAL;
+        return -1;
+    }
+    memcpy(&on, data, 4);
+    if (on && card.line >= 0) {
+        card_enter(&before);
+        card_rearm();
+        card_leave(&before);
+    }
+    return 4;
+}
+
+int files_uio(int fd)
+{
+    return kind_of(fd) == UIO && card.line >= 0;
+}
+
+int files_uio_ready(void)
+{
+    uint32_t count;
+
+    return uio_ready(&count);
+}
+
+PUBLIC ssize_t read(int fd, void *data, size_t size)
+{
+    REAL(read);
+    switch (kind_of(fd)) {
+    case NONE: return real(fd, data, size);
+    case UIO: return read_uio(fd, data, size);
+    default: return move_here(fd, data, NULL, size);
+    }
+}
+
+PUBLIC ssize_t write(int fd, const void *data, size_t size)
+{
+    REAL(write);
+    switch (kind_of(fd)) {
+    case NONE: return real(fd, data, size);
+    case UIO: return write_uio(data, size);
+    default: return move_here(fd, NULL, data, size);
+    }
+}
+
+#define POSITIONED(name, offset, constant, into, from)                                             \
+    PUBLIC ssize_t name(int fd, constant void *data, size_t size, offset place)                    \
+    {                                                                                              \
+        REAL(name);                                                                                \
+        if (kind_of(fd) == NONE || kind_of(fd) == UIO)                                             \
+            return real(fd, data, size, place);                                                    \
+        return move(kind_of(fd), into, from, size, (uint64_t)place);                               \
+    }
+
+POSITIONED(pread, off_t, , data, NULL)
+POSITIONED(pread64, off64_t, , data, NULL)
+POSITIONED(pwrite, off_t, const, NULL, data)
+POSITIONED(pwrite64, off64_t, const, NULL, data)
+
+PUBLIC ssize_t __read_chk(int fd, void *data, size_t size, size_t room);
+PUBLIC ssize_t __read_chk(int fd, void *data, size_t size, size_t room)
+{
+    if (size > room)
+        __builtin_trap();
+    return read(fd, data, size);
+}
+
+PUBLIC ssize_t __pread_chk(int fd, void *data, size_t size, off_t place, size_t room);
+PUBLIC ssize_t __pread_chk(int fd, void *data, size_t size, off_t place, size_t room)
+{
+    if (size > room)
+        __builtin_trap();
+    return pread(fd, data, size, place);
+}
+
+PUBLIC ssize_t __pread64_chk(int fd, void *data, size_t size, off64_t place, size_t room);
+PUBLIC ssize_t __pread64_chk(int fd, void *data, size_t size, off64_t place, size_t room)
+{
+    if (size > room)
+        __builtin_trap();
+    return pread64(fd, data, size, place);
+}
+
+/* --- streams: their reads do not pass through read -------------------------------------------- */
+
+static ssize_t stream_read(void *cookie, char *data, size_t size)
+{
+    return read((int)(intptr_t)cookie, data, size);
+}
+
+static ssize_t stream_write(void *cookie, const char *data, size_t size)
+{
+    return write((int)(intptr_t)cookie, data, size);
+}
+
+static int stream_seek(void *cookie, off64_t *place, int whence)
+{
+    *place = lseek64((int)(intptr_t)cookie, *place, whence);
+    return *place < 0 ? -1 : 0;
+}
+
+static int stream_close(void *cookie)
+{
+    return close((int)(intptr_t)cookie);
+}
+
+static FILE *open_stream(enum kind kind, const char *mode)
+{
+    static const cookie_io_functions_t functions = {stream_read, stream_write, stream_seek,
+                                                    stream_close};
+    int fd = open_device(kind, strchr(mode, 'e') != NULL ? O_CLOEXEC : 0);
+
+    return fd < 0 ? NULL : fopencookie((void *)(intptr_t)fd, mode, functions);
+}
+
+#define FOPEN(name)                                                                                \
+    PUBLIC FILE *name(const char *path, const char *mode)                                          \
+    {                                                                                              \
+        enum kind kind = kind_of_path(path);                                                       \
+        REAL(name);                                                                                \
+        return kind == NONE ? real(path, mode) : open_stream(kind, mode);                          \
+    }
+
+FOPEN(fopen)
+FOPEN(fopen64)
+
+/* --- descriptors ------------------------------------------------------------------------------ */
+
+PUBLIC int close(int fd)
+{
+    REAL(close);
+    if (card_owns(fd)) { /* programs that close everything they may have inherited */
+        errno = EBADF;
+        return -1;
+    }
+    if (kind_of(fd) != NONE)
+        kinds[fd] = NONE;
+    return real(fd);
+}
+
+static int copied(int from, int to)
+{
+    if (to >= 0 && to < MOST_FILES)
+        kinds[to] = (unsigned char)kind_of(from);
+    return to;
+}
+
+PUBLIC int dup(int fd)
+{
+    REAL(dup);
+    return copied(fd, real(fd));
+}
+
+PUBLIC int dup2(int fd, int to)
+{
+    REAL(dup2);
+    return copied(fd, real(fd, to));
+}
+
+PUBLIC int dup3(int fd, int to, int flags)
+{
+    REAL(dup3);
+    return copied(fd, real(fd, to, flags));
+}
+
+/* --- memory ----------------------------------------------------------------------------------- */
+
+static void *map_device(void *address, size_t size, int flags, enum kind kind, uint64_t place)
+{
+    if (kind == PORTS || size == 0 || place % PAGE != 0) {
+        errno = kind == PORTS ? ENODEV : EINVAL;
+        return MAP_FAILED;
+    }
+    if (kind == UIO) {
+        if (place != 0 || !card.memory) { /* map 0 is the card */
+            errno = EINVAL;
+            return MAP_FAILED;
+        }
+        place = card.first & ~(uintptr_t)(PAGE - 1);
+    }
+    return trap_map(address, size, flags, (uintptr_t)place);
+}
+
+#define MMAP(name, offset)                                                                         \
+    PUBLIC void *name(void *address, size_t size, int protection, int flags, int fd, offset place) \
+    {                                                                                              \
+        enum kind kind = flags & MAP_ANONYMOUS ? NONE : kind_of(fd);                               \
+        REAL(name);                                                                                \
+        if (kind == NONE)                                                                          \
+            return real(address, size, protection, flags, fd, place);                              \
+        return map_device(address, size, flags, kind, (uint64_t)place);                            \
+    }
+
+MMAP(mmap, off_t)
+MMAP(mmap64, off64_t)
+
+PUBLIC int munmap(void *address, size_t size)
+{
+    REAL(munmap);
+    trap_unmap(address, size);
+    return real(address, size);
+}
+
+/* --- ports ------------------------------------------------------------------------------------ */
+
+PUBLIC int ioperm(unsigned long from, unsigned long count, int on)
+{
+    REAL(ioperm);
+    if (!card.present)
+        return real(from, count, on);
+    begin();
+    return trap_allow(from, count, on);
+}
+
+PUBLIC int iopl(int level)
+{
+    REAL(iopl);
+    if (!card.present)
+        return real(level);
+    begin();
+    return trap_level(level);
+}
+
+/* --- fork, start and end ---------------------------------------------------------------------- */
+
+static sigset_t mask_before_fork;
+
+static void before_fork(void)
+{
+    sigset_t before;
+
+    card_enter(&before);
+    card_send();
+    mask_before_fork = before;
+}
+
+static void after_fork_in_parent(void)
+{
+    sigset_t mask = mask_before_fork;
+
+    card_leave(&mask);
+}
+
+static void after_fork_in_child(void)
+{
+    sigset_t mask = mask_before_fork;
+
+    card_forget();
+    sys_restore(&mask);
+}
+
+__attribute__((constructor(101))) static void start(void)
+{
+    card_read_settings();
+    if (!card.present)
+        return;
+    trap_install();
+    pthread_atfork(before_fork, after_fork_in_parent, after_fork_in_child);
+    if (card.memory && card.fixed != 0) {
+        uintptr_t first = card.first & ~(uintptr_t)(PAGE - 1);
+        void *window = trap_map((void *)card.fixed, card.end - first, MAP_FIXED_NOREPLACE, first);
+
+        if (window != (void *)card.fixed) {
+            card_say("the address 0x%x of the board file cannot be had for the card", card.fixed);
+            card_end(1);
+        }
+    }
+}
+
+__attribute__((destructor)) static void finish(void)
+{
+    sigset_t before;
+
+    card_enter(&before);
+    card_send();
+    card_leave(&before);
+}
+
+/* What is sent late would be lost by those who leave at once. */
+PUBLIC void _exit(int code)
+{
+    if (card.present)
+        finish();
+    card_end(code);
+}
+
+PUBLIC void _Exit(int code)
+{
+    _exit(code);
+}

@@ -1,0 +1,60 @@
+/* sys.h - system calls that pass by the functions this library puts in their place.
+ * License: Apache-2.0.
+ */
+#ifndef VBUS_EXEC_SYS_H
+#define VBUS_EXEC_SYS_H
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdint.h>
+#include <string.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+
+static inline int sys_open(const char *path, int flags)
+{
+    return (int)syscall(SYS_openat, AT_FDCWD, path, flags, 0);
+}
+
+static inline int sys_close(int fd)
+{
+    return (int)syscall(SYS_close, fd);
+}
+
+static inline ssize_t sys_read(int fd, void *data, size_t size)
+{
+    return syscall(SYS_read, fd, data, size);
+}
+
+static inline ssize_t sys_write(int fd, const void *data, size_t size)
+{
+    return syscall(SYS_write, fd, data, size);
+}
+
+static inline int sys_poll(struct pollfd *set, nfds_t count, int timeout_ms)
+{
+    return (int)syscall(SYS_poll, set, count, timeout_ms);
+}
+
+static inline int sys_clock_gettime(clockid_t clock, struct timespec *when)
+{
+    return (int)syscall(SYS_clock_gettime, clock, when);
+}
+
+/* Block every signal, and put the old mask back. */
+static inline void sys_block(sigset_t *before)
+{
+    sigset_t all;
+
+    memset(&all, 0xFF, sizeof all);
+    syscall(SYS_rt_sigprocmask, SIG_SETMASK, &all, before, 8);
+}
+
+static inline void sys_restore(const sigset_t *before)
+{
+    syscall(SYS_rt_sigprocmask, SIG_SETMASK, before, NULL, 8);
+}
+
+#endif

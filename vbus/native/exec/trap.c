@@ -1,0 +1,374 @@
+/* trap.c - the signal handler in which trapped instructions become bus cycles, ports and windows.
+ * License: Apache-2.0.
+ */
+#define _GNU_SOURCE
+#include "trap.h"
+
+#include "card.h"
+#include "context.h"
+#include "sys.h"
+#include "x86.h"
+
+#include <dlfcn.h>
+#include <errno.h>
+#include <sys/mman.h>
+
+#define MOST_WINDOWS 32
+#define PORTS 65536u
+
+#ifndef SI_KERNEL
+#define SI_KERNEL 128
+#endif
+
+struct window {
+    uintptr_t start, size, card; /* memory, and the card address at its start */
+};
+
+static struct window windows[MOST_WINDOWS];
+static volatile unsigned window_count;
+static unsigned char allowed[PORTS / 8];
+static volatile int level;
+static struct sigaction theirs; /* what the program wants done on SIGSEGV */
+static uintptr_t trapped_ip;
+
+/* --- what may be reached ---------------------------------------------------------------------- */
+
+int trap_allow(unsigned long from, unsigned long count, int on)
+{
+    unsigned long port;
+
+    if (from >= PORTS || count > PORTS || from + count > PORTS) {
+        errno = EINVAL;
+        return -1;
+    }
+    for (port = from; port < from + count; port++) {
+        if (on)
+            __atomic_or_fetch(&allowed[port / 8], (unsigned char)(1u << port % 8), __ATOMIC_RELAXED);
+        else
+            __atomic_and_fetch(&allowed[port / 8], (unsigned char)~(1u << port % 8),
+                               __ATOMIC_RELAXED);
+    }
+    return 0;
+}
+
+int trap_level(int wanted)
+{
+    if (wanted < 0 || wanted > 3) {
+        errno = EINVAL;
+        return -1;
+    }
+    level = wanted;
+    return 0;
+}
+
+static int may(unsigned port, unsigned size)
+{
+    unsigned turn;
+
+    if (level == 3)
+        return 1;
+    if (size == 0)
+        return 0; /* cli and sti */
+    for (turn = port; turn < port + size; turn++)
+        if (turn >= PORTS || !(allowed[turn / 8] >> turn % 8 & 1))
+            return 0;
+    return 1;
+}
+
+/* --- windows ---------------------------------------------------------------------------------- */
+
+static const struct window *window_at(uintptr_t address, unsigned size)
+{
+    unsigned turn;
+
+    for (turn = 0; turn < window_count; turn++)
+        if (address + size > windows[turn].start
+            && address < windows[turn].start + windows[turn].size)
+            return &windows[turn];
+    return NULL;
+}
+
+int trap_covers(uintptr_t address, unsigned size)
+{
+    return window_at(address, size) != NULL;
+}
+
+void *trap_map(void *address, size_t size, int flags, uintptr_t at_card)
+{
+    long result;
+    sigset_t before;
+
+    flags = (flags & (MAP_FIXED | MAP_FIXED_NOREPLACE)) | MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE;
+#if X86_BITS == 64
+    result = syscall(SYS_mmap, address, size, PROT_NONE, flags, -1, 0);
+#else
+    result = syscall(SYS_mmap2, address, size, PROT_NONE, flags, -1, 0);
+#endif
+    if (result == -1)
+        return MAP_FAILED;
+    card_enter(&before);
+    if (window_count < MOST_WINDOWS) {
+        windows[window_count].start = (uintptr_t)result;
+        windows[window_count].size = (size + 4095) & ~(size_t)4095;
+        windows[window_count].card = at_card;
+        window_count++;
+    }
+    card_leave(&before);
+    return (void *)result;
+}
+
+void trap_unmap(void *address, size_t size)
+{
+    uintptr_t start = (uintptr_t)address;
+    sigset_t before;
+    unsigned turn;
+
+    if (window_count == 0)
+        return;
+    card_enter(&before);
+    for (turn = 0; turn < window_count; turn++)
+        if (windows[turn].start >= start && windows[turn].start < start + size) {
+            windows[turn] = windows[window_count - 1];
+            window_count--;
+            turn--;
+        }
+    card_leave(&before);
+}
+
+/* --- what the decoder calls ------------------------------------------------------------------- */
+
+static void load(uintptr_t address, unsigned char *data, unsigned size)
+{
+    const struct window *window = window_at(address, size);
+
+    card_load(window->card + (address - window->start), data, size, trapped_ip);
+}
+
+static void store(uintptr_t address, const unsigned char *data, unsigned size)
+{
+    const struct window *window = window_at(address, size);
+
+    card_store(window->card + (address - window->start), data, size, trapped_ip);
+}
+
+/* Ports at which every PC loses a microsecond, whatever is written there. */
+static int pauses(unsigned port)
+{
+    return port == 0x80 || port == 0xED;
+}
+
+static uint32_t in(unsigned port, unsigned size)
+{
+    unsigned char bytes[4] = {0xFF, 0xFF, 0xFF, 0xFF};
+    uint32_t value = 0;
+    unsigned turn;
+
+    if (pauses(port))
+        card_pass(1000);
+    else if (!card.memory)
+        card_load(port, bytes, size, trapped_ip);
+    for (turn = 0; turn < size; turn++)
+        value |= (uint32_t)bytes[turn] << 8 * turn;
+    return value;
+}
+
+static void out(unsigned port, uint32_t value, unsigned size)
+{
+    unsigned char bytes[4];
+    unsigned turn;
+
+    for (turn = 0; turn < 4; turn++)
+        bytes[turn] = (unsigned char)(value >> 8 * turn);
+    if (pauses(port))
+        card_pass(1000);
+    else if (!card.memory)
+        card_store(port, bytes, size, trapped_ip);
+}
+
+static const struct x86_bus bus = {trap_covers, load, store, may, in, out};
+
+/* --- the handler ------------------------------------------------------------------------------ */
+
+static int (*real_sigaction)(int, const struct sigaction *, struct sigaction *);
+
+static void say_bytes(uintptr_t ip)
+{
+    static const char digits[] = "0123456789ABCDEF";
+    const unsigned char *bytes = (const unsigned char *)ip;
+    char text[3 * 15 + 1];
+    unsigned turn;
+
+    for (turn = 0; turn < 15; turn++) {
+        text[3 * turn] = digits[bytes[turn] >> 4];
+        text[3 * turn + 1] = digits[bytes[turn] & 15];
+        text[3 * turn + 2] = ' ';
+    }
+    text[3 * 15] = '\0';
+    card_say("the instruction's bytes (and what follows it): %s", text);
+}
+
+static _Noreturn void refuse(uintptr_t ip, uintptr_t address)
+{
+    card_say("an instruction of a kind that is not supported touches the card at 0x%x", address);
+    card_say_place("it is the", ip, "");
+    say_bytes(ip);
+    card_end(1);
+}
+
+/* It is the program's own fault, in both senses. */
+static void pass_on(int number, siginfo_t *info, void *data, uintptr_t ip)
+{
+    ucontext_t *context = data;
+    struct sigaction action = theirs;
+    sigset_t mask;
+    int turn;
+
+    if ((action.sa_flags & SA_SIGINFO) == 0
+        && (action.sa_handler == SIG_DFL || action.sa_handler == SIG_IGN)) {
+        card_say("the program faults at address 0x%x%s", (uintptr_t)info->si_addr,
+                 info->si_code == SI_KERNEL ? " (or by a privileged instruction; was ioperm or iopl"
+                                              " called for this port?)"
+                                            : "");
+        card_say_place("by the", ip, "");
+        action.sa_handler = SIG_DFL;
+        action.sa_flags = 0;
+        real_sigaction(SIGSEGV, &action, NULL);
+        return; /* it faults again and ends as it would have without us */
+    }
+    if (action.sa_flags & (int)SA_RESETHAND)
+        theirs.sa_handler = SIG_DFL, theirs.sa_flags = 0;
+    mask = context->uc_sigmask;
+    for (turn = 1; turn < 65; turn++)
+        if (sigismember(&action.sa_mask, turn) == 1)
+            sigaddset(&mask, turn);
+    sigdelset(&mask, SIGSEGV);
+    sys_restore(&mask);
+    if (action.sa_flags & SA_SIGINFO)
+        action.sa_sigaction(number, info, data);
+    else
+        action.sa_handler(number);
+}
+
+static void on_fault(int number, siginfo_t *info, void *data)
+{
+    int saved = errno, result = X86_FOREIGN;
+    uintptr_t address = (uintptr_t)info->si_addr;
+    int by_window = info->si_code == SEGV_ACCERR && trap_covers(address, 1);
+    struct x86 cpu;
+    sigset_t before;
+
+    context_get(data, &cpu);
+    if (by_window || info->si_code == SI_KERNEL) {
+        card_enter(&before); /* signals are blocked already: this is for other threads */
+        trapped_ip = cpu.ip;
+        result = x86_step(&cpu, &bus);
+        trapped_ip = 0;
+        card_leave(&before);
+    }
+    if (result == X86_DONE) {
+        context_put(data, &cpu);
+        card_raise();
+    } else if (by_window) {
+        refuse(cpu.ip, address);
+    } else {
+        pass_on(number, info, data, cpu.ip);
+    }
+    errno = saved;
+}
+
+/* --- signals of the program ------------------------------------------------------------------- */
+
+static void find_real(void)
+{
+    if (real_sigaction == NULL)
+        *(void **)&real_sigaction = dlsym(RTLD_NEXT, "sigaction");
+}
+
+void trap_install(void)
+{
+    struct sigaction action;
+    sigset_t mask;
+
+    find_real();
+    memset(&action, 0, sizeof action);
+    action.sa_sigaction = on_fault;
+    action.sa_flags = SA_SIGINFO | SA_ONSTACK | SA_RESTART;
+    sigfillset(&action.sa_mask);
+    real_sigaction(SIGSEGV, &action, &theirs);
+    sigemptyset(&mask);
+    sigaddset(&mask, SIGSEGV);
+    syscall(SYS_rt_sigprocmask, SIG_UNBLOCK, &mask, NULL, 8);
+}
+
+/* Trapped instructions need the signal even where the program has none blocked but this. */
+static const sigset_t *without(const sigset_t *set, sigset_t *copy)
+{
+    if (set == NULL || !card.present)
+        return set;
+    *copy = *set;
+    sigdelset(copy, SIGSEGV);
+    return copy;
+}
+
+PUBLIC int sigaction(int number, const struct sigaction *action, struct sigaction *before)
+{
+    struct sigaction copy;
+
+    find_real();
+    if (!card.present)
+        return real_sigaction(number, action, before);
+    if (number == SIGSEGV) {
+        struct sigaction old = theirs;
+
+        if (action != NULL)
+            theirs = *action;
+        if (before != NULL)
+            *before = old;
+        return 0;
+    }
+    if (action == NULL)
+        return real_sigaction(number, NULL, before);
+    copy = *action;
+    sigdelset(&copy.sa_mask, SIGSEGV);
+    return real_sigaction(number, &copy, before);
+}
+
+PUBLIC sighandler_t signal(int number, sighandler_t handler)
+{
+    struct sigaction action, before;
+
+    memset(&action, 0, sizeof action);
+    action.sa_handler = handler;
+    action.sa_flags = SA_RESTART;
+    return sigaction(number, &action, &before) < 0 ? SIG_ERR : before.sa_handler;
+}
+
+PUBLIC int sigprocmask(int how, const sigset_t *set, sigset_t *before)
+{
+    static int (*real)(int, const sigset_t *, sigset_t *);
+    sigset_t copy;
+
+    if (real == NULL)
+        *(void **)&real = dlsym(RTLD_NEXT, "sigprocmask");
+    return real(how, how == SIG_UNBLOCK ? set : without(set, &copy), before);
+}
+
+PUBLIC int pthread_sigmask(int how, const sigset_t *set, sigset_t *before)
+{
+    static int (*real)(int, const sigset_t *, sigset_t *);
+    sigset_t copy;
+
+    if (real == NULL)
+        *(void **)&real = dlsym(RTLD_NEXT, "pthread_sigmask");
+    return real(how, how == SIG_UNBLOCK ? set : without(set, &copy), before);
+}
+
+PUBLIC int sigsuspend(const sigset_t *mask)
+{
+    static int (*real)(const sigset_t *);
+    sigset_t copy;
+
+    if (real == NULL)
+        *(void **)&real = dlsym(RTLD_NEXT, "sigsuspend");
+    return real(without(mask, &copy));
+}
