@@ -19,7 +19,7 @@ from vbus.signals.axis import SWITCHES
 _Section = TypeVar("_Section", bound=sections.Section)
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _NAMED: Final = ("chips", "plants", "nets", "buses", "cards", "pinmaps")
-_SECTIONS: Final = ("board", "violations", *_NAMED, "hosts", "record")
+_SECTIONS: Final = ("board", "violations", *_NAMED, "hosts", "record", "waves")
 
 
 def read_board_file(path: str | FilePath) -> tuple[sections.BoardFile, Source]:
@@ -89,6 +89,7 @@ class _Reader:
             pinmaps=tuple(self._pin_maps()),
             hosts=tuple(self._hosts()),
             record=self._record(),
+            waves=tuple(self._plain("waves", sections.WaveSection)),
         )
         known = {kind: list(self._table((kind,), self._data) or ()) for kind in _NAMED}
         checks.check(file, known, self._source)

@@ -17,13 +17,16 @@ NEVER: Final = (1 << 63) - 1
 class Timer:
     """One callback that can be set to one instant; made by :meth:`Kernel.timer`."""
 
-    __slots__ = ("callback", "due", "kernel", "rank")
+    __slots__ = ("callback", "due", "kernel", "rank", "saved")
 
-    def __init__(self, kernel: "Kernel", rank: int, callback: Callable[[], None]) -> None:
+    def __init__(
+        self, kernel: "Kernel", rank: int, callback: Callable[[], None], saved: bool
+    ) -> None:
         self.kernel: Kernel = kernel
         self.rank: int = rank
         self.callback: Callable[[], None] = callback
         self.due: int = NEVER
+        self.saved: bool = saved
 
     def at(self, when: int) -> None:
         """Set the timer to instant ``when`` (ps); an earlier setting is forgotten."""
@@ -47,7 +50,16 @@ class Kernel:
     of the board file. Nothing depends on the order in which they were set.
     """
 
-    __slots__ = ("_heap", "_instant", "_timers", "batch", "next_due", "now", "observed")
+    __slots__ = (
+        "_heap",
+        "_instant",
+        "_timers",
+        "batch",
+        "next_due",
+        "now",
+        "observations",
+        "observed",
+    )
 
     def __init__(self) -> None:
         self.now: int = 0
@@ -56,13 +68,19 @@ class Kernel:
         """Number of the batch of changes under way: what moves in one batch moves together."""
         self.observed: int = 0
         """How many observers sit on nets: while none does, nobody looks at bus strobes."""
+        self.observations: int = 0
+        """How many have ever sat on nets. Who looks on leaves traces in saved states (when the
+        last strobe was seen), never in replies, instants or findings."""
         self._heap: list[tuple[int, int]] = []
         self._timers: list[Timer] = []
         self._instant: deque[Callable[[], None]] = deque()
 
-    def timer(self, callback: Callable[[], None]) -> Timer:
-        """Make a timer. Its place among timers of one instant is its place of making."""
-        timer = Timer(self, len(self._timers), callback)
+    def timer(self, callback: Callable[[], None], saved: bool = True) -> Timer:
+        """Make a timer. Its place among timers of one instant is its place of making.
+
+        One that is not ``saved`` is no part of the board: it belongs to somebody who looks on.
+        """
+        timer = Timer(self, len(self._timers), callback, saved)
         self._timers.append(timer)
         return timer
 
@@ -110,19 +128,24 @@ class Kernel:
 
     def save(self) -> tuple[int, ...]:
         """Return the instant and every timer's setting."""
-        return (self.now, *(timer.due for timer in self._timers))
+        return (self.now, *(timer.due for timer in self._timers if timer.saved))
 
     def load(self, state: tuple[int, ...]) -> None:
         """Take back what :meth:`save` gave, on a board built from the same file."""
-        if len(state) != len(self._timers) + 1:
-            raise ValueError(f"state has {len(state) - 1} timers, this kernel {len(self._timers)}")
+        saved = [timer for timer in self._timers if timer.saved]
+        if len(state) != len(saved) + 1:
+            raise ValueError(f"state has {len(state) - 1} timers, this kernel {len(saved)}")
         self.now = state[0]
         self._instant.clear()
         # What moves from here on does not move together with what moved before.
         self.batch += 1
         self._heap = []
         self.next_due = NEVER
-        for timer, due in zip(self._timers, state[1:], strict=True):
+        for timer, due in zip(saved, state[1:], strict=True):
             timer.due = due
             if due != NEVER:
                 self.push(due, timer.rank)
+        for timer in self._timers:
+            if not timer.saved and timer.due != NEVER:
+                timer.due = max(timer.due, self.now)
+                self.push(timer.due, timer.rank)

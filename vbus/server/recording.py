@@ -1,18 +1,20 @@
 """What a served board records: its files are opened, kept written, and closed here."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import BinaryIO, Final, TextIO
 
 from vbus.board.board import Board
 from vbus.board.checks import all_rules
-from vbus.board.sections import RecordSection
+from vbus.board.sections import RecordSection, WaveSection
 from vbus.errors import VbusError
 from vbus.trace.journal import Journal
 from vbus.trace.report import Report
 from vbus.trace.report_formats import FORMATS, format_of
 from vbus.trace.suppress import Suppression, read_suppressions
+from vbus.trace.wave import Wave
 
 FLUSH_SECONDS: Final = 0.2
 """How long an entry of a journal may wait for company."""
@@ -46,6 +48,30 @@ def suppressions_of(path: str) -> list[Suppression]:
     return read_suppressions(text, path, [rule.name for rule in all_rules()])
 
 
+def open_text(path: str) -> TextIO:
+    """Open a text file for writing.
+
+    Raises:
+        VbusError: it cannot be opened.
+    """
+    try:
+        return Path(path).open("w", encoding="ascii", newline="\n")
+    except OSError as error:
+        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def wave_of(board: Board, wish: WaveSection, file: TextIO, report: Callable[[str], None]) -> Wave:
+    """Return the waveform a board file, or a command line, asks for; it is not started.
+
+    Raises:
+        VbusError: trigger or signals make no sense, or pyvcd is not installed.
+    """
+    return Wave(
+        board, file, wish.profile, wish.signals, wish.trigger, wish.before, wish.duration,
+        wish.sample, report,
+    )  # fmt: skip
+
+
 class Recording:
     """Everything that a board file, or its user, wants to be recorded.
 
@@ -55,6 +81,7 @@ class Recording:
         text: the board file.
         name: its name.
         report: takes sentences about recordings that had to end.
+        waves: waveforms to record.
     """
 
     def __init__(
@@ -64,10 +91,12 @@ class Recording:
         text: str,
         name: str,
         report: Callable[[str], None],
+        waves: Iterable[WaveSection] = (),
     ) -> None:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._files: list[BinaryIO] = []
+        self._texts: list[TextIO] = []
         self.journal: Journal | None = None
         if wishes.journal:
             file = self._create(wishes.journal)
@@ -78,6 +107,13 @@ class Recording:
         self._format: str = ""
         if wishes.report:
             self._open_report(board, wishes, name)
+        self._waves: list[Wave] = []
+        for wave in waves:
+            text_file = open_text(wave.file)
+            self._texts.append(text_file)
+            made = wave_of(board, wave, text_file, report)
+            made.start()
+            self._waves.append(made)
 
     def _open_report(self, board: Board, wishes: RecordSection, name: str) -> None:
         try:
@@ -111,6 +147,8 @@ class Recording:
         self._loop = None
         if self._timer is not None:
             self._timer.cancel()
+        for wave in self._waves:
+            wave.stop()
         if self.journal is not None:
             self.journal.close()
         if self._report is not None and self._report_file is not None:
@@ -120,3 +158,6 @@ class Recording:
                 self._say(f"the report is not written: {error.strerror}")
         for file in self._files:
             file.close()
+        for text in self._texts:
+            with suppress(OSError):  # what it could not take has been reported
+                text.close()

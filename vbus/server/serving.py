@@ -9,7 +9,7 @@ import msgspec
 
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.config import read_board_file
-from vbus.board.sections import BoardFile
+from vbus.board.sections import BoardFile, WaveSection
 from vbus.board.source import Source
 from vbus.errors import ConfigError
 from vbus.server.recording import Recording
@@ -47,15 +47,19 @@ def serve(
         rate: replaces the file's own rate: chip seconds per second, ``inf`` for no limit.
         on_ready: called once when every link is open.
         report: takes sentences about what happens to links (a device was unplugged).
-        record: replaces keys of the file's ``[record]``.
+        record: replaces keys of the file's ``[record]``; ``wave`` is one more waveform file.
 
     Raises:
         ConfigError: the file has mistakes, or no hosts.
         TransportError: a link cannot be opened.
     """
     file, source = read_board_file(path)
-    wishes = msgspec.structs.replace(file.record, **(record or {}))
-    file = msgspec.structs.replace(file, record=wishes)
+    wishes = dict(record or {})
+    waves = file.waves
+    if "wave" in wishes:
+        waves = (*waves, WaveSection(name="command line", file=str(wishes.pop("wave"))))
+    recorded = msgspec.structs.replace(file.record, **wishes)
+    file = msgspec.structs.replace(file, record=recorded, waves=waves)
     serve_read(file, source, rate, on_ready, report)
 
 
@@ -80,7 +84,9 @@ def serve_read(
             )
         file = msgspec.structs.replace(file, board=msgspec.structs.replace(file.board, rate=rate))
     board = build(file, source)
-    recording = Recording(board, file.record, source.text, file.path, report or log.warning)
+    recording = Recording(
+        board, file.record, source.text, file.path, report or log.warning, file.waves
+    )
 
     def ready(server: Server) -> None:
         recording.start(asyncio.get_running_loop())

@@ -5,18 +5,29 @@ JSON: first what the status socket tells, then lists that begin with their kind:
 host, chip, write, address, byte: a bus cycle; ``"v"``, instant, chip, rule, clause, severity,
 measured, limit, detail: a violation; ``"t"``, instant, values by chip; ``"lost"``, how many
 lines were left out because they were not taken in time.
+
+Who answers with a line ``{"wave": {...}}``, keys as in a board file's ``[waves.NAME]`` with times
+in ps, gets a line ``["wave"]`` and after it nothing but a waveform, until it has its duration or
+the connection ends; or ``["refused", reason]``.
 """
 
 import asyncio
+import errno
+import io
 import json
 import os
 from collections.abc import Callable
 from dataclasses import astuple
 from typing import Any, Final
 
+import msgspec
+
 from vbus.board.board import Board
+from vbus.board.sections import WaveSection
+from vbus.errors import VbusError
 from vbus.server.registry import watch_path
 from vbus.signals import Observer, Violation
+from vbus.trace.wave import DONE, Wave
 from vbus.transports.base import Link
 from vbus.transports.sockets import UnixTransport
 
@@ -24,8 +35,31 @@ EVERY_SECONDS: Final = 0.05
 """How often lines are sent."""
 MOST_PENDING: Final = 1 << 20
 """Bytes kept for somebody who does not read."""
+MOST_WAVE: Final = 1 << 26
+"""The same of a waveform."""
+MOST_ASKED: Final = 1 << 16
+"""Bytes of a request."""
 MOST_LINES: Final = 20_000
 """Lines kept between two sendings; the rest is counted as lost."""
+
+
+class _Text(io.StringIO):
+    """A text file whose text goes to a connection's buffer."""
+
+    def __init__(self, buffer: bytearray) -> None:
+        super().__init__()
+        self._buffer: bytearray = buffer
+
+    def write(self, text: str) -> int:
+        """Take text.
+
+        Raises:
+            OSError: the other end does not read.
+        """
+        if len(self._buffer) > MOST_WAVE:
+            raise OSError(errno.ENOBUFS, "the other end does not read")
+        self._buffer += text.encode("ascii", "replace")
+        return len(text)
 
 
 class Watcher(Observer):
@@ -56,6 +90,8 @@ class Watcher(Observer):
         self._pending: bytearray = bytearray(json.dumps(hello).encode() + b"\n")
         self._timer: asyncio.TimerHandle | None = None
         self._open: bool = True
+        self._asked: bytearray = bytearray()
+        self._wave: Wave | None = None
         loop.add_reader(link.fd, self._heard)
         board.observe(self)
         self._send()
@@ -77,21 +113,48 @@ class Watcher(Observer):
             self._lost += 1
 
     def _heard(self) -> None:
-        """The other end has gone; what it says is not listened to."""
+        """The other end has said something, or has gone."""
         try:
-            if os.read(self._link.fd, 4096):
-                return
+            data = os.read(self._link.fd, 4096)
         except BlockingIOError:
             return
         except OSError:
-            pass
-        self.end()
+            data = b""
+        if not data:
+            self.end()
+            return
+        self._asked += data
+        if len(self._asked) > MOST_ASKED:
+            self.end()
+        elif self._wave is None and self._asked.endswith(b"\n"):
+            self._begin_wave()
+
+    def _begin_wave(self) -> None:
+        try:
+            asked = json.loads(self._asked)
+            wish = msgspec.convert({"name": "", "file": "", **asked["wave"]}, WaveSection)
+            self._wave = Wave(
+                self._board, _Text(self._pending), wish.profile, wish.signals, wish.trigger,
+                wish.before, wish.duration, wish.sample,
+            )  # fmt: skip
+        except (ValueError, KeyError, TypeError, VbusError) as error:
+            self._asked.clear()
+            self._lines.append(["refused", str(error)])
+            return
+        self._board.unobserve(self)
+        self._lines.clear()
+        self._pending += b'["wave"]\n'
+        self._wave.start()
 
     def _send(self) -> None:
         if not self._open:
             return
         lines, self._lines = self._lines, []
-        if len(self._pending) < MOST_PENDING:
+        if self._wave is not None:
+            if self._wave.state == DONE and not self._pending:
+                self.end()
+                return
+        elif len(self._pending) < MOST_PENDING:
             board = self._board
             values = {chip.name: chip.telemetry() for chip in board.chips}
             lines.append(["t", board.now, values])
@@ -116,7 +179,10 @@ class Watcher(Observer):
             self._open = False
             if self._timer is not None:
                 self._timer.cancel()
-            self._board.unobserve(self)
+            if self._wave is not None:
+                self._wave.stop()
+            else:
+                self._board.unobserve(self)
             self._loop.remove_reader(self._link.fd)
             self._link.close()
             self._on_end(self)

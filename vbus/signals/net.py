@@ -148,6 +148,7 @@ class Net:
         """Report every edge to ``observer`` from now on."""
         self.observers.append(observer)
         self._kernel.observed += 1
+        self._kernel.observations += 1
         self.tell_drivers()
 
     def unobserve(self, observer: Observer) -> None:

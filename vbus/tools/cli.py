@@ -23,6 +23,7 @@ _COMMANDS: Final = {
     "replay": "Play a recorded run again; stop at the first difference.",
     "report": "Show the violations of a recorded run, with the cycles around them.",
     "run": "Run a board and serve its links until Ctrl-C.",
+    "wave": "Write a waveform of a running board or of a recorded run.",
 }
 
 _EPILOG: Final = "\b\nExit codes:\n" + "\n".join(

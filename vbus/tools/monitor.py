@@ -52,6 +52,14 @@ class Feed:
             if line.endswith(b"\n"):
                 yield json.loads(line)
 
+    def raw(self) -> Iterator[bytes]:
+        """Give the lines that follow as they are."""
+        return self._lines
+
+    def send(self, data: bytes) -> None:
+        """Ask for something else."""
+        self._socket.sendall(data)
+
     def close(self) -> None:
         """Watch no more."""
         self._socket.close()

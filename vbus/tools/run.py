@@ -28,6 +28,7 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.option("--journal", metavar="FILE", help="Write every call of every host to FILE.")
 @click.option("--report", metavar="FILE", help="Write violations: .txt, .json, .xml or .sarif.")
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
+@click.option("--wave", metavar="FILE", help="Write a waveform of everything to FILE (VCD).")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
 def command(
     board: str,
@@ -35,6 +36,7 @@ def command(
     journal: str | None,
     report: str | None,
     suppress: str | None,
+    wave: str | None,
     as_json: bool,
 ) -> None:
     """Run a board and serve its links until Ctrl-C.
@@ -50,7 +52,7 @@ def command(
     def say(sentence: str) -> None:
         click.echo(f"vbus: {sentence}", err=True)
 
-    wishes = {"journal": journal, "report": report, "suppress": suppress}
+    wishes = {"journal": journal, "report": report, "suppress": suppress, "wave": wave}
     record = {key: value for key, value in wishes.items() if value is not None}
     serve(board, rate, ready, say, record)
 

@@ -16,6 +16,19 @@ from vbus.trace.journal_format import CODE, Header, header_block, rows_block
 from vbus.trace.recorded_bus import RecordedBus
 
 
+def end_of(board: Board) -> tuple[str, str, int]:
+    """Return what a run comes to.
+
+    Returns:
+        The board's state hash; a hash over what the chips tell of themselves; and how often
+        somebody has looked at nets. State hashes can be compared where nobody has, the others
+        always.
+    """
+    state = board.state_hash()
+    told = [(chip.name, sorted(chip.telemetry().items())) for chip in board.chips]
+    return state, hashlib.sha256(repr(told).encode()).hexdigest(), board.kernel.observations
+
+
 class Journal(Observer):
     """Writes down every call on every port of a board, and every violation.
 
@@ -122,9 +135,9 @@ class Journal(Observer):
         if self.board.port_type is HostBus:
             return
         self.board.port_type = HostBus
-        digest = self.board.state_hash()
+        end = end_of(self.board)
         now = self.board.now
         count = self.entries + len(self.rows) // 4
-        self.rows += (now, CODE["end"], [count, digest], now)
+        self.rows += (now, CODE["end"], [count, *end], now)
         self.flush()
         self.board.listeners.remove(self)

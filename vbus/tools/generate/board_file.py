@@ -24,6 +24,7 @@ _SECTIONS: Final[dict[str, type[Struct]]] = {
     "pinmaps": sections.PinMapSection,
     "hosts": sections.HostSection,
     "record": sections.RecordSection,
+    "waves": sections.WaveSection,
 }
 
 

@@ -1,0 +1,263 @@
+"""Waveforms: two profiles, triggers, what came before them, and files that take no more."""
+
+import io
+
+import pytest
+from vcd.reader import TokenKind, tokenize
+
+from tests.unit.trace.conftest import LM629, lm629_command, lm629_move
+from vbus.board.board import Board
+from vbus.board.build import load_board_text
+from vbus.board.host_bus import HostBus
+from vbus.errors import VbusError
+from vbus.kernel import MS, US
+from vbus.trace.wave import DONE, Wave
+from vbus.trace.wave_signals import bit_names, plain
+
+Changes = dict[str, list[tuple[int, object]]]
+
+
+def read(text: str) -> tuple[dict[str, str], Changes]:
+    """Return kinds of variables, and changes with instants in ps, by name."""
+    names: dict[str, str] = {}
+    kinds: dict[str, str] = {}
+    changes: Changes = {}
+    now = 0
+    scope = ""
+    for token in tokenize(io.BytesIO(text.encode())):
+        if token.kind is TokenKind.SCOPE:
+            scope = token.scope.ident
+        elif token.kind is TokenKind.VAR:
+            name = f"{scope}.{token.var.reference}"
+            names[token.var.id_code] = name
+            kinds[name] = token.var.type_.value
+            changes[name] = []
+        elif token.kind is TokenKind.CHANGE_TIME:
+            now = token.time_change * 100
+        elif token.kind in (TokenKind.CHANGE_SCALAR, TokenKind.CHANGE_VECTOR,
+                            TokenKind.CHANGE_REAL, TokenKind.CHANGE_STRING):  # fmt: skip
+            change = token.data
+            value = change.value
+            if value in ("0", "1"):
+                value = int(value)
+            changes[names[change.id_code]].append((now, value))
+    return kinds, changes
+
+
+def record(host: object = lm629_move, text: str = LM629, **options: object) -> str:
+    board = load_board_text(text)
+    file = io.StringIO()
+    wave = Wave(board, file, **options)  # type: ignore[arg-type]
+    wave.start()
+    host(board.open_port("h"))  # type: ignore[operator]
+    wave.stop()
+    assert wave.error == ""
+    return file.getvalue()
+
+
+def test_the_time_scale_is_100_ps_and_instants_are_chip_time() -> None:
+    text = record(lambda port: port.write(0, 0x02))
+    assert "$timescale 100 ps $end" in text
+    _, changes = read(text)
+    # A whole cycle: /WR is low for 100 ns and rises at the latching edge, 1 us.
+    assert [c for c in changes["x./WR"] if c[0]] == [(900_000, 0), (1_000_000, 1)]
+
+
+def test_the_full_profile_has_vectors_values_packets_and_violations() -> None:
+    kinds, changes = read(record())
+    assert kinds["x.D0-D7"] == "wire"
+    assert kinds["x.real"] == kinds["x.error"] == "real"
+    assert kinds["x.packet"] == kinds["x.violation"] == "string"
+    assert (820_000, 0x84) in changes["x.D0-D7"]
+    packets = [str(value).replace("\\x20", " ") for _, value in changes["x.packet"]]
+    assert "LFIL kp=300 kd=2000 ds=1 samples" in packets
+    assert [v for _, v in changes["x.violation"] if v] == ["lm628.busy-write"]
+    positions = [value for _, value in changes["x.real"]]
+    assert positions == sorted(positions)  # type: ignore[type-var]
+    assert positions[-1] > 50  # type: ignore[operator]
+
+
+def test_the_sigrok_profile_has_single_bits_with_plain_names() -> None:
+    kinds, changes = read(record(profile="sigrok"))
+    assert set(kinds.values()) == {"wire"}
+    names = {name.removeprefix("vbus.") for name in kinds}
+    assert {"x_CS", "x_PS", "x_RD", "x_WR", "x_RST", "x_HI"} <= names
+    assert {f"x_D{n}" for n in range(8)} <= names
+    assert all(name.isidentifier() and name.isascii() for name in names)
+    assert changes["vbus.x_D7"][1][1] == 1
+
+
+def test_names_of_wires() -> None:
+    assert bit_names("x.D0-D7", 8) == [f"x_D{n}" for n in range(8)]
+    assert bit_names("x.MC0-MC11", 12)[-1] == "x_MC11"
+    assert bit_names("x.Data0-11", 12)[0] == "x_Data0"
+    assert bit_names("x.strange", 2) == ["x_strange_0", "x_strange_1"]
+    assert plain("x.~HostSlct") == "x_HostSlct"
+    assert plain("x.R/W") == "x_RW"
+
+
+def test_recording_changes_nothing_but_time_of_the_machine() -> None:
+    def run(wave: bool) -> Board:
+        board = load_board_text(LM629)
+        if wave:
+            Wave(board, io.StringIO()).start()
+        lm629_move(board.open_port("h"))
+        return board
+
+    plain_board, recorded = run(False), run(True)
+    assert recorded.now == plain_board.now
+    assert recorded.chips[0].telemetry() == plain_board.chips[0].telemetry()
+    assert list(recorded.violations) == list(plain_board.violations)
+    assert recorded.kernel.save()[0] == plain_board.kernel.save()[0]
+    assert len(recorded.kernel.save()) == len(plain_board.kernel.save())
+
+
+def test_only_the_signals_asked_for_are_there() -> None:
+    kinds, _ = read(record(signals=["x./?R", "x.HI"], profile="sigrok"))
+    assert set(kinds) == {"vbus.x_WR", "vbus.x_HI"}
+    with pytest.raises(VbusError, match=r'no signal matches "y\.\*"; there are x\./CS'):
+        record(signals=["y.*"])
+
+
+def times(text: str) -> list[int]:
+    return [int(line[1:]) * 100 for line in text.splitlines() if line.startswith("#")]
+
+
+def pulses(port: HostBus) -> None:
+    """Something every 100 us: DFH; at 1 ms one command too early."""
+    for step in range(20):
+        port.write(0, 0x02)
+        if step == 10:
+            port.write(0, 0x02)
+        port.delay(100 * US)
+    lm629_command(port, 0x1F, 0)
+
+
+@pytest.mark.parametrize(
+    ("trigger", "instant"),
+    [
+        ("violation", 1_012_000_000),
+        ("violation lm628", 1_012_000_000),
+        ("violation lm628.busy-write", 1_012_000_000),
+        ("x./WR rises", 1_000_000),
+        ("x./WR falls", 900_000),
+        ("command LTRJ", None),
+    ],
+)
+def test_recording_begins_at_its_trigger_with_what_came_before(
+    trigger: str, instant: int | None
+) -> None:
+    text = record(pulses, trigger=trigger, before=50 * US, duration=20 * US)
+    found = times(text)
+    if instant is None:
+        assert found[0] > 1_900_000_000
+    else:
+        assert found[0] == max(0, instant - 50 * US)
+        assert found[-1] <= instant + 20 * US
+        assert any(time >= instant for time in found)
+
+
+def test_a_position_can_be_a_trigger() -> None:
+    _, changes = read(record(trigger="x.real > 30", sample=100 * US))
+    assert changes["x.real"][0][1] <= 30  # type: ignore[operator]
+    assert changes["x.real"][1][1] > 30  # type: ignore[operator]
+
+
+def test_the_head_has_the_values_of_its_own_instant() -> None:
+    def host(port: HostBus) -> None:
+        port.pin(port.pin_number("A"), 1)
+        port.delay(MS)
+        port.pin(port.pin_number("B"), 1)
+
+    _, changes = read(record(host, trigger="x.B rises", signals=["x.A", "x.B"], profile="sigrok"))
+    assert changes["vbus.x_A"] == [(MS, 1)]
+    assert changes["vbus.x_B"] == [(MS, 0), (MS, 1)]
+
+
+def test_a_trigger_that_does_not_come_leaves_nothing() -> None:
+    assert record(trigger="x.HI falls", before=MS) == ""
+
+
+def test_a_recording_ends_after_its_duration_though_nobody_stops_it() -> None:
+    board = load_board_text(LM629)
+    file = io.StringIO()
+    wave = Wave(board, file, duration=2 * MS)
+    wave.start()
+    port = board.open_port("h")
+    port.delay(5 * MS)
+    assert wave.state == DONE
+    assert times(file.getvalue())[-1] == 2 * MS
+    assert board.kernel.observed == 0
+    assert not board.observers
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"profile": "fst"}, "profile 'fst': allowed are full, sigrok"),
+        ({"trigger": "sometimes"}, 'trigger "sometimes": write one of: violation; violation RULE'),
+        ({"trigger": "x.HO rises"}, 'no "x.HO"; there are x./CS'),
+        ({"trigger": "x.speed > 3"}, 'no "x.speed"; there are x.desired'),
+    ],
+)
+def test_what_makes_no_sense_is_refused_with_what_does(
+    options: dict[str, str], message: str
+) -> None:
+    with pytest.raises(VbusError) as caught:
+        Wave(load_board_text(LM629), io.StringIO(), **options)  # type: ignore[arg-type]
+    assert message in str(caught.value)
+
+
+class _Pipe(io.StringIO):
+    """A pipe whose other end goes away after some text."""
+
+    def __init__(self, room: int, error: Exception) -> None:
+        super().__init__()
+        self._room = room
+        self._error = error
+
+    def write(self, text: str) -> int:
+        self._room -= len(text)
+        if self._room < 0:
+            raise self._error
+        return len(text)
+
+
+@pytest.mark.parametrize("room", [0, 300, 2000, 10_000])
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (OSError(28, "No space left on device"), "No space left on device"),
+        (BrokenPipeError(32, "Broken pipe"), "Broken pipe"),
+        (ValueError("I/O operation on closed file"), "closed file"),
+    ],
+)
+def test_a_file_that_takes_no_more_ends_the_recording_and_not_the_board(
+    room: int, error: Exception, reason: str
+) -> None:
+    board = load_board_text(LM629)
+    told: list[str] = []
+    wave = Wave(board, _Pipe(room, error), report=told.append)
+    wave.start()
+    port = board.open_port("h")
+    lm629_move(port)
+    wave.stop()
+    assert port.read(0) & 0x80 == 0
+    assert (wave.state, len(told)) == (DONE, 1)
+    assert told[0] == wave.error
+    assert wave.error.startswith("the waveform ends after ")
+    assert wave.error.endswith(reason)
+    assert board.kernel.observed == 0
+
+
+def test_changes_of_lazy_chips_stand_in_the_order_of_time() -> None:
+    assert times(record()) == sorted(set(times(record())))
+
+
+def test_a_waveform_is_started_once() -> None:
+    wave = Wave(load_board_text(LM629), io.StringIO())
+    wave.start()
+    wave.stop()
+    wave.stop()
+    with pytest.raises(VbusError, match="can be started once"):
+        wave.start()

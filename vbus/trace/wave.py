@@ -1,0 +1,277 @@
+"""Waveforms: what happens on a board as a VCD file for GTKWave, Surfer or sigrok."""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Final, TextIO
+
+from vbus.board.board import Board
+from vbus.errors import PluginError, VbusError
+from vbus.kernel import MS
+from vbus.signals import Net, Observer, Violation
+from vbus.trace.decode import BoardPackets
+from vbus.trace.packets import Packet
+from vbus.trace.wave_file import VcdFile
+from vbus.trace.wave_signals import FULL, PROFILES, Signal, Value, nets_of, values_of
+from vbus.trace.wave_trigger import Trigger
+
+MOST: Final = 1_000_000
+"""Changes kept while a trigger is waited for."""
+
+WAITING: Final = "waiting"
+RECORDING: Final = "recording"
+DONE: Final = "done"
+
+Change = tuple[int, int, Value]
+"""Instant (ps), number of the signal, new value."""
+
+
+class Wave(Observer):
+    """Records a board from :meth:`start` to :meth:`stop`, or from a trigger for a while.
+
+    A file that takes no more (a full disk, a closed pipe) ends the recording; the board goes on.
+
+    Args:
+        board: the board.
+        file: takes the text.
+        profile: ``"full"`` (vectors, values of the chips, commands, violations) or ``"sigrok"``
+            (single bits with plain names).
+        signals: patterns of names, as in ``"x.*"``; none: the buses and all pins but fast ones.
+        trigger: what to wait for; see :data:`~vbus.trace.wave_trigger.FORMS`. "": nothing.
+        before: how much to show from before the trigger (ps).
+        duration: how long to record (ps); 0 for no limit.
+        sample: how often the chips' own values are looked at (ps).
+        report: takes a sentence when the file takes no more.
+
+    Raises:
+        VbusError: profile, trigger or pattern make no sense; says what does.
+        PluginError: pyvcd is not installed.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        file: TextIO,
+        profile: str = FULL,
+        signals: Iterable[str] = (),
+        trigger: str = "",
+        before: int = 0,
+        duration: int = 0,
+        sample: int = MS,
+        report: Callable[[str], None] | None = None,
+    ) -> None:
+        if profile not in PROFILES:
+            raise VbusError(f"profile {profile!r}: allowed are {', '.join(PROFILES)}")
+        try:
+            import vcd  # noqa: F401
+        except ImportError:
+            raise PluginError(
+                'waveforms need pyvcd; install it with: pip install "vbus[wave]"'
+            ) from None
+        self.board: Board = board
+        self.state: str = "new"
+        self.error: str = ""
+        """Why the file takes no more, or ""."""
+        self.changes: int = 0
+        """Changes written."""
+        self._file: VcdFile = VcdFile(file, profile)
+        self._report: Callable[[str], None] | None = report
+        self._before: int = before
+        self._duration: int = duration
+        self._end: int = -1
+        self._sample: int = max(1, sample)
+        self._nets: list[Net] = nets_of(board, signals)
+        self._taps: list[_Tap] = []
+        self.signals: list[Signal] = []
+        self._by_name: dict[str, Signal] = {}
+        for net in self._nets:
+            self._add_signal(Signal(net.name, "net", net.width))
+        for name in values_of(board):
+            self._add_signal(Signal(name, "value"))
+        for chip in board.chips:
+            self._add_signal(Signal(f"{chip.name}.packet", "command"))
+            self._add_signal(Signal(f"{chip.name}.violation", "violation"))
+        self._trigger: Trigger | None = Trigger(trigger, self.signals) if trigger else None
+        self._values: dict[int, Value] = {}
+        """Values at the beginning of the ring, and later the latest written."""
+        self._latest: dict[int, Value] = {}
+        self._pending: list[Change] = []
+        self._ring: deque[Change] = deque()
+        families = {chip.name: chip.FAMILY for chip in board.chips}
+        self._packets: BoardPackets = BoardPackets(families, self._packet)
+        self._timer = board.kernel.timer(self._look, saved=False)
+
+    def _add_signal(self, signal: Signal) -> None:
+        signal.number = len(self.signals)
+        self.signals.append(signal)
+        self._by_name.setdefault(signal.name, signal)
+
+    # -- beginning and end --------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Begin to record, or to wait for the trigger."""
+        if self.state != "new":
+            raise VbusError("a waveform can be started once; make another one")
+        now = self.board.now
+        for signal, net in zip(self.signals, self._nets, strict=False):
+            self._values[signal.number] = net.value
+        for name, value in self._told():
+            self._values[self._by_name[name].number] = value
+        self._latest = dict(self._values)
+        for signal, net in zip(self.signals, self._nets, strict=False):
+            tap = _Tap(self, signal.number)
+            self._taps.append(tap)
+            net.observe(tap)
+        self.board.observe(self)
+        self._timer.at(now + self._sample)
+        self.state = WAITING
+        if self._trigger is None:
+            self._begin(now, now)
+
+    def stop(self) -> None:
+        """End the recording and close the text; the file stays open. May be called again."""
+        if self.state in (WAITING, RECORDING):
+            self.board.catch_up()
+            self._drain(self.board.now + 1)
+            self._finish(self.board.now)
+
+    def _finish(self, when: int) -> None:
+        if self.state in (WAITING, RECORDING):
+            recording = self.state == RECORDING
+            self.state = DONE
+            self._timer.cancel()
+            self.board.unobserve(self)
+            for net, tap in zip(self._nets, self._taps, strict=True):
+                net.unobserve(tap)
+            if recording and not self.error:
+                self._guarded(lambda: self._file.close(when))
+
+    def _guarded(self, write: Callable[[], None]) -> bool:
+        """Write; tell whether it worked. A file that takes no more ends the recording."""
+        try:
+            write()
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            self.error = f"the waveform ends after {self.changes} changes: {reason}"
+            self._finish(self.board.now)
+            if self._report is not None:
+                self._report(self.error)
+            return False
+        return True
+
+    # -- what happens -------------------------------------------------------------------------
+
+    def note(self, when: int, number: int, value: Value) -> None:
+        """Take down a change; for the taps on the nets."""
+        self._pending.append((when, number, value))
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Follow the packets."""
+        self._packets.bus_cycle(when, host, chip, write, address, data)
+
+    def _packet(self, chip: str, packet: Packet) -> None:
+        self.note(packet.end, self._by_name[f"{chip}.packet"].number, packet.text)
+
+    def violation(self, violation: Violation) -> None:
+        """Take down a violation."""
+        self._packets.violation(violation)
+        signal = self._by_name.get(f"{violation.chip}.violation")
+        if signal is not None:
+            self.note(violation.when, signal.number, violation.rule)
+
+    def settled(self, now: int) -> None:
+        """Everything before ``now`` has been reported."""
+        self._drain(now)
+
+    def _told(self) -> list[tuple[str, Value]]:
+        return [
+            (f"{chip.name}.{name.replace(' ', '_')}", value)
+            for chip in self.board.chips
+            for name, value in chip.telemetry().items()
+        ]
+
+    def _look(self) -> None:
+        """Look at what the chips tell of themselves; they are up to date after that."""
+        now = self.board.now
+        for name, value in self._told():
+            signal = self._by_name.get(name)
+            if signal is not None and self._latest.get(signal.number) != value:
+                self.note(now, signal.number, value)
+        self._drain(now)
+        if self.state in (WAITING, RECORDING):
+            self._timer.at(now + self._sample)
+
+    # -- from changes to the file -------------------------------------------------------------
+
+    def _drain(self, now: int) -> None:
+        """Sort out what happened before ``now``: lazy chips report late."""
+        pending = self._pending
+        pending.sort(key=_instant)
+        done = 0
+        for change in pending:
+            if change[0] >= now:
+                break
+            done += 1
+            self._take(change)
+            if self.state not in (WAITING, RECORDING):
+                break
+        del pending[:done]
+        if self.state == RECORDING:
+            if 0 <= self._end < now:
+                self._finish(self._end)
+            else:
+                self._guarded(self._file.flush)
+
+    def _take(self, change: Change) -> None:
+        when, number, value = change
+        before = self._latest.get(number)
+        self._latest[number] = value
+        if self.state == RECORDING:
+            if 0 <= self._end < when:
+                self._finish(self._end)
+            else:
+                self._write(change)
+            return
+        ring = self._ring
+        ring.append(change)
+        while ring and (ring[0][0] < when - self._before or len(ring) > MOST):
+            _, old, kept = ring.popleft()
+            self._values[old] = kept
+        if self._trigger is not None and self._trigger.fires(self.signals[number], before, value):
+            self._begin(max(0, when - self._before), when)
+
+    def _begin(self, first: int, trigger: int) -> None:
+        """Write the head, and what was kept from before the trigger."""
+        self.state = RECORDING
+        if self._duration:
+            self._end = trigger + self._duration
+        if not self._guarded(lambda: self._file.begin(self.signals, self._values, first)):
+            return
+        ring, self._ring = self._ring, deque()
+        for change in ring:
+            if not self._write(change):
+                return
+
+    def _write(self, change: Change) -> bool:
+        when, number, value = change
+        if not self._guarded(lambda: self._file.change(when, number, value)):
+            return False
+        self.changes += 1
+        return True
+
+
+class _Tap(Observer):
+    """Sees one net for a waveform."""
+
+    def __init__(self, wave: Wave, number: int) -> None:
+        self._wave: Wave = wave
+        self._number: int = number
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Take down an edge."""
+        self._wave.note(when, self._number, level)
+
+
+def _instant(change: Change) -> int:
+    return change[0]

@@ -1,0 +1,95 @@
+"""What a waveform can show of a board: nets, values of the chips, commands, violations."""
+
+import fnmatch
+import re
+from collections.abc import Iterable
+from typing import Final
+
+from vbus.board.board import Board
+from vbus.errors import VbusError
+from vbus.signals import Net
+
+FULL: Final = "full"
+SIGROK: Final = "sigrok"
+PROFILES: Final = (FULL, SIGROK)
+
+_RANGE: Final = re.compile(r"(.*?)(\d+)-\D*(\d+)")
+
+Value = int | float | str
+
+
+class Signal:
+    """One thing that changes.
+
+    Attributes:
+        name: ``"x./CS"``, ``"x.real"``, ``"x.packet"``.
+        kind: ``"net"``, ``"value"``, ``"command"`` or ``"violation"``.
+        width: wires of a net; else 0.
+        number: place in the list of signals.
+    """
+
+    __slots__ = ("kind", "name", "number", "width")
+
+    def __init__(self, name: str, kind: str, width: int = 0) -> None:
+        self.name: str = name
+        self.kind: str = kind
+        self.width: int = width
+        self.number: int = -1
+
+
+def nets_of(board: Board, patterns: Iterable[str]) -> list[Net]:
+    """Return the nets whose own name, or that of a pin on them, matches a pattern.
+
+    Without patterns: the host buses and every pin but those that carry fast waveforms.
+
+    Raises:
+        VbusError: a pattern matches nothing; says what there is.
+    """
+    patterns = list(patterns)
+    names: dict[str, Net] = {}
+    usual: list[Net] = []
+    for chip in board.chips:
+        for row in chip.PINS:
+            net = chip.pins[row.name].net
+            names[f"{chip.name}.{row.name}"] = net
+            if not row.wave and net not in usual:
+                usual.append(net)
+    names.update({net.name: net for net in names.values()})
+    if not patterns:
+        return usual
+    found: list[Net] = []
+    for pattern in patterns:
+        matched = [names[name] for name in names if fnmatch.fnmatchcase(name, pattern)]
+        values = [name for name in values_of(board) if fnmatch.fnmatchcase(name, pattern)]
+        if not matched and not values:
+            known = ", ".join(sorted(names))
+            raise VbusError(f'no signal matches "{pattern}"; there are {known}')
+        found += [net for net in matched if net not in found]
+    return found
+
+
+def values_of(board: Board) -> list[str]:
+    """Return the names of what chips tell of themselves, ``"chip.name"``."""
+    return [
+        f"{chip.name}.{name.replace(' ', '_')}" for chip in board.chips for name in chip.telemetry()
+    ]
+
+
+def bit_names(name: str, width: int) -> list[str]:
+    """Return plain names for the wires of a net, least significant first.
+
+    ``"x.D0-D7"`` becomes ``x_D0`` to ``x_D7``, ``"x./CS"`` becomes ``x_CS``.
+    """
+    match = _RANGE.fullmatch(name) if width > 1 else None
+    if match is not None:
+        first, last = int(match[2]), int(match[3])
+        if last - first + 1 == width:
+            return [plain(f"{match[1]}{number}") for number in range(first, last + 1)]
+    if width == 1:
+        return [plain(name)]
+    return [f"{plain(name)}_{number}" for number in range(width)]
+
+
+def plain(name: str) -> str:
+    """Return a name of ASCII letters, digits and underscores."""
+    return re.sub(r"[^A-Za-z0-9]+", "_", name.replace("/", "").replace("~", "")).strip("_")
