@@ -61,7 +61,7 @@ class Card:
         self.big_endian: bool = False
         """Whether the byte at the lowest address of a wide access is the most significant one."""
         self.interrupt: str = ""
-        """The output, ``"chip.pin"``, that interrupts a program; a name with / or ~ does when low."""
+        """The output, ``"chip.pin"``, that interrupts a program; low if its name has a / or ~."""
         self.signal: int = 0
         """Number of the signal an interrupt sends to a program, or 0."""
 
