@@ -106,21 +106,29 @@ void card_say_place(const char *before, uintptr_t ip, const char *after)
         card_say("%s instruction at 0x%x%s", before, ip, after);
 }
 
+/* Say which addresses answer reads, as ranges. */
 static void say_mapped(void)
 {
     char text[256];
     size_t size = 0;
-    unsigned turn;
+    unsigned turn, first;
 
-    for (turn = 0; turn < reads.count && size < sizeof text - 24; turn++) {
-        if (turn > 0)
-            text[size++] = ' ';
-        size = add_number(text, size, sizeof text - 8, reads.ports[turn].address, 16);
+    for (turn = 0; turn < reads.count && size < sizeof text - 48; turn++) {
+        first = turn;
+        while (turn + 1 < reads.count
+               && reads.ports[turn + 1].address == reads.ports[turn].address + 1)
+            turn++;
+        size = add(text, size, sizeof text - 1, first > 0 ? ", 0x" : "0x");
+        size = add_number(text, size, sizeof text - 1, reads.ports[first].address, 16);
+        if (turn > first) {
+            size = add(text, size, sizeof text - 1, " to 0x");
+            size = add_number(text, size, sizeof text - 1, reads.ports[turn].address, 16);
+        }
     }
     if (turn < reads.count)
-        size = add(text, size, sizeof text - 1, " ...");
+        size = add(text, size, sizeof text - 1, ", ...");
     text[size] = '\0';
-    card_say("the card answers reads at (hexadecimal) %s", size > 0 ? text : "no address");
+    card_say("the card answers reads at %s", size > 0 ? text : "no address");
 }
 
 static void must(int error)
@@ -147,8 +155,9 @@ static void unanswered(uintptr_t address, unsigned size, int write, uintptr_t ip
     if (count == MOST_REPORTS)
         return;
     said[count++] = address;
-    card_say("nobody answers a %s of %d bytes at %s 0x%x; %s", write ? "write" : "read", (int)size,
-             card.memory ? "address" : "port", address, write ? "it is lost" : "FFh is read");
+    card_say("nobody answers a %s of %d byte%s at %s 0x%x; %s", write ? "write" : "read", (int)size,
+             size > 1 ? "s" : "", card.memory ? "address" : "port", address,
+             write ? "it is lost" : "FFh is read");
     card_say_place("by the", ip, "");
     say_mapped();
     if (count == MOST_REPORTS)
@@ -514,6 +523,11 @@ void card_rearm(void)
     card_interrupts();
     if (line_active)
         interrupts++;
+}
+
+int card_due(void)
+{
+    return card.signal && raised != interrupts;
 }
 
 void card_raise(void)

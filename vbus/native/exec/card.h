@@ -71,6 +71,9 @@ void card_approach_interrupt(uint64_t longest);
 /* An interrupt that still stands counts again. */
 void card_rearm(void);
 
+/* Whether the signal is still to be sent. */
+int card_due(void);
+
 /* Send the signal for interrupts that have come; call after card_leave. */
 void card_raise(void);
 

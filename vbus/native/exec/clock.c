@@ -415,3 +415,51 @@ PUBLIC int sem_timedwait(sem_t *semaphore, const struct timespec *when)
     }
     return result;
 }
+
+/* --- waiting for a signal --------------------------------------------------------------------- */
+
+/* Let time pass until the interrupt's signal is on its way; the program's other signals count too. */
+static void pass_to_interrupt(void)
+{
+    uint32_t seen;
+    sigset_t before, waiting;
+
+    card_enter(&before);
+    seen = card_interrupts();
+    while (!card_due() && card_interrupts() == seen) {
+        card_approach_interrupt(10000000);
+        sigemptyset(&waiting);
+        if (sigpending(&waiting) == 0 && !sigisemptyset(&waiting))
+            break;
+    }
+    card_leave(&before);
+}
+
+PUBLIC int sigsuspend(const sigset_t *mask)
+{
+    sigset_t copy = *mask, all, before;
+    int result, code;
+    REAL(sigsuspend);
+
+    if (card.present)
+        sigdelset(&copy, SIGSEGV);
+    if (!follows() || card.signal == 0 || sigismember(mask, card.signal))
+        return real(&copy);
+    sigfillset(&all);
+    pthread_sigmask(SIG_BLOCK, &all, &before);
+    pass_to_interrupt();
+    card_raise(); /* pending until the mask lets it through */
+    result = real(&copy);
+    code = errno;
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    errno = code;
+    return result;
+}
+
+PUBLIC int pause(void)
+{
+    sigset_t mask;
+
+    pthread_sigmask(SIG_BLOCK, NULL, &mask);
+    return sigsuspend(&mask);
+}

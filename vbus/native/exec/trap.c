@@ -225,10 +225,11 @@ static void pass_on(int number, siginfo_t *info, void *data, uintptr_t ip)
 
     if ((action.sa_flags & SA_SIGINFO) == 0
         && (action.sa_handler == SIG_DFL || action.sa_handler == SIG_IGN)) {
-        card_say("the program faults at address 0x%x%s", (uintptr_t)info->si_addr,
-                 info->si_code == SI_KERNEL ? " (or by a privileged instruction; was ioperm or iopl"
-                                              " called for this port?)"
-                                            : "");
+        if (info->si_code == SI_KERNEL)
+            card_say("the program faults: a privileged instruction, or a port for which it has not"
+                     " called ioperm or iopl");
+        else
+            card_say("the program faults at address 0x%x", (uintptr_t)info->si_addr);
         card_say_place("by the", ip, "");
         action.sa_handler = SIG_DFL;
         action.sa_flags = 0;
@@ -361,14 +362,4 @@ PUBLIC int pthread_sigmask(int how, const sigset_t *set, sigset_t *before)
     if (real == NULL)
         *(void **)&real = dlsym(RTLD_NEXT, "pthread_sigmask");
     return real(how, how == SIG_UNBLOCK ? set : without(set, &copy), before);
-}
-
-PUBLIC int sigsuspend(const sigset_t *mask)
-{
-    static int (*real)(const sigset_t *);
-    sigset_t copy;
-
-    if (real == NULL)
-        *(void **)&real = dlsym(RTLD_NEXT, "sigsuspend");
-    return real(without(mask, &copy));
 }

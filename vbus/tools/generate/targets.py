@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from vbus.tools.generate import board_file, documents, lm628, mc1241a, mcp1200
+from vbus.tools.generate import board_file, documents, lm628, mc1241a, mcp1200, sigrok
 from vbus.tools.generate.layout import ROOT
 from vbus.tools.generate.twins import blocking
 
@@ -46,6 +46,7 @@ def _twin(path: Path) -> str:
 GROUPS: Final[dict[str, tuple[Callable[[], list[Target]], ...]]] = {
     "clients": (lambda: FAMILIES, twins),
     "documents": (lambda: DOCUMENTS,),
+    "sigrok": (sigrok.targets,),
 }
 """Groups by name; what stands later may be made from what stands earlier."""
 

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+# Made by vbus.tools.generate from vbus/chips/tables.py and vbus/chips/lm628/datasheet.py; change that, or the generator.
+"""Rows of which a datasheet is made: pins, commands, registers, bits. Data, and checks on it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+HIGH = 1
+
+
+@dataclass(frozen=True, slots=True)
+class PinRow:
+    """A pin of the package.
+
+    Attributes:
+        name: as the manual prints it, with slash or tilde.
+        direction: ``"in"``, ``"out"``, ``"io"`` or ``"od"`` (open drain, can only pull low).
+        rest: level read while nobody drives the net.
+        width: wires in the bundle (8 for D0-D7).
+        strobe: a control line of the host bus, numbered for the LINES request.
+        select: the chip's own select line, which a shared bus does not join.
+        wave: an output that carries a waveform (PWM), too fast to be one of a session's lines.
+        title: what it is for.
+    """
+
+    name: str
+    direction: str
+    rest: int = HIGH
+    width: int = 1
+    strobe: bool = False
+    title: str = ""
+    select: bool = False
+    wave: bool = False
+
+    @property
+    def shared(self) -> bool:
+        """Whether chips on one bus have this pin in common: D0-D7 and strobes, not selects."""
+        return (self.strobe or (self.direction == "io" and self.width == 8)) and not self.select
+
+
+@dataclass(frozen=True, slots=True)
+class CardRow:
+    """One port of a plug-in card: what a read and a write at ``offset`` do at the chip.
+
+    Attributes:
+        offset: from the card's base address.
+        read: chip address a read goes to, or None if nobody answers.
+        write: chip address a write goes to, or None if nobody answers.
+        bits: data bits the card drives in a read; the others float high.
+    """
+
+    offset: int
+    read: int | None = None
+    write: int | None = None
+    bits: int = 0xFF
+
+
+@dataclass(frozen=True, slots=True)
+class Bit:
+    """A named bit of a status byte, register or control word."""
+
+    number: int
+    name: str
+    title: str = ""
+
+    @property
+    def mask(self) -> int:
+        """The bit as a number."""
+        return 1 << self.number
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One row of a command set.
+
+    Attributes:
+        name: mnemonic, verbatim.
+        code: command byte.
+        write: 16-bit words the host writes after it.
+        read: 16-bit words the host reads after it.
+        up_to: most words the host may write, where a control word decides.
+        clause: clause id of the specification.
+        title: the manual's description.
+        note: when it may be used.
+        scope: ``"c"`` current axis, ``"g"`` global, ``"i"`` interrupting axis, ``""`` single axis.
+        parameter: name of the plain parameter it sets or gets, if it does only that.
+        buffered: the value takes effect at an update.
+        signed: the (single) value is two's complement.
+        fraction: fraction bits of the value.
+    """
+
+    name: str
+    code: int
+    write: int = 0
+    read: int = 0
+    up_to: int = 0
+    clause: str = ""
+    title: str = ""
+    note: str = ""
+    scope: str = ""
+    parameter: str = ""
+    buffered: bool = False
+    signed: bool = False
+    fraction: int = 0
+
+    @property
+    def handler(self) -> str:
+        """Name of the method that carries it out."""
+        return "cmd_" + self.name.lower()
+
+
+class CommandTable:
+    """Commands of one chip, by code and by mnemonic; refuses a code or mnemonic given twice."""
+
+    __slots__ = ("_by_code", "_by_name", "rows")
+
+    def __init__(self, *rows: Command) -> None:
+        self.rows: tuple[Command, ...] = rows
+        self._by_code: dict[int, Command] = {}
+        self._by_name: dict[str, Command] = {}
+        for row in rows:
+            if row.code in self._by_code:
+                raise ValueError(
+                    f"code {row.code:02X}H stands for {row.name} and {self._by_code[row.code].name}"
+                )
+            if row.name in self._by_name:
+                raise ValueError(f"{row.name} stands in the table twice")
+            self._by_code[row.code] = row
+            self._by_name[row.name] = row
+
+    def __iter__(self) -> Iterator[Command]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, name: str) -> Command:
+        return self._by_name[name]
+
+    def by_code(self, code: int) -> Command | None:
+        """Return the row with this command byte, or None if the code is undefined."""
+        return self._by_code.get(code)
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """One register, of one or more bytes.
+
+    Attributes:
+        name: short name in capitals.
+        addresses: byte addresses, most significant byte first.
+        reset: value after a hardware reset.
+        access: ``"rw"``, ``"r"`` or ``"w"`` as the manual says.
+        signed: the whole value is two's complement.
+        fraction: fraction bits.
+        clause: clause id.
+        title: the manual's name.
+    """
+
+    name: str
+    addresses: tuple[int, ...]
+    reset: int = 0
+    access: str = "rw"
+    signed: bool = False
+    fraction: int = 0
+    clause: str = ""
+    title: str = ""
+
+    @property
+    def bits(self) -> int:
+        """Width of the whole value."""
+        return 8 * len(self.addresses)
+
+
+class RegisterMap:
+    """Registers of one chip by name and by address; refuses an address given twice."""
+
+    __slots__ = ("_by_address", "_by_name", "rows", "size")
+
+    def __init__(self, size: int, *rows: Register) -> None:
+        self.size: int = size
+        self.rows: tuple[Register, ...] = rows
+        self._by_address: dict[int, Register] = {}
+        self._by_name: dict[str, Register] = {}
+        for row in rows:
+            if row.name in self._by_name:
+                raise ValueError(f"register {row.name} stands in the map twice")
+            self._by_name[row.name] = row
+            for address in row.addresses:
+                if not 0 <= address < size:
+                    raise ValueError(f"{row.name}: address {address:02X}H is outside the map")
+                if address in self._by_address:
+                    other = self._by_address[address].name
+                    raise ValueError(f"address {address:02X}H is in {row.name} and in {other}")
+                self._by_address[address] = row
+
+    def __iter__(self) -> Iterator[Register]:
+        return iter(self.rows)
+
+    def __getitem__(self, name: str) -> Register:
+        return self._by_name[name]
+
+    def at(self, address: int) -> Register | None:
+        """Return the register that holds the byte at ``address``, or None."""
+        return self._by_address.get(address)
+
+
+COMMANDS = CommandTable(
+    Command(name='RESET', code=0, write=0, read=0, up_to=0, clause='LM-CMD-1', title='Reset LM628', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='PORT8', code=5, write=0, read=0, up_to=0, clause='LM-CMD-6', title='Select 8-Bit Output', note='2', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='PORT12', code=6, write=0, read=0, up_to=0, clause='LM-CMD-7', title='Select 12-Bit Output', note='2', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='DFH', code=2, write=0, read=0, up_to=0, clause='LM-CMD-3', title='Define Home', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='SIP', code=3, write=0, read=0, up_to=0, clause='LM-CMD-4', title='Set Index Position', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='LPEI', code=27, write=1, read=0, up_to=0, clause='LM-CMD-16', title='Interrupt on Error', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='LPES', code=26, write=1, read=0, up_to=0, clause='LM-CMD-15', title='Stop on Error', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='SBPA', code=32, write=2, read=0, up_to=0, clause='LM-CMD-21', title='Set Breakpoint, Absolute', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
+    Command(name='SBPR', code=33, write=2, read=0, up_to=0, clause='LM-CMD-22', title='Set Breakpoint, Relative', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
+    Command(name='MSKI', code=28, write=1, read=0, up_to=0, clause='LM-CMD-17', title='Mask Interrupts', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='RSTI', code=29, write=1, read=0, up_to=0, clause='LM-CMD-18', title='Reset Interrupts', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='LFIL', code=30, write=1, read=0, up_to=5, clause='LM-CMD-19', title='Load Filter Parameters', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='UDF', code=4, write=0, read=0, up_to=0, clause='LM-CMD-5', title='Update Filter', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='LTRJ', code=31, write=1, read=0, up_to=7, clause='LM-CMD-20', title='Load Trajectory', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='STT', code=1, write=0, read=0, up_to=0, clause='LM-CMD-2', title='Start Motion', note='3', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='RDSIGS', code=12, write=0, read=1, up_to=0, clause='LM-CMD-13', title='Read Signals Register', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
+    Command(name='RDIP', code=9, write=0, read=2, up_to=0, clause='LM-CMD-10', title='Read Index Position', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
+    Command(name='RDDP', code=8, write=0, read=2, up_to=0, clause='LM-CMD-9', title='Read Desired Position', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
+    Command(name='RDRP', code=10, write=0, read=2, up_to=0, clause='LM-CMD-11', title='Read Real Position', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
+    Command(name='RDDV', code=7, write=0, read=2, up_to=0, clause='LM-CMD-8', title='Read Desired Velocity', note='1', scope='', parameter='', buffered=False, signed=True, fraction=16),
+    Command(name='RDRV', code=11, write=0, read=1, up_to=0, clause='LM-CMD-12', title='Read Real Velocity', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
+    Command(name='RDSUM', code=13, write=0, read=1, up_to=0, clause='LM-CMD-14', title='Read Integration Sum', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
+)
+COMMAND_PORT = 0
+DATA_PORT = 1
+FAMILY = 'lm628'
+FILTER = (Bit(number=3, name='LOAD_KP', title='Loading kp Data'), Bit(number=2, name='LOAD_KI', title='Loading ki Data'), Bit(number=1, name='LOAD_KD', title='Loading kd Data'), Bit(number=0, name='LOAD_IL', title='Loading il Data'))
+INTERRUPTS = 126
+LOADS = (32, 8, 2)
+SIGNALS = (Bit(number=15, name='HOST_INTERRUPT', title='Host Interrupt'), Bit(number=14, name='ACCELERATION_LOADED', title='Acceleration Loaded (But Not Updated)'), Bit(number=13, name='UDF_EXECUTED', title='UDF Executed (But Filter Not yet Updated)'), Bit(number=12, name='FORWARD', title='Forward Direction'), Bit(number=11, name='VELOCITY_MODE', title='Velocity Mode'), Bit(number=10, name='ON_TARGET', title='On Target'), Bit(number=9, name='STOP_ON_ERROR', title='Turn Off upon Excessive Position Error'), Bit(number=8, name='PORT8', title='Eight-Bit Output Mode'), Bit(number=7, name='MOTOR_OFF', title='Motor Off'), Bit(number=6, name='BREAKPOINT', title='Breakpoint Reached [Interrupt]'), Bit(number=5, name='POSITION_ERROR', title='Excessive Position Error [Interrupt]'), Bit(number=4, name='WRAPAROUND', title='Wraparound Occurred [Interrupt]'), Bit(number=3, name='INDEX', title='Index Pulse Observed [Interrupt]'), Bit(number=2, name='TRAJECTORY_COMPLETE', title='Trajectory Complete [Interrupt]'), Bit(number=1, name='COMMAND_ERROR', title='Command Error [Interrupt]'), Bit(number=0, name='SIP', title='Acquire Next Index (SIP Executed)'))
+STATUS = (Bit(number=7, name='MOTOR_OFF', title='Motor Off'), Bit(number=6, name='BREAKPOINT', title='Breakpoint Reached [Interrupt]'), Bit(number=5, name='POSITION_ERROR', title='Excessive Position Error [Interrupt]'), Bit(number=4, name='WRAPAROUND', title='Wraparound Occurred [Interrupt]'), Bit(number=3, name='INDEX', title='Index Pulse Observed [Interrupt]'), Bit(number=2, name='TRAJECTORY_COMPLETE', title='Trajectory Complete [Interrupt]'), Bit(number=1, name='COMMAND_ERROR', title='Command Error [Interrupt]'), Bit(number=0, name='BUSY', title='Busy Bit'))
+TRAJECTORY = (Bit(number=12, name='FORWARD', title='Forward Direction (Velocity Mode Only)'), Bit(number=11, name='VELOCITY_MODE', title='Velocity Mode'), Bit(number=10, name='STOP_SMOOTHLY', title='Stop Smoothly (Decelerate as Programmed)'), Bit(number=9, name='STOP_ABRUPTLY', title='Stop Abruptly (Maximum Deceleration)'), Bit(number=8, name='TURN_OFF', title='Turn Off Motor (Output Zero Drive)'), Bit(number=5, name='LOAD_ACCELERATION', title='Acceleration Will Be Loaded'), Bit(number=4, name='RELATIVE_ACCELERATION', title='Acceleration Data Is Relative'), Bit(number=3, name='LOAD_VELOCITY', title='Velocity Will Be Loaded'), Bit(number=2, name='RELATIVE_VELOCITY', title='Velocity Data Is Relative'), Bit(number=1, name='LOAD_POSITION', title='Position Will Be Loaded'), Bit(number=0, name='RELATIVE_POSITION', title='Position Data Is Relative'))

@@ -1,0 +1,384 @@
+"""Unmodified Linux programs under ``vbus exec``, with 64 and 32 bits."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.exec.conftest import compile_c
+from tests.unit.board.test_leases import Leasing, reset_and_move
+from vbus.board.build import load_board
+
+HERE = Path(__file__).parent / "programs"
+
+REGISTERS = """
+[board]
+name = "bench"
+time = "{time}"
+power_on = "done"
+[chips.x]
+part = "MCP-1200"
+clock = "10 MHz"
+plant = "none"
+[cards.slot]
+{card}
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/x.sock"
+card = "slot"
+"""
+PORTS = 'base = 0x300\ndecode = "direct"\nchips = ["x"]'
+LOW_PORTS = 'base = 0x20\nports = [{ offset = 0, chip = "x", address = 0x20 }]'
+MEMORY = 'base = 0x40000000\nmemory = true\ndecode = "direct"\nchips = ["x"]'
+
+SERVO = """
+[board]
+name = "bench"
+time = "{time}"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "m"
+[plants.m]
+model = "dc_motor"
+supply = "24 V"
+resistance = "2 ohm"
+torque_constant = "0.05 N*m/A"
+inertia = "1e-5 kg*m^2"
+[cards.slot]
+base = 0x340
+decode = "direct"
+chips = ["x"]
+interrupt = "x.HI"
+{card}
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/x.sock"
+card = "slot"
+"""
+
+Done = subprocess.CompletedProcess[str]
+
+
+@pytest.fixture(scope="session")
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, int], Path]:
+    """Programs by name and width, compiled once."""
+    folder = tmp_path_factory.mktemp("programs")
+
+    def program(name: str, bits: int) -> Path:
+        path = folder / f"{name}{bits}"
+        if not path.exists():
+            compile_c(path, f"-m{bits}", "-O2", "-D_FORTIFY_SOURCE=2", HERE / f"{name}.c")
+        return path
+
+    return program
+
+
+def execute(
+    folder: Path, board: str, *command: str | Path, options: tuple[str | Path, ...] = ()
+) -> Done:
+    """Run a command under ``vbus exec`` on a board file of its own."""
+    (folder / "board.toml").write_text(board)
+    return subprocess.run(
+        [sys.executable, "-m", "vbus", "exec", "--board", str(folder / "board.toml"),
+         *map(str, options), "--", *map(str, command)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def probe(programs: Callable[[str, int], Path], bits: int, tmp_path: Path) -> Callable[..., Done]:
+    """Run a part of ``probe.c``."""
+
+    def run(part: str, card: str = PORTS, time: str = "lockstep") -> Done:
+        board = REGISTERS.format(time=time, card=card)
+        return execute(tmp_path, board, programs("probe", bits), part)
+
+    return run
+
+
+def said(done: Done) -> list[str]:
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout.splitlines()
+
+
+# -- ports -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("time", ["lockstep", "slaved", "realtime"])
+def test_every_form_of_in_and_out_becomes_byte_cycles(
+    probe: Callable[..., Done], time: str
+) -> None:
+    done = probe("ports", time=time)
+    assert done.returncode == 0
+    assert done.stdout.splitlines() == [
+        "byte 5a", "word 2211 11 22", "long 332211", "outsb 16", "insb 16 16", "words 2423 2423",
+        "longs 434241", "immediate ff",
+    ]  # fmt: skip
+    assert "nobody answers a write of 1 byte at port 0x20; it is lost" in done.stderr
+
+
+def test_a_port_number_in_the_instruction_reaches_the_card(probe: Callable[..., Done]) -> None:
+    done = probe("ports", card=LOW_PORTS)
+    assert "immediate 77" in done.stdout
+
+
+def test_a_port_that_was_not_asked_for_faults_as_on_a_real_computer(
+    probe: Callable[..., Done],
+) -> None:
+    done = probe("forbidden")
+    assert (done.returncode, done.stdout) == (128 + signal.SIGSEGV, "allowed\n")
+    assert "for which it has not called ioperm or iopl" in done.stderr
+
+
+def test_an_access_nobody_answers_is_reported_once_with_its_place(
+    probe: Callable[..., Done],
+) -> None:
+    done = probe("nobody")
+    assert done.stdout.splitlines() == ["ff", "ff", "ff", "ff80"]
+    lines = done.stderr.splitlines()
+    assert lines[0] == "vbus exec: nobody answers a read of 1 byte at port 0x7300; FFh is read"
+    assert "by the instruction at 0x" in lines[1]
+    assert "/probe" in lines[1]
+    assert lines[2] == "vbus exec: the card answers reads at 0x300 to 0x37f"
+    assert len(lines) == 3
+
+
+def test_dev_port_is_read_and_written_in_every_way(probe: Callable[..., Done]) -> None:
+    assert said(probe("device")) == [
+        "pwrite 1", "pread 1 31", "write 3", "read 2 02 03 at 323", "stream 3c", "openat 1",
+    ]  # fmt: skip
+
+
+# -- memory ----------------------------------------------------------------------------------------
+
+BYTES = ["bytes 41 42", "word 5251", "changed d1 53", "block 66 66 66"]
+
+
+@pytest.mark.parametrize("part", ["memory", "uio"])
+def test_a_mapped_card_is_read_and_written_by_loads_and_stores(
+    probe: Callable[..., Done], part: str
+) -> None:
+    assert said(probe(part, card=MEMORY)) == BYTES
+
+
+def test_a_card_at_a_fixed_address_needs_no_mapping(probe: Callable[..., Done]) -> None:
+    assert said(probe("fixed", card=MEMORY + "\nfixed = 0x50000000")) == BYTES
+
+
+def test_bytes_on_a_wide_bus_stand_apart(probe: Callable[..., Done]) -> None:
+    """Nobody drives the other three bytes of each word."""
+    assert said(probe("strided", card=MEMORY + "\nstride = 4")) == ["ffffff78 ffffff9a", "9a"]
+
+
+def test_a_big_endian_card_turns_the_bytes_of_a_word(probe: Callable[..., Done]) -> None:
+    """The byte for the lowest address is now the most significant one of what is written."""
+    assert said(probe("strided", card=MEMORY + "\nstride = 4\nbig_endian = true")) == [
+        "12ffffff 00ffffff", "00",
+    ]  # fmt: skip
+
+
+def test_an_instruction_of_an_unknown_kind_is_refused_by_its_bytes(
+    probe: Callable[..., Done],
+) -> None:
+    done = probe("unsupported", card=MEMORY)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "an instruction of a kind that is not supported touches the card" in done.stderr
+    assert "the instruction's bytes (and what follows it): D9 " in done.stderr
+
+
+# -- the program's own affairs ---------------------------------------------------------------------
+
+
+def test_the_programs_own_fault_handlers_see_its_own_faults(probe: Callable[..., Done]) -> None:
+    assert said(probe("faults")) == [
+        "caught", "still 21", "signal 11 at 0x8", "handler 1", "blocked 21",
+    ]  # fmt: skip
+
+
+def test_a_signal_handler_may_touch_the_card(probe: Callable[..., Done]) -> None:
+    assert said(probe("handler")) == ["in a handler 19"]
+
+
+def test_a_crash_ends_the_program_as_ever_and_says_where(probe: Callable[..., Done]) -> None:
+    done = probe("crash")
+    assert (done.returncode, done.stdout) == (128 + signal.SIGSEGV, "e5\n")
+    assert "the program faults at address 0x8" in done.stderr
+
+
+def test_threads_share_the_card(probe: Callable[..., Done]) -> None:
+    assert said(probe("threads")) == ["wrong 0"] * 3
+
+
+def test_a_forked_child_opens_a_session_of_its_own(probe: Callable[..., Done]) -> None:
+    assert said(probe("forks")) == ["child 0a", "parent 0b, child's code 5"]
+
+
+def test_a_program_that_closes_all_descriptors_keeps_its_card(probe: Callable[..., Done]) -> None:
+    assert said(probe("closes")) == ["low descriptor 3", "after closing all 0c"]
+
+
+def test_what_is_kept_back_is_sent_when_the_program_leaves_at_once(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path
+) -> None:
+    board = REGISTERS.format(time="lockstep", card=PORTS)
+    transcript = tmp_path / "bus.txt"
+    program = programs("probe", bits)
+    execute(tmp_path, board, program, "posted", options=("--transcript", transcript))
+    assert transcript.read_text() == "x w 20 0D\n"
+
+
+def test_a_tree_of_processes_works_one_after_the_other(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path
+) -> None:
+    program = programs("probe", bits)
+    script = f"sleep 0.01; BYTE=2b {program} store && {program} show; date > /dev/null"
+    board = REGISTERS.format(time="lockstep", card=PORTS)
+    assert said(execute(tmp_path, board, "timeout", "20", "bash", "-c", script)) == ["2b"]
+
+
+def test_two_programs_at_once_take_turns_cycle_by_cycle(
+    programs: Callable[[str, int], Path], tmp_path: Path
+) -> None:
+    program = programs("probe", 64)
+    script = f"{program} threads & {program} show > /dev/null; wait"
+    done = execute(tmp_path, REGISTERS.format(time="lockstep", card=PORTS), "bash", "-c", script)
+    assert said(done) == ["wrong 0"] * 3
+
+
+# -- time ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved"])
+def test_waiting_follows_chip_time_and_costs_no_wall_time(
+    probe: Callable[..., Done], policy: str
+) -> None:
+    before = time.monotonic()
+    lines = said(probe("times", time=policy))
+    assert time.monotonic() - before < 20
+    assert lines == [
+        "sleep 3600000001", "usleep 2501", "nanosleep 1000000001", "until 500000",
+        "select 0 30000001", "poll 0 700001", "poll 1", "step 1", "time 7", "condition 1",
+        "busy loop ends",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved"])
+@pytest.mark.parametrize("sleeps", [(), ("sleeps",)], ids=["polls only", "sleeps"])
+def test_runs_repeat_exactly(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path, policy: str,
+    sleeps: tuple[str, ...],
+) -> None:  # fmt: skip
+    board = SERVO.format(time=policy, card="")
+    transcript = tmp_path / "bus.txt"
+    runs = []
+    for _ in range(2):
+        done = execute(
+            tmp_path, board, programs("polls", bits), *sleeps, options=("--transcript", transcript)
+        )
+        runs.append((said(done), transcript.read_text()))
+    assert runs[0] == runs[1]
+    if policy == "lockstep" and not sleeps:
+        port = load_board(tmp_path / "board.toml").open_port("in process")
+        assert [int(line) for line in runs[0][0]] == reset_and_move(Leasing(port, False))
+
+
+# -- interrupts ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved"])
+@pytest.mark.parametrize(
+    ("how", "lines"),
+    [
+        ("uio", ["interrupt 1", "done 04, signals 0", "again 2"]),
+        ("poll", ["poll 0", "poll 1", "interrupt 1", "done 04, signals 0", "again 2"]),
+        ("select", ["select 1", "interrupt 1", "done 04, signals 0", "again 2"]),
+        ("signal", ["done 04, signals 1"]),
+        ("sleep", ["nanosleep -1, 1, more than 90 s left: 1", "done 04, signals 1"]),
+    ],
+)
+def test_an_interrupt_arrives(
+    programs: Callable[[str, int], Path], tmp_path: Path, policy: str, how: str, lines: list[str]
+) -> None:
+    sends = 'signal = "SIGIO"' if how in ("signal", "sleep") else ""
+    board = SERVO.format(time=policy, card=sends)
+    assert said(execute(tmp_path, board, programs("interrupts", 64), how)) == [
+        "moving 80", *lines,
+    ]  # fmt: skip
+
+
+# -- faults ----------------------------------------------------------------------------------------
+
+
+@contextmanager
+def running(folder: Path, board: str) -> Iterator[subprocess.Popen[str]]:
+    (folder / "board.toml").write_text(board)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vbus", "run", str(folder / "board.toml")],
+        env={**os.environ, "VBUS_RUNTIME": str(folder)}, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if line.startswith("ready"):
+                break
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def start_endless(folder: Path, program: Path) -> subprocess.Popen[str]:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vbus", "exec", "--link", f"unix:{folder}/x.sock", "--",
+         str(program), "endless"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert process.stdout.readline() == "polling\n"
+    return process
+
+
+def test_a_board_that_dies_under_a_trapped_access_ends_the_program_clearly(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path
+) -> None:
+    with running(tmp_path, REGISTERS.format(time="lockstep", card=PORTS)) as board:
+        process = start_endless(tmp_path, programs("probe", bits))
+        board.kill()
+        _, errors = process.communicate(timeout=10)
+    assert process.returncode == 4
+    assert "vbus exec: the board is gone" in errors
+    assert "it was needed by the instruction at 0x" in errors
+
+
+def test_a_program_that_is_killed_leaves_a_clean_session_to_the_next(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path
+) -> None:
+    program = programs("probe", bits)
+    with running(tmp_path, REGISTERS.format(time="lockstep", card=PORTS)):
+        process = start_endless(tmp_path, program)
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        os.kill(int(children[0]), signal.SIGKILL)
+        process.communicate(timeout=10)
+        assert process.returncode == 137
+        command = [sys.executable, "-m", "vbus", "exec", "--link", f"unix:{tmp_path}/x.sock", "--"]
+        for part, expected in (("store", ""), ("show", "3d\n")):
+            done = subprocess.run(
+                [*command, str(program), part], env={**os.environ, "BYTE": "3d"},
+                capture_output=True, text=True, timeout=20, check=False,
+            )  # fmt: skip
+            assert (done.returncode, done.stdout) == (0, expected)
+
+
+def test_without_a_compiler_it_says_what_is_missing(
+    programs: Callable[[str, int], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    done = execute(tmp_path, REGISTERS.format(time="lockstep", card=PORTS), "/bin/true")
+    assert done.returncode == 1
+    assert "there is no gcc; install gcc" in done.stderr

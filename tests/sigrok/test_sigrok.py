@@ -1,0 +1,184 @@
+"""The sigrok decoders, run by sigrok-cli: what they print is what the journal says."""
+
+import io
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from vbus.board.build import load_board_text
+from vbus.board.host_bus import HostBus
+from vbus.kernel import MS, US
+from vbus.tools.generate.sigrok import targets
+from vbus.tools.generate.targets import stale
+from vbus.trace.bus_watch import WATCHES
+from vbus.trace.decode import BoardPackets
+from vbus.trace.journal import Journal
+from vbus.trace.journal_format import JournalReader
+from vbus.trace.journal_view import play
+from vbus.trace.packets import STATUS, Packet
+from vbus.trace.wave import Wave
+from vbus.trace.wave_signals import plain
+
+ROOT = Path(__file__).parents[2]
+BOARD = """\
+[board]
+name = "bench"
+time = "lockstep"
+power_on = "done"
+[chips.x]
+part = "{part}"
+clock = "{clock}"
+{plant}
+"""
+CHANNELS = {
+    "lm628": ("cs", "ps", "rd", "wr"),
+    "mc1241a": ("slct", "cmd", "read", "write"),
+    "mcp1200": ("ale", "cs", "oe", "rw"),
+}
+
+
+@pytest.fixture
+def sigrok() -> str:
+    path = shutil.which("sigrok-cli")
+    if path is None:
+        if os.environ.get("VBUS_REQUIRE_ALL") == "1":
+            pytest.fail("sigrok-cli is not installed, and VBUS_REQUIRE_ALL is 1")
+        pytest.skip("sigrok-cli is not installed (apt-get install sigrok-cli)")
+    return path
+
+
+def lm628(port: HostBus) -> None:
+    def ready() -> None:
+        while port.read(0) & 1:
+            pass
+
+    def command(code: int, *words: int) -> None:
+        ready()
+        port.write(0, code)
+        for word in words:
+            ready()
+            port.write(1, word >> 8)
+            port.write(1, word & 0xFF)
+
+    command(0x1D, 0x003B)
+    command(0x1E, 0x020A, 300, 2000)
+    command(0x04)
+    command(0x1F, 0x002A, 0, 400, 1, 0, 0, 500)
+    command(0x01)
+    for _ in range(3):
+        port.delay(5 * MS)
+        command(0x0A)
+        for _ in range(2):
+            ready()
+            port.read(1)
+            port.read(1)
+    command(0x3F)
+    command(0x1F, 0x0008)
+    command(0x00)
+    port.delay(3 * MS)
+    ready()
+
+
+def mc1241a(port: HostBus) -> None:
+    def command(code: int, reads: int, *words: int) -> None:
+        port.write(1, code)
+        port.delay(80 * US)
+        for word in words:
+            port.write(0, word >> 8)
+            port.write(0, word & 0xFF)
+            port.delay(80 * US)
+        for _ in range(reads + 1):  # the checksum too
+            port.read(0)
+            port.read(0)
+            port.delay(80 * US)
+
+    command(0x01, 1)
+    command(0x11, 0, 6, 0xD1EC)
+    command(0x4B, 2)
+    command(0x80, 0)
+    command(0x49, 0)
+    command(0x1A, 0)
+    command(0x6C, 1)
+
+
+def mcp1200(port: HostBus) -> None:
+    for address, data in ((0x05, 3), (0x0C, 0), (0x0D, 1), (0x0E, 0xFF), (0x01, 0x18)):
+        port.write(address, data)
+        port.delay(MS)
+    for address in (0x07, 0x14, 0x13, 0x12, 0x0E, 0x1E):
+        port.read(address)
+        port.delay(10 * US)
+
+
+@pytest.mark.parametrize(
+    ("family", "part", "clock", "plant", "host"),
+    [
+        ("lm628", "LM629N-8", "8 MHz", 'plant = "none"', lm628),
+        ("mc1241a", "MC1241A", "25 MHz", 'plants = ["none"]', mc1241a),
+        ("mcp1200", "MCP-1200", "8 MHz", 'plant = "none"', mcp1200),
+    ],
+)
+def test_sigrok_prints_what_the_journal_says(
+    sigrok: str, tmp_path: Path, family: str, part: str, clock: str, plant: str,
+    host: Callable[[HostBus], None],
+) -> None:  # fmt: skip
+    text = BOARD.format(part=part, clock=clock, plant=plant)
+    board = load_board_text(text)
+    recorded = io.BytesIO()
+    journal = Journal(board, recorded, text)
+    capture = tmp_path / "run.vcd"
+    with capture.open("w") as file:
+        control = WATCHES[family].PINS
+        data = WATCHES[family].DATA
+        wave = Wave(board, file, "sigrok", signals=[f"x.{pin}" for pin in (*control, data)])
+        wave.start()
+        port = board.open_port("h")
+        host(port)
+        port.delay(MS)
+        wave.stop()
+    journal.close()
+    # No cycle was lost: the decoder cannot know what a chip did not take.
+    assert all(violation.severity == "warning" for violation in board.violations)
+    expected: dict[bool, list[str]] = {True: [], False: []}
+
+    def take(chip: str, packet: Packet) -> None:
+        expected[packet.kind == STATUS].append(packet.text)
+
+    recorded.seek(0)
+    reader = JournalReader(recorded)
+    play(reader, BoardPackets(reader.header.families, take))
+    assert len(expected[False]) > 4
+
+    prefix = "DB" if family == "mcp1200" else "D"
+    wiring = [f"{key}={plain(f'x.{pin}')}"
+              for key, pin in zip(CHANNELS[family], control, strict=True)]  # fmt: skip
+    wiring += [f"d{bit}=x_{prefix}{bit}" for bit in range(8)]
+    name = f"vbus_{family}"
+    for row, status in (("packets", False), ("statuses", True)):
+        done = subprocess.run(
+            [sigrok, "-I", "vcd:compress=1000", "-i", capture, "-P", ":".join([name, *wiring]),
+             "-A", f"{name}={row}"],
+            env={**os.environ, "SIGROKDECODE_DIR": str(ROOT / "contrib" / "sigrok")},
+            capture_output=True, text=True, timeout=120,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        printed = [line.partition(": ")[2] for line in done.stdout.splitlines()]
+        assert printed == expected[status]
+
+
+def test_the_decoders_are_made_from_the_tables_as_they_are_now() -> None:
+    assert stale(targets()) == []
+
+
+def test_the_decoders_have_their_licence_beside_them() -> None:
+    folder = ROOT / "contrib" / "sigrok"
+    assert (
+        "GNU GENERAL PUBLIC LICENSE\n                       Version 3"
+        in (folder / "COPYING").read_text()
+    )
+    for path in folder.glob("*/*.py"):
+        assert path.read_text().startswith("# SPDX-License-Identifier: GPL-3.0-or-later\n")
