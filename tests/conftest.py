@@ -1,10 +1,17 @@
 """Coverage of clauses: says which have no test, and fails the run when one that should has none."""
 
+import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from tests.clauses import Clause, read_clauses, stale, unknown, untested
+
+# A run repeats, on every machine. HYPOTHESIS_PROFILE=search looks for examples nobody has seen.
+settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("search", max_examples=2000, deadline=None)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 CLAUSES: pytest.StashKey[dict[str, Clause]] = pytest.StashKey()
 MARKED: pytest.StashKey[set[str]] = pytest.StashKey()
