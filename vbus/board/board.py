@@ -130,7 +130,7 @@ class Board:
         if len(family) > 1:
             raise ValueError(f"bus {name!r} joins different chip families: {sorted(family)}")
         self.buses[name] = [chip.name for chip in members]
-        for row in members[0].PINS:
+        for row in members[0].pin_rows:
             if row.shared:
                 net = Net(self.kernel, f"{name}.{row.name}", rest=row.rest, width=row.width)
                 self._own(net)

@@ -103,7 +103,7 @@ class _Checks:
 
     def _axes(self, chip: ChipSection, path: Path) -> None:
         part = self._parts.get(chip.name)
-        axes = part.AXES if part is not None else plugins.chip_class(chip.part).AXES
+        axes = part.axis_count if part is not None else plugins.chip_class(chip.part).AXES
         if chip.plant and chip.plants:
             self._source.fail((*path, "plants"), 'write either "plant" or "plants", not both')
         elif axes == 1 and chip.plants:
@@ -143,7 +143,7 @@ class _Checks:
                         " one family",
                     )
                     break
-                for row in chip.PINS:
+                for row in chip.pin_rows:
                     if row.shared:
                         self._own(path, f"{name}.{row.name}", f"bus {bus.name}")
 
@@ -161,7 +161,7 @@ class _Checks:
             return None
         if not self._exists(path, "chips", chip) or chip not in self._parts:
             return None
-        rows = {row.name: row for row in self._parts[chip].PINS}
+        rows = {row.name: row for row in self._parts[chip].pin_rows}
         if pin not in rows:
             self._source.fail(
                 path, f'"{chip}" has no pin "{pin}"; {suggestion(pin, rows)}it has {listed(rows)}'
@@ -241,7 +241,7 @@ class _Checks:
             part = self._parts.get(name)
             outputs = [
                 row.name
-                for row in (part.PINS if part is not None else ())
+                for row in (part.pin_rows if part is not None else ())
                 if row.direction != "in" and row.width == 1 and not (row.strobe or row.wave)
             ]
             if part is not None and pin not in outputs:

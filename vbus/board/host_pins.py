@@ -40,7 +40,7 @@ class HostPins:
         self.outputs: list[Pin] = []
         seen: set[int] = set()
         for chip in chips:
-            for row in chip.PINS:
+            for row in chip.pin_rows:
                 pin = chip.pins[row.name]
                 if id(pin.net) in seen or row.width > 1:
                     continue

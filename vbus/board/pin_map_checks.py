@@ -90,7 +90,7 @@ class PinMapChecks:
         known = targets(part)
         if pin in known:
             return
-        row = next((row for row in part.PINS if row.name == pin), None)
+        row = next((row for row in part.pin_rows if row.name == pin), None)
         if row is not None and row.wave:
             self._fail(path, f'"{chip}.{pin}" is a waveform, too fast for a port bit to follow')
         else:

@@ -61,7 +61,7 @@ class Wire:
 
 def targets(chip: Chip) -> list[str]:
     """Return the pins of ``chip`` that a port bit can be wired to."""
-    names = [row.name for row in chip.PINS if row.width == 1 and not row.wave]
+    names = [row.name for row in chip.pin_rows if row.width == 1 and not row.wave]
     return [*DATA_WIRES, *names]
 
 
@@ -100,7 +100,7 @@ def roles(chip: Chip) -> dict[str, str]:
     found = {name: f"{DATA}{number}" for number, name in enumerate(DATA_WIRES)}
     read, _ = _levels(chip, False, 0)
     write, latches = _levels(chip, True, 0)
-    for row in chip.PINS:
+    for row in chip.pin_rows:
         if not row.strobe:
             continue
         if row.select:
@@ -157,7 +157,7 @@ def wiring(pin_map: PinMap | None, chips: list[Chip], pins: HostPins) -> str:
             entries[f"{chips.index(chip)}{role}={wire.source}"] = None
             continue
         pin = chip.pins[wire.pin]
-        is_input = next(row for row in chip.PINS if row.name == wire.pin).direction == "in"
+        is_input = next(row for row in chip.pin_rows if row.name == wire.pin).direction == "in"
         kind, known = (SIDE, pins.sides) if is_input else (OUTPUT, pins.outputs)
         for number, other in enumerate(known):
             if other.net is pin.net:

@@ -1,6 +1,9 @@
 """What every chip is to a board: pins, bus cycles, time, state."""
 
 from collections.abc import Callable
+from typing import ClassVar
+
+from mypy_extensions import mypyc_attr
 
 from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import NEVER, Clock, Kernel
@@ -8,6 +11,7 @@ from vbus.options import Option, Settings, Value, with_defaults
 from vbus.signals import OFF, STRICT, Net, Pin, Plant, Policy, Rule, Violation
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Chip:
     """Base of all chips.
 
@@ -32,19 +36,19 @@ class Chip:
         file: takes each violation filed.
     """
 
-    FAMILY: str = ""
-    ADDRESS_BITS: int = 0
-    AXES: int = 1
-    PARTS: tuple[str, ...] = ()
-    PINS: tuple[PinRow, ...] = ()
-    RULES: tuple[Rule, ...] = ()
-    FREE_READS: tuple[int, ...] = ()
+    FAMILY: ClassVar[str] = ""
+    ADDRESS_BITS: ClassVar[int] = 0
+    AXES: ClassVar[int] = 1
+    PARTS: ClassVar[tuple[str, ...]] = ()
+    PINS: ClassVar[tuple[PinRow, ...]] = ()
+    RULES: ClassVar[tuple[Rule, ...]] = ()
+    FREE_READS: ClassVar[tuple[int, ...]] = ()
     """Addresses at which reading has no effect a host could see; see :meth:`steady_until`."""
-    TRACELESS: bool = False
+    TRACELESS: ClassVar[bool] = False
     """Whether reads at these addresses leave no trace in the chip's state either, so that of many
     in a row only the last need be run."""
-    OPTIONS: tuple[Option, ...] = ()
-    CARD_DECODES: dict[str, tuple[CardRow, ...]] = {}
+    OPTIONS: ClassVar[tuple[Option, ...]] = ()
+    CARD_DECODES: ClassVar[dict[str, tuple[CardRow, ...]]] = {}
     """Address decodes of known cards, by name; an address may lie beyond :attr:`ADDRESS_BITS`
     where the card, not the chip, answers."""
 
@@ -63,6 +67,9 @@ class Chip:
         self.kernel: Kernel = kernel
         self.clock: Clock = clock
         self.settings: dict[str, Value] = with_defaults(self.OPTIONS, settings)
+        self.pin_rows: tuple[PinRow, ...] = self.pins_of(part)
+        """The pins of this part; the class' :attr:`PINS` are those of its family's first."""
+        self.axis_count: int = self.AXES
         self.policy: Policy = policy if policy is not None else Policy()
         self.judged: bool = False
         """Whether strobes carry real times now, so that AC limits are judged."""
@@ -74,7 +81,7 @@ class Chip:
         self._file: Callable[[Violation], None] | None = file
         self._timer = kernel.timer(self._due)
         self._heard: bool = False
-        for row in self.PINS:
+        for row in self.pin_rows:
             net = Net(kernel, f"{name}.{row.name}", rest=row.rest, width=row.width)
             pin = Pin(row.name, net, open_drain=row.direction == "od")
             if row.direction != "in":
@@ -82,12 +89,12 @@ class Chip:
             self.pins[row.name] = pin
         self.bus_pins: tuple[Pin, ...] = tuple(
             self.pins[row.name]
-            for row in self.PINS
+            for row in self.pin_rows
             if row.strobe or (row.direction == "io" and row.width == 8)
         )
         """The host bus: its strobes and the data pins."""
         self.data_pin: Pin = next(
-            self.pins[row.name] for row in self.PINS if row.direction == "io" and row.width == 8
+            self.pins[row.name] for row in self.pin_rows if row.direction == "io" and row.width == 8
         )
         """The pins of the 8-bit data bus."""
 
@@ -95,6 +102,10 @@ class Chip:
     def bus_net(self) -> Net:
         """The net of the data bus."""
         return self.data_pin.net
+
+    def pins_of(self, part: str) -> tuple[PinRow, ...]:
+        """Return the pins of the part number ``part``: override where parts differ."""
+        return self.PINS
 
     # -- what a chip answers ------------------------------------------------------------------
 

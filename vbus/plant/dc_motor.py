@@ -1,6 +1,6 @@
 """A brushed DC motor behind a voltage amplifier."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.options import Option, Settings
 from vbus.plant.shaft import SHAFT_OPTIONS, Shaft, mass_options
@@ -19,8 +19,8 @@ class DcMotor(Shaft):
     and have a mechanical time constant of 14 ms.
     """
 
-    TAKES: tuple[str, ...] = ("drive",)
-    OPTIONS: tuple[Option, ...] = (
+    TAKES: ClassVar[tuple[str, ...]] = ("drive",)
+    OPTIONS: ClassVar[tuple[Option, ...]] = (
         *SHAFT_OPTIONS,
         Option("supply", "V", 24.0, "supply of the amplifier, where its output saturates",
                low=0.0),

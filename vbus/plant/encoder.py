@@ -1,6 +1,6 @@
 """The encoder on a motor's shaft, and plants that have one."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.options import Option, Settings
 from vbus.signals import Plant
@@ -74,7 +74,7 @@ class EncodedPlant(Plant):
     million revolutions away as at home. The count is the position rounded down.
     """
 
-    OPTIONS: tuple[Option, ...] = ENCODER_OPTIONS
+    OPTIONS: ClassVar[tuple[Option, ...]] = ENCODER_OPTIONS
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)

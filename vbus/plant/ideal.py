@@ -1,6 +1,6 @@
 """A plant without mechanics: it is where it should be, one period later, in whole counts."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.options import Option, Settings
 from vbus.plant.angle import turns_of
@@ -18,8 +18,8 @@ class IdealPlant(EncodedPlant):
     currents it makes every step. Its course through a period is a straight line.
     """
 
-    TAKES: tuple[str, ...] = ("drive", "pulses", "phases")
-    OPTIONS: tuple[Option, ...] = (
+    TAKES: ClassVar[tuple[str, ...]] = ("drive", "pulses", "phases")
+    OPTIONS: ClassVar[tuple[Option, ...]] = (
         *ENCODER_OPTIONS,
         *STEP_OPTIONS,
     )

@@ -1,6 +1,6 @@
 """A stepper motor: step pulses or phase currents to torque, and steps lost under overload."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.options import Option, Settings
 from vbus.plant.angle import sine
@@ -22,8 +22,8 @@ class StepperMotor(Shaft):
     Phase currents make a field as strong as they are, so that full scale gives the holding torque.
     """
 
-    TAKES: tuple[str, ...] = ("pulses", "phases")
-    OPTIONS: tuple[Option, ...] = (
+    TAKES: ClassVar[tuple[str, ...]] = ("pulses", "phases")
+    OPTIONS: ClassVar[tuple[Option, ...]] = (
         *SHAFT_OPTIONS,
         *STEP_OPTIONS,
         Option("holding_torque", "N*m", 0.4, "torque against which the motor holds at full"

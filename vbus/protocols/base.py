@@ -1,8 +1,11 @@
 """What a protocol is: bytes in, calls on a port, bytes out."""
 
+from mypy_extensions import mypyc_attr
+
 from vbus.protocols.port import HostPort
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Protocol:
     """Base of wire formats, free of I/O.
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from mypy_extensions import mypyc_attr
+
 
 class PortError(Exception):
     """A request the board refuses; the session goes on.
@@ -66,6 +68,7 @@ class PortInfo:
     program: str = ""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class HostPort:
     """One session's hold on a board. Protocols call it; the board implements it.
 

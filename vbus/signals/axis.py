@@ -1,6 +1,8 @@
 """The seam between a chip and the mechanics behind it."""
 
-from typing import Final
+from typing import ClassVar, Final
+
+from mypy_extensions import mypyc_attr
 
 from vbus.options import Option, Settings, Value, with_defaults
 
@@ -42,6 +44,7 @@ class Switch:
         return False, 0
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Plant:
     """Motor, load and encoder behind one axis; drives in, encoder counts out.
 
@@ -58,9 +61,9 @@ class Plant:
     here: see :attr:`TAKES`.
     """
 
-    TAKES: tuple[str, ...] = ("drive",)
+    TAKES: ClassVar[tuple[str, ...]] = ("drive",)
     """Kinds of drive this plant understands: ``drive``, ``pulses``, ``phases``."""
-    OPTIONS: tuple[Option, ...] = ()
+    OPTIONS: ClassVar[tuple[Option, ...]] = ()
 
     def __init__(self, settings: Settings | None = None) -> None:
         self.settings: dict[str, Value] = with_defaults(self.OPTIONS, settings)

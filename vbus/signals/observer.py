@@ -1,8 +1,11 @@
 """Those who see everything and change nothing."""
 
+from mypy_extensions import mypyc_attr
+
 from vbus.signals.violation import Violation
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Observer:
     """Base of journals, waveforms, hashes and live views: override what you want to see.
 

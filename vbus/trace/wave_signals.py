@@ -49,7 +49,7 @@ def nets_of(board: Board, patterns: Iterable[str]) -> list[Net]:
     names: dict[str, Net] = {}
     usual: list[Net] = []
     for chip in board.chips:
-        for row in chip.PINS:
+        for row in chip.pin_rows:
             net = chip.pins[row.name].net
             names[f"{chip.name}.{row.name}"] = net
             if not row.wave and net not in usual:

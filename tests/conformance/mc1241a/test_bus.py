@@ -11,7 +11,7 @@ spec = pytest.mark.spec
 
 @spec("PMD-BUS-1")
 def test_the_host_port_has_five_control_lines_and_eight_data_lines(chip: Bench) -> None:
-    pins = {row.name: row for row in chip.chip.PINS}
+    pins = {row.name: row for row in chip.chip.pin_rows}
     assert [name for name, row in pins.items() if row.strobe] == [
         "~HostSlct", "~HostWrite", "~HostRead", "HostCmd",
     ]  # fmt: skip

@@ -87,7 +87,7 @@ def test_an_mc1141a_stays_on_axis_1() -> None:
     assert bench.send("SET_2") == 0x0300
     assert bench.send("GET_POS") == 5
     assert bench.rules() == ["no-such-axis"]
-    assert bench.chip.AXES == 1
+    assert bench.chip.axis_count == 1
 
 
 # -- plain parameters -------------------------------------------------------------------------

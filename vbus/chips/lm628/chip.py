@@ -1,7 +1,7 @@
 """The LM628 and LM629: their parts put together, and time."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.chips.base import Chip
 from vbus.chips.lm628 import datasheet as ds
@@ -32,9 +32,7 @@ class LM628(Chip):
 
     The chip waits unpowered until :meth:`power_on`. From then on it samples every 2048 clock
     periods, also through later resets (NOTES 2). Mechanics are driven with the output of a sample
-    until the next one.
-
-    A clock outside the grade's limits is a violation (T4, T5), filed at power-on.
+    until the next one. A clock outside the grade's limits is a violation (T4, T5), filed then.
 
     Not modelled: analog levels and delays; metastability of the host port; A, B and /IN nets while
     a plant is connected (the plant has the encoder).
@@ -44,14 +42,14 @@ class LM628(Chip):
             could be meant to have.
     """
 
-    FAMILY: str = ds.FAMILY
-    ADDRESS_BITS: int = ds.ADDRESS_BITS
-    PARTS: tuple[str, ...] = ds.PARTS
-    PINS: tuple[PinRow, ...] = ds.PINS
-    RULES: tuple[Rule, ...] = ds.RULES
-    FREE_READS = (ds.COMMAND_PORT,)
-    TRACELESS = True
-    OPTIONS: tuple[Option, ...] = ds.OPTIONS
+    FAMILY: ClassVar[str] = ds.FAMILY
+    ADDRESS_BITS: ClassVar[int] = ds.ADDRESS_BITS
+    PARTS: ClassVar[tuple[str, ...]] = ds.PARTS
+    PINS: ClassVar[tuple[PinRow, ...]] = ds.PINS
+    RULES: ClassVar[tuple[Rule, ...]] = ds.RULES
+    FREE_READS: ClassVar[tuple[int, ...]] = (ds.COMMAND_PORT,)
+    TRACELESS: ClassVar[bool] = True
+    OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
 
     def __init__(
         self,
@@ -67,7 +65,6 @@ class LM628(Chip):
             raise ValueError(f"part {part!r}: allowed are {', '.join(ds.PARTS)}")
         check_clock(part, clock.hz)
         pwm = part.startswith("LM629")
-        self.PINS = ds.PINS_LM629 if pwm else ds.PINS_LM628
         super().__init__(name, part, kernel, clock, settings, policy, file)
         self.read_low_ps = ds.READ_LOW
         self.cycle_ps = ds.CYCLE
@@ -103,6 +100,10 @@ class LM628(Chip):
         self._hi: Pin = self.pins["HI"]
         self._hi.drive(LOW)
         self._outputs.show(kernel.now)
+
+    def pins_of(self, part: str) -> tuple[PinRow, ...]:
+        """Return the pins: an LM629 has a PWM instead of the converter's lines."""
+        return ds.PINS_LM629 if part.startswith("LM629") else ds.PINS_LM628
 
     # -- power and reset ----------------------------------------------------------------------
 

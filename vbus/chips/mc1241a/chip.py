@@ -1,6 +1,7 @@
 """The chip set: two axes, one host port, one time."""
 
 from collections.abc import Callable
+from typing import ClassVar
 
 from vbus.chips.base import Chip
 from vbus.chips.mc1241a.axis import Axis
@@ -29,7 +30,7 @@ from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.output import Output
 from vbus.chips.mc1241a.packet import HostPort
 from vbus.chips.mc1241a.pins import HostPins
-from vbus.chips.tables import PinRow
+from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Z
@@ -48,16 +49,16 @@ class MC1241A(Chip):
     of the reset table that belong to servo members of the family.
     """
 
-    FAMILY = FAMILY
-    ADDRESS_BITS = 1
-    AXES = 2
-    PARTS: tuple[str, ...] = ("MC1241A", "MC1141A")
-    PINS: tuple[PinRow, ...] = PINS
-    RULES: tuple[Rule, ...] = RULES
-    FREE_READS: tuple[int, ...] = (COMMAND_PORT,)
-    TRACELESS = True
-    OPTIONS: tuple[Option, ...] = OPTIONS
-    CARD_DECODES = CARD_DECODES
+    FAMILY: ClassVar[str] = FAMILY
+    ADDRESS_BITS: ClassVar[int] = 1
+    AXES: ClassVar[int] = 2
+    PARTS: ClassVar[tuple[str, ...]] = ("MC1241A", "MC1141A")
+    PINS: ClassVar[tuple[PinRow, ...]] = PINS
+    RULES: ClassVar[tuple[Rule, ...]] = RULES
+    FREE_READS: ClassVar[tuple[int, ...]] = (COMMAND_PORT,)
+    TRACELESS: ClassVar[bool] = True
+    OPTIONS: ClassVar[tuple[Option, ...]] = OPTIONS
+    CARD_DECODES: ClassVar[dict[str, tuple[CardRow, ...]]] = CARD_DECODES
 
     def __init__(
         self,
@@ -72,7 +73,7 @@ class MC1241A(Chip):
         if part not in self.PARTS:
             raise ValueError(f"part {part!r}: allowed are {', '.join(self.PARTS)}")
         super().__init__(name, part, kernel, clock, settings, policy, file)
-        self.AXES = 2 if part == "MC1241A" else 1
+        self.axis_count = 2 if part == "MC1241A" else 1
         self.read_low_ps = 100_000
         self.cycle_ps = 200_000
         self.instant: int = 0
@@ -85,7 +86,7 @@ class MC1241A(Chip):
         self.axes: list[Axis] = [
             Axis(number, Encoder(self, number, self._encoder_source(number)),
                  Microstepper(b_leads), self.find)
-            for number in range(self.AXES)
+            for number in range(self.axis_count)
         ]  # fmt: skip
         self.cycles: Cycles = Cycles(self, self.axes)
         self.shared: Shared = self.cycles.shared
@@ -106,7 +107,7 @@ class MC1241A(Chip):
 
     def _encoder_source(self, number: int) -> int:
         source = int(str(self.settings[f"encoder_{number + 1}"])[-1]) - 1
-        if source >= self.AXES:
+        if source >= self.axis_count:
             raise ValueError(f"encoder_{number + 1}: the {self.part} has no axis {source + 1}")
         return source
 
@@ -337,7 +338,7 @@ class MC1241A(Chip):
         Raises:
             ValueError: no such axis, or a plant that does not take phase currents.
         """
-        if not 0 <= axis < self.AXES:
+        if not 0 <= axis < self.axis_count:
             raise ValueError(f"the {self.part} has no axis {axis + 1}")
         if "phases" not in plant.TAKES:
             raise ValueError(

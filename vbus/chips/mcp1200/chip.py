@@ -1,7 +1,7 @@
 """The MCP-1200 as a board sees it."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.chips.base import Chip
 from vbus.chips.mcp1200 import datasheet as ds
@@ -36,13 +36,13 @@ class MCP1200(Chip):
     as in the real chip.
     """
 
-    FAMILY = ds.FAMILY
-    ADDRESS_BITS = ds.ADDRESS_BITS
-    PARTS: tuple[str, ...] = ds.PARTS
-    PINS: tuple[PinRow, ...] = ds.PINS
-    RULES: tuple[Rule, ...] = ds.RULES
-    FREE_READS = (ds.STATUS,)
-    OPTIONS: tuple[Option, ...] = ds.OPTIONS
+    FAMILY: ClassVar[str] = ds.FAMILY
+    ADDRESS_BITS: ClassVar[int] = ds.ADDRESS_BITS
+    PARTS: ClassVar[tuple[str, ...]] = ds.PARTS
+    PINS: ClassVar[tuple[PinRow, ...]] = ds.PINS
+    RULES: ClassVar[tuple[Rule, ...]] = ds.RULES
+    FREE_READS: ClassVar[tuple[int, ...]] = (ds.STATUS,)
+    OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
 
     def __init__(
         self,
