@@ -9,6 +9,7 @@ from vbus.board.cards import Card
 from vbus.board.host_clock import HostClock
 from vbus.board.host_pins import HostPins
 from vbus.board.pin_maps import PinMap, wiring
+from vbus.board.strobe_watch import SETTLE_EVERY, StrobeWatch
 from vbus.chips.base import Chip
 from vbus.kernel import NEVER, US
 from vbus.protocols import codes
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
 LOCKSTEP_CYCLE: Final = US
 """Default duration of a whole bus cycle where time moves only by cycles: an ISA bus, a fast MCU.
 Drivers that give up after some thirty polls must see the busy time pass (decision 7)."""
-
-SETTLE_EVERY: Final = 4096
-"""Bus cycles after which lazy chips are brought up to date, to bound what observers hold."""
 
 FLOATING: Final = 0xFF
 
@@ -68,6 +66,7 @@ class HostBus(HostClock):
         self._leased_until: int = 0
         self._claimed: list[str] = []
         self._pins: HostPins = HostPins(board.kernel, label, chips, self._edge_seen)
+        self.strobes: StrobeWatch = StrobeWatch(board, label, chips)
 
     def _default_cycle(self, chip: Chip) -> int:
         return chip.cycle_ps if self.board.policy == "realtime" else LOCKSTEP_CYCLE
@@ -298,7 +297,9 @@ class HostBus(HostClock):
         """Put control lines to levels, all at this instant."""
         self._arrive()
         self._judge()
+        self.strobes.before()
         self._pins.set_lines(mask, levels)
+        self.strobes.after()
 
     def _judge(self) -> None:
         for chip in self.chips:
@@ -418,7 +419,9 @@ class HostBus(HostClock):
     def close(self) -> None:
         """The session has ended: let go of lines, pins, claims and events."""
         self.board.player.flush()
+        self.strobes.before()
         self._pins.unsolder()
+        self.strobes.after()
         self.unclaim()
         if self in self.board.ports:
             self.board.ports.remove(self)

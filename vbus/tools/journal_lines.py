@@ -127,6 +127,10 @@ def line(entry: Entry, sessions: Sessions) -> str:
     if entry.op == "violation":
         violation = violation_of(entry)
         return f"{place} ! {violation.chip} {violation.rule}: {violation.detail}"
+    if entry.op == "cycle":
+        chips, write, address, data = entry.args
+        host = sessions.host(entry)
+        return f"{place} {host} {chips} {'w' if write else 'r'} {address:X} {data:02X} (strobes)"
     if entry.op == "end":
         return f"{place} end: {entry.args[0]} entries, state {entry.args[1]}"
     where = f"{sessions.host(entry)} {sessions.chip(entry)}"

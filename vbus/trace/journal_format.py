@@ -23,9 +23,10 @@ LARGEST: Final = 1 << 26
 OPERATIONS: Final = (
     "read", "write", "open", "close", "select", "claim", "unclaim", "wait", "lines", "drive",
     "release", "sample", "pin", "getpin", "delay", "at", "now", "sync", "events", "edges",
-    "violation", "end",
+    "violation", "end", "cycle",
 )  # fmt: skip
-"""Operations by number. Their order is part of the format."""
+"""Operations by number. Their order is part of the format. All but the last three are calls of a
+host; ``cycle`` is a bus cycle that its strobes made: chips, write, address, byte."""
 READ: Final = 0
 WRITE: Final = 1
 CODE: Final = {name: number for number, name in enumerate(OPERATIONS)}

@@ -71,6 +71,9 @@ def show(entry: Entry, sessions: Sessions, observer: Observer) -> None:
             entry.args[0],
             entry.args[1] if write else entry.reply,
         )
+    elif entry.op == "cycle":
+        chips, write, address, data = entry.args
+        observer.bus_cycle(entry.when, sessions.host(entry), chips, write, address, data)
     elif entry.op == "violation":
         observer.violation(violation_of(entry))
     else:

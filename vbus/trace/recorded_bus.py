@@ -40,6 +40,8 @@ class RecordedBus(HostBus):
         number: int,
     ) -> None:
         super().__init__(board, label, chips, cycle_ps, card)
+        self.every_cycle = True
+        self.strobes.found = self._strobed
         self._journal: Journal = journal
         self._rows: list[Any] = journal.rows
         self._base: int = number * PORTS
@@ -167,6 +169,9 @@ class RecordedBus(HostBus):
             self._refused(when, "lines", [mask, levels], error)
             raise
         self._note(when, "lines", [mask, levels], None)
+
+    def _strobed(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
+        self._note(when, "cycle", [chip, write, address, data], None)
 
     def drive(self, data: int) -> None:
         """Drive D0-D7."""

@@ -145,6 +145,10 @@ class Replay:
         self._ports: dict[int, HostBus] = {}
         self._sessions: Sessions = Sessions()
         self._findings: _Findings = _Findings()
+        self._strobed: deque[Entry] = deque()
+        """Cycles of the journal that strobes made in the call that comes next."""
+        self._found: list[list[Any]] = []
+        """Those of the run."""
         self._cycles: int = 0
         self._played: int = 0
         board.listen(self._findings)
@@ -171,10 +175,13 @@ class Replay:
             if entry.op == "violation":
                 self._findings.expect(entry)
                 continue
+            if entry.op == "cycle":
+                self._strobed.append(entry)
+                continue
             difference = self._end(entry) if entry.op == "end" else self._entry(entry)
             ended = entry.op == "end"
             # What a chip found before this call comes before a difference in the call itself.
-            difference = self._findings.compare() or difference
+            difference = self._findings.compare() or self._compare_strobed(entry) or difference
             if difference is not None:
                 return self._stop(difference)
         if not ended:
@@ -244,6 +251,57 @@ class Replay:
             )  # fmt: skip
         return None
 
+    def _compare_strobed(self, call: Entry) -> Divergence | None:
+        """Compare the bus cycles that strobes have made in a call."""
+        found, self._found = self._found, []
+        if not found and not self._strobed:
+            return None
+        recorded = list(self._strobed)
+        self._strobed.clear()
+        for number in range(max(len(recorded), len(found))):
+            was = recorded[number] if number < len(recorded) else None
+            now = found[number] if number < len(found) else None
+            if was is not None and now == list(was.args):
+                self._cycles += 1
+                self._packets_of(was.after, now)
+                continue
+            entry = was or call
+            sides = (list(was.args) if was else None, now)
+            chip = (sides[0] or sides[1] or ["-"])[0]
+            where = f"{self._sessions.host(call)}, {chip}: strobes"
+            kind = "reply" if was and now else "unconsumed" if was else "missing"
+            texts = [self._cycle_text(entry.after, side) for side in sides]
+            clause = next((c for _, c in texts if c), "")
+            return Divergence(entry.number, entry.when, kind, where, texts[0][0], texts[1][0],
+                              clause)  # fmt: skip
+        return None
+
+    def _packets_of(self, when: int, args: list[Any]) -> list[Packet]:
+        chips, write, address, data = args
+        cycle = Cycle(when, write, address, data)
+        return [
+            packet
+            for chip in chips.split("+")
+            if chip in self._decoders
+            for packet in self._decoders[chip].feed(cycle)
+        ]
+
+    def _cycle_text(self, when: int, args: list[Any] | None) -> tuple[str, str]:
+        """Return a cycle, with the packet that ends in it, and the packet's clause."""
+        if args is None:
+            return "nothing", ""
+        text = str(Cycle(when, *args[1:]))
+        decoders = self._decoders
+        self._decoders = copy.deepcopy(decoders)
+        packets = self._packets_of(when, args)
+        for chip in args[0].split("+"):
+            if not packets and chip in self._decoders:
+                packets = self._decoders[chip].finish()
+        self._decoders = decoders
+        if not packets:
+            return text, ""
+        return f"{text} in {packets[-1].text}", packets[-1].clause
+
     def _where(self, entry: Entry) -> str:
         asked = " ".join(f"{arg:X}" if isinstance(arg, int) else str(arg) for arg in entry.args)
         return f"{self._sessions.host(entry)}, {self._sessions.chip(entry)}: {entry.op} {asked}"
@@ -252,7 +310,9 @@ class Replay:
         """Make one call; return its reply and the number of its refusal."""
         if entry.op == "open":
             label, chips, cycle_ps = entry.args
-            self._ports[entry.port] = self.board.open_port(label, chips, cycle_ps)
+            port = self.board.open_port(label, chips, cycle_ps)
+            port.strobes.found = self._note_strobed
+            self._ports[entry.port] = port
             return None, 0
         port = self._ports[entry.port]
         name = "take_events" if entry.op == "edges" else entry.op
@@ -260,6 +320,9 @@ class Replay:
             return getattr(port, name)(*entry.args), 0
         except PortError as error:
             return None, error.code
+
+    def _note_strobed(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
+        self._found.append([chip, write, address, data])
 
     # -- both sides, decoded ------------------------------------------------------------------
 

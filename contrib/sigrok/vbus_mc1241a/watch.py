@@ -90,14 +90,17 @@ class Mc1241aWatch(BusWatch):
 
 
 class Mcp1200Watch(BusWatch):
-    """MCP-1200: the address is latched by /ALE or /CS, a write ends with /CS, a read with /OE."""
+    """MCP-1200: the address is latched by /ALE or /CS, a write ends with /CS, a read with /OE.
+
+    What is accessed before the first address has been seen is passed over.
+    """
 
     PINS = ("/ALE", "/CS", "/OE", "R/W")
     DATA = "DB0-DB7"
 
     def __init__(self) -> None:
         super().__init__()
-        self._address: int = 0
+        self._address: int = -1
         self._closed: bool = True
         self._read: int = -1
 
@@ -115,7 +118,7 @@ class Mcp1200Watch(BusWatch):
         if not self._closed and ((not ale and after[0]) or (cs and not after[1])):
             self._address = old & 0x7F
             self._closed = True
-        if not cs and after[1]:
+        if not cs and after[1] and self._address >= 0:
             if write_not:
                 self._read = self._address
             else:

@@ -14,7 +14,9 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.kernel import MS, US
+from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.port import PortError
+from vbus.protocols.requests import LEASED, REQUESTS
 from vbus.signals import Observer
 from vbus.trace.journal import Journal
 from vbus.trace.journal_format import Entry
@@ -283,3 +285,91 @@ def test_whatever_a_host_does_plays_again(
     outcome = played(data)
     assert outcome.divergence is None
     assert outcome.ended
+
+
+class _Byte:
+    """A driver's bus over the byte protocol, with leases: polls it can answer are not sent."""
+
+    def __init__(self, protocol: ByteProtocol) -> None:
+        self.protocol = protocol
+        self.kept = 0
+        self.send(bytes((REQUESTS["LEASES"].code, 1)))
+        self._address = -1
+        self._data = self._now = self._until = self._polls = 0
+
+    def send(self, data: bytes) -> bytes:
+        self.protocol.receive(data)
+        reply = bytes(self.protocol.out)
+        self.protocol.out.clear()
+        return reply
+
+    def read(self, address: int) -> int:
+        if address == self._address and self._now + US < self._until:
+            self._now += US
+            self._polls += 1
+            self.kept += 1
+            return self._data
+        self.settle()
+        reply = self.send(bytes((REQUESTS["READ"].code, address)))
+        self._address = -1
+        if reply[:1] == LEASED.encode():
+            self._address, self._data = address, reply[1]
+            self._now = int.from_bytes(reply[6:14], "big")
+            self._until = int.from_bytes(reply[14:22], "big")
+        return reply[1]
+
+    def settle(self) -> None:
+        if self._polls:
+            code = REQUESTS["POLLED"].code
+            assert self.send(bytes((code, self._address)) + self._polls.to_bytes(2, "big")) == b""
+        self._polls = 0
+        self._address = -1
+
+    def write(self, address: int, data: int) -> None:
+        self.settle()
+        self.send(bytes((REQUESTS["WRITE"].code, address, data)))
+
+    def delay(self, duration: int) -> None:
+        self.settle()
+        self.send(bytes((REQUESTS["DELAY"].code,)) + duration.to_bytes(8, "big"))
+
+
+def _leased() -> tuple[bytes, int]:
+    """Record a driver that polls from leases; return the journal and the polls kept back."""
+    board = load_board_text(LM629)
+    file = io.BytesIO()
+    journal = Journal(board, file, LM629)
+    port = board.open_port("h")
+    host = _Byte(ByteProtocol(port))
+    lm629_move(host)  # type: ignore[arg-type]
+    host.settle()
+    port.close()
+    journal.close()
+    return file.getvalue(), host.kept
+
+
+def test_a_leased_run_is_recorded_poll_by_poll_and_plays_again() -> None:
+    data, kept = _leased()
+    assert kept > 100
+    outcome = played(data)
+    assert outcome.divergence is None
+    assert outcome.ended
+    # The same driver without leases: the same journal, entry by entry.
+    entries = read(data)[1]
+    plain = [e for e in read(record(LM629, lm629_move))[1] if e.op in ("read", "write")]
+    cycles = [e for e in entries if e.op in ("read", "write")]
+    assert [(e.when, e.after, e.op, e.args, e.reply) for e in cycles] == [
+        (e.when, e.after, e.op, e.args, e.reply) for e in plain
+    ]
+
+
+def test_a_poll_from_a_lease_that_would_be_answered_differently_now_is_a_difference() -> None:
+    data, _ = _leased()
+    slow = LM629.replace("8 MHz", "6 MHz").replace("LM629N-8", "LM629N-6")
+    found = difference(played(data, text=slow))
+    polls = [e for e in read(data)[1] if e.op == "read" and e.args == (0,)]
+    assert (found.what, found.clause) == ("reply", "LM-CMD-23")
+    assert found.entry in [poll.number for poll in polls]
+    kept_back = polls[20]
+    found = difference(played(data, changed={kept_back.number: {"reply": kept_back.reply ^ 1}}))
+    assert found.entry == kept_back.number
