@@ -21,7 +21,8 @@ TEXTS = sorted(
 LEAVES = {"bits", "errors", "options"}
 SIGNALS = LEAVES | {"kernel", "signals"}
 BOARD = SIGNALS | {"board", "chips", "plant", "protocols", "trace"}
-EDGE = BOARD | {"server", "transports"}
+NETWORK = LEAVES | {"network"}
+EDGE = BOARD | {"network", "server", "transports"}
 MAY_IMPORT = {
     "bits": set(),
     "errors": set(),
@@ -34,9 +35,10 @@ MAY_IMPORT = {
     "board": BOARD,
     "trace": BOARD,
     "native": set(),
+    "network": NETWORK,
     "transports": EDGE,
     "server": EDGE,
-    "client": LEAVES | {"chips", "client", "kernel", "protocols"},
+    "client": NETWORK | {"chips", "client", "kernel", "protocols"},
     "testing": EDGE | {"client", "testing"},
     "tools": EDGE | {"client", "native", "testing", "tools"},
     "__main__": {"tools"},

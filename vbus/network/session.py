@@ -1,0 +1,168 @@
+"""Zenoh sessions with safe defaults: loopback, nothing found or dialled by itself, short leases."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from vbus.errors import TransportError
+from vbus.network.security import Security
+
+if TYPE_CHECKING:
+    import zenoh
+
+LEASE_MS: Final = 1000
+"""A computer that has gone silent is given up after this long; a dead process at once."""
+RETRY_MS: Final = 1000
+"""How long after a link was lost, and how often, it is tried again."""
+OPEN_SECONDS: Final = 3.0
+"""How long opening a session waits for an endpoint, where it waits at all."""
+LARGEST_MESSAGE: Final = 4 * 1024 * 1024
+"""Bytes of a message beyond which the link that brings it is closed (Zenoh's own: 1 GiB)."""
+MODES: Final = ("client", "peer", "router")
+_PROTOCOLS: Final = ("tcp", "tls")
+
+
+def open_session(
+    listen: Sequence[str] = (),
+    connect: Sequence[str] = (),
+    mode: str = "peer",
+    security: Security | None = None,
+    wait: float | None = None,
+) -> zenoh.Session:
+    """Open a Zenoh session that talks to the given endpoints and to nobody else.
+
+    There is no multicast scouting and no gossip: what is not named is not found. A topology that
+    works is a star: one session with ``mode="router"`` that listens, and all others connected to it
+    as ``"client"``. Two peers never find each other through a router, and two routers need some
+    tenths of a second until each knows what the other has.
+
+    Args:
+        listen: endpoints to listen on, such as ``"tcp/127.0.0.1:7447"``; nowhere if empty.
+        connect: endpoints to connect to, such as ``"tls/bench.example:7447"``.
+        mode: ``"client"``, ``"peer"`` or ``"router"``.
+        security: certificates and rights; needed by endpoints that begin with ``tls/``.
+        wait: seconds to wait for an endpoint of ``connect``; without one the session is not
+            opened. 0: open at once, connect when an endpoint is there, and again whenever it was
+            lost (never so for a client). None: 3 s for a client, else 0.
+
+    Raises:
+        TransportError: an endpoint is none, cannot be listened on, or cannot be reached; says
+            which, why, and what to do.
+    """
+    import zenoh
+
+    if wait is None:
+        wait = OPEN_SECONDS if mode == "client" else 0.0
+    settings = _settings(listen, connect, mode, security, wait)
+    config = zenoh.Config()
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        raise TransportError(_why(error, listen, connect, security)) from error
+
+
+def _settings(
+    listen: Sequence[str],
+    connect: Sequence[str],
+    mode: str,
+    security: Security | None,
+    wait: float,
+) -> dict[str, Any]:
+    """Return Zenoh's settings by path."""
+    if mode not in MODES:
+        raise ValueError(f"mode {mode!r}; allowed are {', '.join(MODES)}")
+    for endpoint in (*listen, *connect):
+        check_endpoint(endpoint, security)
+    waits = bool(connect) and (wait > 0 or mode == "client")
+    settings: dict[str, Any] = {
+        "mode": mode,
+        "listen/endpoints": list(listen),
+        "listen/exit_on_failure": True,
+        "connect/endpoints": list(connect),
+        "connect/exit_on_failure": waits,
+        "connect/timeout_ms": max(1, int(wait * 1000)) if waits else -1,
+        "connect/retry": {
+            "period_init_ms": RETRY_MS,
+            "period_max_ms": RETRY_MS,
+            "period_increase_factor": 1,
+        },
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "scouting/delay": 0,
+        "transport/link/tx/lease": LEASE_MS,
+        "transport/link/rx/max_message_size": LARGEST_MESSAGE,
+        "transport/link/protocols": list(_PROTOCOLS),
+        "transport/unicast/open_timeout": 3000,
+        "transport/unicast/accept_timeout": 3000,
+        "transport/shared_memory/enabled": False,
+        "adminspace/enabled": False,
+    }
+    if security is not None:
+        settings.update(security.settings())
+    return settings
+
+
+def check_endpoint(endpoint: str, security: Security | None = None) -> None:
+    """Refuse what is no endpoint.
+
+    Raises:
+        TransportError: it is none, or it needs certificates and there are none.
+    """
+    protocol, _, address = endpoint.partition("/")
+    host, _, port = address.rpartition(":")
+    if protocol not in _PROTOCOLS or not host or not port.isdecimal() or int(port) > 65535:
+        raise TransportError(
+            f'"{endpoint}" is no endpoint; write "tcp/HOST:PORT" or "tls/HOST:PORT", such as'
+            ' "tcp/127.0.0.1:7447"'
+        )
+    if protocol == "tls" and security is None:
+        raise TransportError(
+            f'"{endpoint}" needs certificates: give certificate, key and authority'
+        )
+
+
+def _why(
+    error: Exception,
+    listen: Sequence[str],
+    connect: Sequence[str],
+    security: Security | None,
+) -> str:
+    """Say why a session could not be opened."""
+    text = str(error)
+    if "listener" in text or "in use" in text:
+        return (
+            f"cannot listen on {', '.join(listen)}: {_reason(text)}; stop whoever has it, or"
+            " choose another port"
+        )
+    for endpoint in connect:
+        if security is not None and endpoint.startswith("tls/"):
+            found = security.diagnose(endpoint)
+            if found:
+                return f"{endpoint} cannot be reached: {found}"
+    if connect:
+        return (
+            f"{', '.join(connect)} cannot be reached: nobody listens there; is the router or the"
+            " board running (vbus ls), and is the endpoint right?"
+        )
+    return f"no Zenoh session: {_reason(text)}"
+
+
+def _reason(text: str) -> str:
+    """Cut what is of use to a person out of Zenoh's message."""
+    for known in ("Address already in use", "Permission denied", "Cannot assign requested address"):
+        if known in text:
+            return known.lower()
+    return text.partition(" at /")[0]
+
+
+def free_endpoint(protocol: str = "tcp", host: str = "127.0.0.1") -> str:
+    """Return an endpoint on a port that is free now; whoever listens first has it."""
+    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) as probe:
+        probe.bind((host, 0))
+        return f"{protocol}/{host}:{probe.getsockname()[1]}"
