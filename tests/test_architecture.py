@@ -40,9 +40,10 @@ MAY_IMPORT = {
     "server": EDGE,
     "client": NETWORK | {"chips", "client", "kernel", "protocols"},
     "testing": EDGE | {"client", "testing"},
-    "tools": EDGE | {"client", "native", "testing", "tools"},
+    "tools": EDGE | {"client", "compiled", "native", "testing", "tools"},
     "__main__": {"tools"},
-    "__init__": EDGE | {"client"},  # for type checkers only
+    "compiled": set(),
+    "__init__": EDGE | {"client", "compiled"},  # all but the last for type checkers only
 }
 PURE = BOARD
 IMPURE = {"asyncio", "time", "random", "socket", "threading", "select", "os", "subprocess"}

@@ -3,6 +3,8 @@
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from vbus import compiled
+
 if TYPE_CHECKING:
     from vbus.board.board import Board as Board
     from vbus.board.build import load_board as load_board
@@ -12,6 +14,9 @@ if TYPE_CHECKING:
     from vbus.signals.violation import Violation as Violation
 
 __version__ = "0.1.0"
+
+if compiled.pure_wanted():
+    compiled.interpret()
 
 _HOMES = {
     "Board": "vbus.board.board",

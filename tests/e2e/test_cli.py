@@ -15,6 +15,7 @@ import pytest
 
 import vbus as package
 from tests.e2e.command import BOARD, plug_in, running, start, vbus
+from vbus.compiled import core
 from vbus.tools.cli import _COMMANDS
 
 
@@ -34,9 +35,10 @@ def board(tmp_path: Path) -> Path:
 # -- version, help, usage -----------------------------------------------------------------------
 
 
-def test_the_version_is_that_of_the_package() -> None:
+def test_the_version_is_that_of_the_package_and_says_which_core_runs() -> None:
     done = vbus("--version")
-    assert (done.returncode, done.stdout, done.stderr) == (0, f"vbus {package.__version__}\n", "")
+    says = f"vbus {package.__version__} ({core()} core)\n"
+    assert (done.returncode, done.stdout, done.stderr) == (0, says, "")
     pyproject = (Path(__file__).parents[2] / "pyproject.toml").read_text()
     assert f'\nversion = "{package.__version__}"\n' in pyproject
 

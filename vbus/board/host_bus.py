@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
+from mypy_extensions import mypyc_attr
+
 from vbus.board.cards import Card
 from vbus.board.host_clock import HostClock
 from vbus.board.host_pins import HostPins
@@ -29,6 +31,7 @@ LONGEST_LEASE: Final = 100_000 * US
 """How far ahead a lease reaches at most: a host that polls for ever is heard of now and then."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class HostBus(HostClock):
     """The port a board gives to one session; see :class:`~vbus.protocols.port.HostPort`.
 

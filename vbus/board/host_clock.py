@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from mypy_extensions import mypyc_attr
+
 from vbus.kernel import NEVER, US, Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import HostPort, PortError
@@ -15,6 +17,7 @@ APPROACH: Final = 1000 * US
 """How long before a host's time stamp the board may be brought there: longer than any strobe."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class HostClock(HostPort):
     """The part of a port that knows when the host's next cycle happens.
 

@@ -2,6 +2,8 @@
 
 from typing import ClassVar, Final
 
+from mypy_extensions import mypyc_attr
+
 from vbus.options import Option, Settings
 from vbus.signals import Plant
 
@@ -66,6 +68,7 @@ class Encoder:
         return (True, count) if count >= end else (False, 0)
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class EncodedPlant(Plant):
     """A plant whose shaft carries an encoder, and that remembers its course through a period.
 

@@ -1,8 +1,9 @@
 """What a host can ask of a board, whatever the wire it comes over."""
 
-from dataclasses import dataclass, field
-
 from mypy_extensions import mypyc_attr
+
+from vbus.protocols.info import ChipInfo as ChipInfo
+from vbus.protocols.info import PortInfo as PortInfo
 
 
 class PortError(Exception):
@@ -18,54 +19,12 @@ class PortError(Exception):
         self.code: int = code
 
 
-@dataclass(slots=True)
-class ChipInfo:
-    """What HELLO tells of one chip.
+class NotYet(Exception):
+    """A request that cannot be carried out before time has run on.
 
-    Attributes:
-        name: name on the board.
-        part: part number.
-        family: name of the chip family, e.g. ``"lm628"``.
-        address_bits: width of an address.
-        cycle_ps: what a whole bus cycle costs this host (ps).
+    :attr:`HostPort.held` is true now: keep the request, and make the same call when the session
+    is resumed. Only ports of boards with nodes raise it, where no cycle may run ahead of the grant.
     """
-
-    name: str
-    part: str
-    family: str
-    address_bits: int
-    cycle_ps: int
-
-
-@dataclass(slots=True)
-class PortInfo:
-    """What HELLO tells of a session.
-
-    Attributes:
-        board: name of the board.
-        policy: ``"realtime"``, ``"lockstep"`` or ``"slaved"``.
-        rate: chip seconds per wall second (real time only; 0 otherwise).
-        chips: in the order of SELECT's bits.
-        lines: control lines by number, ``"chip.pin"``; bit n of LINES is ``lines[n]``.
-        outputs: output lines by number; bit n of the ``s`` word of SAMPLE is ``outputs[n]``.
-        pins: side pins by number, for PIN and GETPIN.
-        features: optional requests this board understands.
-        wiring: which port bits of a microcontroller reach which pins (docs/board-file.md), or "".
-        card: which card address reaches which address of which chip, or "".
-        program: how ``vbus exec`` attaches a program to the card, or "".
-    """
-
-    board: str
-    policy: str
-    rate: float
-    chips: list[ChipInfo] = field(default_factory=list)
-    lines: list[str] = field(default_factory=list)
-    outputs: list[str] = field(default_factory=list)
-    pins: list[str] = field(default_factory=list)
-    features: list[str] = field(default_factory=list)
-    wiring: str = ""
-    card: str = ""
-    program: str = ""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -8,6 +8,7 @@ from typing import Any, Final
 import click
 
 import vbus
+from vbus.compiled import core
 from vbus.errors import ConfigError, PluginError, TransportError, VbusError
 from vbus.tools import exit_codes
 
@@ -67,7 +68,9 @@ class _Lazy(click.Group):
     context_settings={"help_option_names": ["-h", "--help"]},
     help="A virtual hardware bus server: motion-control chips, bit for bit, for real drivers.",
 )
-@click.version_option(vbus.__version__, "-V", "--version", message="vbus %(version)s")
+@click.version_option(
+    vbus.__version__, "-V", "--version", message=f"vbus %(version)s ({core()} core)"
+)
 def cli() -> None:
     """Hold the subcommands."""
 

@@ -94,6 +94,17 @@ def dependencies() -> Iterator[Finding]:
             yield Finding(OK, name, found)
 
 
+def core() -> Iterator[Finding]:
+    """Say which core runs and, if it is the slower one, why."""
+    from vbus.compiled import core, lacks_compiler, why
+
+    if lacks_compiler():
+        advice = "it is some ten times slower: install gcc and python3-dev, then install vbus again"
+        yield Finding(WARN, "core", f"{core()}: {why()}", advice)
+    else:
+        yield Finding(OK, "core", f"{core()}: {why()}" if why() else core())
+
+
 def _numbers(version: str) -> tuple[int, ...]:
     numbers = []
     for part in version.split("."):
@@ -227,6 +238,6 @@ def timers() -> Iterator[Finding]:
 
 
 LOOKS: Final[tuple[Callable[[], Iterator[Finding]], ...]] = (
-    python, dependencies, plugins, compiler, terminal, runtime, timers,
+    python, dependencies, core, plugins, compiler, terminal, runtime, timers,
 )  # fmt: skip
 """What is looked at, in order."""

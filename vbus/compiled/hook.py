@@ -1,0 +1,243 @@
+"""Build hook: the pure core, compiled by mypyc into the wheel, where a C compiler is.
+
+Runs when a wheel is built, by hatchling, and never later; it imports nothing of vbus.
+
+=======================  =========================================================================
+``VBUS_PURE=1``          build the wheel without the compiled core, on any machine
+``VBUS_NEED_COMPILED=1`` no compiled core is an error, not a note
+``CC``, ``CFLAGS``       the compiler, and options added to ours
+=======================  =========================================================================
+
+Without a compiler, or without Python's headers, the wheel is pure Python, and it says why in
+``vbus doctor``. A type error in the sources stops the build, whether or not a compiler is there.
+An editable installation stays interpreted.
+"""
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, Final
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+FOLDERS: Final = ("bits.py", "kernel", "signals", "chips", "plant", "protocols", "board")
+"""What is compiled, but for :data:`COLD`."""
+
+COLD: Final = frozenset(
+    {
+        # Tables, and what reads them once.
+        "__init__.py", "datasheet.py", "tables.py", "requests.py", "quantities.py", "hello.py",
+        "info.py",
+        # What happens once, before time starts.
+        "build.py", "cards.py", "checks.py", "config.py", "node_checks.py", "pin_map_checks.py",
+        "pin_maps.py", "plugins.py", "sections.py", "settings.py", "source.py", "toml_lines.py",
+        "units.py",
+        # A person types it.
+        "text.py",
+    }
+)  # fmt: skip
+"""Modules that would gain nothing, by the names of their files."""
+
+OPTIMIZE: Final = "2"
+"""-O3 takes as long and gains nothing here; -O1 loses a few per cent."""
+
+FLAGS: Final = (
+    # Calls between functions of one library need no detour: a sample takes a fifth less.
+    "-fno-semantic-interposition", "-fvisibility=hidden",
+    # No multiplication and addition in one: floats are the same on every machine.
+    "-ffp-contract=off",
+)  # fmt: skip
+
+GROUP: Final = "vbus"
+"""Name of the library all modules are in: ``vbus__mypyc``."""
+
+PROBE: Final = "#include <Python.h>\nint probe(void) { return PY_VERSION_HEX != 0; }\n"
+
+
+class NoCompiler(Exception):
+    """The machine cannot compile; the text says why."""
+
+
+class CompiledCore(BuildHookInterface):
+    """The hook hatchling calls."""
+
+    PLUGIN_NAME = "vbus-compiled-core"
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Add the compiled core to the wheel, or the reason why there is none."""
+        if self.target_name != "wheel" or version == "editable":
+            return
+        self._scratch = tempfile.mkdtemp(prefix="vbus-build-")
+        scratch = Path(self._scratch)
+        need = _set("VBUS_NEED_COMPILED")
+        include = build_data["force_include"]
+        try:
+            if _set("VBUS_PURE"):
+                raise NoCompiler("it was built with VBUS_PURE set")
+            compiler = Compiler(scratch)
+            for built, place in compile_core(Path(self.root), scratch, compiler):
+                include[str(built)] = place
+        except NoCompiler as error:
+            if need:
+                raise SystemExit(
+                    f"vbus: no compiled core: {error}. VBUS_NEED_COMPILED makes that an error; "
+                    "install gcc and the headers of this Python, or unset it."
+                ) from None
+            reason = scratch / "reason.txt"
+            reason.write_text(f"{error}\n", encoding="utf-8")
+            include.clear()
+            include[str(reason)] = "vbus/compiled/reason.txt"
+            self.app.display_warning(
+                f"vbus: the core of this wheel is interpreted, some ten times slower: {error}"
+            )
+        else:
+            build_data["pure_python"] = False
+            build_data["infer_tag"] = True
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove what was made on the way."""
+        scratch = getattr(self, "_scratch", "")
+        if scratch:
+            shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _set(name: str) -> bool:
+    return os.environ.get(name, "") not in ("", "0")
+
+
+def core_files(root: Path) -> list[str]:
+    """Return the files of the core that are compiled, relative to ``root``."""
+    files: list[str] = []
+    for name in FOLDERS:
+        place = root / "vbus" / name
+        found = sorted(place.rglob("*.py")) if place.is_dir() else [place]
+        files += [str(path.relative_to(root)) for path in found if path.name not in COLD]
+    return files
+
+
+class Compiler:
+    """The C compiler Python itself was made for, or ``CC``.
+
+    Raises:
+        NoCompiler: there is none, or it cannot make an extension module.
+    """
+
+    def __init__(self, scratch: Path) -> None:
+        if sys.implementation.name != "cpython":
+            raise NoCompiler(f"{sys.implementation.name} runs compiled extensions no faster")
+        settings = sysconfig.get_config_vars()
+        self.command = shlex.split(os.environ.get("CC") or settings.get("CC") or "cc")
+        self.link_command = shlex.split(settings.get("LDSHARED") or "cc -shared")
+        if os.environ.get("CC"):
+            self.link_command = [*self.command, "-shared"]
+        options = f"{settings.get('CFLAGS', '')} {settings.get('CCSHARED', '')}"
+        self.options = [
+            *shlex.split(options),
+            *(f"-I{folder}" for folder in _header_folders()),
+        ]
+        self.own = shlex.split(os.environ.get("CFLAGS", ""))
+        self.suffix: str = settings["EXT_SUFFIX"]
+        self._probe(scratch)
+
+    def _probe(self, scratch: Path) -> None:
+        source = scratch / "probe.c"
+        source.write_text(PROBE, encoding="utf-8")
+        if shutil.which(self.command[0]) is None:
+            raise NoCompiler(f"there was no C compiler ({self.command[0]})")
+        try:
+            self.compile(source, scratch / "probe.o", [])
+            self.link([scratch / "probe.o"], scratch / f"probe{self.suffix}")
+        except NoCompiler as error:
+            if "Python.h" in str(error):
+                version = f"{sys.version_info[0]}.{sys.version_info[1]}"
+                raise NoCompiler(
+                    f"the headers of Python {version} were missing (Python.h: python3-dev)"
+                ) from None
+            raise
+
+    def compile(self, source: Path, target: Path, options: list[str]) -> None:
+        """Compile one C file."""
+        self._run([*self.command, *self.options, *options, *self.own,
+                   "-c", str(source), "-o", str(target)])  # fmt: skip
+
+    def link(self, objects: list[Path], target: Path) -> None:
+        """Link objects to an extension module."""
+        target.parent.mkdir(parents=True, exist_ok=True)
+        self._run([*self.link_command, "-s", *map(str, objects), "-o", str(target)])
+
+    def _run(self, command: list[str]) -> None:
+        try:
+            subprocess.run(command, check=True, capture_output=True, text=True)
+        except OSError as error:
+            raise NoCompiler(f"{command[0]} could not be run: {error.strerror}") from None
+        except subprocess.CalledProcessError as error:
+            lines = [line for line in error.stderr.splitlines() if "error" in line]
+            raise NoCompiler(
+                f"{command[0]} failed: {(lines or [f'exit code {error.returncode}'])[0]}"
+            ) from None
+
+
+def _header_folders() -> list[str]:
+    paths = sysconfig.get_paths()
+    return sorted({paths["include"], paths["platinclude"]})
+
+
+def compile_core(root: Path, scratch: Path, compiler: Compiler) -> list[tuple[Path, str]]:
+    """Compile the core; return each extension module with its place in the wheel."""
+    from mypyc.build import mypycify
+
+    # mypyc finds modules by their paths, from where it stands.
+    before = os.getcwd()
+    os.chdir(root)
+    try:
+        extensions = mypycify(
+            [
+                "--config-file=",
+                f"--cache-dir={scratch / 'cache'}",
+                # What these files use may not be there when they are built.
+                "--ignore-missing-imports",
+                "--follow-imports=silent",
+                *core_files(root),
+            ],
+            opt_level=OPTIMIZE,
+            debug_level="0",
+            multi_file=True,
+            target_dir=str(scratch / "c"),
+            group_name=GROUP,
+        )
+    finally:
+        os.chdir(before)
+    jobs = []
+    for extension in extensions:
+        options = [option for option in extension.extra_compile_args if option != "-Werror"]
+        options += [*(f"-I{folder}" for folder in extension.include_dirs), *FLAGS]
+        jobs += [(Path(root, source), options) for source in extension.sources]
+    # The longest first, so that none is left alone at the end.
+    jobs.sort(key=lambda job: job[0].stat().st_size, reverse=True)
+    with ThreadPoolExecutor(os.cpu_count()) as workers:
+        done = [
+            workers.submit(compiler.compile, source, _object(source, scratch), options)
+            for source, options in jobs
+        ]
+        for job in done:
+            job.result()
+    built = []
+    for extension in extensions:
+        place = extension.name.replace(".", "/") + compiler.suffix
+        objects = [_object(Path(root, source), scratch) for source in extension.sources]
+        compiler.link(objects, scratch / "lib" / place)
+        built.append((scratch / "lib" / place, place))
+    return built
+
+
+def _object(source: Path, scratch: Path) -> Path:
+    """Where the object of a C file goes: beside it, or, from elsewhere, into the scratch folder."""
+    if source.is_relative_to(scratch):
+        return source.with_suffix(".o")
+    return scratch / f"{source.stem}.o"
