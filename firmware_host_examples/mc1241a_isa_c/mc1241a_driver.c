@@ -48,7 +48,8 @@ static int take_data(uint16_t *word)
 {
     int error = take_word(word);
 
-    sum = (uint16_t)(sum + *word);
+    if (error == MC1241A_OK)
+        sum = (uint16_t)(sum + *word);
     return error;
 }
 
