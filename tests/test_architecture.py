@@ -21,8 +21,9 @@ TEXTS = sorted(
 LEAVES = {"bits", "errors", "options"}
 SIGNALS = LEAVES | {"kernel", "signals"}
 BOARD = SIGNALS | {"board", "chips", "plant", "protocols", "trace"}
+NODES = BOARD | {"nodes"}
 NETWORK = LEAVES | {"network"}
-EDGE = BOARD | {"network", "server", "transports"}
+EDGE = NODES | {"network", "server", "transports"}
 MAY_IMPORT = {
     "bits": set(),
     "errors": set(),
@@ -34,6 +35,7 @@ MAY_IMPORT = {
     "protocols": SIGNALS | {"protocols"},
     "board": BOARD,
     "trace": BOARD,
+    "nodes": NODES,
     "native": set(),
     "network": NETWORK,
     "transports": EDGE,
@@ -45,7 +47,7 @@ MAY_IMPORT = {
     "compiled": set(),
     "__init__": EDGE | {"client", "compiled"},  # all but the last for type checkers only
 }
-PURE = BOARD
+PURE = NODES
 IMPURE = {"asyncio", "time", "random", "socket", "threading", "select", "os", "subprocess"}
 SHARED_BY_CHIPS = {"base", "motion", "registers", "strobes", "tables"}
 DATA = {"tables", "datasheet"}

@@ -10,7 +10,11 @@
     +-- NotReadyError     a chip stays busy, or does not get there, beyond the host's own limit
     +-- ChecksumError     a chip's checksum of a packet is not the host's
     +-- PluginError       an entry point is missing or broken
+    +-- CaptureError      a capture is none, or lacks what a chip's bus needs
     +-- SnapshotError     a saved state does not fit the board it is loaded into
+    +-- NodeError         another node of the board: names it
+        +-- NodeLostError     it has died, stalled or was cut off
+        +-- NodeMismatchError it runs another board, or tells what cannot be
 
 The kind says whose mistake it was. A host that breaks a *datasheet* raises nothing: the chip
 does what silicon would do and a :class:`~vbus.signals.violation.Violation` is filed.
@@ -56,5 +60,29 @@ class PluginError(VbusError):
     """An entry point that is missing or broken; names the distribution and the reason."""
 
 
+class CaptureError(VbusError):
+    """A capture that is none, is damaged, or lacks what a chip's bus needs."""
+
+
 class SnapshotError(VbusError):
     """A saved state that was made by another board, version or set of chips."""
+
+
+class NodeError(VbusError):
+    """Another node of the same board does not do its part.
+
+    Attributes:
+        node: its name.
+    """
+
+    def __init__(self, node: str, message: str) -> None:
+        super().__init__(message)
+        self.node: str = node
+
+
+class NodeLostError(NodeError):
+    """A node that has died, was cut off, or has been silent beyond its deadline."""
+
+
+class NodeMismatchError(NodeError):
+    """A node that runs another board file or version, or whose messages make no sense."""

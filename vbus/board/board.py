@@ -123,6 +123,11 @@ class Board:
                 pin.move(net)
         return net
 
+    def adopt(self, net: Net) -> None:
+        """Take a net made elsewhere: the end of a wire that goes on beyond this board."""
+        self._own(net)
+        self.nets[net.name] = net
+
     def share_bus(self, name: str, chips: Iterable[str]) -> None:
         """Give several chips of one family one bus: all but their select lines are joined."""
         members = [self.chip(chip) for chip in chips]

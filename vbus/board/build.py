@@ -1,7 +1,7 @@
 """From a checked board file to a board: chips, plants, wires, and power."""
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import Final
@@ -9,10 +9,18 @@ from typing import Final
 from vbus.board import cards, pin_maps, plugins
 from vbus.board.board import Board
 from vbus.board.config import read_board_file, read_board_text
-from vbus.board.sections import RESTS, SIGNALS, BoardFile, HostSection, PlantSection
+from vbus.board.sections import (
+    RESTS,
+    SIGNALS,
+    BoardFile,
+    HostSection,
+    NetSection,
+    PlantSection,
+)
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
 from vbus.chips.tables import CardRow
+from vbus.errors import ConfigError
 from vbus.options import Option, Value
 from vbus.signals import HIGH, LOW, OFF, STRICT, WARN, Plant, Policy, Switch, Z
 
@@ -38,7 +46,28 @@ def build(file: BoardFile, source: Source) -> Board:
     """Return the board a checked file describes.
 
     Raises:
-        ConfigError: a part or a model refuses its settings, or two of them do not fit together.
+        ConfigError: a part or a model refuses its settings, or two of them do not fit together;
+            or the board has nodes: :func:`vbus.nodes.plan.build_nodes` makes a board of each.
+    """
+    if file.nodes:
+        names = ", ".join(node.name for node in file.nodes)
+        raise ConfigError(
+            f"{file.path}: this board has nodes ({names}), each with a time and hosts of its own;"
+            ' this needs a board without: take out [nodes] and every "node" and "delay", or let'
+            ' "vbus run" run them all'
+        )
+    return assemble(file, source)
+
+
+def assemble(
+    file: BoardFile, source: Source, wires: Callable[[Board], None] | None = None
+) -> Board:
+    """Return the board of a file that has no nodes, or of one node's part of a file.
+
+    Args:
+        file: what stands on this board.
+        source: takes the mistakes.
+        wires: solders further wires before power comes up.
     """
     board = _empty(file)
     plants: dict[str, Plant] = {}
@@ -61,10 +90,17 @@ def build(file: BoardFile, source: Source) -> Board:
             board.share_bus(bus.name, bus.chips)
     for net in file.nets:
         with _refusals(source, ("nets", net.name)):
-            board.join(net.name, net.pins, _RESTS.get(net.rest))
+            board.join(net.name, net.pins, rest_of(net))
     source.finish()
+    if wires is not None:
+        wires(board)
     board.power_on(done=file.board.power_on == "done")
     return board
+
+
+def rest_of(net: NetSection) -> int | None:
+    """Return the level of a net that nobody drives; None: as its first pin rests."""
+    return _RESTS.get(net.rest)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from vbus.signals.axis import SWITCHES
 
 _Section = TypeVar("_Section", bound=sections.Section)
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
-_NAMED: Final = ("chips", "plants", "nets", "buses", "cards", "pinmaps")
+_NAMED: Final = ("chips", "plants", "nets", "buses", "cards", "pinmaps", "nodes")
 _SECTIONS: Final = ("board", "violations", *_NAMED, "hosts", "record", "waves")
 
 
@@ -90,6 +90,7 @@ class _Reader:
             hosts=tuple(self._hosts()),
             record=self._record(),
             waves=tuple(self._plain("waves", sections.WaveSection)),
+            nodes=tuple(self._plain("nodes", sections.NodeSection)),
         )
         known = {kind: list(self._table((kind,), self._data) or ()) for kind in _NAMED}
         checks.check(file, known, self._source)

@@ -101,6 +101,7 @@ class ChipSection(Section, frozen=True, kw_only=True):
     plants: Annotated[
         tuple[str, ...], _key(NAMES, "the plants of a part with several axes, in order")
     ] = ()
+    node: Annotated[str, _key("text", "the node it belongs to, on a board that has nodes")] = ""
     settings: dict[str, Value] = {}
 
     @property
@@ -134,6 +135,23 @@ class NetSection(Section, frozen=True, kw_only=True):
     rest: Annotated[
         str, _key("choice", "level while nobody drives it; else as the first pin rests", RESTS)
     ] = ""
+    delay: Annotated[
+        int, _key("s", "how long an edge takes from one node to the others", low=0)
+    ] = 0
+
+
+class NodeSection(Section, frozen=True, kw_only=True):
+    """``[nodes.NAME]``: a part of the board that may run in a process or computer of its own."""
+
+    name: str
+    deadline: Annotated[
+        int,
+        _key(
+            "s",
+            "how long the others hear nothing of it before they give it up (wall time)",
+            low=100_000_000_000,
+        ),
+    ] = 3_000_000_000_000
 
 
 class BusSection(Section, frozen=True, kw_only=True):
@@ -283,3 +301,4 @@ class BoardFile(Section, frozen=True, kw_only=True):
     hosts: tuple[HostSection, ...]
     record: RecordSection = RecordSection()
     waves: tuple[WaveSection, ...] = ()
+    nodes: tuple[NodeSection, ...] = ()

@@ -7,7 +7,7 @@ from vbus.kernel.kernel import NEVER
 from vbus.protocols import codes
 from vbus.protocols.base import Protocol
 from vbus.protocols.hello import encode_hello
-from vbus.protocols.port import HostPort, PortError
+from vbus.protocols.port import HostPort, NotYet, PortError
 from vbus.protocols.requests import FATAL, LEASED, NO_EDGE, REQUESTS, VERSION
 
 _READ4: Final = REQUESTS["READ4"].code
@@ -44,6 +44,8 @@ class ByteProtocol(Protocol):
         self._refusal: bytes = b""
         self._watching: bool = False
         self._leasing: bool = False
+        self._partial: bytearray = bytearray()
+        """What a READS or WRITES has done that had to stop in between."""
         self._handlers: list[Callable[[bytes, int], bool]] = [
             self._handler(code) for code in range(256)
         ]
@@ -63,6 +65,7 @@ class ByteProtocol(Protocol):
         self._refusal = b""
         self._watching = False
         self._leasing = False
+        self._partial.clear()
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out every request now complete."""
@@ -107,7 +110,10 @@ class ByteProtocol(Protocol):
                             break
                     if not self._handlers[code](data, position + 1):
                         break
+            except NotYet:
+                break
             except PortError as error:
+                self._partial.clear()
                 refusal = self._refuse(error.code)
                 out += refusal
                 if error.code in FATAL:
@@ -215,10 +221,11 @@ class ByteProtocol(Protocol):
         if count == 0:
             raise PortError(codes.BAD_LENGTH, "READS of 0 bytes")
         port = self.port
-        values = bytearray((ord("B"), count))
-        for _ in range(count):
+        values = self._partial
+        while len(values) < count:
             values.append(port.read(address))
-        self.out += values
+        self.out += bytes((ord("B"), count)) + values
+        values.clear()
         return True
 
     def _do_writes(self, data: bytes, start: int) -> bool:
@@ -227,8 +234,11 @@ class ByteProtocol(Protocol):
         if count == 0:
             raise PortError(codes.BAD_LENGTH, "WRITES of 0 bytes")
         port = self.port
-        for position in range(start + 2, start + 2 + count):
-            port.write(address, data[position])
+        done = self._partial
+        while len(done) < count:
+            port.write(address, data[start + 2 + len(done)])
+            done.append(0)
+        done.clear()
         return True
 
     def _do_wait(self, data: bytes, start: int) -> bool:

@@ -6,7 +6,7 @@ from typing import Final
 
 from vbus.kernel.kernel import NEVER, NS
 from vbus.protocols.base import Protocol
-from vbus.protocols.port import HostPort, PortError
+from vbus.protocols.port import HostPort, NotYet, PortError
 from vbus.protocols.quantities import format_instant, parse_duration
 
 LONGEST_LINE: Final = 512
@@ -105,6 +105,8 @@ class TextProtocol(Protocol):
         self._kept: bytearray = bytearray()
         self._overlong: bool = False
         self._mask: int = 1
+        self._partial: list[str] = []
+        """What a line of several cycles has done that had to stop in between."""
         self._handlers: dict[str, Callable[[list[str]], str | None]] = {
             name: getattr(self, "_do_" + name) for name in VERBS
         }
@@ -115,6 +117,7 @@ class TextProtocol(Protocol):
         self.out.clear()
         self._overlong = False
         self._mask = 1
+        self._partial.clear()
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out every line now complete."""
@@ -154,7 +157,10 @@ class TextProtocol(Protocol):
             if not verb.fewest <= len(arguments) <= verb.most:
                 raise _Mistake(f"{verb.name} with {len(arguments)} arguments; usage: {verb.usage}")
             return self._handlers[verb.name](arguments)
+        except NotYet:
+            return None
         except (_Mistake, PortError) as error:
+            self._partial.clear()
             return f"{'FAIL' if verb.qtest else 'error:'} {error}"
 
     # -- one method for each row of the table; None: not now, make the same call when resumed -----
@@ -164,12 +170,21 @@ class TextProtocol(Protocol):
         count = _hex(arguments[1], "count", 0xFF) if len(arguments) > 1 else 1
         if count == 0:
             raise _Mistake("count 0; allowed are 1 to FF")
-        return " ".join(f"{self.port.read(address):02x}" for _ in range(count))
+        values = self._partial
+        while len(values) < count:
+            values.append(f"{self.port.read(address):02x}")
+        answer = " ".join(values)
+        values.clear()
+        return answer
 
     def _do_w(self, arguments: list[str]) -> str | None:
         address = _hex(arguments[0], "address", 0xFF)
-        for data in [_hex(word, "data", 0xFF) for word in arguments[1:]]:
-            self.port.write(address, data)
+        bytes_ = [_hex(word, "data", 0xFF) for word in arguments[1:]]
+        done = self._partial
+        while len(done) < len(bytes_):
+            self.port.write(address, bytes_[len(done)])
+            done.append("")
+        done.clear()
         return "ok"
 
     def _do_select(self, arguments: list[str]) -> str | None:

@@ -43,7 +43,12 @@ def _check(path: str) -> dict[str, Any]:
 
     try:
         file, source = read_board_file(path)
-        build(file, source)
+        if file.nodes:
+            from vbus.nodes.plan import build_nodes
+
+            build_nodes(file, source)
+        else:
+            build(file, source)
     except BoardFileError as error:
         problems = [asdict(problem) for problem in error.problems]
         return {"file": path, "ok": False, "problems": problems}
@@ -58,6 +63,10 @@ def _check(path: str) -> dict[str, Any]:
         "ok": True,
         "name": file.board.name,
         "time": file.board.time,
+        "nodes": {
+            node.name: [chip.name for chip in file.chips if chip.node == node.name]
+            for node in file.nodes
+        },
         "chips": {chip.name: chip.part for chip in file.chips},
         "hosts": [host.transport for host in file.hosts],
         "notes": notes,
@@ -81,6 +90,8 @@ def _print(report: dict[str, Any]) -> None:
         chips = ", ".join(f"{name} ({part})" for name, part in board["chips"].items())
         hosts = ", ".join(board["hosts"]) or "no hosts"
         click.echo(f"{board['file']}: ok: {chips}; {hosts}; {board['time']}")
+        for node, members in board["nodes"].items():
+            click.echo(f"{board['file']}: node {node}: {', '.join(members)}")
         for note in board["notes"]:
             click.echo(f"{board['file']}: note: {note}")
     rules = report.get("rules", [])

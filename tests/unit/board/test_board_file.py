@@ -236,7 +236,7 @@ plant = "m"
 model = "motor"
 supply = "24 V"
 """
-CHIP_KEYS = "busy_clk, clock, gain, label, mode, part, plant, plants, settle, swap"
+CHIP_KEYS = "busy_clk, clock, gain, label, mode, node, part, plant, plants, settle, swap"
 CLOCK = 'write a frequency with its unit, such as "8 MHz" (units: Hz, kHz, MHz, GHz), at least 1 Hz'
 TIME = 'write a time with its unit, such as "500 us" (units: s, ms, us, ns, ps)'
 NAME = "a name begins with a letter and goes on with letters, digits, - and _"
@@ -254,7 +254,7 @@ MISTAKES = [
     (
         "", "[chip.y]\n",
         'b.toml:8: chip: unknown section; did you mean "chips"? allowed are board, violations,'
-        " chips, plants, nets, buses, cards, pinmaps, hosts, record, waves",
+        " chips, plants, nets, buses, cards, pinmaps, nodes, hosts, record, waves",
     ),
     ("[chips.x]", "board = 3\n[chips.x]", "b.toml:1: board: found 3; this is a table of keys"),
     ("[chips.x]", "[[chips.x]]", 'b.toml:1: chips.x: found [{part = "ACME-1", clock = "8 MHz", '

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from vbus.board.build import load_board_text
+from vbus.board.build import build
+from vbus.board.config import read_board_text
+from vbus.nodes.plan import build_nodes
 from vbus.tools.generate.targets import DOCUMENTS, ROOT, Target, stale
 
 BLOCK = re.compile(r"^```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -28,4 +30,5 @@ def test_a_board_file_in_the_documentation_can_be_loaded(
     page: Path, number: int, text: str
 ) -> None:
     if "[chips" in text:
-        assert load_board_text(text, f"{page}, example {number}").chips
+        file, source = read_board_text(text, f"{page}, example {number}")
+        assert build_nodes(file, source) if file.nodes else build(file, source).chips

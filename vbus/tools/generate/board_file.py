@@ -18,6 +18,7 @@ _SECTIONS: Final[dict[str, type[Struct]]] = {
     "plants": sections.PlantSection,
     "switches": sections.SwitchSection,
     "nets": sections.NetSection,
+    "nodes": sections.NodeSection,
     "buses": sections.BusSection,
     "cards": sections.CardSection,
     "ports": sections.CardPortSection,

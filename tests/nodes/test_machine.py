@@ -1,0 +1,305 @@
+"""A machine of four nodes in one process, and the agreement about time under any network."""
+
+import heapq
+import random
+from contextlib import suppress
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.nodes.four_chips import BOARD, scenario
+from vbus.board.config import read_board_text
+from vbus.errors import NodeMismatchError, SnapshotError
+from vbus.kernel import NEVER, US
+from vbus.nodes.machine import Machine, conductor_of, trace_hash
+from vbus.nodes.messages import Report, decode, encode
+from vbus.nodes.plan import pins_of, plan_of
+from vbus.nodes.scenario import Scenario, read_scenario
+from vbus.nodes.sync import Participant
+
+FILE, SOURCE = read_board_text(BOARD, "four.toml")
+PLAN = plan_of(FILE)
+
+
+def played(end_ms: int = 20) -> Scenario:
+    return read_scenario(scenario(end_ms), "four.txt", pins_of(FILE), US)
+
+
+@pytest.fixture(scope="module")
+def machine() -> Machine:
+    made = Machine(FILE, SOURCE, played())
+    made.run()
+    return made
+
+
+def edges(machine: Machine, node: int) -> list[tuple[int, str]]:
+    trace = machine.nodes[node].trace
+    assert trace is not None
+    return [(when, text) for when, text in trace.lines() if text.startswith("e ")]
+
+
+def test_the_run_ends_where_the_scenario_does_and_takes_few_rounds(machine: Machine) -> None:
+    assert all(conductor.finished for conductor in machine.conductors)
+    assert {conductor.participant.granted for conductor in machine.conductors} == {20_000 * US + 1}
+    assert machine.conductors[0].participant.round <= 100
+
+
+def test_an_edge_reaches_the_other_nodes_exactly_one_delay_later(machine: Machine) -> None:
+    sent = [when for when, text in edges(machine, 2) if text == "e TRIG 0"]
+    came = [when for when, text in edges(machine, 1) if text == "e TRIG 0"]
+    home = [when for when, text in edges(machine, 3) if text == "e TRIG 0"]
+    assert len(sent) == 2
+    assert came == home == [when + 250 * US for when in sent]
+    sync = [when for when, text in edges(machine, 3) if text.startswith("e /SYNC") and when < 19e9]
+    assert [when + 200 * US for when in sync] == [
+        when for when, text in edges(machine, 2) if text.startswith("e /SYNC") and when < 19.3e9
+    ]
+
+
+def test_a_breakpoint_of_one_chip_captures_on_two_others(machine: Machine) -> None:
+    """TRIG of the MCP-1200 is index of an LM629, and home of the MC1241A."""
+    lines = machine.nodes[1].trace.lines()  # type: ignore[union-attr]
+    status = [int(text.split()[-1], 16) for _, text in lines if text.startswith("r y 0 ")]
+    assert status[0] & 8 == 0
+    assert status[-1] & 8 == 8  # index observed
+    words = [text for _, text in machine.nodes[3].trace.lines()]  # type: ignore[union-attr]
+    assert any(text == "e READY 1" for text in words)
+
+
+def test_two_lm629_on_two_nodes_start_at_one_instant(machine: Machine) -> None:
+    starts = [
+        [when for when, text in machine.nodes[node].trace.lines() if text == f"w {name} 0 1"]  # type: ignore[union-attr]
+        for node, name in enumerate("xy")
+    ]
+    assert starts[0] == starts[1] == [3_000 * US]
+
+
+def test_a_board_with_nodes_repeats_exactly(machine: Machine) -> None:
+    again = Machine(FILE, SOURCE, played())
+    again.run()
+    assert again.trace_hash() == machine.trace_hash()
+
+
+def test_the_hash_sees_an_instant_that_differs_by_a_picosecond(machine: Machine) -> None:
+    text = scenario().replace("18800.000us m pin", "18800.000001us m pin")
+    other = Machine(FILE, SOURCE, read_scenario(text, "f", pins_of(FILE), US))
+    other.run()
+    assert other.trace_hash() != machine.trace_hash()
+
+
+# -- any network ----------------------------------------------------------------------------------
+
+
+def run_on_network(seed: int, end_ms: int, slowest: int = 20) -> Machine:
+    """Run with every message delayed and reordered, nodes polled in any order, some twice."""
+    draw = random.Random(seed)
+    made = Machine(FILE, SOURCE, played(end_ms))
+    flying: list[tuple[int, int, int, bytes]] = []
+    now = count = 0
+    while True:
+        progress = False
+        for conductor in draw.sample(made.conductors, len(made.conductors)):
+            report = conductor.poll()
+            progress = progress or report is not None or conductor.state == "runs"
+            if report is None:
+                continue
+            for other in range(len(made.conductors)):
+                for _ in range(draw.choice((1, 1, 1, 2))):
+                    count += 1
+                    late = now + draw.randint(0, slowest)
+                    heapq.heappush(flying, (late, count, other, encode(report)))
+        if progress:
+            continue
+        if not flying:
+            return made
+        now, _, target, data = heapq.heappop(flying)
+        message = decode(data, "test", len(PLAN.nodes), len(PLAN.wires))
+        assert isinstance(message, Report)
+        if message.node != target:
+            made.conductors[target].receive(message)
+
+
+def test_the_order_in_which_messages_come_changes_nothing(machine: Machine) -> None:
+    reference = Machine(FILE, SOURCE, played(8))
+    reference.run()
+    hashes = {run_on_network(seed, 8).trace_hash() for seed in range(5)}
+    assert hashes == {reference.trace_hash()}
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.integers(2, 5),
+    st.lists(st.tuples(st.integers(0, 4), st.integers(0, 400), st.integers(0, 60)), max_size=30),
+    st.randoms(use_true_random=False),
+)
+def test_nodes_agree_on_one_order_of_events_whatever_the_network_does(
+    nodes: int, script: list[tuple[int, int, int]], draw: random.Random
+) -> None:
+    """Toy nodes: an event at an instant is heard by the next node, which answers later."""
+    lookahead = 10
+
+    def play(shuffle: bool) -> list[tuple[int, int, str]]:
+        seen: list[tuple[int, int, str]] = []
+        agenda: list[list[tuple[int, int, int, int]]] = [[] for _ in range(nodes)]
+        for number, (node, when, answer) in enumerate(script):
+            heapq.heappush(agenda[node % nodes], (when, 0, number, answer))
+        parts = [
+            Participant([str(n) for n in range(nodes)], n, lookahead, "") for n in range(nodes)
+        ]
+        numbers = [0] * nodes
+        outbox: list[list[tuple[int, int, int, int, int, bool]]] = [[] for _ in range(nodes)]
+        flying: list[tuple[int, Report]] = []
+        while True:
+            moved = False
+            for me in range(nodes):
+                part = parts[me]
+                if part.reported and part.ready():
+                    for when, node, number, _, level, _ in part.grant():
+                        if (node + 1) % nodes == me:
+                            heapq.heappush(agenda[me], (when + lookahead, node + 1, number, level))
+                            assert when + lookahead >= part.granted - 400 * lookahead
+                    moved = True
+                if not part.reported and not (part.rested and not part.heard_of_round()):
+                    while agenda[me] and agenda[me][0][0] < part.granted:
+                        when, origin, number, answer = heapq.heappop(agenda[me])
+                        seen.append((when, me, f"{origin} {number}"))
+                        if answer:
+                            outbox[me].append((when, me, numbers[me], 0, answer // 2, False))
+                            numbers[me] += 1
+                    following = agenda[me][0][0] if agenda[me] else NEVER
+                    report = part.report(following, 1000, NEVER, outbox[me])
+                    outbox[me] = []
+                    flying += [(other, report) for other in range(nodes) if other != me]
+                    moved = True
+            if flying:
+                place = draw.randrange(len(flying)) if shuffle else 0
+                target, report = flying.pop(place)
+                parts[target].receive(report)
+            elif not moved:
+                assert len({part.granted for part in parts}) == 1
+                # On each node events came in order of their instants.
+                for me in range(nodes):
+                    mine = [when for when, node, _ in seen if node == me]
+                    assert mine == sorted(mine)
+                return sorted(seen)
+
+    assert play(shuffle=True) == play(shuffle=False)
+
+
+# -- snapshots, pauses, mistakes ------------------------------------------------------------------
+
+
+def test_a_node_that_rejoins_from_a_snapshot_changes_nothing(machine: Machine) -> None:
+    """It dies after a snapshot, has lost what it did since, and catches up from the others."""
+    made = Machine(FILE, SOURCE, played())
+    saved = b""
+    while made.conductors[2].participant.granted < 14_000 * US:
+        for conductor in made.conductors:
+            made.poll(conductor)
+            if conductor is made.conductors[2] and not saved and conductor.participant.reported:
+                if conductor.participant.granted > 9_000 * US:
+                    saved = conductor.save()
+    reborn = conductor_of(FILE, SOURCE, "c", played())
+    reborn.load(saved)
+    made.conductors[2] = reborn
+    for conductor in made.conductors:
+        for report in list(conductor.participant.log.values()):
+            if conductor is not reborn:
+                reborn.receive(report)
+    made.run()
+    assert made.trace_hash() == machine.trace_hash()
+
+
+def test_a_node_that_starts_anew_lives_through_it_all_again(machine: Machine) -> None:
+    made = Machine(FILE, SOURCE, played())
+    while made.conductors[0].participant.granted < 14_000 * US:
+        for conductor in made.conductors:
+            made.poll(conductor)
+    reborn = conductor_of(FILE, SOURCE, "a", played())
+    made.conductors[0] = reborn
+    for conductor in made.conductors[1:]:
+        for report in list(conductor.participant.log.values()):
+            reborn.receive(report)
+    made.run()
+    assert made.trace_hash() == machine.trace_hash()
+
+
+def test_a_snapshot_of_another_node_or_of_nothing_is_refused() -> None:
+    made = Machine(FILE, SOURCE, played(8))
+    while not made.conductors[0].participant.reported:
+        made.conductors[0].poll()
+    other = conductor_of(FILE, SOURCE, "b", played(8))
+    with pytest.raises(SnapshotError, match="the snapshot is of node a, format 1; this is node b"):
+        other.load(made.conductors[0].save())
+    with pytest.raises(SnapshotError, match="this is no snapshot of a node"):
+        other.load(b"\xc1")
+
+
+def test_a_pause_on_one_node_stops_all_and_a_step_lets_time_run_that_far(machine: Machine) -> None:
+    made = Machine(FILE, SOURCE, played())
+    first = made.conductors[1]
+    first.pause()
+    first.step(5_000 * US)
+    made.run()
+    assert {c.participant.granted for c in made.conductors} == {5_000 * US}
+    assert first.state == "paused"
+    first.step(1)
+    made.run()
+    assert {c.participant.granted for c in made.conductors} == {5_000 * US + 1}
+    first.resume()
+    made.run()
+    assert made.trace_hash() == machine.trace_hash()
+
+
+def test_a_node_with_another_board_is_refused_by_name() -> None:
+    part = Participant(("a", "b"), 0, 10, "1111")
+    with pytest.raises(NodeMismatchError, match="node b runs another board file") as caught:
+        part.receive(Report("2222", 1, 0, 0, 0, -1, NEVER, ()))
+    assert caught.value.node == "b"
+
+
+def test_a_node_that_tells_two_stories_is_refused_by_name() -> None:
+    part = Participant(("a", "b"), 0, 10, "1")
+    part.receive(Report("1", 1, 0, 0, 5, -1, NEVER, ()))
+    part.receive(Report("1", 1, 0, 0, 5, -1, NEVER, ()))
+    with pytest.raises(NodeMismatchError, match="node b has told of round 0 something else"):
+        part.receive(Report("1", 1, 0, 0, 6, -1, NEVER, ()))
+
+
+GOOD = encode(Report("1", 1, 3, 50, 60, -1, NEVER, ((40, 1, 0, 0, 1, False),)))
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "an empty message"),
+        (b"\x02" + GOOD[1:], "version 2; this vbus speaks version 1"),
+        (GOOD[:-3], "bytes that are no message"),
+        (b"\x01\xc1\xff", "bytes that are no message"),
+        (encode(Report("1", 7, 0, 0, 0, -1, 0, ())), "cannot be: node 7 of 4"),
+        (encode(Report("1", 1, 0, 9, 5, -1, 0, ())), "horizon 9, next event 5"),
+        (encode(Report("1", 1, 0, 9, 9, -1, 0, ((3, 1, 0, 9, 1, False),))), "on wire 9"),
+        (encode(Report("1", 1, 0, 9, 9, -1, 0, ((9, 1, 0, 0, 1, False),))), "an edge at 9 ps"),
+        (b"\x01" + b"\x91" * 5000, "bytes that are no message"),
+        (bytes(17 << 20), "a message of 17825792 bytes"),
+    ],
+)
+def test_a_message_that_makes_no_sense_is_refused_with_its_sender(
+    data: bytes, message: str
+) -> None:
+    with pytest.raises(NodeMismatchError, match="node b has sent") as caught:
+        decode(data, "b", 4, 4)
+    assert message in str(caught.value)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(max_size=60))
+def test_random_bytes_are_a_message_or_an_error(data: bytes) -> None:
+    with suppress(NodeMismatchError):
+        assert encode(decode(b"\x01" + data, "b", 4, 4))
+
+
+def test_the_whole_trace_is_that_of_the_nodes_merged(machine: Machine) -> None:
+    assert machine.trace_hash() == trace_hash(machine.nodes)
+    assert machine.trace_hash() != trace_hash(machine.nodes[::-1])

@@ -1,0 +1,1 @@
+"""Boards with nodes: parts with a kernel each, wires between them, and one virtual time."""

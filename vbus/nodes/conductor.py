@@ -1,0 +1,163 @@
+"""A node that keeps one virtual time with the others: runs what is granted, reports what it did."""
+
+from typing import Final
+
+import msgpack
+
+from vbus.errors import SnapshotError
+from vbus.kernel import MS, NEVER
+from vbus.nodes.host import NodeBus
+from vbus.nodes.messages import Report
+from vbus.nodes.node import Node
+from vbus.nodes.sync import Participant
+
+SLICE: Final = 20 * MS
+"""Chip time that is computed in one go."""
+FORMAT: Final = 1
+"""Version of snapshots."""
+
+RUNS: Final = "runs"
+WAITS: Final = "waits"
+RESTS: Final = "rests"
+PAUSED: Final = "paused"
+HOST: Final = "waits for its host"
+
+
+class Conductor:
+    """Moves one node's time as far as all nodes agree on.
+
+    Whoever carries the messages calls :meth:`poll` after everything that happens, and sends the
+    reports it returns to all other nodes.
+
+    Args:
+        node: the node, at instant 0.
+        lookahead: the shortest delay between nodes (ps).
+        digest: of the board file.
+        until: how far time is to run whatever hosts want (ps); -1: as far as hosts want.
+
+    Attributes:
+        participant: this node's part in the agreement.
+        until: see above.
+        state: what the node does.
+    """
+
+    def __init__(self, node: Node, lookahead: int, digest: str, until: int = -1) -> None:
+        self.node: Node = node
+        self.participant: Participant = Participant(node.names, node.rank, lookahead, digest)
+        self.until: int = until
+        self.state: str = RUNS
+        self._cap: int = NEVER
+        self._told: tuple[int, int] = (-2, -2)
+        node.board.limit = -1
+        node.board.port_type = NodeBus
+
+    # -- wishes -------------------------------------------------------------------------------
+
+    def pause(self) -> None:
+        """Let time stand still on all nodes, where it is or as soon as it can."""
+        self._cap = self.participant.granted - 1
+
+    def step(self, duration: int) -> None:
+        """Let time run on by ``duration`` ps, then pause."""
+        now = self.participant.granted - 1
+        self._cap = (now if self._cap == NEVER else max(self._cap, now)) + duration
+
+    def resume(self) -> None:
+        """End a pause."""
+        self._cap = NEVER
+
+    def wants(self) -> int:
+        """Return how far this node wants time to run (ps); -1 if its hosts want nothing."""
+        return max([self.until, *(port.hold_until for port in self._hosts() if port.wants_time)])
+
+    def _hosts(self) -> list[NodeBus]:
+        return [port for port in self.node.board.ports if isinstance(port, NodeBus)]
+
+    def busy(self) -> bool:
+        """Tell whether a host that has begun to use time may still act within the grant."""
+        limit = self.participant.granted - 1
+        return any(
+            port.uses_time and not (port.held and port.hold_until > limit) for port in self._hosts()
+        )
+
+    @property
+    def finished(self) -> bool:
+        """Whether time has come to where it was to run, and nobody wants more."""
+        participant = self.participant
+        return 0 <= self.until < participant.granted and participant.rested
+
+    # -- running ------------------------------------------------------------------------------
+
+    def receive(self, report: Report) -> None:
+        """Take a report of another node; see :meth:`Participant.receive`."""
+        self.participant.receive(report)
+
+    def poll(self) -> Report | None:
+        """Do what can be done now: at most one slice of time, or the end of a round.
+
+        Returns:
+            The report that ends this node's round, if it has come to that; then there may be more
+            to do at once. None: nothing, until a message comes or a host does something; unless
+            :attr:`state` is ``"runs"``.
+        """
+        participant = self.participant
+        if participant.reported:
+            if not participant.ready():
+                self.state = WAITS
+                return None
+            self.node.accept(participant.grant())
+            self.node.board.limit = participant.granted - 1
+            self.state = RUNS
+            return None
+        if self.busy():
+            self.state = HOST
+            return None
+        if participant.rested and self._told == (self.wants(), self._cap):
+            if not participant.heard_of_round():
+                self.state = RESTS if self._cap == NEVER else PAUSED
+                return None
+        self.state = RUNS
+        now = self.node.board.kernel.now
+        if participant.granted > now + SLICE:
+            self.node.run_before(now + SLICE)
+            return None
+        self.node.run_before(participant.granted)
+        return self._report()
+
+    def _report(self) -> Report:
+        following = self.node.next_event()
+        for port in self._hosts():
+            if port.wants_time:
+                following = min(following, port.hold_until)
+        self._told = (self.wants(), self._cap)
+        edges = self.node.take_edges()
+        return self.participant.report(following, *self._told, edges)
+
+    # -- state --------------------------------------------------------------------------------
+
+    def save(self) -> bytes:
+        """Return a snapshot, to be taken after a report: what this node needs to rejoin."""
+        state = (FORMAT, self.node.name, self.participant.save(), self.node.save())
+        return bytes(msgpack.packb(state))
+
+    def load(self, data: bytes) -> None:
+        """Go on from a snapshot.
+
+        Raises:
+            SnapshotError: it is none, or was made by another node or board.
+        """
+        try:
+            form, name, participant, node = msgpack.unpackb(
+                data, use_list=False, strict_map_key=False
+            )
+        except (ValueError, TypeError, msgpack.UnpackException) as error:
+            raise SnapshotError(f"this is no snapshot of a node ({error})") from None
+        if form != FORMAT or name != self.node.name:
+            raise SnapshotError(
+                f"the snapshot is of node {name}, format {form}; this is node {self.node.name},"
+                f" format {FORMAT}"
+            )
+        self.participant.load(participant)
+        self.node.load(node)
+        self.node.board.limit = self.participant.granted - 1
+        self._told = (self.wants(), self._cap)

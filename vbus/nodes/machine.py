@@ -1,0 +1,89 @@
+"""All nodes of a board in one process: the same nodes, the same rounds, no network."""
+
+from collections.abc import Sequence
+
+from vbus.board.sections import BoardFile
+from vbus.board.source import Source
+from vbus.nodes.conductor import RUNS, Conductor
+from vbus.nodes.node import Node
+from vbus.nodes.orders import Orders
+from vbus.nodes.plan import Plan, build_node, plan_of
+from vbus.nodes.scenario import Scenario
+from vbus.nodes.trace import merged_hash
+
+
+def conductor_of(
+    file: BoardFile, source: Source, node: str, scenario: Scenario | None = None
+) -> Conductor:
+    """Return one node of a board, ready to keep time with the others.
+
+    Args:
+        file: the board file.
+        source: takes its mistakes.
+        node: name of the node.
+        scenario: what hosts do; the node takes what concerns its own chips, and keeps a trace.
+    """
+    plan = plan_of(file)
+    made = build_node(file, source, node)
+    if scenario is None:
+        return Conductor(made, plan.lookahead, plan.digest)
+    made.start_trace()
+    orders = Orders(made.board, "scenario")
+    made.add_orders(orders)
+    for order in scenario.of({chip.name for chip in made.board.chips}):
+        orders.give(order)
+    return Conductor(made, plan.lookahead, plan.digest, scenario.until)
+
+
+class Machine:
+    """Every node of a board, in this process.
+
+    Args:
+        file: the board file, with nodes.
+        source: takes its mistakes.
+        scenario: what hosts do.
+    """
+
+    def __init__(self, file: BoardFile, source: Source, scenario: Scenario | None = None) -> None:
+        self.plan: Plan = plan_of(file)
+        self.conductors: list[Conductor] = [
+            conductor_of(file, source, node, scenario) for node in self.plan.nodes
+        ]
+
+    @property
+    def nodes(self) -> list[Node]:
+        """The nodes, by rank."""
+        return [conductor.node for conductor in self.conductors]
+
+    def run(self) -> None:
+        """Run until nothing more can happen without a host."""
+        moved = True
+        while moved:
+            moved = False
+            for conductor in self.conductors:
+                moved = self.poll(conductor) or moved
+
+    def poll(self, conductor: Conductor) -> bool:
+        """Let one node do what it can, and tell the others; return whether it did anything."""
+        report = conductor.poll()
+        if report is None:
+            return conductor.state == RUNS
+        for other in self.conductors:
+            if other is not conductor:
+                other.receive(report)
+        return True
+
+    def trace_hash(self) -> str:
+        """Return the SHA-256 (hex) over what happened on all nodes."""
+        return trace_hash(self.nodes)
+
+
+def trace_hash(nodes: Sequence[Node]) -> str:
+    """Return the SHA-256 (hex) over the traces of all nodes, given by rank."""
+    lines = []
+    for node in nodes:
+        if node.trace is None:
+            raise ValueError("no trace is running: call start_trace() before time starts")
+        node.board.catch_up()
+        lines.append(node.trace.lines())
+    return merged_hash(lines)

@@ -1,0 +1,132 @@
+"""What nodes tell each other to keep one virtual time: msgpack arrays, checked before use."""
+
+from typing import Final
+
+import msgspec
+
+from vbus.errors import NodeMismatchError
+from vbus.kernel import NEVER
+from vbus.nodes.node import Edge
+
+VERSION: Final = 1
+MOST_WIRES: Final = 1 << 16
+LARGEST: Final = 16 << 20
+"""Longest message that is looked at (bytes)."""
+
+
+class Report(msgspec.Struct, frozen=True, array_like=True, tag="r", forbid_unknown_fields=True):
+    """A node has done everything before an instant.
+
+    Attributes:
+        digest: of the board file; see :class:`~vbus.nodes.plan.Plan`.
+        node: rank of the node.
+        round: running number of the report, from 0.
+        horizon: everything before this instant is done (ps).
+        following: before this instant the node sends no edge of its own (ps).
+        until: how far its hosts want time to run (ps); -1: they want nothing.
+        cap: how far it lets time run (ps): a pause.
+        edges: sent since the report before.
+    """
+
+    digest: str
+    node: int
+    round: int
+    horizon: int
+    following: int
+    until: int
+    cap: int
+    edges: tuple[Edge, ...]
+
+
+class Alive(msgspec.Struct, frozen=True, array_like=True, tag="a", forbid_unknown_fields=True):
+    """A node lives.
+
+    Attributes:
+        digest: of the board file.
+        node: its rank.
+        round: the latest round it has reported.
+        state: what it does: ``"waits"``, ``"runs"``, ``"rests"``, ``"paused"``, ``"done"``.
+    """
+
+    digest: str
+    node: int
+    round: int
+    state: str
+
+
+class Need(msgspec.Struct, frozen=True, array_like=True, tag="n", forbid_unknown_fields=True):
+    """A node lacks reports of another: it has just begun, or a message was lost.
+
+    Attributes:
+        digest: of the board file.
+        node: rank of the node that asks.
+        other: rank of the node whose reports it lacks.
+        round: the first report it lacks.
+    """
+
+    digest: str
+    node: int
+    other: int
+    round: int
+
+
+Message = Report | Alive | Need
+
+_encoder: Final = msgspec.msgpack.Encoder()
+_decoder: Final = msgspec.msgpack.Decoder(Message)
+
+
+def encode(message: Message) -> bytes:
+    """Return the bytes of a message."""
+    return bytes((VERSION,)) + _encoder.encode(message)
+
+
+def decode(data: bytes, sender: str, nodes: int, wires: int) -> Message:
+    """Return the message behind bytes.
+
+    Args:
+        data: as received.
+        sender: name of the node they came from, for error messages.
+        nodes: how many nodes there are.
+        wires: how many wires.
+
+    Raises:
+        NodeMismatchError: they are none, or say what cannot be.
+    """
+    if len(data) > LARGEST:
+        raise _bad(sender, f"a message of {len(data)} bytes; at most {LARGEST} are allowed")
+    if not data or data[0] != VERSION:
+        found = f"version {data[0]}" if data else "an empty message"
+        raise _bad(sender, f"{found}; this vbus speaks version {VERSION}")
+    try:
+        message: Message = _decoder.decode(data[1:])
+    except (msgspec.DecodeError, msgspec.ValidationError, RecursionError) as error:
+        raise _bad(sender, f"bytes that are no message ({error})") from None
+    wrong = _wrong(message, nodes, wires)
+    if wrong:
+        raise _bad(sender, f"a message that cannot be: {wrong}")
+    return message
+
+
+def _bad(sender: str, what: str) -> NodeMismatchError:
+    return NodeMismatchError(sender, f"node {sender} has sent {what}; the message is ignored")
+
+
+def _wrong(message: Message, nodes: int, wires: int) -> str:
+    if not 0 <= message.node < nodes:
+        return f"node {message.node} of {nodes}"
+    if message.round < -1:
+        return f"round {message.round}"
+    if isinstance(message, Need) and not 0 <= message.other < nodes:
+        return f"node {message.other} of {nodes}"
+    if isinstance(message, Report):
+        if not 0 <= message.horizon <= message.following <= NEVER:
+            return f"horizon {message.horizon}, next event {message.following}"
+        if message.until > NEVER or not -1 <= message.cap <= NEVER:
+            return f"until {message.until}, cap {message.cap}"
+        for sent, node, _, wire, level, _ in message.edges:
+            if node != message.node or not 0 <= wire < wires or not -1 <= level <= 255:
+                return f"an edge of node {node} on wire {wire} to level {level}"
+            if not 0 <= sent < max(message.horizon, 1):
+                return f"an edge at {sent} ps, horizon {message.horizon} ps"
+    return ""

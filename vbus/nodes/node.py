@@ -1,0 +1,190 @@
+"""One node of a board: a board of its own, and the ends of the wires that lead to others."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from heapq import heappop, heappush
+
+from vbus.board.board import Board
+from vbus.errors import SnapshotError
+from vbus.kernel import NEVER, Timer
+from vbus.nodes.orders import Orders
+from vbus.nodes.trace import NodeTrace
+from vbus.signals.wire import Drive, WireEnd
+
+Edge = tuple[int, int, int, int, int, bool]
+"""What travels on a wire: instant it was sent (ps), node's rank, the node's running number, wire's
+rank, level the node drives (-1: none), and whether by open-drain pins only."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """A net whose pins are on several nodes.
+
+    Attributes:
+        name: as the board file has it.
+        delay: how long an edge takes to the other nodes (ps).
+        rest: level while nobody drives it.
+        width: number of wires, 1 or 8.
+        ends: pins by the rank of their node.
+    """
+
+    name: str
+    delay: int
+    rest: int
+    width: int
+    ends: dict[int, tuple[str, ...]]
+
+
+class Node:
+    """One node: chips, plants and nets under a kernel of their own, and ends of wires.
+
+    An edge that a node sends at t arrives at t plus the wire's delay, after what the chips there do
+    of themselves at that instant and before what their hosts do. Edges that arrive at one instant
+    are taken in order of (node, number), and move together.
+
+    Args:
+        names: all nodes, in the order of the file.
+        rank: which of them this is.
+        wires: all wires between nodes, in the order of the file.
+    """
+
+    def __init__(self, names: tuple[str, ...], rank: int, wires: tuple[Wire, ...]) -> None:
+        self.names: tuple[str, ...] = names
+        self.rank: int = rank
+        self.name: str = names[rank]
+        self.wires: tuple[Wire, ...] = wires
+        self.ends: dict[int, WireEnd] = {}
+        self.number: int = 0
+        """Edges sent since the start."""
+        self.late: int = 0
+        """Edges that came after their instant had passed (real time only)."""
+        self.worst_late: int = 0
+        self.orders: list[Orders] = []
+        self.trace: NodeTrace | None = None
+        self._drives: list[Drive] = []
+        self._arrivals: list[tuple[int, int, int, int, int, bool]] = []
+
+    # -- building -----------------------------------------------------------------------------
+
+    def solder(self, board: Board) -> None:
+        """Solder this node's pins to the ends of their wires, before power comes up."""
+        for rank, wire in enumerate(self.wires):
+            if self.rank not in wire.ends:
+                continue
+            end = WireEnd(
+                board.kernel, wire.name, rank, self._drives, rest=wire.rest, width=wire.width
+            )
+            for node in wire.ends:
+                if node != self.rank:
+                    end.add_far(node, f"{self.names[node]}:{wire.name}")
+            board.adopt(end)
+            self.ends[rank] = end
+            for pin in wire.ends[self.rank]:
+                board.find_pin(pin).move(end)
+
+    def begin(self, board: Board) -> None:
+        """Take the node's board, powered on."""
+        self.board: Board = board
+        # Made after the timers of all chips: what arrives comes after what they do of themselves.
+        self._timer: Timer = board.kernel.timer(self._arrived)
+
+    def add_orders(self, orders: Orders) -> None:
+        """Let cycles be run at given instants, after what arrives at those instants."""
+        self.orders.append(orders)
+
+    def start_trace(self) -> None:
+        """Begin to note what happens: before time starts."""
+        if self.trace is None:
+            self.trace = NodeTrace([chip.name for chip in self.board.chips])
+            self.board.observe(self.trace)
+            for net in self.board.nets.values():
+                net.observe(self.trace)
+
+    # -- edges --------------------------------------------------------------------------------
+
+    def accept(self, edges: Iterable[Edge]) -> None:
+        """Take edges of other nodes; they arrive after the delay, or now if that is past."""
+        now = self.board.kernel.now
+        for sent, node, number, wire, level, weak in edges:
+            if wire not in self.ends or node not in self.ends[wire].far:
+                continue
+            when = sent + self.wires[wire].delay
+            if when < now:
+                self.late += 1
+                self.worst_late = max(self.worst_late, now - when)
+                when = now
+            heappush(self._arrivals, (when, node, number, wire, level, weak))
+        if self._arrivals:
+            self._timer.at(self._arrivals[0][0])
+
+    def _arrived(self) -> None:
+        now = self.board.kernel.now
+        arrivals = self._arrivals
+        while arrivals and arrivals[0][0] <= now:
+            _, node, _, wire, level, weak = heappop(arrivals)
+            self.ends[wire].arrive(node, level, weak)
+        if arrivals:
+            self._timer.at(arrivals[0][0])
+
+    def take_edges(self) -> list[Edge]:
+        """Return and forget the edges sent since the last call."""
+        edges = []
+        for when, wire, level, weak in self._drives:
+            edges.append((when, self.rank, self.number, wire, level, weak))
+            self.number += 1
+        self._drives.clear()
+        return edges
+
+    # -- time and state -----------------------------------------------------------------------
+
+    def next_event(self) -> int:
+        """Return an instant before which this node sends no edge of its own (ps)."""
+        return self.board.kernel.next_due
+
+    def last_order(self) -> int:
+        """Return the instant of the last order that waits; -1 if none does."""
+        return max((orders.last for orders in self.orders), default=-1)
+
+    def run_before(self, when: int) -> None:
+        """Let happen everything at instants before ``when`` (ps)."""
+        if when - 1 > self.board.kernel.now:
+            self.board.run_until(when - 1)
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state, with the trace so far."""
+        state = self.board.save()
+        return (
+            state,
+            self.number,
+            tuple(sorted(self._arrivals)),
+            tuple(self._drives),
+            tuple(end.save_ends() for end in self.ends.values()),
+            tuple(orders.save() for orders in self.orders),
+            self.trace.save() if self.trace is not None else None,
+        )
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave, on a node built from the same file.
+
+        Raises:
+            SnapshotError: the state was made by another node.
+        """
+        board, number, arrivals, drives, ends, orders, trace = state
+        self.board.load(board)  # type: ignore[arg-type]
+        if len(ends) != len(self.ends) or len(orders) != len(self.orders):  # type: ignore[arg-type]
+            raise SnapshotError("the state was made by a node with other wires or scenarios")
+        if (trace is None) != (self.trace is None):
+            raise SnapshotError("the state was saved with a trace, or this run has one: not both")
+        self.number = number  # type: ignore[assignment]
+        self._arrivals = [tuple(arrival) for arrival in arrivals]  # type: ignore[attr-defined]
+        self._drives[:] = [tuple(drive) for drive in drives]  # type: ignore[attr-defined]
+        for end, saved in zip(self.ends.values(), ends, strict=True):  # type: ignore[call-overload]
+            end.load_ends(saved)
+        for mine, saved in zip(self.orders, orders, strict=True):  # type: ignore[call-overload]
+            mine.load(saved)
+        if self.trace is not None:
+            self.trace.load(trace)  # type: ignore[arg-type]
+
+    def next_or_never(self) -> int:
+        """Return when the next edge arrives (ps); NEVER if none is under way."""
+        return self._arrivals[0][0] if self._arrivals else NEVER

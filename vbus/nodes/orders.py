@@ -1,0 +1,255 @@
+"""Bus cycles and pins at given instants: what a host has ordered to happen."""
+
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from typing import Final
+
+from vbus.board.board import Board
+from vbus.board.host_pins import HostPins
+from vbus.chips.base import Chip
+from vbus.kernel import US, Timer
+from vbus.signals import Z
+
+READ: Final = 0
+WRITE: Final = 1
+PIN: Final = 2
+
+LEAD: Final = 20 * US
+"""How long before its latching edge a cycle is looked at: longer than any strobe."""
+
+FLOATING: Final = 0xFF
+
+_LOOK: Final = 0
+_BEGIN: Final = 1
+_LATCH: Final = 2
+_TAKE: Final = 3
+_DRIVE: Final = 4
+
+Step = tuple[int, int, int, int, int, int]
+"""Instant, number of the order, number of the step, what to do, pin and level."""
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """One thing a host wants to happen.
+
+    Attributes:
+        when: instant of the latching edge, or of the pin's edge (ps).
+        chips: names; a read of none or several finds a floating bus.
+        kind: :data:`READ`, :data:`WRITE` or :data:`PIN`.
+        address: of the cycle.
+        data: byte to write; the level of a pin: 0, 1, or 2 to let go.
+        pin: name of the pin at the first chip.
+    """
+
+    when: int
+    chips: tuple[str, ...]
+    kind: int
+    address: int = 0
+    data: int = 0
+    pin: str = ""
+
+
+class Orders:
+    """Runs bus cycles with their latching edges at given instants, whoever moves the board's time.
+
+    At its instant an order comes after what the chips do of themselves and after edges that
+    arrive from other nodes. Orders of one instant run in the order they were given.
+
+    Args:
+        board: the board.
+        label: the host's name in traces.
+        saved: whether it is part of the board's saved state.
+    """
+
+    def __init__(self, board: Board, label: str, saved: bool = True) -> None:
+        self.board: Board = board
+        self.label: str = label
+        self.last: int = -1
+        """Instant of the last order given."""
+        self.late: int = 0
+        """Orders given after their instant had passed (real time only)."""
+        self.results: dict[int, int] = {}
+        """Bytes read, by the number of the order, until :meth:`result` takes them."""
+        self._kept: set[int] = set()
+        self._timer: Timer = board.kernel.timer(self._due, saved)
+        self._steps: list[Step] = []
+        self._orders: dict[int, Order] = {}
+        self._given: int = 0
+        self._step: int = 0
+        self._pins: HostPins = HostPins(board.kernel, label, board.chips, _nothing)
+
+    def give(self, order: Order, keep: bool = False) -> int:
+        """Take an order; return its number.
+
+        Args:
+            order: what is to happen, and when.
+            keep: whether the byte read will be asked for by :meth:`result`.
+        """
+        number = self._given
+        self._given += 1
+        now = self.board.kernel.now
+        if order.when < now:
+            self.late += 1
+        self._orders[number] = order
+        if keep:
+            self._kept.add(number)
+        self.last = max(self.last, order.when)
+        start = order.when if order.kind == PIN else order.when - LEAD
+        self._push(max(start, now), number, _LOOK)
+        return number
+
+    def waits(self, number: int) -> bool:
+        """Tell whether an order has not been carried out yet."""
+        return number in self._orders
+
+    def result(self, number: int) -> int:
+        """Return the byte that order ``number`` has read."""
+        return self.results.pop(number, 0)
+
+    def _push(self, when: int, number: int, action: int, pin: int = 0, level: int = 0) -> None:
+        heappush(self._steps, (when, number, self._step, action, pin, level))
+        self._step += 1
+        if self._steps[0][0] < self._timer.due:
+            self._timer.at(max(self._steps[0][0], self.board.kernel.now))
+
+    def _due(self) -> None:
+        now = self.board.kernel.now
+        steps = self._steps
+        while steps and steps[0][0] <= now:
+            _, number, _, action, pin, level = heappop(steps)
+            self._do(number, action, pin, level)
+        if steps:
+            self._timer.at(steps[0][0])
+
+    # -- one step -----------------------------------------------------------------------------
+
+    def _do(self, number: int, action: int, pin: int, level: int) -> None:
+        board = self.board
+        if action == _DRIVE:
+            self._drive(pin, level)
+            return
+        order = self._orders[number]
+        chips = [board.chip(name) for name in order.chips]
+        if action == _LOOK:
+            self._look(number, order, chips)
+        elif action == _BEGIN:
+            chips[0].begin_read(order.address)
+        elif action == _TAKE:
+            for chip in chips:
+                chip.advance()
+            board.kernel.settle()
+            self._done(number, order, chips[0].bus_net.value)
+        elif order.kind == PIN:
+            del self._orders[number]
+            pin_of = chips[0].pins[order.pin]
+            self._pins.of(pin_of).drive(Z if order.data == 2 else order.data)
+            board.kernel.settle()
+        else:
+            self._done(number, order, self._latch(order, chips))
+
+    def _look(self, number: int, order: Order, chips: list[Chip]) -> None:
+        """Split the cycle into its steps: strobes if somebody sees them."""
+        now = self.board.kernel.now
+        when = max(order.when, now)
+        if order.kind == PIN or (order.kind == READ and len(chips) != 1):
+            self._push(when, number, _LATCH)
+            return
+        for chip in chips:
+            chip.judged = False
+        strobes = [
+            (offset, list(chip.pins).index(name), place, level)
+            for place, chip in enumerate(chips)
+            for offset, name, level in chip.strobes(order.kind == WRITE, order.address, order.data)
+        ]
+        if self._observed(chips) and strobes:
+            first = self.board.chips.index(chips[0])
+            earliest = min(offset for offset, *_ in strobes)
+            when = max(when, now - earliest)
+            taken = False
+            for offset, pin, place, level in sorted(strobes, key=_offset):
+                if offset >= 0 and not taken:
+                    self._push(when, number, _TAKE)
+                    taken = True
+                rank = first if place == 0 else self.board.chips.index(chips[place])
+                self._push(when + offset, number, _DRIVE, rank << 8 | pin, level)
+            return
+        if order.kind == READ:
+            self._push(max(when - chips[0].read_low_ps, now), number, _BEGIN)
+        self._push(when, number, _LATCH)
+
+    def _observed(self, chips: list[Chip]) -> bool:
+        if not self.board.kernel.observed:
+            return False
+        return any(pin.net.observers for chip in chips for pin in chip.bus_pins)
+
+    def _drive(self, pin: int, level: int) -> None:
+        chip = self.board.chips[pin >> 8]
+        self._pins.of(list(chip.pins.values())[pin & 0xFF]).drive(level)
+        self.board.kernel.settle()
+
+    @staticmethod
+    def _latch(order: Order, chips: list[Chip]) -> int:
+        if order.kind == READ:
+            if len(chips) != 1:
+                return FLOATING
+            data = chips[0].end_read()
+        else:
+            data = order.data
+            for chip in chips:
+                chip.write(order.address, data)
+        for chip in chips:
+            chip.bus_net.value = data
+        return data
+
+    def _done(self, number: int, order: Order, data: int) -> None:
+        """The cycle is over: count it, tell of it, keep what was read."""
+        board = self.board
+        del self._orders[number]
+        board.kernel.settle()
+        write = order.kind == WRITE
+        board.counters["writes" if write else "reads"] += 1
+        if number in self._kept:
+            self._kept.discard(number)
+            self.results[number] = data
+        name = "+".join(order.chips) or "-"
+        for observer in board.observers:
+            observer.bus_cycle(board.kernel.now, self.label, name, write, order.address, data)
+
+    # -- end and state ------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Forget what waits and let go of every pin."""
+        self._timer.cancel()
+        self._steps.clear()
+        self._orders.clear()
+        self._pins.unsolder()
+
+    def save(self) -> tuple[object, ...]:
+        """Return the state."""
+        orders = tuple(
+            (number, o.when, o.chips, o.kind, o.address, o.data, o.pin)
+            for number, o in self._orders.items()
+        )
+        return (
+            self._given, self._step, self.last, tuple(sorted(self._steps)), orders,
+            self._pins.save(),
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self._given, self._step, self.last, steps, orders, pins = state  # type: ignore[assignment]
+        self._steps = [tuple(step) for step in steps]  # type: ignore[attr-defined]
+        self._orders = {
+            number: Order(when, tuple(chips), kind, address, data, pin)
+            for number, when, chips, kind, address, data, pin in orders  # type: ignore[attr-defined]
+        }
+        self._pins.load(pins)  # type: ignore[arg-type]
+
+
+def _nothing() -> None:
+    pass
+
+
+def _offset(strobe: tuple[int, int, int, int]) -> int:
+    return strobe[0]

@@ -1,0 +1,156 @@
+"""What a board file says about nodes: who has which chips, and which wires go between them."""
+
+import hashlib
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+
+import vbus
+from vbus.board import plugins
+from vbus.board.build import assemble, rest_of
+from vbus.board.sections import BoardFile
+from vbus.board.source import Source
+from vbus.kernel import SECOND, Clock, Kernel
+from vbus.nodes.node import Node, Wire
+
+LONGEST_QUANTUM: Final = SECOND
+"""Quantum of a board whose nodes have no wires between them (ps)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A board with nodes.
+
+    Attributes:
+        board: name of the board.
+        nodes: names of the nodes; a node's rank is its place here.
+        deadlines: how long each may be silent (ps of wall time).
+        wires: the nets whose pins are on several nodes; a wire's rank is its place here.
+        digest: equal for two processes that were given the same board.
+        policy: who is master of time.
+    """
+
+    board: str
+    nodes: tuple[str, ...]
+    deadlines: tuple[int, ...]
+    wires: tuple[Wire, ...]
+    digest: str
+    policy: str
+
+    @property
+    def lookahead(self) -> int:
+        """The shortest delay between nodes (ps): what one does is not felt earlier elsewhere."""
+        return min((wire.delay for wire in self.wires), default=LONGEST_QUANTUM)
+
+    def rank(self, node: str) -> int:
+        """Return the rank of the node called ``node``.
+
+        Raises:
+            ValueError: there is none.
+        """
+        if node not in self.nodes:
+            raise ValueError(f'no node called "{node}"; this board has {", ".join(self.nodes)}')
+        return self.nodes.index(node)
+
+
+def plan_of(file: BoardFile) -> Plan:
+    """Return the plan of a checked board file that has nodes."""
+    nodes = tuple(node.name for node in file.nodes)
+    homes = {chip.name: nodes.index(chip.node) for chip in file.chips}
+    wires = []
+    for net in file.nets:
+        if net.delay:
+            ends: dict[int, list[str]] = {}
+            for pin in net.pins:
+                ends.setdefault(homes[pin.partition(".")[0]], []).append(pin)
+            frozen = {rank: tuple(ends[rank]) for rank in sorted(ends)}
+            rest, width = _as_first_pin(file, net.pins[0])
+            wished = rest_of(net)
+            wires.append(
+                Wire(net.name, net.delay, rest if wished is None else wished, width, frozen)
+            )
+    return Plan(
+        file.board.name,
+        nodes,
+        tuple(node.deadline for node in file.nodes),
+        tuple(wires),
+        _digest(file),
+        file.board.time,
+    )
+
+
+def _as_first_pin(file: BoardFile, pin: str) -> tuple[int, int]:
+    """Return resting level and width of the net at ``pin``, which may be on any node."""
+    name, _, row = pin.partition(".")
+    chip = next(chip for chip in file.chips if chip.name == name)
+    cls = plugins.chip_class(chip.part)
+    net = cls(name, chip.part, Kernel(), Clock(chip.clock), chip.settings).pins[row].net
+    return net.rest, net.width
+
+
+def _digest(file: BoardFile) -> str:
+    """Return a hash over all that decides what happens: not who is connected how."""
+    board = msgspec.structs.replace(file.board, rate=1.0, stall="catch_up")
+    core = msgspec.structs.replace(
+        file, path="", board=board, hosts=(), cards=(), pinmaps=(), waves=(),
+        record=type(file.record)(),
+    )  # fmt: skip
+    text = vbus.__version__.encode() + msgspec.json.encode(core)
+    return hashlib.sha256(text).hexdigest()[:16]
+
+
+def pins_of(file: BoardFile) -> dict[str, set[str]]:
+    """Return the pins of every chip of a checked board file, for :func:`read_scenario`."""
+    pins = {}
+    for chip in file.chips:
+        cls = plugins.chip_class(chip.part)
+        made = cls(chip.name, chip.part, Kernel(), Clock(chip.clock), chip.settings)
+        pins[chip.name] = set(made.pins)
+    return pins
+
+
+def part_of(file: BoardFile, node: str) -> BoardFile:
+    """Return the part of a board file that belongs to one node: a board file of its own."""
+    chips = tuple(chip for chip in file.chips if chip.node == node)
+    names = {chip.name for chip in chips}
+    plants = {plant for chip in chips for plant in chip.axes}
+
+    def mine(reached: tuple[str, ...]) -> bool:
+        return set(reached) <= names if reached else len(names) == len(file.chips)
+
+    return msgspec.structs.replace(
+        file,
+        board=msgspec.structs.replace(file.board, name=f"{file.board.name}.{node}"),
+        chips=chips,
+        plants=tuple(plant for plant in file.plants if plant.name in plants),
+        nets=tuple(
+            net
+            for net in file.nets
+            if not net.delay and all(pin.partition(".")[0] in names for pin in net.pins)
+        ),
+        buses=tuple(bus for bus in file.buses if mine(bus.chips)),
+        cards=tuple(
+            card for card in file.cards if mine((*card.chips, *(p.chip for p in card.ports)))
+        ),
+        pinmaps=tuple(pin_map for pin_map in file.pinmaps if mine(pin_map.chips)),
+        hosts=tuple(host for host in file.hosts if mine(host.chips)),
+    )
+
+
+def build_node(file: BoardFile, source: Source, node: str) -> Node:
+    """Return one node of a board, powered on, at instant 0.
+
+    Raises:
+        ConfigError: a part refuses its settings.
+        ValueError: there is no such node.
+    """
+    plan = plan_of(file)
+    made = Node(plan.nodes, plan.rank(node), plan.wires)
+    made.begin(assemble(part_of(file, node), source, made.solder))
+    return made
+
+
+def build_nodes(file: BoardFile, source: Source) -> list[Node]:
+    """Return every node of a board, in the order of the file."""
+    return [build_node(file, source, node.name) for node in file.nodes]

@@ -1,0 +1,187 @@
+"""One virtual time for all nodes: rounds of reports, and how far each lets time run."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from vbus.errors import NodeMismatchError, SnapshotError
+from vbus.kernel import NEVER
+from vbus.nodes.messages import MOST_WIRES, Report, decode, encode
+from vbus.nodes.node import Edge
+
+KEPT: Final = 1 << 16
+"""Reports of its own that a node keeps for nodes that rejoin."""
+
+
+class Participant:
+    """One node's part in keeping one time; every node computes the same.
+
+    Time runs in rounds. At the end of a round each node reports what it has sent on wires, and
+    before which instant it will send nothing more of its own. Once a node has every report of a
+    round it knows all that can reach it before the earliest such instant plus the shortest delay:
+    that is the *grant*, up to which it may run without hearing from anybody. The order in which
+    reports come, and how late they are, does not matter.
+
+    Nothing here reads a clock, waits, or sends: bytes are carried by others.
+
+    Args:
+        names: all nodes.
+        me: rank of this one.
+        lookahead: the shortest delay of a wire between nodes (ps).
+        digest: of the board file.
+
+    Attributes:
+        round: the round under way: its reports are awaited.
+        granted: everything before this instant may happen (ps).
+        rested: whether the last grant gave no time: nobody wanted any.
+    """
+
+    def __init__(self, names: Sequence[str], me: int, lookahead: int, digest: str) -> None:
+        self.names: tuple[str, ...] = tuple(names)
+        self.me: int = me
+        self.lookahead: int = lookahead
+        self.digest: str = digest
+        self.round: int = 0
+        self.granted: int = 0
+        self.rested: bool = False
+        self.log: dict[int, Report] = {}
+        """This node's own reports, for those who lack them."""
+        self._heard: dict[int, dict[int, Report]] = {}
+        """Reports of this round and later ones, by round and node."""
+        self._reported: bool = False
+
+    # -- reports ------------------------------------------------------------------------------
+
+    def report(self, following: int, until: int, cap: int, edges: list[Edge]) -> Report:
+        """End this node's round: everything before the grant is done.
+
+        Args:
+            following: before this instant the node sends no edge of its own (ps).
+            until: how far its hosts want time to run (ps); -1: nothing.
+            cap: how far it lets time run (ps).
+            edges: sent in this round.
+        """
+        if self._reported:
+            raise ValueError(f"round {self.round} is reported already")
+        report = Report(
+            self.digest,
+            self.me,
+            self.round,
+            self.granted,
+            max(following, self.granted),
+            until,
+            cap,
+            tuple(edges),
+        )
+        self._reported = True
+        self.log[self.round] = report
+        self.log.pop(self.round - KEPT, None)
+        self._heard.setdefault(self.round, {})[self.me] = report
+        return report
+
+    def receive(self, report: Report) -> None:
+        """Take another node's report; one that is known already changes nothing.
+
+        Raises:
+            NodeMismatchError: it runs another board, or has told something else before.
+        """
+        name = self.names[report.node]
+        if report.digest != self.digest:
+            raise NodeMismatchError(
+                name,
+                f"node {name} runs another board file or version of vbus ({report.digest}; here"
+                f" {self.digest}): give every node the same file",
+            )
+        if report.round < self.round:
+            return
+        known = self._heard.setdefault(report.round, {}).setdefault(report.node, report)
+        if known != report:
+            raise NodeMismatchError(
+                name,
+                f"node {name} has told of round {report.round} something else than before: two"
+                " processes run it, or it was started anew without its hosts doing the same",
+            )
+
+    @property
+    def reported(self) -> bool:
+        """Whether this node has ended the round."""
+        return self._reported
+
+    def heard_of_round(self) -> bool:
+        """Tell whether another node has ended the present round."""
+        return any(node != self.me for node in self._heard.get(self.round, ()))
+
+    def missing(self) -> list[int]:
+        """Return the ranks of the other nodes whose reports of this round have not come."""
+        heard = self._heard.get(self.round, {})
+        return [node for node in range(len(self.names)) if node != self.me and node not in heard]
+
+    # -- grants -------------------------------------------------------------------------------
+
+    def ready(self) -> bool:
+        """Tell whether every report of the round is here."""
+        return self._reported and not self.missing()
+
+    def grant(self) -> list[Edge]:
+        """Begin the next round: move :attr:`granted`; return what the others have sent.
+
+        Raises:
+            NodeMismatchError: a report does not fit the round.
+        """
+        reports = self._heard.pop(self.round)
+        first = cap = NEVER
+        until = -1
+        edges: list[Edge] = []
+        for node in range(len(self.names)):
+            report = reports[node]
+            if report.horizon != self.granted:
+                name = self.names[node]
+                raise NodeMismatchError(
+                    name,
+                    f"node {name} reports {report.horizon} ps at the end of round {self.round}, and"
+                    f" {self.granted} ps were granted",
+                )
+            first = min(first, report.following)
+            until = max(until, report.until)
+            cap = min(cap, report.cap)
+            if node != self.me:
+                edges += report.edges
+        # An edge under way may make its receiver send one in turn, not before it has arrived.
+        for own in reports.values():
+            for edge in own.edges:
+                first = min(first, max(edge[0] + self.lookahead, self.granted))
+        following = min(first + self.lookahead, until + 1, cap + 1, NEVER - 1)
+        self.rested = following <= self.granted
+        self.granted = max(following, self.granted)
+        self.round += 1
+        self._reported = False
+        return edges
+
+    # -- state --------------------------------------------------------------------------------
+
+    def save(self) -> tuple[int, int, bool, tuple[bytes, ...]]:
+        """Return the state at the end of a round, after :meth:`report`.
+
+        The latest two reports are part of it: others may not have got them yet.
+        """
+        if not self._reported:
+            raise ValueError("a snapshot is taken when the round has been reported")
+        latest = [self.log[n] for n in (self.round - 1, self.round) if n in self.log]
+        return (self.round, self.granted, self.rested, tuple(encode(r) for r in latest))
+
+    def load(self, state: tuple[int, int, bool, tuple[bytes, ...]]) -> None:
+        """Take back what :meth:`save` gave.
+
+        Raises:
+            SnapshotError: it was made by another node, or on another board.
+        """
+        self.round, self.granted, self.rested, latest = state
+        self.log = {}
+        for data in latest:
+            report = decode(data, self.names[self.me], len(self.names), MOST_WIRES)
+            if not isinstance(report, Report) or report.node != self.me:
+                raise SnapshotError("the state was made by another node")
+            if report.digest != self.digest:
+                raise SnapshotError("the state was made with another board file or version")
+            self.log[report.round] = report
+        self._heard = {self.round: {self.me: self.log[self.round]}}
+        self._reported = True
