@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+import vbus
 from tests.clauses import Clause, read_clauses, stale, unknown, untested
+from vbus.compiled import core, is_compiled, why
 
 # A run repeats, on every machine. HYPOTHESIS_PROFILE=search looks for examples nobody has seen.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -17,7 +19,13 @@ CLAUSES: pytest.StashKey[dict[str, Clause]] = pytest.StashKey()
 MARKED: pytest.StashKey[set[str]] = pytest.StashKey()
 
 
+def pytest_report_header(config: pytest.Config) -> str:
+    return f"vbus: {core()} core, from {next(iter(vbus.__path__))}"
+
+
 def pytest_configure(config: pytest.Config) -> None:
+    if os.environ.get("VBUS_NEED_COMPILED", "") not in ("", "0") and not is_compiled():
+        raise pytest.UsageError(f"VBUS_NEED_COMPILED is set, and the core is interpreted: {why()}")
     config.stash[CLAUSES] = read_clauses(Path(__file__).parent / "conformance")
     config.stash[MARKED] = set()
 

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import vbus as package
+
 ROOT = Path(__file__).parents[2]
 
 BOARD = """\
@@ -42,7 +44,8 @@ def plug_in(folder: Path) -> None:
         "[vbus.transports]\nhole = no_such_module:Transport\n"
         "[vbus.plants]\nmotor = tests.unit.board.parts:Motor\n"
     )
-    os.environ["PYTHONPATH"] = f"{folder}:{ROOT}"
+    home = Path(next(iter(package.__path__))).parent
+    os.environ["PYTHONPATH"] = f"{folder}:{home}:{ROOT}"
 
 
 def start(*arguments: str | Path) -> subprocess.Popen[str]:
