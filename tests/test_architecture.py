@@ -22,8 +22,8 @@ LEAVES = {"bits", "errors", "options"}
 SIGNALS = LEAVES | {"kernel", "signals"}
 BOARD = SIGNALS | {"board", "chips", "plant", "protocols", "trace"}
 NODES = BOARD | {"nodes"}
-NETWORK = LEAVES | {"network"}
-EDGE = NODES | {"network", "server", "transports"}
+NETWORK = LEAVES | {"network", "runtime"}
+EDGE = NODES | {"network", "runtime", "server", "transports"}
 MAY_IMPORT = {
     "bits": set(),
     "errors": set(),
@@ -38,6 +38,7 @@ MAY_IMPORT = {
     "nodes": NODES,
     "native": set(),
     "network": NETWORK,
+    "runtime": LEAVES,
     "transports": EDGE,
     "server": EDGE,
     "client": NETWORK | {"chips", "client", "kernel", "protocols"},

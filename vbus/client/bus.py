@@ -9,7 +9,7 @@ from typing import Concatenate, Final, ParamSpec, Self, TypeVar
 
 from vbus.client.links import Link, open_link
 from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
-from vbus.client.ready import Lock, until_ready
+from vbus.client.ready import Lock, opened, until_ready
 from vbus.client.wire import Wire
 from vbus.errors import TransportError, VbusError
 from vbus.protocols.port import PortInfo
@@ -293,7 +293,9 @@ class Bus(Cycles):
             try:
                 rest = self._send(rest)
                 while rest or not message.done:
-                    if not until_ready(self.link.fd, bool(rest), deadline):
+                    if not until_ready(
+                        self.link.fd, self.link.by_descriptor and bool(rest), deadline
+                    ):
                         raise self._late(message)
                     self._receive()
                     rest = self._send(rest)
@@ -366,8 +368,8 @@ def connect(where: str, timeout: float = TIMEOUT) -> Bus:
 
     Args:
         where: ``"pty:PATH"``, ``"unix:PATH"``, ``"tcp:HOST:PORT"``,
-            ``"serial:PATH?baud=115200"``, or the path of a PTY. ``$NAME`` stands for an
-            environment variable.
+            ``"serial:PATH?baud=115200"``, ``"zenoh:BOARD/CHIP?connect=ENDPOINT"``, or the path of
+            a PTY. ``$NAME`` stands for an environment variable.
         timeout: seconds a reply may take.
 
     Raises:
@@ -375,7 +377,7 @@ def connect(where: str, timeout: float = TIMEOUT) -> Bus:
         ProtocolError: whoever answers speaks no byte protocol, or another version.
         ValueError: ``where`` is no link.
     """
-    link = open_link(where)
+    link = opened(open_link, where)
     bus = Bus(link, timeout)
     try:
         if not until_ready_to_write(link, timeout):

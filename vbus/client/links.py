@@ -11,7 +11,10 @@ from urllib.parse import parse_qs
 
 from vbus.errors import TransportError
 
-KINDS: Final = "pty:PATH, unix:PATH, tcp:HOST:PORT, serial:PATH?baud=RATE, or the path of a PTY"
+KINDS: Final = (
+    "pty:PATH, unix:PATH, tcp:HOST:PORT, serial:PATH?baud=RATE,"
+    " zenoh:BOARD/CHIP?connect=ENDPOINT, or the path of a PTY"
+)
 
 _READ: Final = 65536
 _GONE: Final = (errno.EIO, errno.EPIPE, errno.ECONNRESET, errno.ENXIO, errno.EBADF)
@@ -24,6 +27,10 @@ class Link:
         where: how it was asked for, for messages.
         fd: the descriptor; it is made non-blocking and belongs to the link from now on.
     """
+
+    by_descriptor: bool = True
+    """Whether the descriptor tells when the link takes more bytes; else it takes more when some
+    have been read."""
 
     def __init__(self, where: str, fd: int) -> None:
         self.where: str = where
@@ -80,8 +87,8 @@ def open_link(where: str) -> Link:
     """Open a link; a TCP connection may still be on its way (see :meth:`Link.check`).
 
     ``where`` is ``"pty:PATH"``, ``"unix:PATH"``, ``"tcp:HOST:PORT"``,
-    ``"serial:PATH?baud=115200"``, or the path of a PTY. ``$NAME`` stands for an environment
-    variable.
+    ``"serial:PATH?baud=115200"``, ``"zenoh:BOARD/CHIP?connect=ENDPOINT"``, or the path of a PTY.
+    ``$NAME`` stands for an environment variable.
 
     Raises:
         TransportError: the link cannot be opened; says why and what to do.
@@ -93,6 +100,10 @@ def open_link(where: str) -> Link:
         kind, rest = "pty", place
     elif not colon:
         raise ValueError(f"{where!r} is no link; allowed are {KINDS}")
+    if kind == "zenoh" and rest:
+        from vbus.client.zenoh_link import open_zenoh
+
+        return open_zenoh(rest)
     opener = {"pty": _open_pty, "unix": _open_unix, "tcp": _open_tcp, "serial": _open_serial}
     if kind not in opener or not rest:
         raise ValueError(f"{where!r} is no link; allowed are {KINDS}")

@@ -2,7 +2,11 @@
 
 import select
 import threading
+from collections.abc import Callable
 from time import monotonic
+from typing import TypeVar
+
+T = TypeVar("T")
 
 Lock = threading.Lock
 
@@ -12,3 +16,8 @@ def until_ready(fd: int, write: bool, deadline: float) -> bool:
     poll = select.poll()
     poll.register(fd, select.POLLIN | select.POLLOUT if write else select.POLLIN)
     return bool(poll.poll(max(0.0, deadline - monotonic()) * 1000))
+
+
+def opened(open_link: Callable[[str], T], where: str) -> T:
+    """Open a link."""
+    return open_link(where)

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import socket
-import ssl
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from vbus.errors import TransportError
+from vbus.network.keys import ACCESS, ROOT
 
-ROOT: Final = "vbus"
-"""First chunk of every key."""
-ACCESS_KEY: Final = f"{ROOT}/@access"
-"""Asked by a host that got no reply: what is my certificate allowed to use?"""
 DIAGNOSE_SECONDS: Final = 2.0
 
 _MESSAGES: Final = (
@@ -79,6 +74,8 @@ class Security:
         Raises:
             TransportError: names the file and says what is wrong.
         """
+        import ssl
+
         for name in (self.authority, self.certificate, self.key):
             try:
                 Path(name).read_bytes()
@@ -99,6 +96,9 @@ class Security:
 
     def diagnose(self, endpoint: str) -> str:
         """Return why a TLS link to ``endpoint`` cannot be made; empty if it can."""
+        import socket
+        import ssl
+
         host, _, port = endpoint.partition("/")[2].rpartition(":")
         host = host.strip("[]")
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
@@ -158,7 +158,7 @@ def access_control(allow: Mapping[str, tuple[str, ...]]) -> dict[str, Any]:
             "permission": "allow",
             "flows": ["ingress", "egress"],
             "messages": ["query", "reply", "declare_queryable"],
-            "key_exprs": [ACCESS_KEY],
+            "key_exprs": [ACCESS],
         }
     )
     subjects.append({"id": "everybody"})

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import json
 import socket
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from vbus.errors import TransportError
@@ -20,10 +21,37 @@ RETRY_MS: Final = 1000
 """How long after a link was lost, and how often, it is tried again."""
 OPEN_SECONDS: Final = 3.0
 """How long opening a session waits for an endpoint, where it waits at all."""
-LARGEST_MESSAGE: Final = 4 * 1024 * 1024
-"""Bytes of a message beyond which the link that brings it is closed (Zenoh's own: 1 GiB)."""
+LARGEST_MESSAGE: Final = 128 << 20
+"""Bytes of a message beyond which it is dropped unseen (Zenoh's own limit: 1 GiB)."""
 MODES: Final = ("client", "peer", "router")
 _PROTOCOLS: Final = ("tcp", "tls")
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """Where a board or a router is on the network: ``[zenoh]`` of a board file.
+
+    Attributes:
+        listen: endpoints hosts, boards and routers may connect to.
+        connect: endpoints of routers to connect to.
+        security: certificates and rights, if any.
+        grace_seconds: how long the session of a host that has vanished is kept for its return.
+    """
+
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+    security: Security | None = None
+    grace_seconds: float = 2.0
+
+
+def open_network(network: Network) -> zenoh.Session:
+    """Open the session of a board or a router: it routes if it listens, else it is a client.
+
+    Raises:
+        TransportError: see :func:`open_session`.
+    """
+    mode = "router" if network.listen else "client"
+    return open_session(network.listen, network.connect, mode, network.security, OPEN_SECONDS)
 
 
 def open_session(
@@ -106,6 +134,12 @@ def _settings(
     if security is not None:
         settings.update(security.settings())
     return settings
+
+
+def close_session(session: zenoh.Session) -> None:
+    """Close a session; again is harmless."""
+    close: Callable[[], None] = session.close
+    close()
 
 
 def check_endpoint(endpoint: str, security: Security | None = None) -> None:

@@ -14,13 +14,15 @@ from vbus.board.board import Board
 from vbus.board.cards import Card
 from vbus.board.pin_maps import PinMap
 from vbus.errors import NameInUseError, PluginError, TransportError
+from vbus.network.session import Network
 from vbus.protocols.base import Protocol
 from vbus.server.loop import HostLoop
+from vbus.server.message_session import MessageSession
 from vbus.server.pacer import Pacer
 from vbus.server.registry import status_path
 from vbus.server.session import Session
 from vbus.server.watching import Watching
-from vbus.transports.base import Link, Transport, split_url
+from vbus.transports.base import Link, MessageLink, Served, Transport, split_url
 from vbus.transports.sockets import UnixTransport
 
 log = logging.getLogger("vbus")
@@ -37,6 +39,7 @@ class LinkSpec:
         cycle_ps: cost of a whole bus cycle; 0 for the default.
         card: address decoding of a card, if any.
         pin_map: wiring of a microcontroller's port bits, if any.
+        network: the board's place on the network, for transports that use it.
     """
 
     transport: str
@@ -45,6 +48,7 @@ class LinkSpec:
     cycle_ps: int = 0
     card: Card | None = None
     pin_map: PinMap | None = None
+    network: Network | None = None
 
 
 class _Host:
@@ -116,22 +120,44 @@ class Server:
             self._open_status(loop)
             for host in self._hosts:
                 host.transport.report = self._report
+                host.transport.serves(self._served(host.spec))
                 host.transport.open(loop, self._linker(host, loop))
         except TransportError:
             self.stop()
             raise
         self.pacer.start(loop)
 
+    def _served(self, spec: LinkSpec) -> Served:
+        """Return what a transport may know of the board."""
+        chips = spec.chips or [chip.name for chip in self.board.chips]
+        return Served(self.board, tuple(chips), self.statistics, self.pacer.catch_up, spec.network)
+
     def _linker(self, host: _Host, loop: asyncio.AbstractEventLoop) -> Callable[[Link], None]:
         def linked(link: Link) -> None:
             host.served += 1
             label = f"host{self._hosts.index(host)}"
             spec = host.spec
-            port = self.board.open_port(
-                label, spec.chips or None, spec.cycle_ps, spec.card, spec.pin_map
-            )
-            protocol = host.wire(port)
-            session = Session(loop, link, port, protocol, self.pacer, host.sessions.remove)
+            session: Session
+            if isinstance(link, MessageLink):
+                # The addresses of a card and the wires of a pin map are those of the whole entry.
+                whole = not link.chips
+                port = self.board.open_port(
+                    label,
+                    link.chips or spec.chips or None,
+                    spec.cycle_ps,
+                    spec.card if whole else None,
+                    spec.pin_map if whole else None,
+                )
+                session = MessageSession(
+                    loop, link, port, host.wire(port), self.pacer, host.sessions.remove
+                )
+            else:
+                port = self.board.open_port(
+                    label, spec.chips or None, spec.cycle_ps, spec.card, spec.pin_map
+                )
+                session = Session(
+                    loop, link, port, host.wire(port), self.pacer, host.sessions.remove
+                )
             port.on_resume = session.resume_soon
             port.on_events = session.events_soon
             host.sessions.append(session)

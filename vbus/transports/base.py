@@ -3,8 +3,14 @@
 import asyncio
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from vbus.errors import TransportError
+from vbus.network.session import Network
+
+if TYPE_CHECKING:
+    from vbus.board.board import Board
 
 
 class Link:
@@ -33,6 +39,49 @@ class Link:
         os.close(self.fd)
 
 
+class MessageLink(Link):
+    """One connected host whose requests come as messages, each answered by exactly one.
+
+    There is no descriptor: :attr:`on_data` gets the bytes of the next message when the one before
+    was answered.
+
+    Args:
+        peer: who is at the other end, for people.
+        chips: the chips this host reaches, of those its entry has; empty for all.
+    """
+
+    def __init__(self, peer: str, chips: tuple[str, ...] = ()) -> None:
+        super().__init__(-1, peer)
+        self.chips: tuple[str, ...] = chips
+
+    def answer(self, data: bytes) -> None:
+        """Send what the message gave; the next one may come before this returns."""
+        raise NotImplementedError
+
+    def push(self, data: bytes) -> None:
+        """Send what nobody asked for just now: events."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, slots=True)
+class Served:
+    """What stands behind a transport, for those that tell of it.
+
+    Attributes:
+        board: the board.
+        chips: names of the chips its sessions may select.
+        statistics: makes what ``vbus ls --json`` shows.
+        settle: brings the board up to the present.
+        network: the board file's place on the network, if it has one.
+    """
+
+    board: "Board"
+    chips: tuple[str, ...]
+    statistics: Callable[[], dict[str, Any]]
+    settle: Callable[[], object]
+    network: Network | None = None
+
+
 class Transport:
     """Waits for hosts at one address.
 
@@ -58,6 +107,9 @@ class Transport:
         """The server is about to close this transport: what ends now is meant to."""
         self.report: Callable[[str], None] = _ignore
         """Takes a sentence when something worth knowing happens (unplugged, plugged in)."""
+
+    def serves(self, served: Served) -> None:
+        """Learn what it stands for; called once, before :meth:`open`."""
 
     def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
         """Start waiting; ``on_link`` gets each new link.
@@ -88,7 +140,7 @@ def split_url(url: str) -> tuple[str, str, dict[str, str]]:
     """
     from urllib.parse import parse_qsl
 
-    from vbus.transports.runtime import runtime_directory
+    from vbus.runtime import runtime_directory
 
     scheme, colon, rest = url.partition(":")
     if not colon or not scheme or "/" in scheme:

@@ -6,7 +6,7 @@ from time import monotonic
 from types import TracebackType
 from typing import Concatenate, Final, ParamSpec, Self, TypeVar
 
-from vbus.client.aio.ready import Lock, until_ready
+from vbus.client.aio.ready import Lock, opened, until_ready
 from vbus.client.links import Link, open_link
 from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
 from vbus.client.wire import Wire
@@ -292,7 +292,9 @@ class Bus(Cycles):
             try:
                 rest = self._send(rest)
                 while rest or not message.done:
-                    if not await until_ready(self.link.fd, bool(rest), deadline):
+                    if not await until_ready(
+                        self.link.fd, self.link.by_descriptor and bool(rest), deadline
+                    ):
                         raise self._late(message)
                     self._receive()
                     rest = self._send(rest)
@@ -365,8 +367,8 @@ async def connect(where: str, timeout: float = TIMEOUT) -> Bus:
 
     Args:
         where: ``"pty:PATH"``, ``"unix:PATH"``, ``"tcp:HOST:PORT"``,
-            ``"serial:PATH?baud=115200"``, or the path of a PTY. ``$NAME`` stands for an
-            environment variable.
+            ``"serial:PATH?baud=115200"``, ``"zenoh:BOARD/CHIP?connect=ENDPOINT"``, or the path of
+            a PTY. ``$NAME`` stands for an environment variable.
         timeout: seconds a reply may take.
 
     Raises:
@@ -374,7 +376,7 @@ async def connect(where: str, timeout: float = TIMEOUT) -> Bus:
         ProtocolError: whoever answers speaks no byte protocol, or another version.
         ValueError: ``where`` is no link.
     """
-    link = open_link(where)
+    link = await opened(open_link, where)
     bus = Bus(link, timeout)
     try:
         if not await until_ready_to_write(link, timeout):

@@ -1,7 +1,11 @@
 """Waiting for a descriptor, in an asyncio event loop."""
 
 import asyncio
+from collections.abc import Callable
 from time import monotonic
+from typing import TypeVar
+
+T = TypeVar("T")
 
 Lock = asyncio.Lock
 
@@ -27,3 +31,10 @@ async def until_ready(fd: int, write: bool, deadline: float) -> bool:
         if write:
             loop.remove_writer(fd)
     return True
+
+
+async def opened(open_link: Callable[[str], T], where: str) -> T:
+    """Open a link."""
+    if where.startswith("zenoh:"):  # which waits for the network
+        return await asyncio.to_thread(open_link, where)
+    return open_link(where)

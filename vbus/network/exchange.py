@@ -1,0 +1,118 @@
+"""The board's end of one host's messages: carried out in order, and each one once."""
+
+from collections.abc import Callable
+from typing import Final
+
+from vbus.network.envelope import GONE, WINDOW
+
+Answer = Callable[[bytes], None]
+"""Sends a reply."""
+Refuse = Callable[[str, str], None]
+"""Sends a refusal: a code and a sentence."""
+
+MOST_STORED: Final = 16 << 20
+"""Bytes of replies kept for a host that does not acknowledge them."""
+
+
+class _Message:
+    """A message that came, and the way back to whoever asked."""
+
+    __slots__ = ("answer", "data", "refuse")
+
+    def __init__(self, data: bytes, answer: Answer, refuse: Refuse) -> None:
+        self.data: bytes = data
+        self.answer: Answer = answer
+        self.refuse: Refuse = refuse
+
+
+class Exchange:
+    """Puts a host's messages in order, and remembers replies until they are acknowledged.
+
+    Args:
+        carry_out: takes the next message's bytes; :meth:`done` is called when its reply is there,
+            before it returns or later.
+
+    Attributes:
+        following: number of the next message to be carried out.
+    """
+
+    def __init__(self, carry_out: Callable[[bytes], None]) -> None:
+        self._carry_out: Callable[[bytes], None] = carry_out
+        self.following: int = 0
+        self._arrived: dict[int, _Message] = {}
+        self._current: _Message | None = None
+        self._stored: dict[int, bytes] = {}
+        self._stored_bytes: int = 0
+        self._running: bool = False
+        self._ended: str = ""
+
+    def take(
+        self, number: int, acknowledged: int, data: bytes, answer: Answer, refuse: Refuse
+    ) -> None:
+        """Take a message, whatever its turn."""
+        if self._ended:
+            refuse(GONE, self._ended)
+            return
+        self._forget(acknowledged)
+        message = _Message(data, answer, refuse)
+        if number in self._stored:
+            answer(self._stored[number])
+        elif number == self.following - 1 and self._current is not None:
+            # Being carried out: whoever repeats it waits for the reply in place of the first.
+            self._current = message
+        elif number < self.following:
+            refuse(GONE, f"message {number} has been carried out; its reply is kept no more")
+        elif number >= self.following + WINDOW:
+            refuse(GONE, f"message {number} came before message {self.following}: too far ahead")
+        else:
+            self._arrived[number] = message
+            self._run()
+
+    def _forget(self, acknowledged: int) -> None:
+        if self._stored and acknowledged:
+            for number in [number for number in self._stored if number < acknowledged]:
+                self._stored_bytes -= len(self._stored.pop(number))
+
+    def _run(self) -> None:
+        """Carry out what is next, as long as it is here."""
+        if self._running:
+            return
+        self._running = True
+        try:
+            while self._current is None and not self._ended:
+                message = self._arrived.pop(self.following, None)
+                if message is None:
+                    break
+                self._current = message
+                self.following += 1
+                self._carry_out(message.data)
+        finally:
+            self._running = False
+
+    def done(self, reply: bytes) -> None:
+        """The message being carried out has its reply."""
+        message = self._current
+        if message is None:
+            return
+        self._current = None
+        self._stored[self.following - 1] = reply
+        self._stored_bytes += len(reply)
+        while self._stored_bytes > MOST_STORED and len(self._stored) > 1:
+            first = next(iter(self._stored))
+            self._stored_bytes -= len(self._stored.pop(first))
+        message.answer(reply)
+        self._run()
+
+    def end(self, code: str, reason: str) -> None:
+        """Refuse whatever waits, and whatever comes."""
+        if self._ended:
+            return
+        self._ended = reason
+        waiting = [*self._arrived.values()]
+        if self._current is not None:
+            waiting.insert(0, self._current)
+        self._arrived.clear()
+        self._stored.clear()
+        self._current = None
+        for message in waiting:
+            message.refuse(code, reason)

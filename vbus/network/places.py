@@ -1,0 +1,70 @@
+"""Endpoints of this computer's boards and routers, so that hosts here need not be told."""
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from vbus.runtime import runtime_directory
+
+ROUTER: Final = "router"
+_held: dict[Path, int] = {}
+
+
+def board_place(board: str) -> Path:
+    """Return the file that tells where a board is."""
+    return _directory() / f"{board}.board"
+
+
+def router_place() -> Path:
+    """Return the file that tells where this computer's router is."""
+    return _directory() / ROUTER
+
+
+def _directory() -> Path:
+    directory = runtime_directory() / "zenoh"
+    directory.mkdir(mode=0o700, exist_ok=True)
+    return directory
+
+
+def register(place: Path, endpoints: Sequence[str]) -> Path:
+    """Write down where something is reached; whoever wrote it before is not there any more.
+
+    The file stays locked as long as this process lives, so that one left behind is known.
+    """
+    temporary = place.with_name(f".{place.name}.{os.getpid()}")
+    fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+    fcntl.flock(fd, fcntl.LOCK_SH)
+    os.write(fd, "\n".join(endpoints).encode())
+    temporary.replace(place)
+    _held[place] = fd
+    return place
+
+
+def unregister(place: Path) -> None:
+    """Remove what :func:`register` wrote."""
+    fd = _held.pop(place, -1)
+    if fd >= 0:
+        with contextlib.suppress(OSError):
+            if os.stat(place).st_ino == os.fstat(fd).st_ino:
+                place.unlink()
+        os.close(fd)
+
+
+def endpoints_at(place: Path) -> tuple[str, ...]:
+    """Return where something is reached; nowhere if it does not run (any more)."""
+    try:
+        fd = os.open(place, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return ()
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return tuple(os.read(fd, 65536).decode().split())
+    finally:
+        os.close(fd)
+    with contextlib.suppress(OSError):
+        place.unlink()
+    return ()

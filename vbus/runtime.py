@@ -1,0 +1,60 @@
+"""The runtime directory, where whatever runs leaves its names."""
+
+import os
+import stat
+import tempfile
+from pathlib import Path
+
+from vbus.errors import TransportError
+
+
+def runtime_directory() -> Path:
+    """Return the directory for links and status files, made if need be.
+
+    ``$VBUS_RUNTIME`` if set, else ``$XDG_RUNTIME_DIR/vbus``, else ``/run/vbus`` if it can be
+    written, else a private directory (0700) below the system's temporary one.
+
+    Raises:
+        TransportError: the directory cannot be made or written, or others may write in it.
+    """
+    given = os.environ.get("VBUS_RUNTIME")
+    if given:
+        return _made(Path(given))
+    xdg = os.environ.get("XDG_RUNTIME_DIR")
+    if xdg and os.access(xdg, os.W_OK):
+        return _made(Path(xdg) / "vbus")
+    if os.access("/run/vbus", os.W_OK) or os.access("/run", os.W_OK):
+        return _made(Path("/run/vbus"))
+    return _private(Path(tempfile.gettempdir()) / f"vbus-{os.getuid()}")
+
+
+def _made(path: Path) -> Path:
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise TransportError(f"runtime directory {path}: {error.strerror or error}") from error
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise TransportError(
+            f"runtime directory {path} belongs to {_owner(path)}; set VBUS_RUNTIME to one of your"
+            " own"
+        )
+    return path
+
+
+def _private(path: Path) -> Path:
+    """Make a directory where everybody may make directories: trust only one of our own."""
+    _made(path)
+    found = path.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        raise TransportError(
+            f"runtime directory {path} is open to others (owner {_owner(path)}, mode"
+            f" {stat.S_IMODE(found.st_mode):o}); remove it, or set VBUS_RUNTIME to one of your own"
+        )
+    return path
+
+
+def _owner(path: Path) -> str:
+    try:
+        return path.owner()
+    except KeyError:
+        return f"user {path.stat().st_uid}"

@@ -1,0 +1,95 @@
+"""One connected host that sends messages: each is carried out, then answered as a whole."""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from vbus.protocols.base import Protocol
+from vbus.protocols.port import HostPort
+from vbus.server.pacer import Pacer
+from vbus.server.session import Session
+from vbus.transports.base import MessageLink
+
+SLICE: Final = 4096
+"""Bytes of a message that are carried out before other sessions have their turn."""
+
+
+class MessageSession(Session):
+    """Serves one :class:`~vbus.transports.base.MessageLink`.
+
+    The protocol sees the bytes of the messages one after the other, as if they had come over a
+    wire; what a message gave is collected until it has been carried out to its last byte.
+    """
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        link: MessageLink,
+        port: HostPort,
+        protocol: Protocol,
+        pacer: Pacer,
+        on_end: Callable[[Session], None],
+    ) -> None:
+        self._messages: MessageLink = link
+        self._collected: bytearray = bytearray()
+        self._rest: deque[bytes] = deque()
+        self._answering: bool = False
+        super().__init__(loop, link, port, protocol, pacer, on_end)
+
+    def _read_on(self) -> None:
+        """Messages come when the link has them."""
+
+    def _read_off(self) -> None:
+        pass
+
+    def _take(self, data: bytes) -> None:
+        """Carry out the next message; an empty one is answered at once."""
+        self._answering = True
+        self.received += len(data)
+        if not data:
+            self._answer()
+        elif len(data) <= SLICE:
+            self._serve(data)
+        else:
+            self._rest.extend(data[start : start + SLICE] for start in range(0, len(data), SLICE))
+            self._serve(self._rest.popleft())
+
+    def _serve(self, data: bytes) -> None:
+        super()._serve(data)
+        if not self._open or self.port.held:
+            return
+        if self._rest:
+            self._loop.call_soon(self._go_on)
+        elif self._answering:
+            self._answer()
+
+    def _go_on(self) -> None:
+        """Carry out the next part of a long message."""
+        if self._open and self._rest and not self.port.held:
+            self._serve(self._rest.popleft())
+
+    def _answer(self) -> None:
+        reply = bytes(self._collected)
+        self._collected.clear()
+        self._answering = False
+        self.sent += len(reply)
+        self._messages.answer(reply)
+
+    def _send(self) -> None:
+        """Keep what the message gave so far."""
+        self._collected += self._protocol.out
+        self._protocol.out.clear()
+
+    def _send_events(self) -> None:
+        self._flush_scheduled = False
+        if self._open:
+            try:
+                self._protocol.report_events()
+            except Exception:
+                self._broken()
+                return
+            if self._protocol.out:
+                data = self._protocol.take()
+                self.sent += len(data)
+                self._messages.push(data)
