@@ -181,8 +181,8 @@ def terminal() -> Iterator[Finding]:
 def runtime() -> Iterator[Finding]:
     """Write to the runtime directory; look for what dead servers left in it."""
     from vbus.errors import TransportError
+    from vbus.runtime import runtime_directory
     from vbus.server.registry import boards_directory
-    from vbus.transports.runtime import runtime_directory
 
     try:
         directory = runtime_directory()
