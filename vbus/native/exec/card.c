@@ -418,8 +418,8 @@ void card_store(uintptr_t address, const unsigned char *data, unsigned size, uin
     }
     if (answers == 0)
         unanswered(address, size, 1, ip);
-    else if (watching && card.signal)
-        must(vbus_echo(&bus, 0)); /* what it has caused is known then */
+    else if (!card.virtual_time || (watching && card.signal))
+        must(vbus_echo(&bus, 0)); /* it has happened then: a delay loop may count from here */
     current_ip = 0;
 }
 
