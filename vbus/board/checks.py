@@ -1,6 +1,7 @@
 """What cannot be seen in one key alone: names that must exist, owners there may be one of."""
 
 from vbus.board import board, cards, plugins
+from vbus.board.network_checks import check_network
 from vbus.board.node_checks import NodeChecks
 from vbus.board.pin_map_checks import PinMapChecks
 from vbus.board.sections import NO_PLANT, BoardFile, CardSection, ChipSection
@@ -54,6 +55,7 @@ class _Checks:
             self._pin_maps.check(section)
         self._hosts()
         NodeChecks(self._file, self._known, self._source).run()
+        check_network(self._file, self._source)
         self._violations()
 
     def _exists(self, path: Path, kind: str, name: str) -> bool:

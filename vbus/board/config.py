@@ -19,7 +19,7 @@ from vbus.signals.axis import SWITCHES
 _Section = TypeVar("_Section", bound=sections.Section)
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _NAMED: Final = ("chips", "plants", "nets", "buses", "cards", "pinmaps", "nodes")
-_SECTIONS: Final = ("board", "violations", *_NAMED, "hosts", "record", "waves")
+_SECTIONS: Final = ("board", "violations", *_NAMED, "hosts", "record", "waves", "zenoh")
 
 
 def read_board_file(path: str | FilePath) -> tuple[sections.BoardFile, Source]:
@@ -91,6 +91,7 @@ class _Reader:
             record=self._record(),
             waves=tuple(self._plain("waves", sections.WaveSection)),
             nodes=tuple(self._plain("nodes", sections.NodeSection)),
+            zenoh=self._zenoh(),
         )
         known = {kind: list(self._table((kind,), self._data) or ()) for kind in _NAMED}
         checks.check(file, known, self._source)
@@ -215,6 +216,17 @@ class _Reader:
         table = self._table(("record",), self._data) or {}
         read = self._keys(sections.RecordSection, table, ("record",))
         return read or sections.RecordSection()
+
+    def _zenoh(self) -> sections.ZenohSection:
+        path = ("zenoh",)
+        table = self._table(path, self._data) or {}
+        extra: dict[str, object] = {}
+        if "allow" in table:
+            rights = self._table((*path, "allow"), table) or {}
+            lists = {name: self._names((*path, "allow", name), rights[name]) for name in rights}
+            extra["allow"] = {name: keys or () for name, keys in lists.items()}
+        read = self._keys(sections.ZenohSection, table, path, (), ("allow",), **extra)
+        return read or sections.ZenohSection()
 
     def _violations(self) -> Iterator[tuple[str, str]]:
         """Give rule or family and level; an unquoted dotted rule arrives as a table in a table."""

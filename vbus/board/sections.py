@@ -152,6 +152,10 @@ class NodeSection(Section, frozen=True, kw_only=True):
             low=100_000_000_000,
         ),
     ] = 3_000_000_000_000
+    listen: Annotated[
+        str,
+        _key("text", 'where the other nodes reach it, such as "tcp/127.0.0.1:7447"; one has this'),
+    ] = ""
 
 
 class BusSection(Section, frozen=True, kw_only=True):
@@ -242,6 +246,25 @@ class HostSection(Section, frozen=True, kw_only=True):
     ] = ""
 
 
+class ZenohSection(Section, frozen=True, kw_only=True):
+    """``[zenoh]``: where the board is on the network, and who may use it."""
+
+    listen: Annotated[
+        tuple[str, ...],
+        _key(NAMES, 'endpoints on which hosts and others connect, such as ["tcp/127.0.0.1:7447"]'),
+    ] = ()
+    connect: Annotated[tuple[str, ...], _key(NAMES, "endpoints of routers to connect to")] = ()
+    certificate: Annotated[str, _key("text", "PEM file of the board's own certificate")] = ""
+    key: Annotated[str, _key("text", "PEM file of its private key")] = ""
+    authority: Annotated[
+        str, _key("text", "PEM file of the authority whose certificates are accepted")
+    ] = ""
+    grace: Annotated[
+        int, _key("s", "how long the session of a host that has vanished is kept for it", low=0)
+    ] = 2_000_000_000_000
+    allow: dict[str, tuple[str, ...]] | None = None
+
+
 class RecordSection(Section, frozen=True, kw_only=True):
     """``[record]``: files that tell what happened, and numbers for who watches."""
 
@@ -302,3 +325,4 @@ class BoardFile(Section, frozen=True, kw_only=True):
     record: RecordSection = RecordSection()
     waves: tuple[WaveSection, ...] = ()
     nodes: tuple[NodeSection, ...] = ()
+    zenoh: ZenohSection = ZenohSection()

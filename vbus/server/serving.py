@@ -12,6 +12,8 @@ from vbus.board.config import read_board_file
 from vbus.board.sections import BoardFile, WaveSection
 from vbus.board.source import Source
 from vbus.errors import ConfigError
+from vbus.network.security import Security
+from vbus.network.session import Network
 from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server, run
 
@@ -20,6 +22,7 @@ log = logging.getLogger("vbus")
 
 def links_of(file: BoardFile) -> list[LinkSpec]:
     """Return the hosts of a board file as the server wants them."""
+    network = network_of(file)
     return [
         LinkSpec(
             host.transport,
@@ -28,9 +31,19 @@ def links_of(file: BoardFile) -> list[LinkSpec]:
             host.cycle,
             card_of(file, host),
             pin_map_of(file, host.pinmap),
+            network,
         )
         for host in file.hosts
     ]
+
+
+def network_of(file: BoardFile) -> Network:
+    """Return where a board file puts its board on the network."""
+    zenoh = file.zenoh
+    security = None
+    if zenoh.certificate:
+        security = Security(zenoh.certificate, zenoh.key, zenoh.authority, zenoh.allow)
+    return Network(zenoh.listen, zenoh.connect, security, zenoh.grace * 1e-12)
 
 
 def serve(

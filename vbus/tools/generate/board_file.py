@@ -26,6 +26,7 @@ _SECTIONS: Final[dict[str, type[Struct]]] = {
     "hosts": sections.HostSection,
     "record": sections.RecordSection,
     "waves": sections.WaveSection,
+    "zenoh": sections.ZenohSection,
 }
 
 

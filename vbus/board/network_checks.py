@@ -1,0 +1,93 @@
+"""``[zenoh]`` of a board file: endpoints, certificates and rights that fit each other."""
+
+import re
+from typing import Final
+
+from vbus.board.sections import BoardFile
+from vbus.board.settings import quoted
+from vbus.board.source import Source
+
+SCHEME: Final = "zenoh"
+_ENDPOINT: Final = re.compile(r"(tcp|tls)/(\[[0-9a-fA-F:.]+\]|[^/:#?]+):(\d{1,5})")
+_RIGHT: Final = re.compile(r"(\*\*|\*|[^/*$?#]+)(/(\*\*|\*|[^/*$?#]+))*")
+
+
+def check_network(file: BoardFile, source: Source) -> None:
+    """Check ``[zenoh]`` and the hosts on the network; mistakes go to ``source``."""
+    _check_endpoints(file, source)
+    _check_certificates(file, source)
+    _check_rights(file, source)
+    _check_hosts(file, source)
+
+
+def _check_endpoints(file: BoardFile, source: Source) -> None:
+    zenoh = file.zenoh
+    for key, endpoints in (("listen", zenoh.listen), ("connect", zenoh.connect)):
+        for place, endpoint in enumerate(endpoints):
+            match = _ENDPOINT.fullmatch(endpoint)
+            if match is None or not 0 < int(match[3]) < 65536:
+                source.fail(
+                    ("zenoh", key, place),
+                    f'found {quoted(endpoint)}; write "tcp/HOST:PORT" or "tls/HOST:PORT", such as'
+                    ' "tcp/127.0.0.1:7447"',
+                )
+            elif match[1] == "tls" and not zenoh.certificate:
+                source.fail(
+                    ("zenoh", key, place),
+                    f"{quoted(endpoint)} needs certificates: give certificate, key and authority",
+                )
+            elif match[1] == "tcp" and zenoh.certificate and key == "listen":
+                source.fail(
+                    ("zenoh", key, place),
+                    f"{quoted(endpoint)} lets hosts in that show no certificate; write"
+                    f' "tls/{endpoint[4:]}", or leave certificate, key and authority out',
+                )
+
+
+def _check_certificates(file: BoardFile, source: Source) -> None:
+    zenoh = file.zenoh
+    files = {"certificate": zenoh.certificate, "key": zenoh.key, "authority": zenoh.authority}
+    missing = [name for name, path in files.items() if not path]
+    if missing and len(missing) < len(files):
+        source.fail(
+            ("zenoh",),
+            f"certificate, key and authority belong together; missing: {', '.join(missing)}",
+        )
+    if zenoh.allow is not None and missing:
+        source.fail(
+            ("zenoh", "allow"),
+            "rights belong to names in certificates; give certificate, key and authority",
+        )
+
+
+def _check_rights(file: BoardFile, source: Source) -> None:
+    for name, keys in (file.zenoh.allow or {}).items():
+        for place, key in enumerate(keys):
+            if not _RIGHT.fullmatch(key):
+                source.fail(
+                    ("zenoh", "allow", name, place),
+                    f"found {quoted(key)}; write a key below vbus/, such as"
+                    f' "{file.board.name}/x/bus", "{file.board.name}/**" or "**"',
+                )
+
+
+def _check_hosts(file: BoardFile, source: Source) -> None:
+    earlier = -1
+    for place, host in enumerate(file.hosts):
+        scheme, _, rest = host.transport.partition(":")
+        if scheme != SCHEME:
+            continue
+        path = ("hosts", place, "transport")
+        if rest:
+            source.fail(
+                path,
+                f'found {quoted(host.transport)}; write "zenoh:" and nothing behind it: where on'
+                " the network the board is stands in [zenoh]",
+            )
+        elif earlier >= 0:
+            source.fail(
+                path,
+                f"hosts[{earlier}] is on the network already; one entry serves any number of"
+                " hosts, and chips = [...] says what they reach",
+            )
+        earlier = place
