@@ -157,6 +157,81 @@ int main(void)
     assert run(program, pins(wires=wires), code=9).bus == ["x r 0 84"]
 
 
+def test_a_strobe_that_floats_is_no_cycle(driver: Driver, run: Run) -> None:
+    """The select is driven while the strobes are still inputs, as after a reset."""
+    program = driver(
+        "avr",
+        """
+#include <avr/io.h>
+#include <util/delay.h>
+int main(void)
+{
+    PORTC = 0;
+    DDRC = 0x08;            /* /CS low; /RD, /WR and /PS float */
+    _delay_us(50);
+    PORTC = 0x1F;
+    DDRC = 0x1F;
+    return 0;
+}
+""",
+        "-DF_CPU=16000000UL",
+    )
+    assert run(program, pins()).bus == []
+
+
+def test_two_chips_are_written_by_one_strobe(driver: Driver, run: Run) -> None:
+    wires = CONTROL.replace('"/CS"', '"x./CS"').replace('"HI"', '"x.HI"') + 'PC5 = "y./CS"\n'
+    two = CHIP + CHIP.replace("chips.x", "chips.y") + '[buses.b]\nchips = ["x", "y"]\n'
+    program = driver(
+        "avr",
+        AVR
+        + """
+int main(void)
+{
+    init();
+    PORTC |= _BV(5);
+    DDRC |= _BV(5);
+    cbi(PORTC, 5);          /* y; out() selects x as well */
+    out(1, 0x1D);
+    sbi(PORTC, 5);
+    say_hex(in(1));
+    return 0;
+}
+""",
+        "-DF_CPU=16000000UL",
+    )
+    ran = run(program, pins(wires=wires + DATA, chip=two))
+    assert (ran.said, ran.bus) == ("85\n", ["x+y w 0 1D", "x r 0 85"])
+
+
+def test_data_that_changes_while_the_strobe_is_low_is_taken_as_it_is_at_the_end(
+    driver: Driver, run: Run
+) -> None:
+    program = driver(
+        "avr",
+        AVR
+        + """
+int main(void)
+{
+    init();
+    cbi(PORTC, 2);
+    cbi(PORTC, 3);
+    PORTB = 0x55;
+    DDRB = 0xFF;
+    cbi(PORTC, 1);
+    PORTB = 0xAA;
+    PORTB = 0x1D;
+    sbi(PORTC, 1);
+    PORTB = 0x00;
+    sbi(PORTC, 3);
+    return 0;
+}
+""",
+        "-DF_CPU=16000000UL",
+    )
+    assert run(program, pins()).bus == ["x w 0 1D"]
+
+
 SLEEPER = (
     AVR
     + """
