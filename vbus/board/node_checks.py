@@ -62,6 +62,13 @@ class NodeChecks:
             if node not in used:
                 self._source.fail(("nodes", node), f'no chip has node = "{node}"')
 
+        listening = [node.name for node in self._file.nodes if node.listen]
+        for name in listening[1:]:
+            self._source.fail(
+                ("nodes", name, "listen"),
+                f"node {listening[0]} listens already; one node does, and the others connect to it",
+            )
+
     def _nets(self) -> None:
         for net in self._file.nets:
             path: Path = ("nets", net.name)

@@ -13,7 +13,11 @@ from vbus.nodes.trace import merged_hash
 
 
 def conductor_of(
-    file: BoardFile, source: Source, node: str, scenario: Scenario | None = None
+    file: BoardFile,
+    source: Source,
+    node: str,
+    scenario: Scenario | None = None,
+    trace: bool = False,
 ) -> Conductor:
     """Return one node of a board, ready to keep time with the others.
 
@@ -21,13 +25,15 @@ def conductor_of(
         file: the board file.
         source: takes its mistakes.
         node: name of the node.
-        scenario: what hosts do; the node takes what concerns its own chips, and keeps a trace.
+        scenario: what hosts do; the node takes what concerns its own chips.
+        trace: whether it notes what happens; with a scenario it always does.
     """
     plan = plan_of(file)
     made = build_node(file, source, node)
+    if trace or scenario is not None:
+        made.start_trace()
     if scenario is None:
         return Conductor(made, plan.lookahead, plan.digest)
-    made.start_trace()
     orders = Orders(made.board, "scenario")
     made.add_orders(orders)
     for order in scenario.of({chip.name for chip in made.board.chips}):

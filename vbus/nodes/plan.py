@@ -29,6 +29,7 @@ class Plan:
         wires: the nets whose pins are on several nodes; a wire's rank is its place here.
         digest: equal for two processes that were given the same board.
         policy: who is master of time.
+        hub: rank of the node to which the others connect; -1 if none is named.
     """
 
     board: str
@@ -37,6 +38,7 @@ class Plan:
     wires: tuple[Wire, ...]
     digest: str
     policy: str
+    hub: int = -1
 
     @property
     def lookahead(self) -> int:
@@ -77,6 +79,7 @@ def plan_of(file: BoardFile) -> Plan:
         tuple(wires),
         _digest(file),
         file.board.time,
+        next((rank for rank, node in enumerate(file.nodes) if node.listen), -1),
     )
 
 
@@ -92,8 +95,11 @@ def _as_first_pin(file: BoardFile, pin: str) -> tuple[int, int]:
 def _digest(file: BoardFile) -> str:
     """Return a hash over all that decides what happens: not who is connected how."""
     board = msgspec.structs.replace(file.board, rate=1.0, stall="catch_up")
+    nodes = tuple(
+        msgspec.structs.replace(node, deadline=3_000_000_000_000, listen="") for node in file.nodes
+    )
     core = msgspec.structs.replace(
-        file, path="", board=board, hosts=(), cards=(), pinmaps=(), waves=(),
+        file, path="", board=board, nodes=nodes, hosts=(), cards=(), pinmaps=(), waves=(),
         record=type(file.record)(),
     )  # fmt: skip
     text = vbus.__version__.encode() + msgspec.json.encode(core)

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vbus.tools import exit_codes
+
 if TYPE_CHECKING:
     from vbus.server.server import Server
 
@@ -30,6 +32,20 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
 @click.option("--wave", metavar="FILE", help="Write a waveform of everything to FILE (VCD).")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
+@click.option("--node", "nodes", multiple=True, metavar="NAME", help="Only this node; repeatable.")
+@click.option("--scenario", metavar="FILE", help="Nodes: what hosts do at given instants.")
+@click.option("--trace", metavar="FILE", help="Nodes: write what happened, for vbus trace.")
+@click.option("--snapshot", metavar="FILE", help="Nodes: keep a snapshot of this node, to rejoin.")
+@click.option("--rejoin", metavar="FILE", help="Nodes: go on from this snapshot.")
+@click.option(
+    "--patience",
+    type=click.FloatRange(0, 86_400),
+    default=0,
+    metavar="SECONDS",
+    help="Nodes: how long a lost node may take to rejoin; else it is an error at once.",
+)
+@click.option("--listen", multiple=True, metavar="ENDPOINT", help="Nodes: let the others connect.")
+@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Nodes: meet the others there.")
 def command(
     board: str,
     rate: float | None,
@@ -38,16 +54,40 @@ def command(
     suppress: str | None,
     wave: str | None,
     as_json: bool,
-) -> None:
+    **of_nodes: Any,
+) -> int:
     """Run a board and serve its links until Ctrl-C.
 
-    BOARD is a board file. Prints what is attached where, once every link is open.
+    BOARD is a board file. Prints what is attached where, once every link is open. A board with
+    nodes runs in this process as a whole, or with --node in as many processes as you like.
     """
+    from vbus.board.config import read_board_file
     from vbus.server.serving import serve
+
+    file, source = read_board_file(board)
+    if file.nodes:
+        single = {"--journal": journal, "--report": report, "--wave": wave, "--rate": rate}
+        for option, value in single.items():
+            if value is not None:
+                raise click.UsageError(f"{option} is for boards without nodes")
+        from vbus.server.nodes import NodeWishes
+        from vbus.tools import run_nodes
+
+        given = {key: value or "" for key, value in of_nodes.items() if key != "patience"}
+        lists = {key: tuple(given.pop(key)) for key in ("nodes", "listen", "connect")}
+        wishes = NodeWishes(**given, **lists, patience=of_nodes["patience"])
+        return run_nodes.run(file, source, wishes, as_json)
+    for key, value in of_nodes.items():
+        if value:
+            option = "--node" if key == "nodes" else f"--{key}"
+            raise click.UsageError(f"{option} is for boards with nodes; {board} has none")
 
     def ready(server: "Server") -> None:
         status = server.statistics()
-        click.echo(json.dumps(status) if as_json else "\n".join(_lines(status)))
+        if as_json:
+            click.echo(json.dumps(status))
+        else:
+            click.echo("\n".join([*lines_of(status), "ready; Ctrl-C stops it"]))
 
     def say(sentence: str) -> None:
         click.echo(f"vbus: {sentence}", err=True)
@@ -55,9 +95,11 @@ def command(
     wishes = {"journal": journal, "report": report, "suppress": suppress, "wave": wave}
     record = {key: value for key, value in wishes.items() if value is not None}
     serve(board, rate, ready, say, record)
+    return exit_codes.OK
 
 
-def _lines(status: dict[str, Any]) -> list[str]:
+def lines_of(status: dict[str, Any]) -> list[str]:
+    """Return what people are told of a board that is ready."""
     from vbus.board.units import show
 
     time = status["policy"]
@@ -69,5 +111,4 @@ def _lines(status: dict[str, Any]) -> list[str]:
     for link in status["links"]:
         chips = ", ".join(link["chips"])
         lines.append(f"  link {link['url']}: {link['protocol']} protocol, to {chips}")
-    lines.append("ready; Ctrl-C stops it")
     return lines

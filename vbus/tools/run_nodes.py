@@ -1,0 +1,48 @@
+"""``vbus run`` for boards with nodes: all in this process, or some of them."""
+
+import json
+from typing import TYPE_CHECKING
+
+import click
+
+from vbus.tools import exit_codes
+
+if TYPE_CHECKING:
+    from vbus.board.sections import BoardFile
+    from vbus.board.source import Source
+    from vbus.server.nodes import NodeWishes
+    from vbus.server.server import Server
+
+
+def run(file: "BoardFile", source: "Source", wishes: "NodeWishes", as_json: bool) -> int:
+    """Run nodes of a board; return the exit code.
+
+    Raises:
+        VbusError: what stops it; see :func:`~vbus.server.nodes.serve_nodes`.
+    """
+    from vbus.nodes.machine import trace_hash
+    from vbus.server.nodes import serve_nodes
+    from vbus.tools.run import lines_of
+
+    def ready(servers: "list[Server]") -> None:
+        states = [server.statistics() for server in servers]
+        if as_json:
+            click.echo(json.dumps({"nodes": states}))
+        else:
+            for state in states:
+                click.echo("\n".join(lines_of(state)))
+            click.echo("ready; Ctrl-C stops it")
+
+    def say(sentence: str) -> None:
+        click.echo(f"vbus: {sentence}", err=True)
+
+    conductors = serve_nodes(file, source, wishes, ready, say)
+    if wishes.scenario and all(conductor.finished for conductor in conductors):
+        now = conductors[0].participant.granted - 1
+        end = f"the scenario is over at {now / 1e9:.6f} ms"
+        if len(conductors) == len(file.nodes):
+            nodes = [conductor.node for conductor in conductors]
+            click.echo(f"{end}; trace hash {trace_hash(nodes)}")
+        else:
+            click.echo(end)
+    return exit_codes.OK

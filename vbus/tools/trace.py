@@ -1,0 +1,17 @@
+"""``vbus trace``: the traces of nodes made one, and its hash."""
+
+import click
+
+
+@click.command("trace")
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+def command(files: tuple[str, ...]) -> None:
+    """Merge the traces of all nodes of a run and print the SHA-256 of what happened.
+
+    FILEs are what "vbus run --trace" has written, one for each process. The hash is the same
+    however many processes ran the nodes.
+    """
+    from vbus.server.nodes import read_traces
+
+    digest, lines = read_traces(files)
+    click.echo(f"{digest}  {lines} events")
