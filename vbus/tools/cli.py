@@ -9,12 +9,13 @@ import click
 
 import vbus
 from vbus.compiled import core
-from vbus.errors import ConfigError, PluginError, TransportError, VbusError
+from vbus.errors import CaptureError, ConfigError, PluginError, TransportError, VbusError
 from vbus.tools import exit_codes
 
 _COMMANDS: Final = {
     "cflags": "Print the compiler options of the C client.",
     "check": "Check board files; list the rules hosts are held to.",
+    "conform": "Compare a logic analyser's capture of a real chip with the model.",
     "demo": "Watch a chip move a motor under a host in another process.",
     "doctor": "Look for what is missing or broken on this machine.",
     "exec": "Run a program or AVR firmware on a board of its own.",
@@ -81,7 +82,9 @@ def exit_code_of(error: VbusError) -> int:
         return exit_codes.BAD_BOARD
     if isinstance(error, TransportError):
         return exit_codes.NO_LINK
-    return exit_codes.NO_PLUGIN if isinstance(error, PluginError) else exit_codes.FAILURE
+    if isinstance(error, PluginError):
+        return exit_codes.NO_PLUGIN
+    return exit_codes.BAD_CAPTURE if isinstance(error, CaptureError) else exit_codes.FAILURE
 
 
 def complain(message: str) -> None:

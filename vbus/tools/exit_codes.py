@@ -8,6 +8,7 @@ USAGE: Final = 2
 BAD_BOARD: Final = 3
 NO_LINK: Final = 4
 NO_PLUGIN: Final = 5
+BAD_CAPTURE: Final = 6
 INTERRUPTED: Final = 130
 
 MEANINGS: Final = {
@@ -17,5 +18,6 @@ MEANINGS: Final = {
     BAD_BOARD: "the board file is wrong",
     NO_LINK: "a PTY, socket or serial device cannot be opened",
     NO_PLUGIN: "a plug-in is missing or broken",
+    BAD_CAPTURE: "a capture cannot be read, or lacks what is needed",
     INTERRUPTED: "interrupted by Ctrl-C",
 }

@@ -1,5 +1,6 @@
 """Journals as lines for people: what ``explain`` and ``replay`` print of them."""
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -36,18 +37,31 @@ def opened(path: Path) -> Iterator[tuple[JournalReader, BinaryIO]]:
 
 
 @contextmanager
-def progress(path: Path, reader: JournalReader, what: str) -> Iterator[Callable[[], None]]:
+def progress(
+    path: Path, reader: JournalReader, what: str, quiet: bool = False
+) -> Iterator[Callable[[], None]]:
     """Show a bar on a terminal while a journal is read; gives what moves it."""
+    with bar(what, path.stat().st_size, lambda: reader.position, quiet) as move:
+        yield move
+
+
+@contextmanager
+def bar(
+    what: str, size: int, place: Callable[[], int], quiet: bool
+) -> Iterator[Callable[[], None]]:
+    """Show a bar on standard error, if that is a terminal and ``quiet`` is not set.
+
+    Gives what moves it to ``place()`` of ``size``.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda: None
+        return
     from rich.console import Console
     from rich.progress import Progress
 
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield lambda: None
-        return
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task(what, total=path.stat().st_size)
-        yield lambda: bar.update(task, completed=reader.position)
+    with Progress(console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task(what, total=size)
+        yield lambda: shown.update(task, completed=place())
 
 
 def moving(entries: Iterator[Entry], move: Callable[[], None]) -> Iterator[Entry]:

@@ -48,6 +48,14 @@ class BusWatch:
         """
         raise NotImplementedError
 
+    def reading(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether the chip, not the host, drives the data bus."""
+        raise NotImplementedError
+
+    def idle(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether no cycle is under way."""
+        raise NotImplementedError
+
 
 class Lm628Watch(BusWatch):
     """LM628/LM629: a cycle ends when its strobe or /CS rises (LM-BUS-1 to LM-BUS-3)."""
@@ -68,6 +76,14 @@ class Lm628Watch(BusWatch):
             cycles.append(Cycle(when, False, ps, data))
         return cycles
 
+    def reading(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether /CS and /RD are low."""
+        return not levels[0] and not levels[2]
+
+    def idle(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether /CS, or both strobes, are high."""
+        return bool(levels[0] or (levels[2] and levels[3]))
+
 
 class Mc1241aWatch(BusWatch):
     """MC1241A: a cycle ends when its strobe or ~HostSlct rises (PMD-BUS-2, PMD-BUS-3)."""
@@ -87,6 +103,14 @@ class Mc1241aWatch(BusWatch):
         if not read and not command and (after[2] or after[0]):
             cycles.append(Cycle(when, False, 0, data))
         return cycles
+
+    def reading(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether ~HostSlct and ~HostRead are low, and HostCmd too (PMD-BUS-4)."""
+        return not levels[0] and not levels[1] and not levels[2] and bool(levels[3])
+
+    def idle(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether ~HostSlct, or both strobes, are high."""
+        return bool(levels[0] or (levels[2] and levels[3]))
 
 
 class Mcp1200Watch(BusWatch):
@@ -124,6 +148,14 @@ class Mcp1200Watch(BusWatch):
             else:
                 cycles.append(Cycle(when, True, self._address, old))
         return cycles
+
+    def reading(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether /OE is low, and no write is under way (MCP-BUS-7)."""
+        return not levels[2] and bool(levels[1] or levels[3])
+
+    def idle(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether /ALE, /CS and /OE are high."""
+        return bool(levels[0] and levels[1] and levels[2])
 
 
 WATCHES: dict[str, type[BusWatch]] = {

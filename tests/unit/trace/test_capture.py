@@ -1,0 +1,328 @@
+"""Captures of all three formats, what their channels are called, and files that are none."""
+
+import io
+import zipfile
+from contextlib import suppress
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.unit.trace.captures import BOARDS, Shot, board_of, vcd
+from vbus.errors import CaptureError
+from vbus.trace.bus_watch import WATCHES
+from vbus.trace.capture import Capture, frequency, unit_of
+from vbus.trace.capture_csv import read_csv
+from vbus.trace.capture_sr import read_sr
+from vbus.trace.capture_vcd import read_vcd
+from vbus.trace.channel_map import Wiring, wiring_of
+
+HEAD = "$timescale 1 ns $end\n$scope module top $end\n{}$upscope $end\n$enddefinitions $end\n"
+
+
+def samples(capture: Capture) -> list[tuple[int, int]]:
+    return list(capture.samples)
+
+
+def from_vcd(variables: str, body: str) -> Capture:
+    return read_vcd(io.BytesIO((HEAD.format(variables) + body).encode()), "a.vcd")
+
+
+def from_csv(text: str, hertz: int = 0) -> Capture:
+    return read_csv(io.BytesIO(text.encode()), "a.csv", hertz)
+
+
+def session(
+    data: bytes, *, unit: int = 1, rate: str = "100 MHz", probes: int = 2, parts: int = 1,
+    version: str = "2",
+) -> bytes:  # fmt: skip
+    """Make a sigrok session file."""
+    file = io.BytesIO()
+    names = "".join(f"probe{n + 1}=c{n}\n" for n in range(probes))
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("version", version)
+        archive.writestr(
+            "metadata",
+            "[global]\nsigrok version=0.5.2\n\n[device 1]\ncapturefile=logic-1\n"
+            f"total probes={probes}\nsamplerate={rate}\n{names}unitsize={unit}\n",
+        )
+        size = -(-len(data) // parts)
+        for part in range(parts):
+            archive.writestr(f"logic-1-{part + 1}", data[part * size : (part + 1) * size])
+    return file.getvalue()
+
+
+def from_sr(data: bytes) -> Capture:
+    return read_sr(io.BytesIO(data), "a.sr")
+
+
+# -- VCD ----------------------------------------------------------------------------------------
+
+
+def test_a_vcd_file_gives_its_wires_and_levels() -> None:
+    capture = from_vcd(
+        "$var wire 1 ! clk $end\n$var wire 3 % D0-D2 $end\n$var real 64 r x $end\n",
+        "#0\n0!\nb101 %\nr1.5 r\n#10\n1!\n#12\nbz %\nx!\n#20\nb11 %\n",
+    )
+    assert capture.channels == ["clk", "D0", "D1", "D2"]
+    assert capture.period == 1000
+    assert samples(capture) == [(0, 0b1010), (10_000, 0b1011), (20_000, 0b0111)]
+
+
+def test_names_of_bits_of_one_vector_and_of_equal_wires_in_two_scopes() -> None:
+    capture = from_vcd(
+        "$var wire 1 ! D [3] $end\n$var wire 2 % Q [5:4] $end\n$scope module a $end\n"
+        "$var wire 1 & CS $end\n$upscope $end\n$scope module b $end\n$var wire 1 ' CS $end\n"
+        "$var wire 1 & other $end\n$upscope $end\n",
+        "#0\n0!\n",
+    )
+    assert capture.channels == ["D3", "Q4", "Q5", "top.a.CS", "top.b.CS"]
+
+
+def test_the_sample_rate_libsigrok_leaves_in_a_comment_is_the_period() -> None:
+    comment = "$comment\n  Acquisition with 2/2 channels at 24 MHz\n$end\n"
+    file = comment + HEAD.format("$var wire 1 ! a $end\n") + "#0\n1!\n"
+    assert read_vcd(io.BytesIO(file.encode()), "a.vcd").period == 41_667
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"", "a.vcd: there are no wires in it"),
+        (b"PK\x03\x04 something else", "this is no VCD file"),
+        (b"\x00\xff" * 200, "this is no VCD file"),
+        (HEAD.format("$var real 1 ! a $end\n").encode(), "there are no wires"),
+        (HEAD.format("$var wire 1 ! a $end\n").encode(), "there are no samples"),
+        (HEAD.format("$var wire 1 ! a $end\n").encode() + b"#5\n1!\n#3\n0!\n", "runs backwards"),
+        (
+            HEAD.format("$var wire 1 ! a $end\n").encode() + b"#5\n1!\nhello ! 3\n",
+            "damaged after 5000",
+        ),
+        (HEAD.format("$var wire 1 ! a $end\n").encode()[21:] + b"#5\n1!\n", "no $timescale"),
+    ],
+)
+def test_what_is_no_vcd_file_is_refused_by_name(text: bytes, message: str) -> None:
+    with pytest.raises(CaptureError) as caught:
+        samples(read_vcd(io.BytesIO(text), "a.vcd"))
+    assert str(caught.value).startswith("a.vcd: ")
+    assert message in str(caught.value)
+
+
+# -- sigrok sessions ----------------------------------------------------------------------------
+
+
+def test_a_session_gives_its_changes_at_their_instants() -> None:
+    capture = from_sr(session(b"\x01\x01\x03\x03\x00"))
+    assert capture.channels == ["c0", "c1"]
+    assert capture.period == 10_000
+    assert samples(capture) == [(0, 1), (20_000, 3), (40_000, 0)]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 511), st.integers(1, 9000)), min_size=1, max_size=12),
+    st.integers(1, 5),
+)
+def test_runs_of_any_length_in_any_number_of_parts(runs: list[tuple[int, int]], parts: int) -> None:
+    data = b"".join(value.to_bytes(2, "little") * length for value, length in runs)
+    expected = []
+    place = 0
+    last = -1
+    for value, length in runs:
+        if value != last:
+            expected.append((place * 10_000, value))
+        last = value
+        place += length
+    assert samples(from_sr(session(data, unit=2, probes=9, parts=parts))) == expected
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "no sigrok session file"),
+        (b"PK\x05\x06" + bytes(18), "no sigrok session file"),
+        (session(b"\x01", version="1"), "of version 1; version 2 can be read"),
+        (session(b"\x01", rate="fast"), "lack samplerate"),
+        (session(b"\x01", probes=0), "lack samplerate, unitsize or the probes"),
+        (session(b"\x01", probes=9), "9 probes do not fit into 1 bytes"),
+        (session(b""), "there are no samples"),
+    ],
+)
+def test_what_is_no_session_is_refused(data: bytes, message: str) -> None:
+    with pytest.raises(CaptureError) as caught:
+        samples(from_sr(data))
+    assert message in str(caught.value)
+
+
+def test_a_session_whose_samples_are_damaged_says_how_far_it_was_good() -> None:
+    data = bytearray(session(bytes(range(4)) * 1000))
+    place = data.find(b"logic-1-1") + 9
+    data[place + 3000] ^= 0xFF
+    with pytest.raises(CaptureError, match="damaged after "):
+        samples(from_sr(bytes(data)))
+
+
+# -- tables -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Time [s],a,b\n0.000000,1,0\n0.000001,1,1\n0.000002,0,0\n",
+        'Time(us);a;b\n"0";"1";"0"\n"1";"1";"1"\n2;0;0\n',
+        "Time [\u00b5s]\ta\tb\n0\t1\t0\n1\t1\t1\n2\t0\t0\n",
+        "\ufefftime [ns],a,b\r\n0,1,0\r\n\r\n1000,1,1\r\n2000,0,0\r\n",
+        "Time [s],a,b\n-0.000004,1,0\n-0.000003,1,1\n-0.000002,0,0\n",
+        "; Channels (2/2): a, b\n; Samplerate: 1 MHz\nlogic,logic\n1,0\n1,1\n0,0\n",
+        "; Channels (2/2): a, b\n; Samplerate: 1 MHz\n1,0\n1,1\n0,0\n",
+        "; Channels (2/2): a, b\n; Samplerate: 1 MHz\nmicroseconds,logic,logic\n"
+        "0,1,0\n1,1,1\n2,0,0\n",
+        "; Samplerate: 10 MHz\nTime,a,b\n0,1,0\n1000,1,1\n2000,0,0\n",
+        "Time,a,b\n0,1,0\n1e-6,1,1\n2e-6,0,0\n",
+    ],
+)  # fmt: skip
+def test_tables_as_they_are_exported(text: str) -> None:
+    capture = from_csv(text)
+    assert capture.channels == ["a", "b"]
+    assert samples(capture) == [(0, 1), (1_000_000, 3), (2_000_000, 0)]
+
+
+def test_a_table_without_time_needs_a_rate() -> None:
+    with pytest.raises(CaptureError, match="give it with --samplerate"):
+        from_csv("a,b\n1,0\n")
+    assert samples(from_csv("a,b\n1,0\n0,1\n", 2_000_000)) == [(0, 1), (500_000, 2)]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "there are no samples in it"),
+        ("; nothing but a comment\n", "there are no samples in it"),
+        ("Time [s],a\n", "there are no samples in it"),
+        ("Time [s],a\n0,1\n1,2\n", 'line 3: "2" is neither 0 nor 1'),
+        ("Time [s],a\n0,3.31\n", 'line 2: "3.31" is neither 0 nor 1; export logic levels'),
+        ("Time [s],a\n0,1,1\n", "line 2: 2 values for 1 channels"),
+        ("Time [s],a\nsoon,1\n", 'line 2: "soon" is no time'),
+        ("Time [s],a\ninf,1\n", 'line 2: "inf" is no time'),
+        ("Time [s],a\n1,1\n0,0\n", "time runs backwards"),
+        ("1,0\n1,0\n", "line 1: the names of the channels are missing"),
+        ("; Channels (1/1): a\n; Samplerate: 1 MHz\nlogic,logic\n", "2 columns, 1 channels"),
+    ],
+)
+def test_what_is_no_table_is_refused_with_its_line(text: str, message: str) -> None:
+    with pytest.raises(CaptureError) as caught:
+        samples(from_csv(text))
+    assert str(caught.value).startswith("a.csv: ")
+    assert message in str(caught.value)
+
+
+def test_bytes_that_are_no_text_are_refused() -> None:
+    with pytest.raises(CaptureError, match=r"a\.csv: line 1: this is no text"):
+        read_csv(io.BytesIO(b"\xff\xfe\x00"), "a.csv")
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.binary(max_size=300), st.sampled_from([read_vcd, read_csv, read_sr]))
+def test_no_rubbish_gives_anything_but_an_error_or_samples(data: bytes, read: object) -> None:
+    with suppress(CaptureError):
+        samples(read(io.BytesIO(data), "a"))  # type: ignore[operator]
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 3000), st.binary(min_size=1, max_size=4))
+def test_a_damaged_vcd_file_gives_an_error_or_samples(place: int, junk: bytes) -> None:
+    text = _whole().encode()
+    with suppress(CaptureError):
+        samples(read_vcd(io.BytesIO(text[:place] + junk + text[place + len(junk) :]), "a"))
+
+
+_TEXT: list[str] = []
+
+
+def _whole() -> str:
+    if not _TEXT:
+        _TEXT.append(vcd("mcp1200"))
+    return _TEXT[0]
+
+
+@pytest.mark.parametrize("family", sorted(BOARDS))
+def test_a_table_of_a_capture_is_the_capture(family: str) -> None:
+    shot = Shot(family)
+    assert samples(from_csv(shot.table())) == shot.samples
+
+
+def test_frequencies_and_the_units_of_sigrok() -> None:
+    assert frequency("24 MHz") == 24_000_000
+    assert frequency("12500000") == 12_500_000
+    assert frequency("1.5 kHz") == 1500
+    assert frequency("fast") == 0
+    assert [unit_of(rate) for rate in (1000, 1001, 10**6, 10**9, 10**10)] == [
+        10**9, 10**6, 10**6, 1000, 1,
+    ]  # fmt: skip
+
+
+# -- which channel is which pin -----------------------------------------------------------------
+
+DATA = [f"D{n}" for n in range(8)]
+
+
+def wired(channels: list[str], family: str = "lm628", **wanted: str) -> Wiring:
+    rows = board_of(family).chips[0].pin_rows
+    return wiring_of(channels, "x", rows, WATCHES[family](), wanted)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["/CS", "/PS", "/RD", "/WR", *DATA],
+        ["cs", "ps", "rd", "wr", *(name.lower() for name in DATA)],
+        ["x_CS", "x_PS", "x_RD", "x_WR", *(f"x_{name}" for name in DATA)],
+        ["vbus.x_CS", "vbus.x_PS", "vbus.x_RD", "vbus.x_WR", *(f"vbus.x_{name}" for name in DATA)],
+        ["x./CS", "x./PS", "x./RD", "x./WR", *(f"x.{name}" for name in DATA)],
+    ],
+)
+def test_channels_are_found_by_the_names_of_the_pins(names: list[str]) -> None:
+    wiring = wired(["HI", *names])
+    assert wiring.data == [5, 6, 7, 8, 9, 10, 11, 12]
+    assert wiring.bits == {"HI": 0, "/CS": 1, "/PS": 2, "/RD": 3, "/WR": 4}
+
+
+def test_of_several_chips_on_a_bus_the_one_asked_for_counts() -> None:
+    wiring = wired(["y_CS", "x_CS", "PS", "RD", "WR", *DATA])
+    assert wiring.bits["/CS"] == 1
+
+
+def test_a_map_goes_before_names() -> None:
+    names = [f"CH{n}" for n in range(11)]
+    wanted = {f"D{n}": f"CH{n}" for n in range(8)}
+    wiring = wired(names, **wanted, **{"/PS": "CH8", "rd": "CH9", "WR": "CH10", "/CS": "low"})
+    assert wiring.data == list(range(8))
+    assert wiring.tied == {"/CS": 0}
+    assert (wiring.level("/CS", 0xFFFF), wiring.level("/WR", 1 << 10)) == (0, 1)
+    assert wiring.byte(0x7A5) == 0xA5
+
+
+def test_the_other_chips_have_their_own_names() -> None:
+    mcp = wired(["ALE", "CS", "OE", "RW", *(f"DB{n}" for n in range(8))], "mcp1200")
+    assert mcp.bits == {"/ALE": 0, "/CS": 1, "/OE": 2, "R/W": 3}
+    plain = wired(["ALE", "CS", "OE", "R/W", *DATA], "mcp1200")
+    assert plain.data == mcp.data
+    pmd = wired(["HostSlct", "~HostWrite", "hostread", "HostCmd", *DATA], "mc1241a")
+    assert len(pmd.bits) == 4
+
+
+@pytest.mark.parametrize(
+    ("channels", "wanted", "message"),
+    [
+        (["CS", *DATA], {}, "no channel for /PS, /RD, /WR; it has CS, D0"),
+        (["CS", "a_CS", "b_PS", "c_PS", "RD", "WR", *DATA], {}, "several channels may be /PS"),
+        (["CS", "PS", "RD", "WR", *DATA], {"CE": "CS"}, 'no pin "CE"; it has D0'),
+        (["CS", "PS", "RD", "WR", *DATA], {"CS": "CH9"}, 'no channel "CH9"; there are CS'),
+    ],
+)
+def test_a_bus_that_cannot_be_found_is_said_to_be_so(
+    channels: list[str], wanted: dict[str, str], message: str
+) -> None:
+    with pytest.raises(CaptureError) as caught:
+        wired(channels, **wanted)
+    assert message in str(caught.value)

@@ -1,0 +1,280 @@
+"""Silicon beside the model: captures of the model itself conform, spoiled ones do not."""
+
+from functools import cache
+from itertools import pairwise
+
+import pytest
+
+from tests.unit.trace.captures import BOARDS, Shot, vcd
+from vbus.board.host_bus import HostBus
+from vbus.errors import CaptureError
+from vbus.kernel import MS, NS, US
+from vbus.trace.conform import Mismatch, Verdict
+
+FAMILIES = pytest.mark.parametrize("family", sorted(BOARDS))
+
+
+@cache
+def text(family: str) -> str:
+    return vcd(family)
+
+
+def shot(family: str) -> Shot:
+    return Shot(family, text(family))
+
+
+def difference(verdict: Verdict) -> Mismatch:
+    assert verdict.mismatch is not None
+    return verdict.mismatch
+
+
+# -- what conforms ------------------------------------------------------------------------------
+
+
+@FAMILIES
+@pytest.mark.parametrize("wish", ["auto", "start"])
+def test_a_capture_of_the_model_conforms_to_the_model(family: str, wish: str) -> None:
+    verdict = shot(family).compare(wish=wish)
+    assert verdict.mismatch is None
+    assert verdict.cycles > 10
+    assert 0 < verdict.reads < verdict.cycles
+    assert verdict.outputs
+    assert verdict.ignored == 0
+
+
+@FAMILIES
+@pytest.mark.parametrize("period", [5 * NS, 41_667])
+def test_it_does_so_as_an_analyser_samples_it(family: str, period: int) -> None:
+    if family == "mcp1200" and period > 5 * NS:
+        pytest.skip("its strobes are shorter than that")
+    whole = shot(family)
+    expected = whole.compare()
+    sampled: dict[int, int] = {}
+    for when, levels in whole.samples:
+        sampled[-(-when // period) * period] = levels
+    whole.samples = sorted(sampled.items())
+    verdict = whole.compare(slack=period + 200_000)
+    assert verdict.mismatch is None
+    assert (verdict.cycles, verdict.reads) == (expected.cycles, expected.reads)
+
+
+def test_reads_and_writes_are_counted() -> None:
+    verdict = shot("mcp1200").compare(wish="start")
+    assert (verdict.cycles, verdict.reads) == (12, 7)
+
+
+# -- what does not ------------------------------------------------------------------------------
+
+
+def test_a_wrong_data_bit_is_found_in_its_read_with_both_packets() -> None:
+    capture = shot("lm628")
+    data = [pulse for pulse in capture.pulses("/RD") if _level(capture, "/PS", pulse[0])]
+    begin, end = data[3]
+    capture.change(begin, end, flip=1 << capture.wiring.data[0])
+    found = difference(capture.compare())
+    assert found.when == end
+    assert found.where == "read at address 1H"
+    assert found.clause == "LM-CMD-9"
+    assert found.silicon == "00H in RDDP +0 cnt"
+    assert found.model == "01H in RDDP +1 cnt"
+    assert len(found.before) == 20
+    assert " x r 1 00  <- the model gives 01\n    RDDP +0 cnt" in found.after[0]
+    assert len(found.after) == 21
+
+
+def _level(capture: Shot, pin: str, when: int) -> int:
+    levels = next(levels for at, levels in capture.samples if at == when)
+    return capture.wiring.level(pin, levels)
+
+
+def test_the_cycles_before_the_difference_are_those_that_match() -> None:
+    whole = shot("mcp1200").compare(wish="start")
+    capture = shot("mcp1200")
+    begin, end = capture.pulses("/OE")[-1]
+    capture.change(begin, end, flip=1 << capture.wiring.data[7])
+    verdict = capture.compare(wish="start")
+    assert difference(verdict).silicon.startswith("FFH in read COMMAND_POSITION")
+    assert (verdict.cycles, verdict.reads) == (whole.cycles - 1, whole.reads - 1)
+
+
+def test_the_first_of_several_differences_is_told() -> None:
+    capture = shot("lm628")
+    reads = capture.pulses("/RD")
+    data = [pulse for pulse in reads if _level(capture, "/PS", pulse[0])]
+    status = next(pulse for pulse in reads if pulse[0] > data[4][1])
+    for begin, end in (data[4], status):
+        capture.change(begin, end, flip=1 << capture.wiring.data[7])
+    assert difference(capture.compare()).when == data[4][1]
+
+
+@FAMILIES
+def test_a_write_that_never_reached_the_silicon_is_found_by_the_next_answers(family: str) -> None:
+    capture = shot(family)
+    pin = {"lm628": "/WR", "mc1241a": "~HostWrite", "mcp1200": "/CS"}[family]
+    pulses = capture.pulses(pin)
+    # LFIL's first data byte; a byte of the velocity; the command position's low byte
+    place = {"lm628": 9, "mc1241a": 4, "mcp1200": 4}[family]
+    begin, end = pulses[place]
+    capture.change(begin, end, ones=1 << capture.bit(pin))
+    found = difference(capture.compare(wish="start"))
+    assert found.when > end
+
+
+def test_a_status_that_stays_busy_too_long_is_found_at_that_poll() -> None:
+    capture = shot("lm628")
+    polls = [pulse for pulse in capture.pulses("/RD") if not _level(capture, "/PS", pulse[0])]
+    seen = [{_byte(capture, when) for when in poll} for poll in polls]
+    # Ready from its beginning to its end, and the one before it was not.
+    busy, ready = {0x85}, {0x84}
+    first = polls[next(n for n in range(1, len(polls)) if (seen[n - 1], seen[n]) == (busy, ready))]
+    capture.change(*first, flip=1 << capture.wiring.data[0])
+    found = difference(capture.compare())
+    assert found.when == first[1]
+    assert found.silicon.endswith("BUSY")
+    assert not found.model.endswith("BUSY")
+    assert found.clause == "LM-CMD-23"
+    # One microsecond before the model was busy too.
+    assert capture.compare(slack=2 * US).mismatch is None
+    assert capture.compare(masks={0: 0x01}).mismatch is None
+    assert capture.compare(masks={0: 0x01}).ignored > 0
+    assert capture.compare(masks={0: 0x02}).mismatch is not None
+    assert capture.compare(names=["RDSTAT"]).ignored == 1
+
+
+def _byte(capture: Shot, when: int) -> int:
+    return capture.wiring.byte(next(levels for at, levels in capture.samples if at == when))
+
+
+def test_a_packet_that_is_ignored_may_differ() -> None:
+    capture = shot("lm628")
+    data = [pulse for pulse in capture.pulses("/RD") if _level(capture, "/PS", pulse[0])]
+    for begin, end in data:
+        capture.change(begin, end, flip=1 << capture.wiring.data[2])
+    assert capture.compare(names=["LTRJ"]).mismatch is not None
+    verdict = capture.compare(names=["RDDP"])
+    assert verdict.mismatch is None
+    assert verdict.ignored == len(data)
+
+
+@pytest.mark.parametrize(("family", "pin"), [("lm628", "HI"), ("mc1241a", "HostRdy")])
+def test_an_output_that_moves_late_is_found_at_its_edge(family: str, pin: str) -> None:
+    capture = shot(family)
+    bit = 1 << capture.bit(pin)
+    rose = next(
+        when for (_, before), (when, levels) in pairwise(capture.samples)
+        if levels & bit and not before & bit
+    )  # fmt: skip
+    held = [(when, levels) for when, levels in capture.samples if rose <= when < rose + 5 * US]
+    capture.change(rose, held[-1][0], zeros=bit)
+    capture.samples = sorted({**dict(capture.samples), rose + 5 * US: held[-1][1] | bit}.items())
+    found = difference(capture.compare())
+    assert (found.when, found.where) == (rose, pin)
+    assert found.silicon.startswith("rises at ")
+    assert found.model == f"rises at {rose / US:.6f}".rstrip("0").rstrip(".") + "us"
+    assert capture.compare(slack=5 * US).mismatch is None
+    assert capture.compare(names=[pin]).mismatch is None
+
+
+def test_an_output_that_never_moves_is_found() -> None:
+    capture = shot("lm628")
+    bit = 1 << capture.bit("HI")
+    capture.change(0, capture.samples[-1][0], zeros=bit)
+    found = difference(capture.compare())
+    assert (found.where, found.silicon) == ("HI", "stays as it is")
+    assert found.model.startswith("rises at ")
+
+
+def test_an_output_at_the_wrong_level_from_the_beginning_is_found() -> None:
+    capture = shot("lm628")
+    # After its reset an LM629 has something to tell (LM-RST-7).
+    capture.change(0, capture.samples[-1][0], zeros=1 << capture.bit("HI"))
+    found = difference(capture.compare(wish="start"))
+    assert (found.where, found.silicon, found.when) == ("HI", "falls at 0us", 0)
+
+
+def test_another_model_is_another_chip() -> None:
+    capture = shot("lm628")
+    slow = capture.compare(more='reset_time = "1.2 ms"\n')
+    assert difference(slow).where == "HI"
+
+
+# -- where it begins ----------------------------------------------------------------------------
+
+
+def late(port: HostBus) -> None:
+    """Leave the chip in some state, reset it by its pin, and ask it."""
+    for _ in range(3):
+        while port.read(0) & 1:
+            pass
+        port.write(0, 0x02)
+    port.delay(MS)
+    pin = port.pin_number("/RST")
+    port.pin(pin, 0)
+    port.delay(10 * US)
+    port.pin(pin, 1)
+    port.delay(3 * MS)
+    port.read(0)
+    port.write(0, 0x0C)
+    port.delay(MS)
+    port.read(1)
+    port.read(1)
+
+
+def test_the_first_hardware_reset_is_where_both_are_the_same() -> None:
+    capture = Shot("lm628", vcd("lm628", late))
+    reset, _ = capture.pulses("/RST")[0]
+    # Before it the silicon was somewhere else.
+    for begin, end in capture.pulses("/RD"):
+        if end < reset:
+            capture.change(begin, end, flip=1 << capture.wiring.data[6])
+    verdict = capture.compare()
+    assert verdict.mismatch is None
+    assert (verdict.cycles, verdict.reads) == (4, 3)
+    assert capture.compare(wish="start").mismatch is not None
+    assert capture.compare(wish=reset - US).mismatch is None
+
+
+def test_a_capture_that_begins_inside_a_cycle_begins_with_the_next() -> None:
+    capture = shot("lm628")
+    write = capture.pulses("/WR")[0]
+    middle = next(n for n, (when, _) in enumerate(capture.samples) if when == write[0])
+    capture.samples = capture.samples[middle:]
+    verdict = capture.compare(wish="start", names=["HI"])
+    assert verdict.begin >= write[1]
+    assert verdict.mismatch is None
+    assert verdict.cycles == shot("lm628").compare().cycles - 1
+
+
+def test_a_capture_without_a_reset_says_so_when_one_is_asked_for() -> None:
+    with pytest.raises(CaptureError, match="there is no reset in the capture"):
+        shot("mc1241a").compare(wish="reset")
+
+
+def test_a_start_behind_the_end_is_refused() -> None:
+    with pytest.raises(CaptureError, match="never idle from there on"):
+        shot("mc1241a").compare(wish=10**15)
+
+
+# -- the host -----------------------------------------------------------------------------------
+
+
+def test_what_the_host_breaks_is_told_and_ac_limits_only_if_asked_for() -> None:
+    def careless(port: HostBus) -> None:
+        names = {name: 1 << n for n, name in enumerate(port.info().lines)}
+        port.delay(US)
+        port.lines(names["x./CS"] | names["x./PS"], 0)
+        port.drive(0x02)
+        for width in (200 * NS, 30 * NS):
+            port.lines(names["x./WR"], 0)
+            port.delay(width)
+            port.lines(names["x./WR"], names["x./WR"])
+            port.delay(US)
+
+    capture = Shot("lm628", vcd("lm628", careless))
+    rules = [v.rule for v in capture.compare().violations]
+    assert rules == ["lm628.busy-write"]
+    verdict = capture.compare(judged=True)
+    assert {"lm628.T14", "lm628.busy-write"} <= {v.rule for v in verdict.violations}
+    assert verdict.broken == len(verdict.violations)
+    (narrow,) = [v for v in verdict.violations if v.rule == "lm628.T14"]
+    assert narrow.measured == 30 * NS

@@ -1,0 +1,321 @@
+"""``vbus conform``: a logic analyser's capture of real silicon beside the model."""
+
+import json
+import tomllib
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+import click
+
+from vbus.errors import VbusError
+from vbus.tools import exit_codes
+
+_QUANTITY: Final = "PIN=CHANNEL"
+_BLOCK: Final = 0xFFF
+
+
+def _duration(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
+    from vbus.protocols.quantities import parse_duration
+
+    if value is None:
+        return None
+    try:
+        return parse_duration(value)
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from None
+
+
+def _start(ctx: click.Context, param: click.Parameter, value: str) -> str | int:
+    if value in ("auto", "reset", "start"):
+        return value
+    instant = _duration(ctx, param, value)
+    assert instant is not None
+    return instant
+
+
+@click.command("conform")
+@click.argument("chip")
+@click.argument("capture", type=click.Path(path_type=Path))
+@click.option("--clock", metavar="FREQUENCY", help='The chip\'s clock, such as "8 MHz".')
+@click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="A chip's setting.")
+@click.option("--plant", "plants", multiple=True, metavar="MODEL[,KEY=VALUE]...",
+              help="Mechanics of an axis; may be given for each. Default: none.")  # fmt: skip
+@click.option("--board", metavar="FILE", help="A board file instead; CHIP is a chip on it.")
+@click.option("--map", "maps", multiple=True, metavar=f"{_QUANTITY}[,...]|FILE",
+              help="Which channel is which pin; also PIN=low, PIN=high.")  # fmt: skip
+@click.option("--from", "start", default="auto", show_default=True, callback=_start,
+              metavar="auto|reset|start|INSTANT",
+              help="Where both are in the same state.")  # fmt: skip
+@click.option("--slack", callback=_duration, metavar="DURATION",
+              help="How far apart both may be. Default: a sample and a clock period.")  # fmt: skip
+@click.option("--ignore", multiple=True, metavar="NAME|ADDRESS:MASK",
+              help="Do not compare this packet, register or output; or these bits.")  # fmt: skip
+@click.option("--samplerate", metavar="FREQUENCY", help="Of a table without a column of time.")
+@click.option("--violations", is_flag=True, help="Judge AC limits too; list what the host broke.")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
+@click.option("--no-progress", is_flag=True, help="Show no progress bar.")
+def command(
+    chip: str, capture: Path, clock: str | None, options: tuple[str, ...],
+    plants: tuple[str, ...], board: str | None, maps: tuple[str, ...], start: str | int,
+    slack: int | None, ignore: tuple[str, ...], samplerate: str | None, violations: bool,
+    as_json: bool, no_progress: bool,
+) -> int:  # fmt: skip
+    """Compare silicon with the model.
+
+    CAPTURE is what a logic analyser saw on the host bus of a real chip: a VCD file, a sigrok
+    session (.sr) or a table (.csv). What the host did is driven into a model of CHIP (a part
+    number), edge by edge, and what the chip answered is compared. Ends with 0 if all agrees, 1 at
+    the first difference, 6 if the capture cannot be used.
+    """
+    from vbus.trace.bus_watch import WATCHES
+    from vbus.trace.channel_map import wiring_of
+    from vbus.trace.conform import Conform, Tolerance
+    from vbus.trace.conform_start import find_start
+
+    made = _board(chip, clock, options, plants) if board is None else _board_of(board)
+    part = _chip_of(made, chip)
+    if part.FAMILY not in WATCHES:
+        raise VbusError(f"{part.part}: its bus is not known here, so no capture can be followed")
+    names, masks = _ignored(ignore)
+    hertz = _hertz(samplerate)
+    wanted = _map(maps)
+    with _opened(capture, hertz) as (read, _, _):
+        watch = WATCHES[part.FAMILY]()
+        wiring = wiring_of(read.channels, part.name, part.pin_rows, watch, wanted)
+        found = find_start(read.samples, wiring, part.FAMILY, start)
+    period = read.period
+    slack = period + -(-(10**12) // part.clock.hz) if slack is None else slack
+    with (
+        _opened(capture, hertz) as (read, file, size),
+        _progress(no_progress or as_json, file, size) as move,
+    ):
+        run = Conform(made, part, wiring, Tolerance(slack, names, masks), violations, move)
+        verdict = run.run(read.samples, found)
+    if as_json:
+        click.echo(json.dumps(_told(verdict, found.why, slack, violations), indent=2))
+    else:
+        for line in _lines(capture, verdict, found, slack, violations):
+            click.echo(line)
+    return exit_codes.OK if verdict.mismatch is None else exit_codes.FAILURE
+
+
+# -- what is compared ---------------------------------------------------------------------------
+
+
+def _value(text: str) -> str:
+    """Return a setting as TOML: numbers and truth values as they are, all else as text."""
+    try:
+        tomllib.loads(f"x = {text}")
+    except tomllib.TOMLDecodeError:
+        return json.dumps(text)
+    return text
+
+
+def _settings(pairs: list[str], option: str) -> str:
+    lines = ""
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not equals or not key.strip().isidentifier():
+            raise click.UsageError(f'{option}: found "{pair}"; write KEY=VALUE')
+        lines += f"{key.strip()} = {_value(value.strip())}\n"
+    return lines
+
+
+def _board(part: str, clock: str | None, options: tuple[str, ...], plants: tuple[str, ...]) -> Any:
+    """Return a board of one chip."""
+    from vbus.board import plugins
+    from vbus.board.build import load_board_text
+
+    if clock is None:
+        raise click.UsageError('say at which clock the chip runs: --clock "8 MHz"')
+    part = part.upper()
+    axes = plugins.chip_class(part).AXES
+    models = ""
+    names = []
+    for number, plant in enumerate(plants):
+        model, *settings = plant.split(",")
+        names.append(f"p{number}")
+        models += f"[plants.p{number}]\nmodel = {json.dumps(model)}\n"
+        models += _settings(settings, "--plant")
+    names = names or ["none"]
+    key = f"plants = {json.dumps(names)}" if axes > 1 else f"plant = {json.dumps(names[0])}"
+    if axes == 1 and len(names) > 1:
+        raise click.UsageError(f"{part} has one axis; --plant is given {len(names)} times")
+    return load_board_text(
+        '[board]\nname = "conform"\ntime = "slaved"\npower_on = "done"\n'
+        f"[chips.x]\npart = {json.dumps(part)}\nclock = {json.dumps(clock)}\n{key}\n"
+        f"{_settings(list(options), '--option')}{models}",
+        "the options",
+    )
+
+
+def _board_of(path: str) -> Any:
+    from vbus.board.build import load_board
+
+    return load_board(path)
+
+
+def _chip_of(board: Any, name: str) -> Any:
+    found = [
+        chip for chip in board.chips
+        if name in (chip.name, chip.part, chip.part.lower(), chip.FAMILY)
+    ]  # fmt: skip
+    if len(board.chips) == 1 and len(found) == 0 and board.name == "conform":
+        return board.chips[0]
+    if len(found) != 1:
+        known = ", ".join(f"{chip.name} ({chip.part})" for chip in board.chips)
+        raise VbusError(f'"{name}" is not one chip of the board; it has {known}')
+    return found[0]
+
+
+def _map(maps: tuple[str, ...]) -> dict[str, str]:
+    """Return channels by pin."""
+    wanted: dict[str, str] = {}
+    for item in maps:
+        if "=" not in item:
+            wanted |= _map_file(item)
+            continue
+        for pair in item.split(","):
+            pin, equals, channel = pair.partition("=")
+            if not equals or not channel.strip():
+                raise click.UsageError(f'--map: found "{pair}"; write {_QUANTITY}, or a file')
+            wanted[pin.strip()] = channel.strip()
+    return wanted
+
+
+def _map_file(path: str) -> dict[str, str]:
+    try:
+        table = tomllib.loads(Path(path).read_text())
+    except OSError as error:
+        raise VbusError(f"{path}: cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise VbusError(f"{path}: {error}") from None
+    table = table.get("channels", table)
+    for pin, channel in table.items() if isinstance(table, dict) else ():
+        if not isinstance(channel, str):
+            raise VbusError(f"{path}: {pin}: found {channel}; write the channel's name as text")
+    return dict(table)
+
+
+def _ignored(items: tuple[str, ...]) -> tuple[frozenset[str], dict[int, int]]:
+    names = set()
+    masks: dict[int, int] = {}
+    for item in items:
+        address, colon, mask = item.partition(":")
+        if not colon:
+            names.add(item)
+            continue
+        try:
+            where = int(address, 16)
+            masks[where] = masks.get(where, 0) | int(mask, 16)
+        except ValueError:
+            raise click.UsageError(
+                f'--ignore: found "{item}"; write a name, or ADDRESS:MASK in hexadecimal'
+            ) from None
+    return frozenset(names), masks
+
+
+# -- the file -----------------------------------------------------------------------------------
+
+
+def _hertz(text: str | None) -> int:
+    from vbus.trace.capture import frequency
+
+    hertz = frequency(text) if text else 0
+    if text and not hertz:
+        raise click.UsageError(f'--samplerate: "{text}" is no frequency such as "24 MHz"')
+    return hertz
+
+
+@contextmanager
+def _opened(path: Path, hertz: int) -> Iterator[tuple[Any, BinaryIO, int]]:
+    """Open a capture; its format is told by how its name ends."""
+    from vbus.errors import CaptureError
+    from vbus.trace.capture_csv import read_csv
+    from vbus.trace.capture_sr import read_sr
+    from vbus.trace.capture_vcd import read_vcd
+
+    kind = path.suffix.lower()
+    if kind not in (".vcd", ".sr", ".csv"):
+        raise CaptureError(f"{path}: captures end in .vcd, .sr or .csv")
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from error
+    with file:
+        if kind == ".csv":
+            capture = read_csv(file, str(path), hertz)
+        else:
+            capture = (read_vcd if kind == ".vcd" else read_sr)(file, str(path))
+        yield capture, file, path.stat().st_size
+
+
+@contextmanager
+def _progress(quiet: bool, file: BinaryIO, size: int) -> Iterator[Callable[[], None]]:
+    from vbus.tools.journal_lines import bar
+
+    with bar("comparing", size, file.tell, quiet) as move:
+        yield move
+
+
+# -- what came of it ----------------------------------------------------------------------------
+
+
+def _told(verdict: Any, why: str, slack: int, violations: bool) -> dict[str, Any]:
+    told = asdict(verdict)
+    told["conforms"] = verdict.mismatch is None
+    told["started"] = why
+    told["slack"] = slack
+    if not violations:
+        del told["violations"]
+    return told
+
+
+def _indented(mark: str, text: str) -> Iterator[str]:
+    """Give a cycle with the packets that end in it below it."""
+    cycle, *packets = text.split("\n")
+    yield f"{mark}{cycle}"
+    for packet in packets:
+        yield f"      {packet}"
+
+
+def _lines(path: Path, verdict: Any, found: Any, slack: int, violations: bool) -> Iterator[str]:
+    from vbus.protocols.quantities import format_instant
+
+    skipped = (
+        f"; {found.skipped} cycles before that are not compared (--from)" if found.skipped else ""
+    )
+    yield f"{path}: compared {found.why}{skipped}"
+    outputs = f", and {', '.join(verdict.outputs)}" if verdict.outputs else ""
+    ignored = f"; {verdict.ignored} differences ignored" if verdict.ignored else ""
+    mismatch = verdict.mismatch
+    if mismatch is None:
+        yield (
+            f"no difference in {verdict.cycles} bus cycles, {verdict.reads} of them reads{outputs},"
+            f" up to {format_instant(verdict.end)}{ignored}"
+        )
+    else:
+        clause = f"  [{mismatch.clause}]" if mismatch.clause else ""
+        yield (
+            f"first difference at {format_instant(mismatch.when)}, after {verdict.cycles} bus"
+            f" cycles that match: {mismatch.where}{clause}{ignored}"
+        )
+        yield f"  silicon: {mismatch.silicon}"
+        yield f"  model:   {mismatch.model}"
+        for text in mismatch.before:
+            yield from _indented("      ", text)
+        for number, text in enumerate(mismatch.after):
+            yield from _indented("      " if number else "  >   ", text)
+    if violations:
+        rules = Counter(violation.rule for violation in verdict.violations)
+        told = ", ".join(f"{rule} x{times}" for rule, times in rules.most_common())
+        plural = "" if verdict.broken == 1 else "s"
+        yield f"{verdict.broken} violation{plural} by the host{': ' * bool(rules)}{told}"
+        for v in verdict.violations:
+            yield f"  {format_instant(v.when)} {v.rule}  [{v.clause}]: {v.detail}" + (
+                f" ({v.measured} ps, limit {v.limit} ps)" if v.limit else ""
+            )

@@ -1,0 +1,72 @@
+"""Captures of a logic analyser: what every file format comes down to, and errors in them."""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from vbus.errors import CaptureError
+from vbus.kernel import MS, NS, SECOND, US
+
+Sample = tuple[int, int]
+"""An instant (ps), and the channels from then on: bit n is channel n."""
+
+_FREQUENCY: Final = re.compile(r"(\d+(?:\.\d+)?)\s*([kMG]?)(?:Hz)?", re.IGNORECASE)
+_PREFIXES: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
+
+
+@dataclass
+class Capture:
+    """A capture that is read as it goes by.
+
+    Attributes:
+        channels: names, least significant bit first.
+        period: how finely it was sampled (ps); 0 if it does not say.
+        samples: the first levels, and then those after each change, in order of time. They can be
+            read once.
+    """
+
+    channels: list[str]
+    period: int
+    samples: Iterator[Sample]
+
+
+def frequency(text: str) -> int:
+    """Return hertz of ``"24 MHz"`` or ``"24000000"``; 0 if it is neither."""
+    match = _FREQUENCY.fullmatch(text.strip())
+    return round(float(match[1]) * _PREFIXES[match[2].lower()]) if match else 0
+
+
+def period_of(hertz: int) -> int:
+    """Return the time between two samples (ps), rounded up."""
+    return -(-SECOND // hertz)
+
+
+def unit_of(hertz: int) -> int:
+    """Return the unit (ps) in which sigrok-cli writes times at a sample rate."""
+    for limit, unit in ((10**3, MS), (10**6, US), (10**9, NS)):
+        if hertz <= limit:
+            return unit
+    return 1
+
+
+def ordered(samples: Iterable[Sample], name: str) -> Iterator[Sample]:
+    """Pass samples on from instant 0 at the earliest; leave out what changes nothing.
+
+    Raises:
+        CaptureError: time runs backwards, or there are no samples.
+    """
+    shift = 0
+    last = -1
+    levels = -1
+    for when, value in samples:
+        if levels < 0:
+            shift = max(0, -when)
+        elif when + shift < last:
+            raise CaptureError(f"{name}: time runs backwards at {when} ps, after {last - shift} ps")
+        last = when + shift
+        if value != levels:
+            levels = value
+            yield last, value
+    if levels < 0:
+        raise CaptureError(f"{name}: there are no samples in it")
