@@ -182,12 +182,13 @@ class _Reader:
 
     def _names(self, path: Path, value: object) -> tuple[str, ...] | None:
         if isinstance(value, list) and all(isinstance(item, str) for item in value):
-            seen: set[str] = set()
+            names: list[str] = []
             for place, item in enumerate(value):
-                if item in seen:
+                if item not in names or item == sections.NO_PLANT:
+                    names.append(item)
+                else:
                     self._source.fail((*path, place), f'"{item}" stands in the list twice')
-                seen.add(item)
-            return tuple(dict.fromkeys(value))
+            return tuple(names)
         self._source.fail(path, f'found {quoted(value)}; write a list of names, such as ["x"]')
         return None
 

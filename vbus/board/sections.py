@@ -278,6 +278,10 @@ class RecordSection(Section, frozen=True, kw_only=True):
     suppress: Annotated[
         str, _key("text", "file of violations that are accepted, each with a reason")
     ] = ""
+    coverage: Annotated[
+        str,
+        _key("text", "file that takes what hosts have exercised at the end: .txt, .json, .html"),
+    ] = ""
 
 
 class WaveSection(Section, frozen=True, kw_only=True):

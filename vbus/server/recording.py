@@ -72,6 +72,10 @@ def wave_of(board: Board, wish: WaveSection, file: TextIO, report: Callable[[str
     )  # fmt: skip
 
 
+def _families(board: Board) -> dict[str, str]:
+    return {chip.name: chip.FAMILY for chip in board.chips}
+
+
 class Recording:
     """Everything that a board file, or its user, wants to be recorded.
 
@@ -102,11 +106,12 @@ class Recording:
             file = self._create(wishes.journal)
             self.journal = Journal(board, file, text, name, report)
         self._say: Callable[[str], None] = report
-        self._report: Report | None = None
-        self._report_file: BinaryIO | None = None
-        self._format: str = ""
+        self._endings: list[tuple[str, BinaryIO, Callable[[], str]]] = []
+        """What is written when the board stops: its name, where to, and what makes it."""
         if wishes.report:
             self._open_report(board, wishes, name)
+        if wishes.coverage:
+            self._open_coverage(board, wishes.coverage)
         self._waves: list[Wave] = []
         for wave in waves:
             text_file = open_text(wave.file)
@@ -117,14 +122,27 @@ class Recording:
 
     def _open_report(self, board: Board, wishes: RecordSection, name: str) -> None:
         try:
-            self._format = format_of(wishes.report)
+            style = format_of(wishes.report)
         except ValueError as error:
             raise VbusError(str(error)) from None
         accepted = suppressions_of(wishes.suppress)
-        self._report_file = self._create(wishes.report)
-        families = {chip.name: chip.FAMILY for chip in board.chips}
-        self._report = Report(board.name, families, all_rules(), accepted, name)
-        board.observe(self._report)
+        file = self._create(wishes.report)
+        report = Report(board.name, _families(board), all_rules(), accepted, name)
+        board.observe(report)
+        self._endings.append(("report", file, lambda: FORMATS[style](report)))
+
+    def _open_coverage(self, board: Board, path: str) -> None:
+        from vbus.trace.coverage import CoverageObserver
+        from vbus.trace.coverage_formats import COVERAGE_FORMATS
+
+        style = COVERAGE_FORMATS.get(Path(path).suffix)
+        if style is None:
+            known = ", ".join(COVERAGE_FORMATS)
+            raise VbusError(f"{path}: a coverage file's name ends in one of {known}")
+        file = self._create(path)
+        observer = CoverageObserver(_families(board), board.name)
+        board.observe(observer)
+        self._endings.append(("coverage", file, lambda: style(observer.coverage)))
 
     def _create(self, path: str) -> BinaryIO:
         file = create(path)
@@ -151,11 +169,11 @@ class Recording:
             wave.stop()
         if self.journal is not None:
             self.journal.close()
-        if self._report is not None and self._report_file is not None:
+        for what, file, make in self._endings:
             try:
-                self._report_file.write(FORMATS[self._format](self._report).encode())
+                file.write(make().encode())
             except OSError as error:
-                self._say(f"the report is not written: {error.strerror}")
+                self._say(f"the {what} is not written: {error.strerror}")
         for file in self._files:
             file.close()
         for text in self._texts:

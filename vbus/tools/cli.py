@@ -16,6 +16,7 @@ _COMMANDS: Final = {
     "cflags": "Print the compiler options of the C client.",
     "check": "Check board files; list the rules hosts are held to.",
     "conform": "Compare a logic analyser's capture of a real chip with the model.",
+    "coverage": "Show which commands and registers a driver has used, and which never.",
     "demo": "Watch a chip move a motor under a host in another process.",
     "doctor": "Look for what is missing or broken on this machine.",
     "exec": "Run a program or AVR firmware on a board of its own.",
@@ -25,6 +26,7 @@ _COMMANDS: Final = {
     "replay": "Play a recorded run again; stop at the first difference.",
     "report": "Show the violations of a recorded run, with the cycles around them.",
     "run": "Run a board and serve its links until Ctrl-C.",
+    "trace": "Merge the traces of nodes; print the hash of what happened.",
     "wave": "Write a waveform of a running board or of a recorded run.",
 }
 

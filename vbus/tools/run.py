@@ -30,6 +30,7 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.option("--journal", metavar="FILE", help="Write every call of every host to FILE.")
 @click.option("--report", metavar="FILE", help="Write violations: .txt, .json, .xml or .sarif.")
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
+@click.option("--coverage", metavar="FILE", help="Write what is exercised: .txt, .json, .html.")
 @click.option("--wave", metavar="FILE", help="Write a waveform of everything to FILE (VCD).")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
 @click.option("--node", "nodes", multiple=True, metavar="NAME", help="Only this node; repeatable.")
@@ -52,6 +53,7 @@ def command(
     journal: str | None,
     report: str | None,
     suppress: str | None,
+    coverage: str | None,
     wave: str | None,
     as_json: bool,
     **of_nodes: Any,
@@ -66,7 +68,8 @@ def command(
 
     file, source = read_board_file(board)
     if file.nodes:
-        single = {"--journal": journal, "--report": report, "--wave": wave, "--rate": rate}
+        single = {"--journal": journal, "--report": report, "--wave": wave}
+        single |= {"--coverage": coverage, "--rate": rate}
         for option, value in single.items():
             if value is not None:
                 raise click.UsageError(f"{option} is for boards without nodes")
@@ -92,7 +95,8 @@ def command(
     def say(sentence: str) -> None:
         click.echo(f"vbus: {sentence}", err=True)
 
-    wishes = {"journal": journal, "report": report, "suppress": suppress, "wave": wave}
+    wishes = {"journal": journal, "report": report, "suppress": suppress}
+    wishes |= {"coverage": coverage, "wave": wave}
     record = {key: value for key, value in wishes.items() if value is not None}
     serve(board, rate, ready, say, record)
     return exit_codes.OK

@@ -1,0 +1,96 @@
+"""``vbus coverage``: what a driver has exercised of the chips it drives."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+
+from vbus.errors import VbusError
+from vbus.tools import exit_codes
+
+if TYPE_CHECKING:
+    from vbus.trace.coverage import Coverage
+
+_FORMATS: Final = ("text", "json", "html")
+
+
+@click.command("coverage")
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--format", "style", type=click.Choice(_FORMATS), default="text", show_default=True)
+@click.option("--output", metavar="FILE", type=click.Path(path_type=Path), help="Write to FILE.")
+@click.option("--all", "every", is_flag=True, help="As text: list also what was exercised.")
+@click.option("--diff", is_flag=True, help="Show what only the first or only the second has.")
+@click.option(
+    "--fail-under",
+    type=click.FloatRange(0, 100),
+    default=0.0,
+    metavar="PERCENT",
+    help="Exit with 1 if less than this was exercised.",
+)
+@click.option("--no-progress", is_flag=True, help="Show no bar while journals are read.")
+def command(
+    files: tuple[Path, ...],
+    style: str,
+    output: Path | None,
+    every: bool,
+    diff: bool,
+    fail_under: float,
+    no_progress: bool,
+) -> int:
+    """Show which commands, registers, flags and modes a driver has used, and which never.
+
+    FILES are journals (vbus run --journal) or coverage files (--format json); several are merged.
+    """
+    from vbus.trace.coverage import merged
+    from vbus.trace.coverage_formats import COVERAGE_FORMATS, as_text, difference
+
+    if diff and len(files) != 2:
+        raise click.UsageError(f"--diff compares two files; {len(files)} are given")
+    if diff and style != "text":
+        raise click.UsageError("--diff is shown as text only")
+    parts = [read(path, no_progress) for path in files]
+    whole = merged(parts)
+    if diff:
+        text = difference(parts[0], parts[1])
+    elif style == "text":
+        text = as_text(whole, every)
+    else:
+        text = COVERAGE_FORMATS[f".{style}"](whole)
+    if output is None:
+        click.echo(text, nl=False)
+    else:
+        try:
+            output.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise VbusError(f"{output}: cannot be written: {error.strerror}") from error
+    measured = parts[1] if diff else whole
+    if measured.percent() < fail_under:
+        click.echo(f"vbus: {measured.percent():.1f}% exercised, {fail_under:g}% wanted", err=True)
+        return exit_codes.FAILURE
+    return exit_codes.OK
+
+
+def read(path: Path, quiet: bool = True) -> "Coverage":
+    """Return the coverage of a journal, or the one a coverage file holds.
+
+    Raises:
+        VbusError: it is neither, or cannot be read.
+    """
+    from vbus.trace.coverage import CoverageObserver, from_json
+    from vbus.trace.journal_view import play
+
+    try:
+        with path.open("rb") as file:
+            start = file.read(1)
+            text = start + file.read() if start == b"{" else b""
+    except OSError as error:
+        raise VbusError(f"{path}: cannot be read: {error.strerror}") from error
+    if text:
+        return from_json(text, str(path))
+    from vbus.tools.journal_lines import moving, opened, progress
+
+    with opened(path) as (reader, _):
+        observer = CoverageObserver(reader.header.families, str(path))
+        with progress(path, reader, "reading", quiet) as move:
+            play(moving(iter(reader), move), observer)
+        return observer.coverage
