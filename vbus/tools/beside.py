@@ -91,7 +91,7 @@ def run_on_board(
     """
     board = build(file, source)
     findings = Findings()
-    board.observe(findings)
+    board.listen(findings)
     with ExitStack() as stack:
         link = f"unix:{stack.enter_context(private_runtime()) / 'host.sock'}"
         written: Transcript | None = None
