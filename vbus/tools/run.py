@@ -69,7 +69,8 @@ def command(
     file, source = read_board_file(board)
     if file.nodes:
         single = {"--journal": journal, "--report": report, "--wave": wave}
-        single |= {"--coverage": coverage, "--rate": rate}
+        single["--coverage"] = coverage
+        single["--rate"] = None if rate is None else str(rate)
         for option, value in single.items():
             if value is not None:
                 raise click.UsageError(f"{option} is for boards without nodes")
@@ -95,9 +96,9 @@ def command(
     def say(sentence: str) -> None:
         click.echo(f"vbus: {sentence}", err=True)
 
-    wishes = {"journal": journal, "report": report, "suppress": suppress}
-    wishes |= {"coverage": coverage, "wave": wave}
-    record = {key: value for key, value in wishes.items() if value is not None}
+    wanted = {"journal": journal, "report": report, "suppress": suppress}
+    wanted |= {"coverage": coverage, "wave": wave}
+    record = {key: value for key, value in wanted.items() if value is not None}
     serve(board, rate, ready, say, record)
     return exit_codes.OK
 
