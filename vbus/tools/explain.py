@@ -22,9 +22,11 @@ _ENTRY: Final = re.compile(r"(.+?)(?::(\d+)(?:-(\d+))?)?")
 @click.option("--status", metavar="HEX", help="Explain a status byte or word.")
 @click.option("--signals", metavar="HEX", help="Explain a signals word (LM628).")
 @click.option("--mode", metavar="HEX", help="Explain a mode word (MC1241A).")
+@click.option("--no-progress", is_flag=True, help="Show no progress bar.")
 def command(
-    what: str, items: tuple[str, ...], status: str | None, signals: str | None, mode: str | None
-) -> int:
+    what: str, items: tuple[str, ...], status: str | None, signals: str | None, mode: str | None,
+    no_progress: bool,
+) -> int:  # fmt: skip
     """Explain bytes on a bus, a status value, a rule, or entries of a journal.
 
     WHAT is a chip family or part, and BYTEs are what its host writes (or reads, where the command
@@ -58,7 +60,7 @@ def command(
 
         first = int(match[2]) if match[2] else 0
         last = int(match[3]) if match[3] else first if match[2] else None
-        for line in decoded(Path(match[1]), first, last):
+        for line in decoded(Path(match[1]), first, last, no_progress):
             click.echo(line)
         return exit_codes.OK
     raise click.UsageError(

@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+import click
+
 from vbus.errors import VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
@@ -64,6 +66,9 @@ def bar(
         yield lambda: shown.update(task, completed=place())
 
 
+no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
+
+
 def moving(entries: Iterator[Entry], move: Callable[[], None]) -> Iterator[Entry]:
     """Pass entries on and move the bar now and then."""
     for entry in entries:
@@ -72,8 +77,11 @@ def moving(entries: Iterator[Entry], move: Callable[[], None]) -> Iterator[Entry
         yield entry
 
 
-def decoded(path: Path, first: int, last: int | None) -> Iterator[str]:
-    """Give a journal in the manual's words, all of it or some entries."""
+def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> Iterator[str]:
+    """Give a journal in the manual's words, all of it or some entries.
+
+    Lines on a terminal are progress enough: there is a bar only while they go elsewhere.
+    """
     with opened(path) as (reader, _):
         if last is not None:
             yield from _entries(reader, first, last)
@@ -85,7 +93,7 @@ def decoded(path: Path, first: int, last: int | None) -> Iterator[str]:
             lines.append(f"{instant(packet.end)} {chip} {packet.text}{clause}")
 
         watch = _Lines(reader.header.families, take, lines)
-        with progress(path, reader, "decoding") as move:
+        with progress(path, reader, "decoding", quiet or sys.stdout.isatty()) as move:
             sessions = Sessions()
             for entry in moving(iter(reader), move):
                 show(entry, sessions, watch)

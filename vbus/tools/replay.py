@@ -8,7 +8,7 @@ import click
 
 import vbus
 from vbus.tools import exit_codes
-from vbus.tools.journal_lines import instant, moving, opened, progress
+from vbus.tools.journal_lines import instant, moving, no_progress, opened, progress
 from vbus.trace.replay import Outcome
 
 
@@ -18,7 +18,8 @@ from vbus.trace.replay import Outcome
     "--board", "board_file", type=click.Path(), help="Play on this board file instead of its own."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
-def command(journal: Path, board_file: str | None, as_json: bool) -> int:
+@no_progress
+def command(journal: Path, board_file: str | None, as_json: bool, no_progress: bool) -> int:
     """Make every call of a journal again and stop at the first difference.
 
     Compares replies, instants, violations and the state at the end. The exit code is 1 if
@@ -39,7 +40,7 @@ def command(journal: Path, board_file: str | None, as_json: bool) -> int:
                 f"{journal}: it was recorded on a board made in Python; name a board file with"
                 " --board, or replay it in Python with vbus.trace.replay"
             )
-        with progress(journal, reader, "replaying") as move:
+        with progress(journal, reader, "replaying", no_progress) as move:
             outcome = Replay(board, moving(iter(reader), move), header.families).run()
         damage = reader.damage
     if as_json:

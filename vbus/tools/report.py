@@ -6,7 +6,7 @@ from typing import Final
 import click
 
 from vbus.tools import exit_codes
-from vbus.tools.journal_lines import moving, opened, progress
+from vbus.tools.journal_lines import moving, no_progress, opened, progress
 
 _FORMATS: Final = ("text", "json", "junit", "sarif")
 _SEVERITIES: Final = ("note", "warning", "error")
@@ -23,7 +23,10 @@ _SEVERITIES: Final = ("note", "warning", "error")
     show_default=True,
     help="Exit with 1 if a violation of this severity or above is not accepted.",
 )
-def command(journal: Path, style: str, suppress: str | None, fail_on: str) -> int:
+@no_progress
+def command(
+    journal: Path, style: str, suppress: str | None, fail_on: str, no_progress: bool
+) -> int:
     """Show every violation of a journal with the 20 bus cycles before and after it."""
     from vbus.board.checks import all_rules
     from vbus.server.recording import suppressions_of
@@ -36,7 +39,7 @@ def command(journal: Path, style: str, suppress: str | None, fail_on: str) -> in
         report = Report(
             header.board, header.families, all_rules(), suppressions_of(suppress or ""), header.file
         )
-        with progress(journal, reader, "reading") as move:
+        with progress(journal, reader, "reading", no_progress) as move:
             play(moving(iter(reader), move), report)
     click.echo(FORMATS[style](report), nl=False)
     if fail_on == "never":

@@ -30,9 +30,10 @@ def _duration(ctx: click.Context, param: click.Parameter, value: str) -> int:
 @click.option("--before", default="0us", callback=_duration, help="Show this from before it.")
 @click.option("--duration", default="0us", callback=_duration, help="Record so long.")
 @click.option("--sample", default="1ms", callback=_duration, help="Look at values so often.")
+@click.option("--no-progress", is_flag=True, help="Show no progress bar.")
 def command(
     source: str, output: str, profile: str, signals: tuple[str, ...], trigger: str, before: int,
-    duration: int, sample: int,
+    duration: int, sample: int, no_progress: bool,
 ) -> int:  # fmt: skip
     """Write a waveform.
 
@@ -49,7 +50,7 @@ def command(
     file: TextIO = sys.stdout if output == "-" else open_text(output)
     try:
         if Path(source).is_file():
-            return _of_journal(Path(source), wish, file)
+            return _of_journal(Path(source), wish, file, no_progress)
         return _of_board(source, wish, file)
     finally:
         if output != "-":
@@ -57,7 +58,7 @@ def command(
                 file.close()
 
 
-def _of_journal(path: Path, wish: Any, file: TextIO) -> int:
+def _of_journal(path: Path, wish: Any, file: TextIO, quiet: bool) -> int:
     from vbus.board.build import load_board_text
     from vbus.server.recording import wave_of
     from vbus.tools.journal_lines import moving, opened, progress
@@ -69,7 +70,7 @@ def _of_journal(path: Path, wish: Any, file: TextIO) -> int:
         board = load_board_text(reader.header.text, reader.header.file)
         wave = wave_of(board, wish, file, _complain)
         wave.start()
-        with progress(path, reader, "replaying") as move:
+        with progress(path, reader, "replaying", quiet or file.isatty()) as move:
             outcome = Replay(board, moving(iter(reader), move), reader.header.families).run()
         wave.stop()
     if wave.error:
