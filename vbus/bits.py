@@ -1,5 +1,7 @@
 """Word widths: the one place that knows how numbers wrap, saturate and change sign."""
 
+from mypy_extensions import i64
+
 
 def sign_extend(value: int, bits: int) -> int:
     """Read the low ``bits`` bits of ``value`` as a two's complement number."""
@@ -11,6 +13,12 @@ def wrap(value: int, bits: int) -> int:
     """Wrap ``value`` into the signed range of ``bits`` bits, as a hardware counter does."""
     half = 1 << (bits - 1)
     return ((value + half) & ((1 << bits) - 1)) - half
+
+
+def wrap_word(value: i64, bits: i64) -> i64:
+    """Do what :func:`wrap` does with a value that fits 62 bits, to fewer bits than that."""
+    half: i64 = 1 << (bits - 1)
+    return ((value + half) & ((half << 1) - 1)) - half
 
 
 def saturate(value: int, bits: int) -> int:

@@ -1,6 +1,9 @@
 """A chip's CLK: clock cycles to picoseconds and back, without drift."""
 
+from math import gcd
 from typing import Final
+
+from mypy_extensions import i64
 
 PS_PER_SECOND: Final = 10**12
 
@@ -12,25 +15,40 @@ class Clock:
     error of any edge is below one picosecond, for ever.
     """
 
-    __slots__ = ("hz",)
+    __slots__ = ("_den", "_num", "_short", "hz")
 
     def __init__(self, hz: int) -> None:
         if hz <= 0:
             raise ValueError(f"a clock needs a frequency above 0 Hz, not {hz}")
         self.hz: int = hz
+        # A period is _num / _den ps in lowest terms. Where their product fits 62 bits, so does
+        # every number on the way from a cycle to its instant and back.
+        shared = gcd(PS_PER_SECOND, hz)
+        self._short: bool = (PS_PER_SECOND // shared) * (hz // shared) < 1 << 62
+        self._num: i64 = PS_PER_SECOND // shared
+        self._den: i64 = hz // shared if self._short else 1
 
-    def ps(self, cycle: int) -> int:
+    def ps(self, cycle: i64) -> i64:
         """Return the instant (ps) at which ``cycle`` starts."""
-        return cycle * PS_PER_SECOND // self.hz
+        if self._short:
+            whole = cycle // self._den
+            return whole * self._num + (cycle - whole * self._den) * self._num // self._den
+        exact: int = cycle
+        return exact * PS_PER_SECOND // self.hz
 
-    def cycle_at(self, ps: int) -> int:
+    def cycle_at(self, ps: i64) -> i64:
         """Return the number of the cycle that is under way at instant ``ps``."""
-        return ((ps + 1) * self.hz - 1) // PS_PER_SECOND
+        if self._short:
+            whole = ps // self._num
+            into = ps - whole * self._num
+            return whole * self._den + ((into + 1) * self._den - 1) // self._num
+        exact: int = ps
+        return ((exact + 1) * self.hz - 1) // PS_PER_SECOND
 
-    def span(self, cycles: int) -> int:
+    def span(self, cycles: i64) -> i64:
         """Return how long ``cycles`` periods take (ps, rounded down), wherever they start."""
-        return cycles * PS_PER_SECOND // self.hz
+        return self.ps(cycles)
 
-    def span_up(self, cycles: int) -> int:
+    def span_up(self, cycles: i64) -> i64:
         """Return the duration of ``cycles`` periods rounded up: what a minimum limit means."""
-        return -(-cycles * PS_PER_SECOND // self.hz)
+        return -self.ps(-cycles)

@@ -2,6 +2,8 @@
 
 from typing import ClassVar, Final
 
+from mypy_extensions import i64
+
 from vbus.options import Option, Settings
 from vbus.plant.shaft import SHAFT_OPTIONS, Shaft, mass_options
 
@@ -46,38 +48,59 @@ class DcMotor(Shaft):
         # What a sub-step leaves of the current, and what a volt adds to it.
         self._keep: float = 0.0
         self._admit: float = 0.0
+        # Current that 1 rad/s takes away again.
+        self._induced: float = 0.0
+        # Amplifier and current at the start of the last period.
+        self._volts: float = 0.0
+        self._began: float = 0.0
         self.prepare(256e-6)
 
-    def _divide(self, substeps: int) -> None:
-        step = self._period / substeps
+    def _divide(self, substeps: i64) -> None:
+        step = self._period / float(substeps)
         impedance = self._inductance + step * self._resistance
         self._keep = self._inductance / impedance
         self._admit = step / impedance
+        self._induced = self._admit * self._back_emf
         self._damping = self._viscous + self._torque_constant * self._admit * self._back_emf
         super()._divide(substeps)
 
-    def drive(self, command: float, error: int) -> int:
+    def drive(self, command: float, error: i64) -> i64:
         """Run one period with ``command`` of full scale (-1.0 to 1.0) at the amplifier."""
         volts = command * self._amplifier
         if volts > self._supply:
             volts = self._supply
         elif volts < -self._supply:
             volts = -self._supply
-        before = current = self.current
-        speed = self.velocity
-        keep = self._keep
+        self._volts = volts
+        self._began = self.current
+        self._departed = self.velocity
+        here = self._depart()
+        self._untraced = True
         admitted = self._admit * volts
-        induced = self._admit * self._back_emf
-        self._begin(self._substeps)
-        for piece in range(self._substeps):
-            current = keep * current + admitted
-            self._turn(piece, self._torque_constant * current)
-            current -= induced * self.velocity
+        current = self.current
+        for _ in range(self._substeps):
+            current = self._keep * current + admitted
+            here = self._turn(here, self._torque_constant * current)
+            current -= self._induced * self.velocity
         if -NO_CURRENT < current < NO_CURRENT:
             current = 0.0
         self.current = current
-        self._resting = current == before and speed == self.velocity and not self._moved()
-        return self._end()
+        self._resting = (
+            current == self._began and self.velocity == self._departed and here == self._first
+        )
+        return self._arrive(here)
+
+    def _trace(self) -> None:
+        points = self._write_pieces(self._substeps, self._first)
+        velocity = self.velocity
+        self.velocity = self._departed
+        current = self._began
+        admitted = self._admit * self._volts
+        for piece in range(self._substeps):
+            current = self._keep * current + admitted
+            points[piece + 1] = self._turn(points[piece], self._torque_constant * current)
+            current -= self._induced * self.velocity
+        self.velocity = velocity
 
     def save(self) -> tuple[float, ...]:
         """Return the whole state."""

@@ -2,7 +2,7 @@
 
 from typing import ClassVar, Final
 
-from mypy_extensions import mypyc_attr
+from mypy_extensions import i64, mypyc_attr
 
 from vbus.options import Option, Settings
 from vbus.signals import Plant
@@ -54,7 +54,7 @@ class Encoder:
         low = self.index and count % self.counts == self.index_offset
         return _A[place], _B[place], 0 if low else 1
 
-    def index_between(self, start: int, end: int) -> tuple[bool, int]:
+    def index_between(self, start: i64, end: i64) -> tuple[bool, i64]:
         """Tell whether going from ``start`` to ``end`` enters an index, and at which count.
 
         ``start`` itself does not count; of several indices the first one on the way is told.
@@ -86,67 +86,105 @@ class EncodedPlant(Plant):
             bool(self.settings["index"]),
             int(self.settings["index_offset"]),
         )
-        # Count at the start of the last period, and the shaft's position at the end of each of
-        # its pieces, counted from there.
-        self._base: int = 0
-        self._pieces: int = 1
+        # Count at the start of the last period, and the shaft's position at its start, at its
+        # end, and at the end of each of its pieces, counted from there.
+        self._base: i64 = 0
+        self._pieces: i64 = 1
         # At power-on the shaft stands in the middle of count 0.
+        self._first: float = 0.5
+        self._last: float = 0.5
         self._points: list[float] = [0.5, 0.5]
+        self._untraced: bool = False
+        """The pieces of the last period have not been written down: _trace() does."""
 
-    def _begin(self, pieces: int) -> None:
-        """Begin a period of ``pieces`` pieces where the last one has ended."""
-        points = self._points
-        part = points[self._pieces] - (self.count - self._base)
+    # A plant either writes its pieces down, between _begin() and _end(), or leaves that to
+    # _trace(), between _depart() and _arrive(): most periods are never asked for their course.
+
+    def _depart(self) -> float:
+        """Begin a period where the last one has ended; return that position."""
+        part = self._last - float(self.count - self._base)
         # A position just below a count may round up to it.
         if part >= 1.0:
             part = _ALMOST_ONE
         self._base = self.count
+        self._first = part
+        return part
+
+    def _arrive(self, position: float) -> i64:
+        """End the period at ``position``; return the count there."""
+        self._last = position
+        self.count = self._base + _floor(position)
+        return self.count
+
+    def _begin(self, pieces: i64) -> None:
+        """Begin a period of ``pieces`` pieces where the last one has ended."""
+        self._write_pieces(pieces, self._depart())
+
+    def _write_pieces(self, pieces: i64, first: float) -> list[float]:
+        """Make room for the pieces of a period; return it."""
+        points = self._points
         if pieces != self._pieces:
             self._pieces = pieces
-            self._points = points = [part] * (pieces + 1)
-        points[0] = part
+            self._points = points = [first] * (pieces + 1)
+        points[0] = first
+        self._untraced = False
+        return points
 
-    def _end(self) -> int:
+    def _end(self) -> i64:
         """End the period: the count is where its last piece has led."""
-        self.count = self._base + _floor(self._points[self._pieces])
-        return self.count
+        return self._arrive(self._points[self._pieces])
 
     def _moved(self) -> bool:
         """Whether the last period has ended elsewhere than it began."""
-        return self._points[0] != self._points[self._pieces]
+        return self._first != self._last
 
-    def count_at(self, fraction: float) -> int:
+    def _trace(self) -> None:
+        """Write the pieces of the last period down; state stays as it is."""
+        raise NotImplementedError
+
+    def _course(self) -> list[float]:
+        """Return where each piece of the last period begins, and the last one ends."""
+        if self._untraced:
+            self._trace()
+        return self._points
+
+    def _forget_course(self) -> None:
+        """The period is over for good: what is left of its course is where it ended."""
+        if self._untraced:
+            self._write_pieces(1, self._last)[1] = self._last
+
+    def count_at(self, fraction: float) -> i64:
         """Return the count at ``fraction`` (0.0 to 1.0) of the last period."""
-        points = self._points
         if fraction <= 0.0:
-            return self._base + _floor(points[0])
-        place = fraction * self._pieces
-        piece = int(place)
+            return self._base + _floor(self._first)
+        points = self._course()
+        place = fraction * float(self._pieces)
+        piece: i64 = int(place)
         if piece >= self._pieces:
             return self.count
         start = points[piece]
         end = points[piece + 1]
-        return self._base + _floor(start + (end - start) * (place - piece))
+        return self._base + _floor(start + (end - start) * (place - float(piece)))
 
-    def fraction_at(self, count: int) -> float:
+    def fraction_at(self, count: i64) -> float:
         """Return when, as a fraction of the last period, the encoder first reached ``count``.
 
         :meth:`count_at` at that fraction has reached it. A count the shaft stood at or has
         not reached gives 0.0 or 1.0.
         """
-        points = self._points
+        points = self._course()
         away = count - self._base
         start = _floor(points[0])
         if away == start:
             return 0.0
         rising = away > start
         # Going down, a count is reached when the shaft leaves the one above it.
-        border = float(away) if rising else away + 1.0
+        border = float(away) if rising else float(away) + 1.0
         for piece in range(self._pieces):
             end = points[piece + 1]
             if (end >= border) if rising else (end < border):
                 begin = points[piece]
-                fraction = (piece + (border - begin) / (end - begin)) / self._pieces
+                fraction = (float(piece) + (border - begin) / (end - begin)) / float(self._pieces)
                 # The border itself may be missed by a rounding error.
                 step = 2.220446049250313e-16
                 while fraction < 1.0:
@@ -158,21 +196,25 @@ class EncodedPlant(Plant):
                 return 1.0
         return 1.0
 
-    def index_between(self, start: int, end: int) -> tuple[bool, int]:
+    def index_between(self, start: i64, end: i64) -> tuple[bool, i64]:
         """Tell whether moving from ``start`` to ``end`` enters an index position, and which."""
         return self.encoder.index_between(start, end)
 
     def _save_course(self) -> tuple[float, ...]:
-        return (self.count, self._base, self._pieces, *self._points)
+        points = self._course()
+        return (int(self.count), int(self._base), int(self._pieces), *points)
 
     def _load_course(self, state: tuple[float, ...]) -> None:
         self.count = int(state[0])
         self._base = int(state[1])
         self._pieces = int(state[2])
         self._points = list(state[3:])
+        self._first = self._points[0]
+        self._last = self._points[self._pieces]
+        self._untraced = False
 
 
-def _floor(value: float) -> int:
+def _floor(value: float) -> i64:
     """Round down."""
-    whole = int(value)
-    return whole - 1 if value < whole else whole
+    whole: i64 = int(value)
+    return whole - 1 if value < float(whole) else whole

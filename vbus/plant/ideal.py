@@ -2,6 +2,8 @@
 
 from typing import ClassVar, Final
 
+from mypy_extensions import i64
+
 from vbus.options import Option, Settings
 from vbus.plant.angle import turns_of
 from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
@@ -26,42 +28,42 @@ class IdealPlant(EncodedPlant):
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
-        self._steps_per_rev: int = int(self.settings["steps_per_rev"])
-        self._microsteps_per_rev: int = int(self.settings["full_steps"]) * (MICROSTEPS // 4)
+        self._steps_per_rev: i64 = int(self.settings["steps_per_rev"])
+        self._microsteps_per_rev: i64 = int(self.settings["full_steps"]) * (MICROSTEPS // 4)
         # Step pulses or microsteps since power-on, whichever the chip gives.
-        self._steps: int = 0
+        self._steps: i64 = 0
         self._three: bool = False
         self._resting: bool = False
 
     def prepare(self, period: float) -> None:
         """Accept any period: how long it is makes no difference."""
 
-    def drive(self, command: float, error: int) -> int:
+    def drive(self, command: float, error: i64) -> i64:
         """Move by ``error`` counts."""
         return self._move(error, error == 0)
 
-    def pulses(self, steps: int) -> int:
+    def pulses(self, steps: i64) -> i64:
         """Make ``steps`` steps."""
         self._steps += steps
         return self._go(self._steps_per_rev, steps == 0)
 
-    def phases(self, a: float, b: float, c: float) -> int:
+    def phases(self, a: float, b: float, c: float) -> i64:
         """Turn to the angle of the field, by the shorter way; without currents stay."""
         before = self._steps
         across, along, self._three = field(a, b, c, self._three)
         if across != 0.0 or along != 0.0:
-            angle = int(turns_of(across, along) * MICROSTEPS + 0.5)
+            angle: i64 = int(turns_of(across, along) * MICROSTEPS + 0.5)
             turn = (angle - self._steps) % MICROSTEPS
             self._steps += turn if turn < MICROSTEPS // 2 else turn - MICROSTEPS
         return self._go(self._microsteps_per_rev, self._steps == before)
 
-    def _go(self, steps_per_rev: int, still: bool) -> int:
+    def _go(self, steps_per_rev: i64, still: bool) -> i64:
         return self._move(self._steps * self.encoder.counts // steps_per_rev - self.count, still)
 
-    def _move(self, counts: int, still: bool) -> int:
+    def _move(self, counts: i64, still: bool) -> i64:
         self._resting = still
         self._begin(1)
-        self._points[1] = self._points[0] + counts
+        self._points[1] = self._first + float(counts)
         return self._end()
 
     def resting(self) -> bool:
@@ -70,7 +72,7 @@ class IdealPlant(EncodedPlant):
 
     def save(self) -> tuple[float, ...]:
         """Return the whole state."""
-        return (self._steps, int(self._three), int(self._resting), *self._save_course())
+        return (int(self._steps), int(self._three), int(self._resting), *self._save_course())
 
     def load(self, state: tuple[float, ...]) -> None:
         """Take back what :meth:`save` gave."""

@@ -2,6 +2,8 @@
 
 from typing import Final
 
+from mypy_extensions import i64
+
 from vbus.options import Option, Settings
 from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
 
@@ -53,9 +55,10 @@ class Shaft(EncodedPlant):
         self._coulomb: float = float(self.settings["coulomb_friction"])
         self._static: float = float(self.settings["static_friction"])
         self._load: float = float(self.settings["load_torque"])
-        self._low: int = int(self.settings["stop_low"])
-        self._high: int = int(self.settings["stop_high"])
-        self._substeps: int = int(self.settings["substeps"])
+        self._low: i64 = int(self.settings["stop_low"])
+        self._high: i64 = int(self.settings["stop_high"])
+        self._substeps: i64 = int(self.settings["substeps"])
+        self._counts: float = float(self.encoder.counts)
         self._stopped: bool = self._low != self._high
         if self._static < self._coulomb:
             raise ValueError(
@@ -75,33 +78,37 @@ class Shaft(EncodedPlant):
         self._loss: float = 0.0
         self._turn_counts: float = 0.0
         self._resting: bool = False
+        # Speed at the start of the last period.
+        self._departed: float = 0.0
 
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds."""
+        self._forget_course()
         self._period = period
         self._divide(self._substeps)
 
-    def _divide(self, substeps: int) -> None:
+    def _divide(self, substeps: i64) -> None:
         """Make ``substeps`` sub-steps of a period."""
-        step = self._period / substeps
+        step = self._period / float(substeps)
         self._gain = step / self._inertia
-        self._turn_counts = step * self.encoder.counts / TWO_PI
+        self._turn_counts = step * self._counts / TWO_PI
         self._ease = 1.0 / (1.0 + self._gain * self._damping)
         self._loss = self._gain * self._coulomb * self._ease
 
-    def _turn(self, piece: int, torque: float) -> None:
+    def _turn(self, here: float, torque: float) -> float:
         """Turn the shaft through one sub-step.
 
         Args:
-            piece: number of the sub-step in the period.
+            here: its position, as :class:`EncodedPlant` counts.
             torque: torque that the motor would have at standstill (N*m).
+
+        Returns:
+            The position then.
         """
-        points = self._points
         torque -= self._load
         speed = self.velocity
         if speed == 0.0 and -self._static <= torque <= self._static:
-            points[piece + 1] = points[piece]
-            return
+            return here
         speed = (speed + self._gain * torque) * self._ease
         loss = self._loss
         if speed > loss:
@@ -110,18 +117,18 @@ class Shaft(EncodedPlant):
             speed += loss
         else:
             speed = 0.0
-        here = points[piece] + speed * self._turn_counts
+        here = here + speed * self._turn_counts
         if self._stopped:
-            low = self._low - self._base + 0.5
-            high = self._high - self._base + 0.5
+            low = float(self._low - self._base) + 0.5
+            high = float(self._high - self._base) + 0.5
             if here <= low:
                 here = low
                 speed = 0.0
             elif here >= high:
                 here = high
                 speed = 0.0
-        points[piece + 1] = here
         self.velocity = speed
+        return here
 
     def resting(self) -> bool:
         """Whether the last period has left every bit of state as it was."""

@@ -2,6 +2,8 @@
 
 from typing import ClassVar, Final
 
+from mypy_extensions import i64
+
 from vbus.options import Option, Settings
 from vbus.plant.angle import sine
 from vbus.plant.shaft import SHAFT_OPTIONS, Shaft, mass_options
@@ -41,89 +43,123 @@ class StepperMotor(Shaft):
                 f"full_steps = {full_steps}: four full steps make an electrical cycle,"
                 " so it must be a multiple of 4"
             )
-        self._cycles: int = full_steps // 4
-        self._steps_per_rev: int = int(self.settings["steps_per_rev"])
+        self._cycles: i64 = full_steps // 4
+        self._steps_per_rev: i64 = int(self.settings["steps_per_rev"])
         self._holding: float = float(self.settings["holding_torque"])
         self._detent: float = float(self.settings["detent_torque"])
         # The pulses so far, within one revolution of the field.
-        self._steps: int = 0
+        self._steps: i64 = 0
         self._three: bool = False
         # Sub-steps in a period that the rotor's natural frequency asks for; those prepared for.
-        self._finest: int = 1
-        self._divided: int = 0
+        self._finest: i64 = 1
+        self._divided: i64 = 0
+        self._turns: float = float(self._cycles)
+        # What made the last period's course: its pieces, the field, and the pulses, if it was
+        # they: how many, after how many, and the last that was due.
+        self._ran: i64 = 1
+        self._across: float = 0.0
+        self._along: float = 0.0
+        self._pulsed: bool = False
+        self._issued: i64 = 0
+        self._issued_from: i64 = 0
+        self._due: i64 = 0
         self.prepare(256e-6)
 
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds."""
         # Eight sub-steps to a radian of the rotor's swing at its natural frequency.
-        stiffness = (self._holding + 4.0 * self._detent) * self._cycles
+        stiffness = (self._holding + 4.0 * self._detent) * self._turns
+        self._forget_course()
         pieces = self._substeps
-        while (
-            pieces < MOST_PIECES
-            and 64.0 * stiffness * period * period > self._inertia * pieces * pieces
-        ):
-            pieces = min(2 * pieces, MOST_PIECES)
+        while pieces < MOST_PIECES and 64.0 * stiffness * period * period > self._inertia * float(
+            pieces
+        ) * float(pieces):
+            pieces = 2 * pieces if 2 * pieces < MOST_PIECES else MOST_PIECES
         self._finest = pieces
         self._divided = 0
         self._period = period
 
-    def _divide(self, substeps: int) -> None:
+    def _divide(self, substeps: i64) -> None:
         if substeps != self._divided:
             self._divided = substeps
             super()._divide(substeps)
 
-    def pulses(self, steps: int) -> int:
+    def pulses(self, steps: i64) -> i64:
         """Run one period with ``steps`` signed step pulses spread evenly over it."""
         total = steps if steps >= 0 else -steps
-        sign = 1 if steps >= 0 else -1
         pieces = self._finest
         if total > 0:
             # Every pulse at the beginning of a sub-step.
-            pieces = min(total * -(-pieces // total), MOST_PIECES)
-        speed = self.velocity
-        self._divide(pieces)
-        self._begin(pieces)
-        issued = 0
-        across = along = 0.0
-        for piece in range(pieces):
-            due = piece * total // pieces + 1 if total > 0 else 0
-            if piece == 0 or due != issued:
-                issued = due
-                place = (self._steps + sign * issued) * self._cycles % self._steps_per_rev
-                turns = place / self._steps_per_rev
-                across = sine(turns)
-                along = sine(turns + 0.25)
-            self._pull(piece, across, along)
+            pieces = total * -(-pieces // total)
+            if pieces > MOST_PIECES:
+                pieces = MOST_PIECES
+        self._issued = steps
+        self._issued_from = self._steps
+        self._pulsed = True
+        here = self._run(pieces)
         self._steps = (self._steps + steps) % self._steps_per_rev
-        self._resting = steps == 0 and speed == self.velocity and not self._moved()
-        return self._end()
+        self._resting = steps == 0 and self._departed == self.velocity and here == self._first
+        return self._arrive(here)
 
-    def phases(self, a: float, b: float, c: float) -> int:
+    def phases(self, a: float, b: float, c: float) -> i64:
         """Run one period with phase currents, each -1.0 to 1.0 (``c`` is 0 with two phases)."""
-        across, along, self._three = field(a, b, c, self._three)
-        speed = self.velocity
-        pieces = self._finest
-        self._divide(pieces)
-        self._begin(pieces)
-        for piece in range(pieces):
-            self._pull(piece, across, along)
-        self._resting = speed == self.velocity and not self._moved()
-        return self._end()
+        self._across, self._along, self._three = field(a, b, c, self._three)
+        self._pulsed = False
+        here = self._run(self._finest)
+        self._resting = self._departed == self.velocity and here == self._first
+        return self._arrive(here)
 
-    def _pull(self, piece: int, across: float, along: float) -> None:
-        """Run one sub-step with the sine and cosine part of the field."""
-        counts = self.encoder.counts
+    def _run(self, pieces: i64) -> float:
+        """Run a period in so many pieces; return where it leads."""
+        self._divide(pieces)
+        self._ran = pieces
+        self._departed = self.velocity
+        here = self._depart()
+        self._untraced = True
         # The middle of count 0 is angle 0.
-        place = self._base * self._cycles % counts + (self._points[piece] - 0.5) * self._cycles
-        turns = place / counts
-        torque = self._holding * (across * sine(turns + 0.25) - along * sine(turns))
+        whole = float(self._base * self._cycles % self.encoder.counts)
+        for piece in range(pieces):
+            if self._pulsed:
+                self._see_pulse(piece)
+            here = self._turn(here, self._pull(whole + (here - 0.5) * self._turns))
+        return here
+
+    def _trace(self) -> None:
+        points = self._write_pieces(self._ran, self._first)
+        velocity = self.velocity
+        self.velocity = self._departed
+        whole = float(self._base * self._cycles % self.encoder.counts)
+        for piece in range(self._ran):
+            if self._pulsed:
+                self._see_pulse(piece)
+            here = points[piece]
+            points[piece + 1] = self._turn(here, self._pull(whole + (here - 0.5) * self._turns))
+        self.velocity = velocity
+
+    def _see_pulse(self, piece: i64) -> None:
+        """Turn the field to where step pulses have brought it by the start of a sub-step."""
+        steps = self._issued
+        total = steps if steps >= 0 else -steps
+        due = piece * total // self._ran + 1 if total > 0 else 0
+        if piece > 0 and due == self._due:
+            return
+        self._due = due
+        place = (self._issued_from + (due if steps >= 0 else -due)) * self._cycles
+        turns = float(place % self._steps_per_rev) / float(self._steps_per_rev)
+        self._across = sine(turns)
+        self._along = sine(turns + 0.25)
+
+    def _pull(self, place: float) -> float:
+        """Return the torque of the field on a rotor at ``place`` (cycles, times encoder counts)."""
+        turns = place / self._counts
+        torque = self._holding * (self._across * sine(turns + 0.25) - self._along * sine(turns))
         if self._detent > 0.0:
             torque -= self._detent * sine(4.0 * turns)
-        self._turn(piece, torque)
+        return torque
 
     def save(self) -> tuple[float, ...]:
         """Return the whole state."""
-        return (self._steps, int(self._three), *self._save_shaft())
+        return (int(self._steps), int(self._three), *self._save_shaft())
 
     def load(self, state: tuple[float, ...]) -> None:
         """Take back what :meth:`save` gave."""

@@ -2,7 +2,7 @@
 
 from typing import ClassVar, Final
 
-from mypy_extensions import mypyc_attr
+from mypy_extensions import i64, mypyc_attr
 
 from vbus.options import Option, Settings, Value, with_defaults
 
@@ -67,15 +67,18 @@ class Plant:
 
     def __init__(self, settings: Settings | None = None) -> None:
         self.settings: dict[str, Value] = with_defaults(self.OPTIONS, settings)
-        self.count: int = 0
+        self.count: i64 = 0
         self.switches: dict[str, Switch] = {}
         """The switches on the axis' way; names are from :data:`SWITCHES`."""
 
     def prepare(self, period: float) -> None:
-        """Set the length of a period in seconds; called again when a chip changes it."""
+        """Set the length of a period in seconds; called again when a chip changes it.
+
+        The period under way is over then: of its course only the end is known any more.
+        """
         raise NotImplementedError
 
-    def drive(self, command: float, error: int) -> int:
+    def drive(self, command: float, error: i64) -> i64:
         """Run one period with a servo command.
 
         Args:
@@ -87,23 +90,23 @@ class Plant:
         """
         raise TypeError(f"{type(self).__name__} takes {self.TAKES}, not a servo command")
 
-    def pulses(self, steps: int) -> int:
+    def pulses(self, steps: i64) -> i64:
         """Run one period with ``steps`` signed step pulses spread evenly over it."""
         raise TypeError(f"{type(self).__name__} takes {self.TAKES}, not step pulses")
 
-    def phases(self, a: float, b: float, c: float) -> int:
+    def phases(self, a: float, b: float, c: float) -> i64:
         """Run one period with phase commands, each -1.0 to 1.0 (``c`` is 0 with two phases)."""
         raise TypeError(f"{type(self).__name__} takes {self.TAKES}, not phase currents")
 
-    def count_at(self, fraction: float) -> int:
+    def count_at(self, fraction: float) -> i64:
         """Return the count at ``fraction`` (0.0 to 1.0) of the last period."""
         raise NotImplementedError
 
-    def fraction_at(self, count: int) -> float:
+    def fraction_at(self, count: i64) -> float:
         """Return when, as a fraction of the last period, the encoder first reached ``count``."""
         raise NotImplementedError
 
-    def index_between(self, start: int, end: int) -> tuple[bool, int]:
+    def index_between(self, start: i64, end: i64) -> tuple[bool, i64]:
         """Tell whether moving from ``start`` to ``end`` enters an index position, and which.
 
         ``start`` itself does not count. Returns ``(True, count)`` or ``(False, 0)``.

@@ -179,7 +179,7 @@ def test_a_million_revolutions_away_it_moves_just_the_same():
 def test_more_sub_steps_give_a_finer_course():
     plant = motor(substeps=16)
     plant.drive(1.0, 0)
-    assert len(plant._points) == 17
+    assert len(plant._course()) == 17
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,9 @@
 
 from typing import Final
 
-from vbus.bits import clamp, wrap
+from mypy_extensions import i64
+
+from vbus.bits import clamp, wrap, wrap_word
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.pid import Pid
 from vbus.chips.lm628.profile import Profile
@@ -59,24 +61,24 @@ class Axis:
         self.profile: Profile = Profile()
         self.pid: Pid = Pid(wraps)
         self._stuck_part: bool = stuck
-        self.count: int = 0
-        self.real: int = 0
-        self.real_change: int = 0
-        self.error: int = 0
-        self.following: int = 0
-        self.command: int = 0
-        self.flags: int = 0
-        self.mask: int = 0
+        self.count: i64 = 0
+        self.real: i64 = 0
+        self.real_change: i64 = 0
+        self.error: i64 = 0
+        self.following: i64 = 0
+        self.command: i64 = 0
+        self.flags: i64 = 0
+        self.mask: i64 = 0
         self.motor_off: bool = True
         self.port8: bool = True
-        self.threshold: int = 0
+        self.threshold: i64 = 0
         self.stop_on_error: bool = False
         self.sip: bool = False
-        self.index: int = 0
-        self.start: int = START_NONE
+        self.index: i64 = 0
+        self.start: i64 = START_NONE
         self.udf: bool = False
-        self.breakpoint: int = 0
-        self.breakpoint_side: int = 0
+        self.breakpoint: i64 = 0
+        self.breakpoint_side: i64 = 0
         self.breakpoint_armed: bool = False
         self.stuck: bool = False
 
@@ -175,7 +177,7 @@ class Axis:
 
     # -- the sample ---------------------------------------------------------------------------
 
-    def sample(self, count: int) -> None:
+    def sample(self, count: i64) -> None:
         """Run one sample with the encoder at ``count`` (LM-TRJ-17).
 
         Leaves the motor command of the coming sample in :attr:`command`.
@@ -185,7 +187,7 @@ class Axis:
         self.real_change = change
         real = self.real + change
         if real < ds.POSITION_MIN or real > ds.POSITION_MAX:
-            real = wrap(real, ds.POSITION_BITS)
+            real = wrap_word(real, ds.POSITION_BITS)
             self.flags |= ds.WRAPAROUND
         self.real = real
 
@@ -214,14 +216,15 @@ class Axis:
     def _servo(self) -> None:
         error = (self.profile.position >> 16) - self.real
         if error < ds.POSITION_MIN or error > ds.POSITION_MAX:
-            error = wrap(error, ds.POSITION_BITS)
+            error = wrap_word(error, ds.POSITION_BITS)
         self.following = error
         if error > 32767:
             error = 32767
         elif error < -32768:
             error = -32768
         self.error = error
-        if abs(error) > self.threshold and not (error == -32768 and self.threshold == 32767):
+        size = error if error >= 0 else -error
+        if size > self.threshold and not (error == -32768 and self.threshold == 32767):
             self.flags |= ds.POSITION_ERROR
             if self.stop_on_error:
                 if not self.profile.done:

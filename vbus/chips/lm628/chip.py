@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import ClassVar, Final
 
+from mypy_extensions import i64
+
 from vbus.chips.base import Chip
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import Axis
@@ -77,13 +79,13 @@ class LM628(Chip):
             self.host, self.axis, pwm, self._command_reset, self._found
         )
         self._mode: int = _UNPOWERED
-        self._reset_end: int = NEVER
-        self._fails_left: int = int(chosen["reset_fail"])
+        self._reset_end: i64 = NEVER
+        self._fails_left: i64 = int(chosen["reset_fail"])
         # What is being processed happens at this instant.
-        self._when: int = 0
+        self._when: i64 = 0
         # Clock cycle of the last sample, and instant of the next one.
-        self._cycle: int = 0
-        self._sample_at: int = NEVER
+        self._cycle: i64 = 0
+        self._sample_at: i64 = NEVER
         # The last sample's outcome, if nothing has touched the chip since; see _run_samples.
         self._course: tuple[int, ...] = ()
         self._still: bool = False
@@ -92,8 +94,8 @@ class LM628(Chip):
             self.output, clock, tuple(self.pins[name] for name in drivers)
         )
         # Nothing is due before this instant: advance() compares with it and is done.
-        self._due_at: int = NEVER
-        self._reset_fell: int = 0
+        self._due_at: i64 = NEVER
+        self._reset_fell: i64 = 0
         self._front: BusPins = BusPins(self)
         self._encoder_pins: EncoderPins = EncoderPins(self)
         self.pins["/RST"].net.watch(Watcher(kernel, self._reset_moved))
@@ -129,7 +131,8 @@ class LM628(Chip):
         self._outputs.begin(self._cycle)
         self.axis.reset()
         self.output.zero()
-        self._run_encoder()
+        self.encoder.run(self.output.command, self.axis.following)
+        self._place_sample()
         self._reset_end = NEVER
         if self.pins["/RST"].value == LOW:
             self._mode = _RESET_BY_PIN
@@ -289,7 +292,7 @@ class LM628(Chip):
             when = self._next_inside()
             # At one instant the sample comes last: what ends at it is seen by it.
             if self._sample_at <= now and self._sample_at < when:
-                self._run_samples(min(now, when - 1))
+                self._run_samples(now if now < when else when - 1)
                 continue
             if when > now:
                 break
@@ -310,59 +313,55 @@ class LM628(Chip):
         self._front.settle()
         self._refresh()
 
-    def _next_inside(self) -> int:
+    def _next_inside(self) -> i64:
         """Return the instant of the next thing that is not a sample."""
-        return min(self.host.busy_end, self._reset_end, self.encoder.due())
+        when = self.host.busy_end
+        if self._reset_end < when:
+            when = self._reset_end
+        due = self.encoder.due()
+        return due if due < when else when
 
-    def _run_samples(self, stop: int) -> None:
+    def _run_samples(self, stop: i64) -> None:
         """Run all samples up to instant ``stop``, or until one finds an index to capture.
 
         A sample that leaves everything as the sample before it did, with a derivative and a plant
         at rest, will be followed by samples that do the same: they are skipped.
         """
-        cycle = self.clock.cycle_at(stop)
+        cycle: i64 = self.clock.cycle_at(stop)
         left = (cycle - self._cycle) // ds.SAMPLE_CLK
-        axis = self.axis
+        axis, encoder, output = self.axis, self.encoder, self.output
         running = self._mode == _RUNNING
         while left > 0:
             if self._still:
                 self._cycle += left * ds.SAMPLE_CLK
                 if running:
                     axis.skip(left)
-                self.encoder.skip(self._start_of_sample(), self._end_of_sample())
                 break
             left -= 1
             self._cycle += ds.SAMPLE_CLK
             if running:
-                axis.sample(self.encoder.count())
-                self.output.put(axis.command, axis.port8)
-            self._run_encoder()
+                axis.sample(encoder.count())
+                output.put(axis.command, axis.port8)
+            encoder.run(output.command, axis.following)
             if axis.sip:
-                self.encoder.seek(self._start_of_sample() - 1)
-                if self.encoder.index_at != NEVER:
+                self._place_sample()
+                encoder.seek(self.clock.ps(self._cycle) - 1)
+                if encoder.index_at != NEVER:
                     break
-            if self.encoder.resting() and axis.profile.velocity == 0:
+            if axis.profile.velocity == 0 and encoder.resting():
                 course = axis.course()
                 self._still = course == self._course and axis.steady()
                 self._course = course
-            else:
+            elif self._course:
                 self._course = ()
         if running:
             self._outputs.begin(self._cycle)
-        self._sample_at = self._end_of_sample()
+        self._place_sample()
 
-    def _start_of_sample(self) -> int:
-        return self.clock.ps(self._cycle)
-
-    def _end_of_sample(self) -> int:
-        return self.clock.ps(self._cycle + ds.SAMPLE_CLK)
-
-    def _run_encoder(self) -> None:
-        self.encoder.run(
-            self._start_of_sample(), self._end_of_sample(),
-            self.output.command, self.axis.following,
-        )  # fmt: skip
-        self._sample_at = self._end_of_sample()
+    def _place_sample(self) -> None:
+        """Say from when to when the present sample lasts."""
+        self._sample_at = self.clock.ps(self._cycle + ds.SAMPLE_CLK)
+        self.encoder.lasts(self.clock.ps(self._cycle), self._sample_at)
 
     def touched(self) -> None:
         """Something from outside has changed the chip: pins and timers follow."""
@@ -383,9 +382,12 @@ class LM628(Chip):
         self._outputs.show(self.kernel.now)
         if self._front.driving:
             self._front.show()
-        self._due_at = min(
-            self._next_inside(), self._sample_at, self._outputs.due, self._front.show_at
-        )
+        due = self._next_inside()
+        if self._sample_at < due:
+            due = self._sample_at
+        if self._outputs.due < due:
+            due = self._outputs.due
+        self._due_at = due if due < self._front.show_at else self._front.show_at
 
     def next_event(self) -> int:
         """Return an instant not later than the next change of HI, an output pin or D0-D7."""

@@ -174,7 +174,7 @@ class Commands:
 
     def cmd_stt(self, step: int, word: int) -> None:
         """Start motion control with the next sample."""
-        control = self._axis.profile.control
+        control = int(self._axis.profile.control)
         if not self._axis.request_start():
             self._report(ds.STT_REFUSED, ds.STT_REFUSED.title)
         elif (control & ds.STOPS).bit_count() > 1:

@@ -1,5 +1,7 @@
 """Where encoder counts come from: a plant's course through the sample, or the A, B, /IN nets."""
 
+from mypy_extensions import i64
+
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.motion.quadrature import Quadrature
 from vbus.kernel import NEVER, Clock
@@ -30,12 +32,12 @@ class Encoder:
         self.inputs: Quadrature = Quadrature(
             dwell, 0, together=True, dwell_limit=dwell, pulse_limit=ds.AC.minimum("T1", clock)
         )
-        self.index_at: int = NEVER
-        self.index_count: int = 0
-        self._start: int = 0
-        self._end: int = 1
-        self._from: int = 0
-        self._to: int = 0
+        self.index_at: i64 = NEVER
+        self.index_count: i64 = 0
+        self._start: i64 = 0
+        self._end: i64 = 1
+        self._from: i64 = 0
+        self._to: i64 = 0
 
     def connect(self, plant: Plant, period: float) -> None:
         """Attach the mechanics; ``period`` is the sample in seconds."""
@@ -43,45 +45,45 @@ class Encoder:
         self.plant = plant
         self._from = self._to = plant.count
 
-    def run(self, start: int, end: int, command: float, following: int) -> None:
-        """Let the plant run from ``start`` to ``end`` with the drive that holds meanwhile."""
+    def run(self, command: float, following: i64) -> None:
+        """Let the plant run through one sample with the drive that holds meanwhile."""
         self.index_at = NEVER
-        self._start = start
-        self._end = end
-        if self.plant is not None:
+        plant = self.plant
+        if plant is not None:
             self._from = self._to
-            self._to = self.plant.drive(command, following)
+            self._to = plant.drive(command, following)
 
-    def skip(self, start: int, end: int) -> None:
-        """Samples have passed that changed nothing; the last lasts from ``start`` to ``end``."""
+    def lasts(self, start: i64, end: i64) -> None:
+        """The last sample lasts from ``start`` to ``end``: say so before asking for instants."""
         self._start = start
         self._end = end
 
-    def due(self) -> int:
+    def due(self) -> i64:
         """Return the instant of the next index to capture, or of the nets' next settled state."""
         return self.inputs.due() if self.plant is None else self.index_at
 
-    def count(self) -> int:
+    def count(self) -> i64:
         """Return the count at the end of the sample; from the nets, the count now."""
         return self.inputs.count if self.plant is None else self._to
 
-    def count_at(self, when: int) -> int:
+    def count_at(self, when: i64) -> i64:
         """Return the count at instant ``when`` of the present sample."""
         if self.plant is None:
             return self.inputs.count
-        fraction = (when - self._start) / (self._end - self._start)
+        fraction = float(when - self._start) / float(self._end - self._start)
         return self.plant.count_at(min(max(fraction, 0.0), 1.0))
 
-    def seek(self, after: int) -> None:
+    def seek(self, after: i64) -> None:
         """Look for the plant's first index later than ``after`` in the present sample."""
         self.index_at = NEVER
         if self.plant is None:
             return
         found, count = self.plant.index_between(self._from, self._to)
         while found:
-            at = self._start + int(self.plant.fraction_at(count) * (self._end - self._start))
+            into: i64 = int(self.plant.fraction_at(count) * float(self._end - self._start))
+            at = self._start + into
             if at > after:
-                self.index_at = min(at, self._end)
+                self.index_at = at if at < self._end else self._end
                 self.index_count = count
                 return
             found, count = self.plant.index_between(count, self._to)

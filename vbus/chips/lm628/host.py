@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Final
 
+from mypy_extensions import i64
+
 from vbus.chips.lm628 import datasheet as ds
 from vbus.kernel import NEVER, Clock
 from vbus.options import Value
@@ -62,7 +64,7 @@ class Host:
         self._jitter_clk: int = int(settings["busy_jitter_clk"])
         self._worst: bool = settings["busy"] == "worst"
         self._random: int = int(settings["seed"])
-        self.busy_end: int = NEVER
+        self.busy_end: i64 = NEVER
         self.words_due: int = 0
         self._pending: int = _NOTHING
         self._value: int = 0

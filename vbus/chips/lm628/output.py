@@ -2,6 +2,8 @@
 
 from typing import Final
 
+from mypy_extensions import i64
+
 from vbus.chips.lm628 import datasheet as ds
 from vbus.kernel import NEVER, Clock
 from vbus.signals import Pin
@@ -45,11 +47,11 @@ class Output:
             allowed = ", ".join(str(frame) for frame in ds.PWM_FRAMES)
             raise ValueError(f"pwm_frame_clk = {frame_clk}: allowed are {allowed}")
         self._pwm: bool = pwm
-        self._frame_clk: int = frame_clk
-        self._mode: int = PWM if pwm else DAC8
-        self._code: int = ds.ZERO_8
-        self._sign: int = 0
-        self._high_clk: int = 0
+        self._frame_clk: i64 = frame_clk
+        self._mode: i64 = PWM if pwm else DAC8
+        self._code: i64 = ds.ZERO_8
+        self._sign: i64 = 0
+        self._high_clk: i64 = 0
         self.command: float = 0.0
         """What the amplifier behind the pins gets, -1.0 to 1.0."""
 
@@ -60,7 +62,7 @@ class Output:
             self._mode = ZEROING
             self._code = ds.ZERO_12
 
-    def put(self, command: int, port8: bool) -> None:
+    def put(self, command: i64, port8: bool) -> None:
         """Put out the motor command of a sample (LM-PID-8 to LM-PID-10).
 
         Args:
@@ -69,24 +71,26 @@ class Output:
         """
         if self._pwm:
             value = command >> 8
-            magnitude = min(abs(value), 127)
+            magnitude = value if value >= 0 else -value
+            if magnitude > 127:
+                magnitude = 127
             self._sign = SIGN if value < 0 else 0
             self._high_clk = magnitude * self._frame_clk // 128
-            self.command = (-magnitude if value < 0 else magnitude) / 128
+            self.command = float(-magnitude if value < 0 else magnitude) / 128.0
         elif port8:
             self._mode = DAC8
             self._code = (command >> 8) + ds.ZERO_8
-            self.command = (command >> 8) / 128
+            self.command = float(command >> 8) / 128.0
         else:
             self._mode = DAC12
             self._code = (command >> 4) + ds.ZERO_12
-            self.command = (command >> 4) / 2048
+            self.command = float(command >> 4) / 2048.0
 
     def code(self) -> int:
         """Return the offset-binary code, 8 or 12 bits; on the LM629 the duty in frame clocks."""
         return self._high_clk if self._pwm else self._code
 
-    def word(self, clk: int) -> int:
+    def word(self, clk: i64) -> i64:
         """Return the pins ``clk`` clock periods after the sample."""
         if self._mode == DAC8:
             return self._code
@@ -103,7 +107,7 @@ class Output:
             return (self._code & 0x3F) << 2 | strobe
         return self._code >> 6 << 2 | SECOND | strobe
 
-    def next_change(self, clk: int) -> int:
+    def next_change(self, clk: i64) -> i64:
         """Return the clock, after ``clk``, of the pins' next change, or :data:`STEADY`."""
         if self._mode == DAC8:
             return STEADY
@@ -149,20 +153,22 @@ class OutputPins:
         self._output: Output = output
         self._clock: Clock = clock
         self._pins: tuple[Pin, ...] = pins
-        self._word: int = -1
-        self.anchor: int = 0
-        self.due: int = 0
+        self._word: i64 = -1
+        self.anchor: i64 = 0
+        self.due: i64 = 0
 
-    def begin(self, cycle: int) -> None:
+    def begin(self, cycle: i64) -> None:
         """The output has got something new to show, from ``cycle`` on."""
         self.anchor = cycle
         self.due = 0
 
-    def show(self, now: int) -> None:
+    def show(self, now: i64) -> None:
         """Bring the pins up to ``now``."""
         if now < self.due:
             return
-        clk = max(self._clock.cycle_at(now) - self.anchor, 0)
+        clk = self._clock.cycle_at(now) - self.anchor
+        if clk < 0:
+            clk = 0
         word = self._output.word(clk)
         if word != self._word:
             self._word = word

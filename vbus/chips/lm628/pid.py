@@ -2,13 +2,15 @@
 
 from typing import Final
 
-from vbus.bits import wrap
+from mypy_extensions import i64
+
+from vbus.bits import wrap_word as wrap
 from vbus.chips.lm628.datasheet import COEFFICIENT_MAX
 
 _SUM_MAX: Final = 0x7FFFFF
 
 
-def _sat16(value: int) -> int:
+def _sat16(value: i64) -> i64:
     if value > 32767:
         return 32767
     return -32768 if value < -32768 else value
@@ -41,17 +43,17 @@ class Pid:
 
     def __init__(self, wraps: bool) -> None:
         self._wraps: bool = wraps
-        self.kp: int = 0
-        self.ki: int = 0
-        self.kd: int = 0
-        self.il: int = 0
-        self.ds: int = 0
+        self.kp: i64 = 0
+        self.ki: i64 = 0
+        self.kd: i64 = 0
+        self.il: i64 = 0
+        self.ds: i64 = 0
         self.loaded: list[int] = [0, 0, 0, 0, 0]
-        self.sum: int = 0
-        self.term: int = 0
-        self.derivative: int = 0
-        self.last_error: int = 0
-        self.phase: int = 0
+        self.sum: i64 = 0
+        self.term: i64 = 0
+        self.derivative: i64 = 0
+        self.last_error: i64 = 0
+        self.phase: i64 = 0
 
     def reset(self) -> None:
         """Zero everything (LM-RST-2)."""
@@ -75,7 +77,7 @@ class Pid:
         self.derivative = 0
         self.last_error = 0
 
-    def step(self, error: int) -> int:
+    def step(self, error: i64) -> i64:
         """Run one sample; return the 16-bit motor command.
 
         Args:
@@ -98,7 +100,8 @@ class Pid:
         term = wrap(term, 16) if wraps else _sat16(term)
         if term > self.il or term < -self.il:
             term = self.il if term > 0 else -self.il
-            if abs(total) <= abs(self.sum):
+            # Nearer to zero.
+            if -self.sum <= total <= self.sum or self.sum <= total <= -self.sum:
                 self.sum = total
         else:
             self.sum = total
@@ -109,7 +112,7 @@ class Pid:
             return wrap(wrap(product, 16) + term + self.derivative, 16)
         return _sat16(_sat16(product) + term + self.derivative)
 
-    def steady(self, error: int) -> bool:
+    def steady(self, error: i64) -> bool:
         """Whether derivative samples at this same error change nothing any more."""
         return self.last_error == error and self.derivative == 0
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from mypy_extensions import i64
+
 from vbus.chips.lm628 import datasheet as ds
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, STRICT, Watcher
@@ -54,7 +56,7 @@ class BusPins:
         self._began: int = 0
         self._lost: bool = False
         self._fought: bool = False
-        self.show_at: int = NEVER
+        self.show_at: i64 = NEVER
         """Instant at which strict T10 lets the byte appear (ps)."""
         self.driving: bool = False
         """A read is under way: the chip drives D0-D7."""

@@ -2,7 +2,9 @@
 
 from typing import Final
 
-from vbus.bits import clamp, sign_extend, wrap
+from mypy_extensions import i64
+
+from vbus.bits import clamp, sign_extend, wrap, wrap_word
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.trapezoid import arrived, next_velocity
@@ -45,17 +47,17 @@ class Profile:
     )  # fmt: skip
 
     def __init__(self) -> None:
-        self.position: int = 0
-        self.velocity: int = 0
-        self.target: int = 0
-        self.top: int = 0
-        self.accel: int = 0
+        self.position: i64 = 0
+        self.velocity: i64 = 0
+        self.target: i64 = 0
+        self.top: i64 = 0
+        self.accel: i64 = 0
         self.velocity_mode: bool = False
         self.forward: bool = False
         self.stopping: bool = False
         self.done: bool = False
         self.wrapped: bool = False
-        self.control: int = 0
+        self.control: i64 = 0
         self.raw: list[int] = [0, 0, 0]
         self.relative: list[bool] = [False, False, False]
         self.accel_loaded: bool = False
@@ -151,7 +153,7 @@ class Profile:
     def _move(self) -> None:
         position = self.position + self.velocity
         if position < _LOW or position >= _HIGH:
-            position = wrap(position, _WRAPPED)
+            position = wrap_word(position, _WRAPPED)
             self.wrapped = True
         self.position = position
 

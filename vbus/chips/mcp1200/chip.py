@@ -63,6 +63,7 @@ class MCP1200(Chip):
         self._latch: int = 0
         self._last_rise: int = LONG_AGO
         self._due_ps: int = NEVER
+        self._quiet_ps: int = 0
         self._pulse_heard: bool = False
         self._own: dict[str, Watcher] = {}
         self.outputs: OutputPins = OutputPins(self, self.works)
@@ -170,14 +171,20 @@ class MCP1200(Chip):
             self.works.run(cycle)
             self._refresh_due()
             self.outputs.show(cycle)
-        elif self.works.pulsing():
-            self.outputs.show_pulse(self.cycle_now())
+            self._quiet_ps = 0
+        elif self.kernel.now >= self._quiet_ps:
+            # Pulse and Sign move between the things due inside; the next edge is known, though.
+            cycle = self.cycle_now()
+            self.outputs.show_pulse(cycle)
+            edge = self.outputs.pulse_edge(cycle)
+            self._quiet_ps = NEVER if edge == FAR else self.clock.ps(edge)
         if self._reading >= 0:
             self.bus.refresh()
 
     def changed(self) -> None:
         """Something from outside has touched the chip: show it, and set the timer anew."""
         self._refresh_due()
+        self._quiet_ps = 0
         self.outputs.show(self.cycle_now())
         self.bus.refresh()
         self.rearm()
@@ -285,7 +292,7 @@ class MCP1200(Chip):
     def _judge_clock(self) -> None:
         """Judge what the board file says about the clock and the edges of inputs."""
         rules = self.ac.rules
-        period = self.clock.span(1)
+        period: int = self.clock.span(1)
         row = self.ac["tCPER"]
         if period < row.min_ps or self.clock.span_up(1) > row.max_ps:
             limit = row.min_ps if period < row.min_ps else row.max_ps
@@ -348,4 +355,5 @@ class MCP1200(Chip):
         self.encoder_pins.load(encoder_pins)  # type: ignore[arg-type]
         self.bus.load(bus)  # type: ignore[arg-type]
         self.outputs.forget()
+        self._quiet_ps = 0
         self._refresh_due()

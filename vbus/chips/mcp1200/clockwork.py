@@ -166,12 +166,6 @@ class Clockwork:
             self.counter.match()
             self.counter.replan(cycle)
 
-    def pulsing(self) -> bool:
-        """Whether Pulse or Sign may move although nothing is due inside."""
-        if self.state == HELD or self.file.bytes[ds.CONFIG] & ds.STEP_MODE:
-            return self.state != HELD
-        return self.released >= 0 or not self.pwm.steady()
-
     # -- what the bus does --------------------------------------------------------------------
 
     def write(self, cycle: int, address: int, data: int) -> None:

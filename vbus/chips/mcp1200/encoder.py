@@ -167,7 +167,7 @@ class Encoder:
                 nearest = away * towards
         found, count = plant.index_between(here, self._last)
         if found:
-            nearest = min(nearest, abs(count - here))
+            nearest = min(nearest, abs(int(count) - here))
         if self.inside:
             nearest = 1
         for switch in self.limits:

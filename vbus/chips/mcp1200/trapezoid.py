@@ -67,7 +67,7 @@ class Trapezoid:
         before = command.velocity
         here = command.position
         ahead = (wrap(self._final - here, 24) << 8) - command.fraction
-        velocity = next_velocity(ahead, before, top, accel)
+        velocity: int = next_velocity(ahead, before, top, accel)
         command.move(velocity)
         if arrived(ahead - velocity, velocity, accel):
             self._begun = False

@@ -4,8 +4,10 @@ What LM-TRJ-13, MCP-VEL-1 and PMD-TRJ-6 do while they run at a velocity, and wha
 when it stops smoothly (goal 0).
 """
 
+from mypy_extensions import i64
 
-def toward(velocity: int, goal: int, accel: int, start: int = 0) -> int:
+
+def toward(velocity: i64, goal: i64, accel: i64, start: i64 = 0) -> i64:
     """Return the velocity of the coming sample.
 
     Args:
@@ -20,7 +22,9 @@ def toward(velocity: int, goal: int, accel: int, start: int = 0) -> int:
         return velocity
     if start > 0:
         if velocity == 0:
-            return min(start, goal) if goal > 0 else max(-start, goal)
+            if goal > 0:
+                return start if start < goal else goal
+            return -start if -start > goal else goal
         if velocity > 0 and goal <= 0:
             slower = velocity - accel
             return 0 if slower < start else slower
@@ -28,5 +32,7 @@ def toward(velocity: int, goal: int, accel: int, start: int = 0) -> int:
             slower = velocity + accel
             return 0 if slower > -start else slower
     if velocity < goal:
-        return min(velocity + accel, goal)
-    return max(velocity - accel, goal)
+        velocity += accel
+        return velocity if velocity < goal else goal
+    velocity -= accel
+    return velocity if velocity > goal else goal

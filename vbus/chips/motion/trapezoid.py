@@ -17,8 +17,10 @@ them in machine words. :func:`fastest` is the closed form, exact at any size.
 
 from math import isqrt
 
+from mypy_extensions import i64
 
-def next_velocity(remaining: int, velocity: int, top: int, accel: int, start: int = 0) -> int:
+
+def next_velocity(remaining: i64, velocity: i64, top: i64, accel: i64, start: i64 = 0) -> i64:
     """Return the velocity of the coming sample.
 
     Add it to the position; then ask :func:`arrived` whether the move is over.
@@ -39,7 +41,7 @@ def next_velocity(remaining: int, velocity: int, top: int, accel: int, start: in
     return -_approach(-remaining, -velocity, top, accel, start)
 
 
-def arrived(remaining: int, velocity: int, accel: int, start: int = 0) -> bool:
+def arrived(remaining: i64, velocity: i64, accel: i64, start: i64 = 0) -> bool:
     """Whether a move is over after a sample: on the target, and slow enough to be still next.
 
     Args:
@@ -89,7 +91,7 @@ def _share(distance: int, n: int, accel: int, start: int) -> int:
     return speed
 
 
-def _approach(r: int, u: int, top: int, accel: int, start: int) -> int:
+def _approach(r: i64, u: i64, top: i64, accel: i64, start: i64) -> i64:
     """Step with the target ahead: ``r`` to go, ``u`` the velocity toward it (maybe negative)."""
     if u < 0:
         speed = u + accel
@@ -97,9 +99,10 @@ def _approach(r: int, u: int, top: int, accel: int, start: int) -> int:
             return 0 if speed > -start else speed
         if speed <= 0:
             return speed
-        speed = min(speed, top)
+        if speed > top:
+            speed = top
         # Slower than one acceleration: one more sample is all the stopping there is.
-        return min(speed, r)
+        return speed if speed < r else r
 
     speed = start if u == 0 and start > 0 else u + accel
     if speed > top:
@@ -108,7 +111,9 @@ def _approach(r: int, u: int, top: int, accel: int, start: int) -> int:
     if slowest < start:
         slowest = 0
     if speed <= start:
-        return max(min(speed, r), slowest)
+        if speed > r:
+            speed = r
+        return speed if speed > slowest else slowest
     # As in stopping_distance(), with the sum at hand for what follows.
     n = (speed - start) // accel
     slowing = accel * (n * (n + 1) // 2)
@@ -123,4 +128,10 @@ def _approach(r: int, u: int, top: int, accel: int, start: int) -> int:
             break
         slowing -= accel * n
         n -= 1
-    return max(_share(r, n, accel, start), slowest)
+    speed = (r + slowing) // (n + 1)
+    if start > 0:
+        # As in _share().
+        ceiling = start + (n + 1) * accel - 1
+        if speed > ceiling:
+            speed = ceiling
+    return speed if speed > slowest else slowest
