@@ -42,7 +42,8 @@ const char *vbus_strerror(int error)
     case VBUS_E_REFUSED(VBUS_REFUSED_NO_SUCH):
         return "refused: no such line, pin, chip or address";
     case VBUS_E_REFUSED(VBUS_REFUSED_BAD_AT):
-        return "refused: AT before the last AT, or on a board that is not slaved";
+        return "refused: AT before the last AT, on a board that is not slaved, or past the end of"
+               " time";
     case VBUS_E_REFUSED(VBUS_REFUSED_BAD_LENGTH): return "refused: length 0 or over the limit";
     case VBUS_E_REFUSED(VBUS_REFUSED_BAD_VERSION): return "refused: version not spoken here";
     case VBUS_E_REFUSED(VBUS_REFUSED_CLOSED): return "refused: closed by the board";

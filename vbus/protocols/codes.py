@@ -6,7 +6,7 @@ UNKNOWN_REQUEST: Final = 1
 NO_SUCH: Final = 2
 """No such line, pin, chip or address in this session."""
 BAD_AT: Final = 3
-"""AT before the last AT, or the board is not slaved."""
+"""AT before the last AT, the board is not slaved, or time would run past its end."""
 BAD_LENGTH: Final = 4
 BAD_VERSION: Final = 5
 CLOSED: Final = 6

@@ -285,7 +285,10 @@ LEASED: Final = "L"
 REFUSALS: Final = {
     codes.UNKNOWN_REQUEST: ("UNKNOWN", "unknown request"),
     codes.NO_SUCH: ("NO_SUCH", "no such line, pin, chip or address"),
-    codes.BAD_AT: ("BAD_AT", "AT before the last AT, or on a board that is not slaved"),
+    codes.BAD_AT: (
+        "BAD_AT",
+        "AT before the last AT, on a board that is not slaved, or past the end of time",
+    ),
     codes.BAD_LENGTH: ("BAD_LENGTH", "length 0 or over the limit"),
     codes.BAD_VERSION: ("BAD_VERSION", "version not spoken here"),
     codes.CLOSED: ("CLOSED", "closed by the board"),

@@ -267,7 +267,9 @@ def test_a_refused_read_is_told_and_the_session_goes_on(exercise: Path, board: S
 def test_a_refused_write_is_told_by_the_next_call_that_waits(exercise: Path, board: Served) -> None:
     assert run(exercise, board.where, "at 5 at 4 write 0 1 read 0 refused read 0") == [
         "at 0", "at 0", "write 0",
-        "read: refused: AT before the last AT, or on a board that is not slaved", "refused 1",
+        "read: refused: AT before the last AT, on a board that is not slaved, or past the end of"
+        " time",
+        "refused 1",
         "read 2",
     ]  # fmt: skip
 
