@@ -63,7 +63,7 @@ class MCP1200(Chip):
         self._latch: int = 0
         self._last_rise: int = LONG_AGO
         self._due_ps: int = NEVER
-        self._quiet_ps: int = 0
+        self._quiet_ps: int = 0  # Pulse and Sign stay before this instant
         self._pulse_heard: bool = False
         self._own: dict[str, Watcher] = {}
         self.outputs: OutputPins = OutputPins(self, self.works)
