@@ -102,19 +102,21 @@ class EncodedPlant(Plant):
 
     def _depart(self) -> float:
         """Begin a period where the last one has ended; return that position."""
-        part = self._last - float(self.count - self._base)
+        count: i64 = self.count
+        part = self._last - float(count - self._base)
         # A position just below a count may round up to it.
         if part >= 1.0:
             part = _ALMOST_ONE
-        self._base = self.count
+        self._base = count
         self._first = part
         return part
 
     def _arrive(self, position: float) -> i64:
         """End the period at ``position``; return the count there."""
         self._last = position
-        self.count = self._base + _floor(position)
-        return self.count
+        count = self._base + _floor(position)
+        self.count = count
+        return count
 
     def _begin(self, pieces: i64) -> None:
         """Begin a period of ``pieces`` pieces where the last one has ended."""
@@ -202,7 +204,7 @@ class EncodedPlant(Plant):
 
     def _save_course(self) -> tuple[float, ...]:
         points = self._course()
-        return (int(self.count), int(self._base), int(self._pieces), *points)
+        return (self.count, int(self._base), int(self._pieces), *points)
 
     def _load_course(self, state: tuple[float, ...]) -> None:
         self.count = int(state[0])

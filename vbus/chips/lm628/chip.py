@@ -297,8 +297,7 @@ class LM628(Chip):
             if when > now:
                 break
             self._when = when
-            self._course = ()
-            self._still = False
+            self._course, self._still = (), False
             if self.host.busy_end == when:
                 self.host.finish()
                 if self.axis.sip and self.encoder.index_at == NEVER:
