@@ -100,7 +100,7 @@ def _digest(file: BoardFile) -> str:
     )
     core = msgspec.structs.replace(
         file, path="", board=board, nodes=nodes, hosts=(), cards=(), pinmaps=(), waves=(),
-        record=type(file.record)(),
+        record=type(file.record)(), zenoh=type(file.zenoh)(),
     )  # fmt: skip
     text = vbus.__version__.encode() + msgspec.json.encode(core)
     return hashlib.sha256(text).hexdigest()[:16]

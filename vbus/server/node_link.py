@@ -23,6 +23,8 @@ TEST_DISTURB: Final = "VBUS_TEST_DISTURB"
 a stream with that seed, so that messages arrive late and out of order."""
 
 ASK_SECONDS: Final = 1.0
+ATTEMPT_SECONDS: Final = 0.2
+"""How long one attempt to reach the middle of the star takes, and the pause after it."""
 
 
 class NodeLink:
@@ -82,7 +84,7 @@ class NodeLink:
         mode = "router" if listen else "client"
 
         def attempt() -> zenoh.Session:
-            return open_session(listen, connect, mode, security)
+            return open_session(listen, connect, mode, security, ATTEMPT_SECONDS)
 
         told = False
         while self._session is None:
@@ -94,7 +96,7 @@ class NodeLink:
                 if not told:
                     waits(f"nobody listens at {', '.join(connect)} yet; waits for it")
                     told = True
-                await asyncio.sleep(0.2)
+                await asyncio.sleep(ATTEMPT_SECONDS)
         await loop.run_in_executor(None, self._declare, self._session)
 
     def _declare(self, session: zenoh.Session) -> None:

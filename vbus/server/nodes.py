@@ -34,7 +34,7 @@ class NodeWishes:
         nodes: names of those in this process; none named: all.
         scenario: file of what hosts do at given instants.
         trace: file that takes what has happened on these nodes.
-        snapshot: file that takes a snapshot of the node once a second.
+        snapshot: file that takes a snapshot of the node four times a second.
         rejoin: snapshot to go on from.
         patience: seconds to wait for a lost node to rejoin.
         listen: endpoint to listen on, in place of the board file's.

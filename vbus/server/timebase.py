@@ -19,11 +19,15 @@ LACKING: Final = 0.25
 """Seconds after which a report that does not come is asked for."""
 BUDGET: Final = 0.01
 """Seconds of computing after which the loop serves others."""
-SNAPSHOT_EVERY: Final = 1.0
+SNAPSHOT_EVERY: Final = 0.25
 """Seconds between two snapshots."""
 FAREWELL: Final = 5.0
 """Seconds that a node which is done waits for the others at most."""
+GRACE: Final = 0.3
+"""Seconds between a loss and the error: long enough to hear which node was the first to be lost."""
 DONE: Final = "done"
+GAVE_UP: Final = "has given up "
+"""State of a node that ends because of another, whose name follows."""
 
 
 class _Other:
@@ -33,6 +37,9 @@ class _Other:
         self.name: str = name
         self.deadline: float = deadline
         self.joined: bool = False
+        self.strange: bool = False
+        self.cause: bool = False
+        """Another node says that it ends because of this one."""
         self.present: bool = False
         self.heard: float = 0.0
         self.asked: float = 0.0
@@ -189,8 +196,11 @@ class Timebase:
             # What cannot be understood is no sign of life either.
             self._say(str(error))
             return
-        self._heard(rank)
         try:
+            if message.digest != self.plan.digest:
+                self._strange(other)
+                return
+            self._heard(rank)
             if isinstance(message, Report):
                 for conductor in self.conductors:
                     conductor.receive(message)
@@ -198,19 +208,26 @@ class Timebase:
             elif isinstance(message, Alive):
                 other.state = message.state
                 other.round = message.round
-                self._same_board(other.name, message.digest)
+                if other.state.startswith(GAVE_UP):
+                    self._follow(rank, other.state.removeprefix(GAVE_UP))
             elif message.other in self._mine:
                 self._resend(message.other, other.name, message.round)
         except NodeError as error:
             self._fail(error)
         self.kick()
 
-    def _same_board(self, name: str, digest: str) -> None:
-        if digest != self.plan.digest:
-            raise NodeMismatchError(
-                name,
-                f"node {name} runs another board file or version of vbus: give every node the same",
-            )
+    def _strange(self, other: _Other) -> None:
+        """A node runs another board: it goes, unless nobody agrees with this one either."""
+        error = NodeMismatchError(
+            other.name,
+            f"node {other.name} runs another board file or version of vbus: give every node the"
+            " same",
+        )
+        if len(self._mine) == 1 and not any(known.joined for known in self._others.values()):
+            raise error
+        if not other.strange:
+            self._say(f"{error}; waits for it")
+        other.strange = True
 
     def _resend(self, mine: int, name: str, first: int) -> None:
         """Node ``name`` lacks reports from round ``first`` on."""
@@ -245,7 +262,11 @@ class Timebase:
         other = self._others[rank]
         if there:
             other.present = True
-            self._heard(rank)
+            if other.joined:
+                self._heard(rank)
+            for mine in self._mine:
+                self._tell_state_of(mine)
+                self._ask(mine, rank)
             self.kick()
         elif other.present:
             other.present = False
@@ -263,26 +284,53 @@ class Timebase:
             f"node {other.name} {why}; time stands still at {max(now, 0) / 1e9:.6f} ms, round"
             f" {self.conductors[0].participant.round}",
         )
-        other.state = "lost"
+        if not other.state.startswith(GAVE_UP):
+            other.state = "lost"
         self._lost[rank] = (self._clock(), error)
         if self._patience > 0:
             self._say(f"{error}; waits {self._patience:g} s for it to rejoin")
         else:
-            # All links end in the middle of the star: where that has died, it is to be named.
             assert self._loop is not None
-            self._loop.call_later(TICK / 2, self._give_up)
+            self._loop.call_later(GRACE, self._give_up)
+
+    def _follow(self, rank: int, name: str) -> None:
+        """Node ``rank`` ends because of node ``name``: that is the one to be named."""
+        other = self._others[rank]
+        lost = self.plan.nodes.index(name) if name in self.plan.nodes else -1
+        if lost in self._mine and self._done_at < 0:
+            self._fail(
+                NodeLostError(
+                    other.name,
+                    f"node {other.name} has given up node {name}, which runs here: it was silent"
+                    " too long, or cut off",
+                )
+            )
+        elif lost in self._others and self._done_at < 0:
+            self._lost.pop(lost, None)
+            self._others[lost].cause = True
+            self._lose(lost, f"does not answer node {other.name}, which has given it up")
 
     def _give_up(self) -> None:
         expired = [
-            (self.plan.hub != rank, rank, error)
+            (
+                not self._others[rank].cause,
+                self._others[rank].state.startswith(GAVE_UP),  # the consequence of another
+                self.plan.hub != rank,  # all links end there: with it all are lost
+                rank,
+                error,
+            )
             for rank, (since, error) in self._lost.items()
             if self._clock() - since >= self._patience
         ]
         if expired and self.failure is None:
-            self._fail(min(expired, key=lambda item: item[:2])[2])
+            self._fail(min(expired, key=lambda item: item[:4])[4])
 
     def _fail(self, error: VbusError) -> None:
         if self.failure is None:
+            if isinstance(error, NodeLostError):
+                for rank in self._mine:
+                    state = GAVE_UP + error.node
+                    self._send(rank, Alive(self.plan.digest, rank, -1, state))
             self.failure = error
             self.finished.set()
 
@@ -320,10 +368,14 @@ class Timebase:
                     self._ask(mine, rank)
 
     def _tell_state(self) -> None:
-        for rank, conductor in self._mine.items():
-            latest = max(conductor.participant.log, default=-1)
-            state = DONE if self._done_at >= 0 else conductor.state
-            self._send(rank, Alive(self.plan.digest, rank, latest, state))
+        for rank in self._mine:
+            self._tell_state_of(rank)
+
+    def _tell_state_of(self, rank: int) -> None:
+        conductor = self._mine[rank]
+        latest = max(conductor.participant.log, default=-1)
+        state = DONE if self._done_at >= 0 else conductor.state
+        self._send(rank, Alive(self.plan.digest, rank, latest, state))
 
     def _see_whether_all_are_done(self) -> None:
         if self._done_at < 0:

@@ -77,9 +77,10 @@ def command(
         from vbus.server.nodes import NodeWishes
         from vbus.tools import run_nodes
 
-        given = {key: value or "" for key, value in of_nodes.items() if key != "patience"}
-        lists = {key: tuple(given.pop(key)) for key in ("nodes", "listen", "connect")}
-        wishes = NodeWishes(**given, **lists, patience=of_nodes["patience"])
+        given: dict[str, Any] = {key: value or "" for key, value in of_nodes.items()}
+        for key in ("nodes", "listen", "connect"):
+            given[key] = tuple(of_nodes[key])
+        wishes = NodeWishes(**{**given, "patience": of_nodes["patience"]})
         return run_nodes.run(file, source, wishes, as_json)
     for key, value in of_nodes.items():
         if value:

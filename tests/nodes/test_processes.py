@@ -1,0 +1,197 @@
+"""The four-chip machine over one, two and four processes: the same in all, and never a hang."""
+
+import os
+import random
+import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.nodes.four_chips import BOARD, scenario
+from tests.nodes.processes import Bench, ended
+from vbus.board.config import read_board_text
+from vbus.kernel import US
+from vbus.network.session import open_session
+from vbus.nodes.machine import Machine
+from vbus.nodes.plan import pins_of
+from vbus.nodes.scenario import read_scenario
+
+SEEDS = 20
+ORDINARY = 3
+NODES = "abcd"
+
+
+@pytest.fixture(scope="module")
+def reference() -> str:
+    """The hash of a run in a single process, without any network."""
+    file, source = read_board_text(BOARD)
+    machine = Machine(file, source, read_scenario(scenario(), "s", pins_of(file), US))
+    machine.run()
+    return machine.trace_hash()
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path)
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("groups", [["abcd"], ["ac", "bd"], ["a", "b", "c", "d"]])
+def test_the_hash_is_the_same_for_one_two_and_four_processes(
+    bench: Bench, reference: str, groups: list[str]
+) -> None:
+    draw = random.Random(len(groups))
+    processes = [bench.start(nodes, hash_seed=draw.randrange(1, 1 << 30)) for nodes in groups]
+    for process in processes:
+        code, out = ended(process)
+        assert code == 0, out
+        assert "the scenario is over at 20.000000 ms" in out
+    assert bench.merged(groups) == reference
+
+
+@pytest.mark.parametrize("seed", range(SEEDS))
+def test_messages_that_come_late_and_out_of_order_change_nothing(
+    bench: Bench, reference: str, seed: int
+) -> None:
+    if seed >= ORDINARY and os.environ.get("VBUS_ALL_SEEDS") != "1":
+        pytest.skip("further seeds run with VBUS_ALL_SEEDS=1")
+    groups = [["ab", "cd"], ["abd", "c"], ["a", "b", "c", "d"]][seed % 3]
+    hashes = random.Random(seed)
+    processes = [
+        bench.start(nodes, disturb=f"{seed}:20", hash_seed=hashes.randrange(1, 1 << 30))
+        for nodes in groups
+    ]
+    for process in processes:
+        code, out = ended(process)
+        assert code == 0, out
+    assert bench.merged(groups) == reference
+
+
+# -- faults --------------------------------------------------------------------------------
+
+
+def running(bench: Bench, groups: list[str], *options: str) -> dict[str, object]:
+    """Start processes whose messages are slow, and wait until time has run for a while."""
+    processes = {
+        nodes: bench.start(nodes, *options, disturb=f"{len(nodes)}:20") for nodes in groups
+    }
+    bench.until(lambda: all(bench.node(nodes[0]).get("round", 0) > 8 for nodes in groups))
+    return processes  # type: ignore[return-value]
+
+
+def test_a_node_that_is_killed_is_named_by_all_others(bench: Bench) -> None:
+    processes = running(bench, ["a", "b", "cd"])
+    processes["b"].kill()  # type: ignore[attr-defined]
+    for nodes in ("a", "cd"):
+        code, out = ended(processes[nodes])  # type: ignore[arg-type]
+        assert code == 1, out
+        assert "vbus: node b has died or was cut off: its process or its link is gone; time" in out
+
+
+def test_the_node_in_the_middle_of_the_star_is_named_when_it_is_killed(bench: Bench) -> None:
+    processes = running(bench, ["a", "b", "cd"])
+    processes["a"].kill()  # type: ignore[attr-defined]
+    for nodes in ("b", "cd"):
+        code, out = ended(processes[nodes])  # type: ignore[arg-type]
+        assert code == 1, out
+        assert "vbus: node a has died or was cut off" in out
+
+
+def test_a_node_that_stalls_is_named_after_its_deadline(tmp_path: Path) -> None:
+    board = BOARD.replace("[nodes.c]", '[nodes.c]\ndeadline = "500 ms"')
+    bench = Bench(tmp_path, board)
+    try:
+        processes = running(bench, ["a", "b", "c", "d"])
+        processes["c"].send_signal(signal.SIGSTOP)  # type: ignore[attr-defined]
+        for nodes in "abd":
+            code, out = ended(processes[nodes])  # type: ignore[arg-type]
+            assert code == 1, out
+            assert "vbus: node c " in out.splitlines()[-1]
+    finally:
+        bench.close()
+
+
+def test_nodes_that_are_there_wait_for_one_that_comes_late(bench: Bench, reference: str) -> None:
+    early = [bench.start(nodes) for nodes in ("b", "cd")]
+    bench.until(lambda: bench.node("b") != {} and bench.node("d") != {})
+    late = bench.start("a")
+    assert all(ended(process)[0] == 0 for process in (*early, late))
+    assert bench.merged(["a", "b", "cd"]) == reference
+
+
+def test_a_killed_node_rejoins_from_its_snapshot_and_the_hash_stays(
+    bench: Bench, reference: str
+) -> None:
+    file = bench.folder / "c.snap"
+    others = {
+        nodes: bench.start(nodes, "--patience", "60", disturb="1:20") for nodes in ("a", "bd")
+    }
+    first = bench.start("c", "--snapshot", str(file), disturb="2:20")
+    bench.until(lambda: file.exists() and bench.node("c").get("round", 0) > 20)
+    first.kill()
+    first.wait()
+    bench.until(lambda: bench.node("a").get("others", {}).get("c") == "lost")
+    again = bench.start("c", "--rejoin", str(file), disturb="3:20")
+    for process in (again, *others.values()):
+        code, out = ended(process)
+        assert code == 0, out
+    assert bench.merged(["a", "bd", "c"]) == reference
+
+
+def test_a_node_with_another_board_file_is_sent_away_and_the_right_one_waited_for(
+    bench: Bench, reference: str
+) -> None:
+    other = bench.folder / "other.toml"
+    other.write_text(bench.board.read_text().replace("300 us", "301 us"))
+    processes = [bench.start(nodes) for nodes in ("a", "bc")]
+    bench.until(lambda: bench.node("b").get("others", {}).get("a") not in (None, "not here yet"))
+    code, out = ended(bench.start("d", board=other))
+    assert code == 1, out
+    assert "runs another board file or version of vbus: give every node the same" in out
+    processes.append(bench.start("d"))
+    for process in processes:
+        code, out = ended(process)
+        assert code == 0, out
+    assert bench.merged(["a", "bc", "d"]) == reference
+
+
+def test_a_node_runs_once(bench: Bench) -> None:
+    bench.start("a", script=False)
+    bench.until(lambda: bench.node("a") != {})
+    code, out = ended(bench.start("a", script=False))
+    assert code == 4, out
+    assert 'a board called "four.a" runs already' in out
+
+
+def test_messages_that_make_no_sense_are_reported_and_ignored(bench: Bench, reference: str) -> None:
+    processes = {nodes: bench.start(nodes) for nodes in ("a", "b", "d")}
+    bench.until(lambda: bench.node("d").get("others", {}).get("b") not in (None, "not here yet"))
+    session = open_session(connect=[bench.endpoint], mode="client")
+    publisher = session.declare_publisher("vbus/four/@nodes/b")
+    seen = threading.Event()
+    session.declare_subscriber("vbus/four/@nodes/b", lambda sample: seen.set())
+    for data in (b"", b"\x01garbage", b"\x01\x94\xa1a\x00\x00\x07", bytes(5000), b"\xff" * 100_000):
+        publisher.put(data)
+    assert seen.wait(30)
+    session.close()
+    processes["c"] = bench.start("c")
+    for nodes, process in processes.items():
+        code, out = ended(process)
+        assert code == 0, out
+        if nodes in "ad":
+            assert "node b has sent an empty message; this vbus speaks version 1" in out
+            assert "node b has sent bytes that are no message" in out
+    assert bench.merged(list(processes)) == reference
+
+
+def test_without_a_place_to_meet_the_user_is_told(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.board.write_text(BOARD)
+    code, out = ended(bench.start("b"))
+    assert code == 3, out
+    assert 'where do the nodes meet? write listen = "tcp/127.0.0.1:7447" at one of them' in out
+    code, out = ended(bench.start("z"))
+    assert 'no node called "z"; this board has a, b, c, d' in out
