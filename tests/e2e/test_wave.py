@@ -1,7 +1,9 @@
 """``vbus wave`` and waveforms of served boards."""
 
 import json
+import os
 import signal
+import subprocess
 import threading
 import time
 from pathlib import Path
@@ -10,6 +12,7 @@ import pytest
 
 from tests.e2e.command import running, start, vbus
 from vbus import connect
+from vbus.client.lm628 import Lm628
 
 BOARD = """\
 [board]
@@ -124,3 +127,116 @@ def test_a_wrong_wave_stops_the_start_or_the_command(folder: Path) -> None:
     done = vbus("wave", "nobody", "-o", "x.vcd", "--before", "soon")
     assert done.returncode == 2
     assert "'soon' is no duration" in done.stderr
+
+
+def ended(process: subprocess.Popen[str], folder: Path) -> str:
+    """Drive the board until a recording has ended by itself; return what it complained of."""
+    for _ in range(1000):
+        if process.poll() is not None:
+            break
+        drive(folder)
+        time.sleep(0.02)
+    return process.communicate(timeout=30)[1]
+
+
+@pytest.mark.slow
+def test_a_live_waveform_that_cannot_be_written_says_so_at_once(folder: Path) -> None:
+    with running(folder / "bench.toml"):
+        process = start("wave", "bench", "-o", "/dev/full")
+        assert ended(process, folder) == "vbus: /dev/full: cannot be written: No space left on" \
+            " device\n"  # fmt: skip
+        assert process.returncode == 1
+        process = start("wave", "bench", "-o", "-")
+        assert process.stdout is not None
+        process.stdout.close()
+        process.stdout = None
+        assert "standard output: cannot be written: Broken pipe" in ended(process, folder)
+        assert process.returncode == 1
+        drive(folder)
+
+
+@pytest.mark.slow
+def test_a_live_trigger_that_has_not_come_is_told(folder: Path) -> None:
+    with running(folder / "bench.toml"):
+        process = start("wave", "bench", "-o", folder / "a.vcd", "--trigger", "x.HI falls")
+        timer = threading.Timer(1.5, lambda: process.send_signal(signal.SIGINT))
+        timer.start()
+        drive(folder)
+        _, err = process.communicate(timeout=30)
+        assert (process.returncode, err) == (1, 'vbus: the trigger "x.HI falls" has not come\n')
+
+
+@pytest.mark.slow
+def test_a_pipe_of_the_board_file_that_is_closed_ends_the_waveform_and_not_the_board(
+    folder: Path,
+) -> None:
+    os.mkfifo(folder / "late.vcd")
+    text = BOARD.format(folder=folder).replace('trigger = "violation"\nduration = "1 us"\n', "")
+    (folder / "bench.toml").write_text(text)
+    reader = os.open(folder / "late.vcd", os.O_RDONLY | os.O_NONBLOCK)
+    with running(folder / "bench.toml") as (process, _):
+        drive(folder)
+        os.close(reader)
+        drive(folder)
+        drive(folder)
+        assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+    assert err.startswith("vbus: the waveform ends after ")
+    assert err.endswith(": Broken pipe\n")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("trigger", "first", "within"),
+    [
+        ("violation", 2_000_000, 1_000_000),
+        ("violation lm628.busy-write", 2_000_000, 1_000_000),
+        ("x./WR rises", 1_000_000, 1_000_000),
+        ("command RSTI", 0, 0),
+        ("x.HI falls", 0, 0),
+        ("x.real > 100", 0, 0),
+        ("x.real < -100", -1, 0),
+    ],
+)
+def test_every_trigger_of_the_board_file(
+    folder: Path, trigger: str, first: int, within: int
+) -> None:
+    (folder / "bench.toml").write_text(
+        MOVING.format(folder=folder, trigger=trigger, more="") + 'before = "500 ns"\n'
+    )
+    with running(folder / "bench.toml"), connect(f"unix:{folder}/run/x") as bus:
+        bus.chip("x").write(0, 0x02)
+        bus.chip("x").write(0, 0x02)
+        axis = Lm628(bus)
+        axis.load_filter(kp=300, kd=2000)
+        axis.rsti(0)
+        axis.move(300, acc=40, vel=2 << 16)
+    text = (folder / "wave.vcd").read_text()
+    times = [int(line[1:]) * 100 for line in text.splitlines() if line.startswith("#")]
+    if first < 0:
+        assert times == []
+        return
+    assert times[-1] - times[0] == 500_000 + 1_000_000_000
+    if first:
+        assert times[0] == first - 500_000
+
+
+MOVING = """\
+[board]
+name = "bench"
+time = "lockstep"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "m"
+[plants.m]
+model = "dc_motor"
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/x"
+[waves.one]
+file = "{folder}/wave.vcd"
+trigger = "{trigger}"
+duration = "1 ms"
+"""

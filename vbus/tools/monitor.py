@@ -1,5 +1,6 @@
 """``vbus monitor``: the buses of a running board in the manual's words, as it happens."""
 
+import io
 import json
 import socket
 from collections import Counter, deque
@@ -43,7 +44,7 @@ class Feed:
                 f'no board called "{board}" can be watched ({error.strerror or error});'
                 ' "vbus ls" shows which run'
             ) from error
-        self._lines: Iterator[bytes] = iter(self._socket.makefile("rb"))
+        self._lines: io.BufferedReader = self._socket.makefile("rb")
         self.hello: dict[str, Any] = json.loads(next(self._lines, b"{}"))
         """What ``vbus ls --json`` tells of the board."""
 
@@ -53,8 +54,9 @@ class Feed:
                 yield json.loads(line)
 
     def raw(self) -> Iterator[bytes]:
-        """Give the lines that follow as they are."""
-        return self._lines
+        """Give what follows as it comes."""
+        while data := self._lines.read1(1 << 16):
+            yield data
 
     def send(self, data: bytes) -> None:
         """Ask for something else."""

@@ -91,6 +91,7 @@ def _of_board(name: str, wish: Any, file: TextIO) -> int:
     from vbus.tools.monitor import Feed
 
     feed = Feed(name)
+    written = 0
     try:
         wishes = {k: v for k, v in structs.asdict(wish).items() if k not in ("name", "file")}
         feed.send(json.dumps({"wave": wishes}).encode() + b"\n")
@@ -101,16 +102,22 @@ def _of_board(name: str, wish: Any, file: TextIO) -> int:
                 break
         else:
             raise TransportError(f'board "{name}" has stopped')
-        for line in feed.raw():
-            file.write(line.decode("ascii"))
+        for data in feed.raw():
+            file.write(data.decode("ascii"))
+            file.flush()
+            written += len(data)
     except KeyboardInterrupt:
         pass
     except OSError as error:
         if isinstance(error, VbusError):
             raise
-        raise VbusError(f"{wish.file}: cannot be written: {error.strerror}") from error
+        where = "standard output" if wish.file == "-" else wish.file
+        raise VbusError(f"{where}: cannot be written: {error.strerror}") from error
     finally:
         feed.close()
+    if not written and wish.trigger:
+        _complain(f'the trigger "{wish.trigger}" has not come')
+        return exit_codes.FAILURE
     return exit_codes.OK
 
 

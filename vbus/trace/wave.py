@@ -11,7 +11,16 @@ from vbus.signals import Net, Observer, Violation
 from vbus.trace.decode import BoardPackets
 from vbus.trace.packets import Packet
 from vbus.trace.wave_file import VcdFile
-from vbus.trace.wave_signals import FULL, PROFILES, Signal, Value, nets_of, values_of
+from vbus.trace.wave_signals import (
+    FULL,
+    PROFILES,
+    Signal,
+    Value,
+    chosen,
+    nets_of,
+    texts_of,
+    values_of,
+)
 from vbus.trace.wave_trigger import Trigger
 
 MOST: Final = 1_000_000
@@ -35,7 +44,7 @@ class Wave(Observer):
         file: takes the text.
         profile: ``"full"`` (vectors, values of the chips, commands, violations) or ``"sigrok"``
             (single bits with plain names).
-        signals: patterns of names, as in ``"x.*"``; none: the buses and all pins but fast ones.
+        signals: patterns of names, as in ``"x.*"``; none: everything but pins with fast waveforms.
         trigger: what to wait for; see :data:`~vbus.trace.wave_trigger.FORMS`. "": nothing.
         before: how much to show from before the trigger (ps).
         duration: how long to record (ps); 0 for no limit.
@@ -79,6 +88,7 @@ class Wave(Observer):
         self._duration: int = duration
         self._end: int = -1
         self._sample: int = max(1, sample)
+        signals = list(signals)
         self._nets: list[Net] = nets_of(board, signals)
         self._taps: list[_Tap] = []
         self.signals: list[Signal] = []
@@ -86,10 +96,10 @@ class Wave(Observer):
         for net in self._nets:
             self._add_signal(Signal(net.name, "net", net.width))
         for name in values_of(board):
-            self._add_signal(Signal(name, "value"))
-        for chip in board.chips:
-            self._add_signal(Signal(f"{chip.name}.packet", "command"))
-            self._add_signal(Signal(f"{chip.name}.violation", "violation"))
+            self._add_signal(Signal(name, "value", shown=chosen(name, signals)))
+        for name in texts_of(board):
+            kind = "command" if name.endswith(".packet") else "violation"
+            self._add_signal(Signal(name, kind, shown=chosen(name, signals)))
         self._trigger: Trigger | None = Trigger(trigger, self.signals) if trigger else None
         self._values: dict[int, Value] = {}
         """Values at the beginning of the ring, and later the latest written."""
@@ -99,6 +109,10 @@ class Wave(Observer):
         families = {chip.name: chip.FAMILY for chip in board.chips}
         self._packets: BoardPackets = BoardPackets(families, self._packet)
         self._timer = board.kernel.timer(self._look, saved=False)
+        self._cycle: int = 0
+        """Instant of the latest bus cycle."""
+        self._drained: int = 0
+        """What happened before this is in the file, or has been left out."""
 
     def _add_signal(self, signal: Signal) -> None:
         signal.number = len(self.signals)
@@ -161,17 +175,22 @@ class Wave(Observer):
     # -- what happens -------------------------------------------------------------------------
 
     def note(self, when: int, number: int, value: Value) -> None:
-        """Take down a change; for the taps on the nets."""
-        self._pending.append((when, number, value))
+        """Take down a change; for the taps on the nets.
+
+        A hold time is known to be broken only some time later; a file has no way back.
+        """
+        self._pending.append((max(when, self._drained), number, value))
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
         """Follow the packets."""
+        self._cycle = when
         self._packets.bus_cycle(when, host, chip, write, address, data)
 
     def _packet(self, chip: str, packet: Packet) -> None:
-        self.note(packet.end, self._by_name[f"{chip}.packet"].number, packet.text)
+        # A packet that was cut short is known to have ended only now.
+        self.note(self._cycle, self._by_name[f"{chip}.packet"].number, packet.text)
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
@@ -206,6 +225,7 @@ class Wave(Observer):
 
     def _drain(self, now: int) -> None:
         """Sort out what happened before ``now``: lazy chips report late."""
+        self._drained = max(self._drained, now)
         pending = self._pending
         pending.sort(key=_instant)
         done = 0

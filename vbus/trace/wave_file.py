@@ -41,7 +41,7 @@ class VcdFile:
             self._kinds[signal.number] = signal.kind
             if signal.kind == "net":
                 self._net(signal, int(values.get(signal.number, 0)), used)
-            elif self._full:
+            elif self._full and signal.shown:
                 self._other(signal, values.get(signal.number), used)
         self._writer.flush()
         self._file.flush()

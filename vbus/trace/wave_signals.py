@@ -25,15 +25,17 @@ class Signal:
         name: ``"x./CS"``, ``"x.real"``, ``"x.packet"``.
         kind: ``"net"``, ``"value"``, ``"command"`` or ``"violation"``.
         width: wires of a net; else 0.
+        shown: whether it is in the file; a trigger may look at any.
         number: place in the list of signals.
     """
 
-    __slots__ = ("kind", "name", "number", "width")
+    __slots__ = ("kind", "name", "number", "shown", "width")
 
-    def __init__(self, name: str, kind: str, width: int = 0) -> None:
+    def __init__(self, name: str, kind: str, width: int = 0, shown: bool = True) -> None:
         self.name: str = name
         self.kind: str = kind
         self.width: int = width
+        self.shown: bool = shown
         self.number: int = -1
 
 
@@ -60,9 +62,9 @@ def nets_of(board: Board, patterns: Iterable[str]) -> list[Net]:
     found: list[Net] = []
     for pattern in patterns:
         matched = [names[name] for name in names if fnmatch.fnmatchcase(name, pattern)]
-        values = [name for name in values_of(board) if fnmatch.fnmatchcase(name, pattern)]
-        if not matched and not values:
-            known = ", ".join(sorted(names))
+        others = [*values_of(board), *texts_of(board)]
+        if not matched and not any(fnmatch.fnmatchcase(name, pattern) for name in others):
+            known = ", ".join([*sorted(names), *others])
             raise VbusError(f'no signal matches "{pattern}"; there are {known}')
         found += [net for net in matched if net not in found]
     return found
@@ -73,6 +75,17 @@ def values_of(board: Board) -> list[str]:
     return [
         f"{chip.name}.{name.replace(' ', '_')}" for chip in board.chips for name in chip.telemetry()
     ]
+
+
+def texts_of(board: Board) -> list[str]:
+    """Return the names of what is told in words, ``"chip.packet"`` and ``"chip.violation"``."""
+    return [f"{chip.name}.{what}" for chip in board.chips for what in ("packet", "violation")]
+
+
+def chosen(name: str, patterns: Iterable[str]) -> bool:
+    """Tell whether something is asked for; without patterns everything is."""
+    patterns = list(patterns)
+    return not patterns or any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
 
 
 def bit_names(name: str, width: int) -> list[str]:

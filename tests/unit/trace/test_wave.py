@@ -11,6 +11,7 @@ from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.errors import VbusError
 from vbus.kernel import MS, US
+from vbus.signals import Violation
 from vbus.trace.wave import DONE, Wave
 from vbus.trace.wave_signals import bit_names, plain
 
@@ -115,6 +116,10 @@ def test_recording_changes_nothing_but_time_of_the_machine() -> None:
 def test_only_the_signals_asked_for_are_there() -> None:
     kinds, _ = read(record(signals=["x./?R", "x.HI"], profile="sigrok"))
     assert set(kinds) == {"vbus.x_WR", "vbus.x_HI"}
+    kinds, _ = read(record(signals=["x.real", "x.p*", "x.D0-D7"]))
+    assert set(kinds) == {"x.real", "x.packet", "x.D0-D7"}
+    _, changes = read(record(signals=["x.HI"], trigger="command STT"))
+    assert set(changes) == {"x.HI"}  # a trigger may look at what is not shown
     with pytest.raises(VbusError, match=r'no signal matches "y\.\*"; there are x\./CS'):
         record(signals=["y.*"])
 
@@ -252,6 +257,36 @@ def test_a_file_that_takes_no_more_ends_the_recording_and_not_the_board(
 
 def test_changes_of_lazy_chips_stand_in_the_order_of_time() -> None:
     assert times(record()) == sorted(set(times(record())))
+
+
+def test_a_packet_that_was_cut_short_stands_where_it_was_found_to_be_so() -> None:
+    def host(port: HostBus) -> None:
+        port.write(0, 0x1D)
+        port.delay(3 * MS)  # values are looked at meanwhile
+        port.write(0, 0x02)
+
+    text = record(host)
+    assert times(text) == sorted(set(times(text)))
+    _, changes = read(text)
+    packets = [(when, str(v).replace("\\x20", " ")) for when, v in changes["x.packet"] if v]
+    assert packets[0][0] == 3 * MS + 2 * US
+    assert packets[0][1].startswith("RSTI cut after 0 of 1 words")
+
+
+def test_what_is_told_late_stands_as_early_as_the_file_allows() -> None:
+    board = load_board_text(LM629)
+    file = io.StringIO()
+    wave = Wave(board, file)
+    wave.start()
+    board.run_until(5 * MS + 10)
+    board.file_violation(
+        Violation(2 * MS, "x", "lm628.T16", "LM-TIM-16", "error", 0, 0, "found out late")
+    )
+    board.run_until(6 * MS)
+    wave.stop()
+    assert wave.error == ""
+    _, changes = read(file.getvalue())
+    assert [(when, v) for when, v in changes["x.violation"] if v] == [(5 * MS, "lm628.T16")]
 
 
 def test_a_waveform_is_started_once() -> None:
