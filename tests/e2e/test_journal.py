@@ -96,6 +96,8 @@ def test_a_replay_on_another_board_shows_the_first_difference(tmp_path: Path) ->
 def test_a_journal_is_explained_as_packets_or_as_entries(tmp_path: Path) -> None:
     served(tmp_path, "lockstep", signal.SIGINT)
     lines = vbus("explain", tmp_path / "file.vbj").stdout.splitlines()
+    assert f'file.vbj: board "bench" of {tmp_path}/board.toml (SHA-256 ' in lines[0]
+    assert lines[0].endswith("format 1")
     assert any(" x LFIL kp=300 kd=2000 ds=1 samples  [LM-CMD-19]" in line for line in lines)
     assert any(" x LTRJ pos=+400" in line for line in lines)
     entries = vbus("explain", f"{tmp_path}/file.vbj:0-2").stdout.splitlines()

@@ -12,7 +12,7 @@ from vbus.errors import VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets
-from vbus.trace.journal_format import Entry, JournalReader
+from vbus.trace.journal_format import Entry, Header, JournalReader
 from vbus.trace.journal_view import Sessions, show, violation_of
 from vbus.trace.packets import Packet
 
@@ -86,6 +86,7 @@ def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> It
         if last is not None:
             yield from _entries(reader, first, last)
             return
+        yield f"# {path}: {_header(reader.header)}"
         lines: list[str] = []
 
         def take(chip: str, packet: Packet) -> None:
@@ -103,6 +104,15 @@ def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> It
             yield from lines
         if reader.damage:
             yield f"# {path}: {reader.damage}"
+
+
+def _header(header: Header) -> str:
+    """Return what a journal says of the run it holds, in one line."""
+    file = f" of {header.file or 'a board file'}" if header.text else ", made in Python"
+    return (
+        f'board "{header.board}"{file} (SHA-256 {header.digest[:12]}), {header.policy},'
+        f" seed {header.seed}; vbus {header.vbus}, Python {header.python}, format {header.format}"
+    )
 
 
 class _Lines(BoardPackets):

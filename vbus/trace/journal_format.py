@@ -144,6 +144,11 @@ class JournalReader:
             self.header: Header = Header(**values)
         except TypeError:
             raise JournalError(f"{self._name()} has the header of another version") from None
+        if self.header.format != FORMAT:
+            raise JournalError(
+                f"{self._name()} is of format {self.header.format}, written by vbus"
+                f" {self.header.vbus}; this vbus reads format {FORMAT}"
+            )
 
     def _name(self) -> str:
         return str(getattr(self._file, "name", "this"))
@@ -178,6 +183,11 @@ class JournalReader:
             for key, value, start, span in zip(keys, values, starts, took, strict=True):
                 when = last + start
                 last = when + span
+                if key % PORTS >= len(OPERATIONS):
+                    raise JournalError(
+                        f"{self._name()}: entry {number} is of a kind this vbus does not know;"
+                        f" vbus {self.header.vbus} wrote it"
+                    )
                 yield _entry(number, when, last, key, value)
                 number += 1
 
