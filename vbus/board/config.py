@@ -9,6 +9,7 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from vbus.board import checks, plugins, sections
+from vbus.board.network_checks import check_zenoh
 from vbus.board.settings import check_table, listed, quoted, suggestion
 from vbus.board.source import BoardFileError, Problem, Source
 from vbus.board.toml_lines import Path
@@ -31,8 +32,12 @@ def read_board_file(path: str | FilePath) -> tuple[sections.BoardFile, Source]:
     Raises:
         BoardFileError: the file cannot be read, is no TOML, or has mistakes: all are named.
     """
+    return read_board_text(_text_of(path), str(path))
+
+
+def _text_of(path: str | FilePath) -> str:
     try:
-        text = FilePath(path).read_bytes().decode()
+        return FilePath(path).read_bytes().decode()
     except OSError as error:
         raise BoardFileError(
             [Problem(str(path), 0, "", f"cannot be read: {error.strerror}")]
@@ -40,19 +45,36 @@ def read_board_file(path: str | FilePath) -> tuple[sections.BoardFile, Source]:
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
         raise BoardFileError([Problem(str(path), line, "", "this is no UTF-8 text")]) from None
-    return read_board_text(text, str(path))
 
 
 def read_board_text(text: str, file: str = "board.toml") -> tuple[sections.BoardFile, Source]:
     """Check a board file that is already in memory; ``file`` is its name in messages."""
+    data = _parsed(file, text)
+    source = Source(file, text)
+    return _Reader(source, data).read(), source
+
+
+def _parsed(file: str, text: str) -> dict[str, Any]:
     try:
-        data = tomllib.loads(text)
+        return tomllib.loads(text)
     except RecursionError:
         raise BoardFileError([Problem(file, 0, "", "nested too deeply")]) from None
     except ValueError as error:
         raise BoardFileError([_no_toml(file, text, str(error))]) from None
-    source = Source(file, text)
-    return _Reader(source, data).read(), source
+
+
+def read_zenoh_file(path: str | FilePath) -> sections.ZenohSection:
+    """Read and check ``[zenoh]`` of a file, as a router wants it; nothing else is looked at.
+
+    Raises:
+        BoardFileError: as of :func:`read_board_file`.
+    """
+    text, name = _text_of(path), str(path)
+    source = Source(name, text)
+    section = _Reader(source, _parsed(name, text)).zenoh()
+    check_zenoh(section, source)
+    source.finish()
+    return section
 
 
 def _no_toml(file: str, text: str, reason: str) -> Problem:
@@ -91,7 +113,7 @@ class _Reader:
             record=self._record(),
             waves=tuple(self._plain("waves", sections.WaveSection)),
             nodes=tuple(self._plain("nodes", sections.NodeSection)),
-            zenoh=self._zenoh(),
+            zenoh=self.zenoh(),
         )
         known = {kind: list(self._table((kind,), self._data) or ()) for kind in _NAMED}
         checks.check(file, known, self._source)
@@ -218,7 +240,8 @@ class _Reader:
         read = self._keys(sections.RecordSection, table, ("record",))
         return read or sections.RecordSection()
 
-    def _zenoh(self) -> sections.ZenohSection:
+    def zenoh(self) -> sections.ZenohSection:
+        """Read ``[zenoh]``."""
         path = ("zenoh",)
         table = self._table(path, self._data) or {}
         extra: dict[str, object] = {}

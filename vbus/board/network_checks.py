@@ -3,7 +3,7 @@
 import re
 from typing import Final
 
-from vbus.board.sections import BoardFile
+from vbus.board.sections import BoardFile, ZenohSection
 from vbus.board.settings import quoted
 from vbus.board.source import Source
 
@@ -14,14 +14,18 @@ _RIGHT: Final = re.compile(r"(\*\*|\*|[^/*$?#]+)(/(\*\*|\*|[^/*$?#]+))*")
 
 def check_network(file: BoardFile, source: Source) -> None:
     """Check ``[zenoh]`` and the hosts on the network; mistakes go to ``source``."""
-    _check_endpoints(file, source)
-    _check_certificates(file, source)
-    _check_rights(file, source)
+    check_zenoh(file.zenoh, source)
     _check_hosts(file, source)
 
 
-def _check_endpoints(file: BoardFile, source: Source) -> None:
-    zenoh = file.zenoh
+def check_zenoh(zenoh: ZenohSection, source: Source) -> None:
+    """Check ``[zenoh]`` by itself; mistakes go to ``source``."""
+    _check_endpoints(zenoh, source)
+    _check_certificates(zenoh, source)
+    _check_rights(zenoh, source)
+
+
+def _check_endpoints(zenoh: ZenohSection, source: Source) -> None:
     for key, endpoints in (("listen", zenoh.listen), ("connect", zenoh.connect)):
         for place, endpoint in enumerate(endpoints):
             match = _ENDPOINT.fullmatch(endpoint)
@@ -44,8 +48,7 @@ def _check_endpoints(file: BoardFile, source: Source) -> None:
                 )
 
 
-def _check_certificates(file: BoardFile, source: Source) -> None:
-    zenoh = file.zenoh
+def _check_certificates(zenoh: ZenohSection, source: Source) -> None:
     files = {"certificate": zenoh.certificate, "key": zenoh.key, "authority": zenoh.authority}
     missing = [name for name, path in files.items() if not path]
     if missing and len(missing) < len(files):
@@ -60,14 +63,14 @@ def _check_certificates(file: BoardFile, source: Source) -> None:
         )
 
 
-def _check_rights(file: BoardFile, source: Source) -> None:
-    for name, keys in (file.zenoh.allow or {}).items():
+def _check_rights(zenoh: ZenohSection, source: Source) -> None:
+    for name, keys in (zenoh.allow or {}).items():
         for place, key in enumerate(keys):
             if not _RIGHT.fullmatch(key):
                 source.fail(
                     ("zenoh", "allow", name, place),
                     f"found {quoted(key)}; write a key below vbus/, such as"
-                    f' "{file.board.name}/x/bus", "{file.board.name}/**" or "**"',
+                    ' "BOARD/CHIP/bus", "BOARD/**" or "**"',
                 )
 
 

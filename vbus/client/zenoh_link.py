@@ -33,7 +33,6 @@ AGAIN_SECONDS: Final = 0.1
 LONGEST_SECONDS: Final = 86400.0
 """How long the board may take over a message: as long as its delays say."""
 _OPTIONS: Final = ("connect", "certificate", "key", "authority")
-_VARIABLE: Final = "VBUS_ZENOH"
 
 
 class _Query:
@@ -254,7 +253,7 @@ class ZenohLink(Link):
             return allowed
         chunks = self._bus_key.split("/")
         board = chunks[1]
-        replies = self._network.liveliness().get(keys.owner(board, "*"), timeout=1.0)
+        replies = self._network.liveliness().get(keys.owner(board, "*", "*"), timeout=1.0)
         if any(reply.ok is not None for reply in replies):
             if len(chunks) == 4:
                 return (
@@ -299,7 +298,7 @@ def open_zenoh(rest: str) -> ZenohLink:
         )
     where = f"zenoh:{path}"
     endpoints = _endpoints(chunks[0], options.get("connect", ""))
-    security = _security(where, options)
+    security = places.security_of(options, where)
     session = open_session(connect=endpoints, mode="client", security=security)
     try:
         return ZenohLink(where, keys.bus(*chunks), session, endpoints, security)
@@ -310,7 +309,7 @@ def open_zenoh(rest: str) -> ZenohLink:
 
 def _endpoints(board: str, given: str) -> tuple[str, ...]:
     """Return where to connect to."""
-    text = given or os.environ.get(_VARIABLE, "")
+    text = given or os.environ.get(places.VARIABLE, "")
     if text:
         return tuple(text.split(","))
     found = places.endpoints_at(places.board_place(board)) or places.endpoints_at(
@@ -319,25 +318,7 @@ def _endpoints(board: str, given: str) -> tuple[str, ...]:
     if not found:
         raise TransportError(
             f'zenoh:{board} cannot be opened: no board called "{board}" and no router runs on this'
-            f" computer; write zenoh:{board}?connect=tcp/HOST:PORT, or set {_VARIABLE} to the"
+            f" computer; write zenoh:{board}?connect=tcp/HOST:PORT, or set {places.VARIABLE} to the"
             " endpoint of a router"
         )
     return found
-
-
-def _security(where: str, options: dict[str, str]) -> Security | None:
-    """Return the certificates that were given, in the link or by environment variables."""
-    names = ("certificate", "key", "authority")
-    files = {
-        name: options.get(name) or os.environ.get(f"{_VARIABLE}_{name.upper()}", "")
-        for name in names
-    }
-    if not any(files.values()):
-        return None
-    missing = [name for name in names if not files[name]]
-    if missing:
-        raise TransportError(
-            f"{where}: {' and '.join(missing)} missing; certificate, key and authority belong"
-            " together"
-        )
-    return Security(files["certificate"], files["key"], files["authority"])

@@ -3,13 +3,17 @@
 import contextlib
 import fcntl
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
+from vbus.errors import TransportError
+from vbus.network.security import Security
 from vbus.runtime import runtime_directory
 
 ROUTER: Final = "router"
+VARIABLE: Final = "VBUS_ZENOH"
+"""Environment variable with endpoints, separated by commas."""
 _held: dict[Path, int] = {}
 
 
@@ -68,3 +72,30 @@ def endpoints_at(place: Path) -> tuple[str, ...]:
     with contextlib.suppress(OSError):
         place.unlink()
     return ()
+
+
+def security_of(options: Mapping[str, str], where: str) -> Security | None:
+    """Return the certificates that were given, in a link or by environment variables.
+
+    Args:
+        options: ``certificate``, ``key``, ``authority``; what is missing is looked for in
+            ``$VBUS_ZENOH_CERTIFICATE`` and so on.
+        where: what they are for, for messages.
+
+    Raises:
+        TransportError: only some of the three are given.
+    """
+    names = ("certificate", "key", "authority")
+    files = {
+        name: options.get(name) or os.environ.get(f"{VARIABLE}_{name.upper()}", "")
+        for name in names
+    }
+    if not any(files.values()):
+        return None
+    missing = [name for name in names if not files[name]]
+    if missing:
+        raise TransportError(
+            f"{where}: {' and '.join(missing)} missing; certificate, key and authority belong"
+            " together"
+        )
+    return Security(files["certificate"], files["key"], files["authority"])

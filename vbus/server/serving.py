@@ -9,7 +9,7 @@ import msgspec
 
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.config import read_board_file
-from vbus.board.sections import BoardFile, WaveSection
+from vbus.board.sections import BoardFile, WaveSection, ZenohSection
 from vbus.board.source import Source
 from vbus.errors import ConfigError
 from vbus.network.security import Security
@@ -22,7 +22,7 @@ log = logging.getLogger("vbus")
 
 def links_of(file: BoardFile) -> list[LinkSpec]:
     """Return the hosts of a board file as the server wants them."""
-    network = network_of(file)
+    network = network_of(file.zenoh)
     return [
         LinkSpec(
             host.transport,
@@ -37,9 +37,8 @@ def links_of(file: BoardFile) -> list[LinkSpec]:
     ]
 
 
-def network_of(file: BoardFile) -> Network:
+def network_of(zenoh: ZenohSection) -> Network:
     """Return where a board file puts its board on the network."""
-    zenoh = file.zenoh
     security = None
     if zenoh.certificate:
         security = Security(zenoh.certificate, zenoh.key, zenoh.authority, zenoh.allow)

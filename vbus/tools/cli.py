@@ -25,6 +25,7 @@ _COMMANDS: Final = {
     "monitor": "Watch the buses of a running board in the manual's words.",
     "replay": "Play a recorded run again; stop at the first difference.",
     "report": "Show the violations of a recorded run, with the cycles around them.",
+    "router": "Let boards and hosts of several computers meet (Zenoh).",
     "run": "Run a board and serve its links until Ctrl-C.",
     "trace": "Merge the traces of nodes; print the hash of what happened.",
     "wave": "Write a waveform of a running board or of a recorded run.",

@@ -1,24 +1,33 @@
 """``vbus ls``: the boards that run on this machine."""
 
 import json
+import os
 from typing import Any
 
 import click
 
+from vbus.errors import TransportError
 from vbus.tools import exit_codes
 
 
 @click.command("ls")
 @click.argument("names", metavar="[NAME]...", nargs=-1)
+@click.option(
+    "--zenoh", "endpoints", multiple=True, metavar="ENDPOINT", help="Look on this network too."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants and spans in ps.")
-def command(names: tuple[str, ...], as_json: bool) -> int:
+def command(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -> int:
     """List the boards that run on this machine, with their chips, links, time and lag.
 
-    With NAMEs, only those; the exit code is 1 if one of them does not run or does not answer.
+    Boards on the network are listed where --zenoh, $VBUS_ZENOH or a router on this machine says
+    where to look. With NAMES, only those; the exit code is 1 if one of them does not run or does
+    not answer.
     """
     from vbus.server.registry import running
 
-    boards = [board for board in running() if not names or board["board"] in names]
+    found = list(running())
+    found += _elsewhere(endpoints, {(board["board"], board.get("pid")) for board in found})
+    boards = [board for board in found if not names or board["board"] in names]
     answering = {board["board"] for board in boards if "error" not in board}
     missing = [name for name in names if name not in answering]
     if as_json:
@@ -30,6 +39,26 @@ def command(names: tuple[str, ...], as_json: bool) -> int:
     for name in missing:
         click.echo(f'vbus: no board called "{name}" answers', err=True)
     return exit_codes.FAILURE if missing else exit_codes.OK
+
+
+def _elsewhere(
+    endpoints: tuple[str, ...], known: set[tuple[str, int | None]]
+) -> list[dict[str, Any]]:
+    """Return what boards on the network tell that were not found on this machine."""
+    from vbus.network import places
+
+    wanted = endpoints or tuple(filter(None, os.environ.get("VBUS_ZENOH", "").split(",")))
+    wanted = wanted or places.endpoints_at(places.router_place())
+    if not wanted:
+        return []
+    from vbus.network.discovery import boards_on
+
+    try:
+        boards = boards_on(wanted, places.security_of({}, "vbus ls"))
+    except TransportError as error:
+        click.echo(f"vbus: {error}", err=True)
+        return []
+    return [board for board in boards if (board["board"], board.get("pid")) not in known]
 
 
 def _lines(board: dict[str, Any]) -> list[str]:

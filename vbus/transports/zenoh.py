@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import json
-import logging
-import os
-import threading
 import time
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from vbus.errors import NameInUseError, TransportError
 from vbus.network import envelope, keys, places
+from vbus.network.access import answer_access
 from vbus.network.session import Network, close_session, free_endpoint, open_network
 from vbus.transports.base import Link, Served, Transport
 from vbus.transports.zenoh_host import ZenohLink, send_refusal, send_reply
+from vbus.transports.zenoh_inbox import Handle, Inbox
+from vbus.transports.zenoh_publications import Publications
 
 if TYPE_CHECKING:
     import zenoh
@@ -31,69 +29,8 @@ TOKEN_SECONDS: Final = 3.0
 """How long a host's session lives without its liveliness token having been seen."""
 MOST_HOSTS: Final = 256
 """Sessions that may be open on one board."""
-MOST_WAITING: Final = 65536
-"""Messages that may wait for the event loop; more are dropped and asked again by their hosts."""
 REMEMBERED: Final = 4096
 """Ended sessions whose late messages are known as such."""
-
-log = logging.getLogger("vbus")
-
-Handle = Callable[[Any], None]
-
-
-class Inbox:
-    """The one place where Zenoh's threads enter the event loop.
-
-    Args:
-        loop: the event loop.
-    """
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._loop: asyncio.AbstractEventLoop = loop
-        self._items: deque[tuple[Handle, Any]] = deque()
-        self._lock: threading.Lock = threading.Lock()
-        self._fd: int = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self.dropped: int = 0
-        add = getattr(loop, "add_direct_reader", loop.add_reader)
-        add(self._fd, self._drain)
-
-    def entry(self, handle: Handle) -> Callable[[Any], None]:
-        """Return a callback for Zenoh's threads: what it gets is handled in the event loop."""
-        items = self._items
-        lock = self._lock
-
-        def enter(item: Any) -> None:
-            if len(items) >= MOST_WAITING:
-                self.dropped += 1
-                return
-            items.append((handle, item))
-            with lock:
-                if self._fd >= 0:
-                    os.eventfd_write(self._fd, 1)
-
-        return enter
-
-    def _drain(self) -> None:
-        with contextlib.suppress(BlockingIOError):
-            os.eventfd_read(self._fd)
-        items = self._items
-        for _ in range(len(items)):
-            handle, item = items.popleft()
-            try:
-                handle(item)
-            except Exception:
-                log.exception("internal error while serving the network; the board goes on")
-                if hasattr(item, "reply_err"):
-                    send_refusal(item, envelope.BROKEN, "internal error of the board; see its log")
-
-    def close(self) -> None:
-        """Take nothing more; may be called again."""
-        with self._lock:
-            fd, self._fd = self._fd, -1
-        if fd >= 0:
-            self._loop.remove_reader(fd)
-            os.close(fd)
-        self._items.clear()
 
 
 class ZenohTransport(Transport):
@@ -119,14 +56,14 @@ class ZenohTransport(Transport):
         self._buses: dict[str, tuple[str, ...]] = {}
         self._kept: list[Any] = []
         self._place: Path | None = None
-        self._rivals: set[str] = set()
+        self._publications: Publications | None = None
 
     def serves(self, served: Served) -> None:
         """Learn which board it is."""
         self._served = served
         self._network = served.network or Network()
         board = served.board.name
-        self._buses = {keys.bus(board): ()}
+        self._buses = {} if self._network.part else {keys.bus(board): ()}
         self._buses.update({keys.bus(board, chip): (chip,) for chip in served.chips})
         self.url = f"zenoh:{board}"
 
@@ -159,7 +96,9 @@ class ZenohTransport(Transport):
         else:
             session, endpoints = self._join_loopback()
         assert self._served is not None
-        self._place = places.register(places.board_place(self._served.board.name), endpoints)
+        if not self._network.part:
+            place = places.board_place(self._served.board.name)
+            self._place = places.register(place, endpoints)
         self.url = f"zenoh:{self._served.board.name}?connect={','.join(endpoints)}"
         return session
 
@@ -178,28 +117,40 @@ class ZenohTransport(Transport):
         raise AssertionError
 
     def _own(self, board: str) -> None:
-        """Take the keys of the board.
+        """Take the keys of the board, or of one node of it.
 
         Raises:
             NameInUseError: another process has them.
         """
         assert self._session is not None
         session = self._session
-        mine = keys.owner(board, str(session.zid()))
+        part = self._network.part or keys.WHOLE
+        mine = keys.owner(board, part, str(session.zid()))
         if self._network.listen and self._network.connect:
             time.sleep(SETTLE_SECONDS)
-        self._refuse_rivals(board, self._owners(board) - {mine})
+        self._refuse(board, self._rivals(board))
         self._kept.append(session.liveliness().declare_token(mine))
         # Of two that start at the same moment one stays.
-        self._refuse_rivals(board, {other for other in self._owners(board) if other < mine})
+        self._refuse(board, {other for other in self._rivals(board) if other < mine})
 
-    def _owners(self, board: str) -> set[str]:
+    def _rivals(self, board: str) -> set[str]:
+        """Return the tokens of other processes that serve what this one serves."""
         assert self._session is not None
-        pattern = keys.owner(board, "*")
-        replies = self._session.liveliness().get(pattern, timeout=ASK_SECONDS)
-        return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+        found: set[str] = set()
+        for part in (self._network.part or "*", keys.WHOLE):
+            pattern = keys.owner(board, part, "*")
+            replies = self._session.liveliness().get(pattern, timeout=ASK_SECONDS)
+            found |= {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+        return {token for token in found if self._is_rival(token)}
 
-    def _refuse_rivals(self, board: str, rivals: set[str]) -> None:
+    def _is_rival(self, token: str) -> bool:
+        assert self._session is not None
+        *_, part, session = token.split("/")
+        return session != str(self._session.zid()) and (
+            not self._network.part or part in (self._network.part, keys.WHOLE)
+        )
+
+    def _refuse(self, board: str, rivals: set[str]) -> None:
         if rivals:
             endpoints = ", ".join((*self._network.connect, *self._network.listen))
             raise NameInUseError(
@@ -211,6 +162,8 @@ class ZenohTransport(Transport):
         import zenoh
 
         assert self._inbox is not None
+        assert self._loop is not None
+        assert self._served is not None
         entry = self._inbox.entry
         callback = zenoh.handlers.Callback
 
@@ -223,7 +176,6 @@ class ZenohTransport(Transport):
 
         for key in self._buses:
             queryable(key, self._message)
-        queryable(keys.status(board), self._tell_status)
         for pattern in (keys.host(keys.bus(board), "*"), keys.host(keys.bus(board, "*"), "*")):
             self._kept.append(
                 session.liveliness().declare_subscriber(
@@ -232,9 +184,15 @@ class ZenohTransport(Transport):
             )
         self._kept.append(
             session.liveliness().declare_subscriber(
-                keys.owner(board, "*"), callback(entry(self._owner), indirect=False), history=True
+                keys.owner(board, "*", "*"),
+                callback(entry(self._owner), indirect=False),
+                history=True,
             )
         )
+        self._publications = Publications(session, self._inbox, self._served, self._loop)
+        self._publications.open()
+        if self._network.security is not None:
+            self._kept.append(answer_access(session, self._network.security))
 
     # -- hosts --------------------------------------------------------------------------------
 
@@ -343,22 +301,12 @@ class ZenohTransport(Transport):
         """Somebody owns the keys of this board's name: it should be us alone."""
         import zenoh
 
-        assert self._session is not None
         token = str(sample.key_expr)
-        if token.rpartition("/")[2] == str(self._session.zid()):
-            return
-        if sample.kind == zenoh.SampleKind.PUT:
-            self._rivals.add(token)
+        if sample.kind == zenoh.SampleKind.PUT and self._is_rival(token):
             self.report(
                 f"{self.url}: another board of this name has appeared on the network ({token});"
                 " each host reaches the nearer one; give one of them another name"
             )
-        else:
-            self._rivals.discard(token)
-
-    def _tell_status(self, query: zenoh.Query) -> None:
-        assert self._served is not None
-        send_reply(query, json.dumps(self._served.statistics()).encode())
 
     def close(self) -> None:
         """Leave the network; may be called again."""
@@ -367,6 +315,9 @@ class ZenohTransport(Transport):
         if self._place is not None:
             places.unregister(self._place)
             self._place = None
+        if self._publications is not None:
+            self._publications.close()
+            self._publications = None
         session, self._session = self._session, None
         if session is not None:
             close_session(session)

@@ -91,14 +91,23 @@ class ZenohLink(MessageLink):
             self._ended(self)
 
 
-def send_reply(query: zenoh.Query, data: bytes) -> None:
-    """Answer a query; a host that has gone meanwhile is nobody's loss."""
+def send_reply(query: zenoh.Query, data: bytes, key: str = "") -> None:
+    """Answer a query; a host that has gone meanwhile is nobody's loss.
+
+    Args:
+        query: the query.
+        data: the answer.
+        key: the key it belongs to, where the query may have asked for several.
+    """
     import zenoh
 
     try:
         # A host that does not read must not hold the board up: it asks again for what is dropped.
         query.reply(
-            query.key_expr, data, congestion_control=zenoh.CongestionControl.DROP, express=True
+            key or query.key_expr,
+            data,
+            congestion_control=zenoh.CongestionControl.DROP,
+            express=True,
         )
     except zenoh.ZError:
         pass

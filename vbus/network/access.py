@@ -1,0 +1,67 @@
+"""Whoever keeps others out tells them so: Zenoh itself drops what is forbidden without a word."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Any
+
+from vbus.network import keys
+from vbus.network.security import Security, expand
+
+if TYPE_CHECKING:
+    import zenoh
+
+log = logging.getLogger("vbus")
+
+
+def refusal(security: Security, name: str, key: str, matches: Any) -> str:
+    """Return why the holder of a certificate may not use ``key``; empty if it may.
+
+    Args:
+        security: the rights.
+        name: common name of the certificate; empty if it showed none.
+        key: the whole key.
+        matches: tells whether a pattern (first) takes in a key (second).
+    """
+    if security.allow is None:
+        return ""
+    if not name:
+        return f"a host without a certificate may use nothing here, and so not {key}"
+    rights = security.allow.get(name)
+    if rights is None:
+        return (
+            f'the holder of the certificate "{name}" may use nothing here, and so not {key}; see'
+            " [zenoh.allow] of whoever listens there"
+        )
+    if any(matches(f"{keys.ROOT}/{right}", key) for right in expand(rights)):
+        return ""
+    shown = ", ".join(rights) or "nothing"
+    return (
+        f'the holder of the certificate "{name}" may use {shown} here, but not {key}; see'
+        " [zenoh.allow] of whoever listens there"
+    )
+
+
+def answer_access(session: zenoh.Session, security: Security) -> zenoh.Queryable[None]:
+    """Answer hosts that ask why nobody answers them.
+
+    A host sends its session's id and a key; its certificate is that of the link it came by.
+    """
+    import zenoh
+
+    def matches(pattern: str, key: str) -> bool:
+        return zenoh.KeyExpr(pattern).includes(zenoh.KeyExpr(key))
+
+    def answer(query: zenoh.Query) -> None:
+        try:
+            asked = query.payload.to_bytes()[:1024].decode() if query.payload is not None else ""
+            zid, _, key = asked.partition(" ")
+            for link in session.info.links():
+                if str(link.zid) == zid:
+                    name = link.auth_identifier or ""
+                    query.reply(keys.ACCESS, refusal(security, name, key, matches))
+                    return
+        except Exception:
+            log.exception("internal error while telling a host what it may use")
+
+    return session.declare_queryable(keys.ACCESS, answer, complete=True)

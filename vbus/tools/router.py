@@ -1,0 +1,56 @@
+"""``vbus router``: where boards and hosts of several processes or computers meet."""
+
+import signal
+import threading
+
+import click
+
+DEFAULT = "tcp/127.0.0.1:7447"
+
+
+@click.command("router")
+@click.argument("file", required=False)
+@click.option("--listen", multiple=True, metavar="ENDPOINT", help=f"Else {DEFAULT}; repeatable.")
+@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Another router; repeatable.")
+def command(file: str | None, listen: tuple[str, ...], connect: tuple[str, ...]) -> None:
+    """Run a Zenoh router until Ctrl-C: boards and hosts connect to it and find each other.
+
+    FILE is a TOML file with a section [zenoh] as in board files: endpoints, certificates, rights.
+    The options stand above it. A port of 0 takes a free one.
+    """
+    from vbus.network import places
+    from vbus.network.access import answer_access
+    from vbus.network.session import Network, close_session, free_endpoint, open_network
+
+    network = Network()
+    if file is not None:
+        from vbus.board.config import read_zenoh_file
+        from vbus.server.serving import network_of
+
+        network = network_of(read_zenoh_file(file))
+    endpoints = listen or network.listen or (DEFAULT,)
+    endpoints = tuple(
+        free_endpoint(*endpoint.removesuffix(":0").split("/", 1))
+        if endpoint.endswith(":0")
+        else endpoint
+        for endpoint in endpoints
+    )
+    network = Network(endpoints, connect or network.connect, network.security)
+    session = open_network(network)
+    try:
+        stop = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: stop.set())
+        place = places.register(places.router_place(), endpoints)
+        try:
+            access = answer_access(session, network.security) if network.security else None
+            click.echo(f"router: {', '.join(endpoints)}")
+            for endpoint in network.connect:
+                click.echo(f"  connected to {endpoint}")
+            click.echo("ready; Ctrl-C stops it")
+            stop.wait()
+            del access
+        finally:
+            places.unregister(place)
+    finally:
+        close_session(session)

@@ -1,0 +1,75 @@
+"""The way from Zenoh's threads into the event loop."""
+
+import asyncio
+import contextlib
+import logging
+import os
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final
+
+from vbus.network import envelope
+from vbus.transports.zenoh_host import send_refusal
+
+MOST_WAITING: Final = 65536
+"""Messages that may wait for the event loop; more are dropped and asked again by their hosts."""
+
+log = logging.getLogger("vbus")
+
+Handle = Callable[[Any], None]
+
+
+class Inbox:
+    """The one place where Zenoh's threads enter the event loop.
+
+    Args:
+        loop: the event loop.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop: asyncio.AbstractEventLoop = loop
+        self._items: deque[tuple[Handle, Any]] = deque()
+        self._lock: threading.Lock = threading.Lock()
+        self._fd: int = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self.dropped: int = 0
+        add = getattr(loop, "add_direct_reader", loop.add_reader)
+        add(self._fd, self._drain)
+
+    def entry(self, handle: Handle) -> Callable[[Any], None]:
+        """Return a callback for Zenoh's threads: what it gets is handled in the event loop."""
+        items = self._items
+        lock = self._lock
+
+        def enter(item: Any) -> None:
+            if len(items) >= MOST_WAITING:
+                self.dropped += 1
+                return
+            items.append((handle, item))
+            with lock:
+                if self._fd >= 0:
+                    os.eventfd_write(self._fd, 1)
+
+        return enter
+
+    def _drain(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.eventfd_read(self._fd)
+        items = self._items
+        for _ in range(len(items)):
+            handle, item = items.popleft()
+            try:
+                handle(item)
+            except Exception:
+                log.exception("internal error while serving the network; the board goes on")
+                if hasattr(item, "reply_err"):
+                    send_refusal(item, envelope.BROKEN, "internal error of the board; see its log")
+
+    def close(self) -> None:
+        """Take nothing more; may be called again."""
+        with self._lock:
+            fd, self._fd = self._fd, -1
+        if fd >= 0:
+            self._loop.remove_reader(fd)
+            os.close(fd)
+        self._items.clear()
