@@ -10,6 +10,7 @@ from rich.console import Console
 
 from tests.e2e.command import running, start, vbus
 from vbus import connect
+from vbus.client.bus import Bus
 from vbus.tools.monitor import View, screen
 
 BOARD = """\
@@ -128,3 +129,35 @@ def test_the_screen_has_packets_axes_violations_and_what_was_too_fast() -> None:
     assert "real 12" in text
     assert "lm628.T9 x1" in text
     assert "2us   3 bus cycles, 2 packets, 1 polls not shown, 7 cycles too fast" in text
+
+
+@pytest.mark.slow
+def test_a_host_that_moves_the_strobes_is_shown_like_any_other(board: Path, tmp_path: Path) -> None:
+    def write(bus: Bus, port: int, byte: int) -> None:
+        bus.lines({"x./PS": port, "x./CS": 0})
+        bus.drive(byte)
+        bus.delay("200ns")
+        bus.lines({"x./WR": 0})
+        bus.delay("200ns")
+        bus.lines({"x./WR": 1})
+        bus.delay("200ns")
+        bus.release()
+        bus.delay("1ms")
+
+    board.write_text(BOARD + f'[record]\njournal = "{tmp_path}/s.vbj"\n')
+    with running(board):
+        process = watch("--count", "2")
+        with connect(f"unix:{tmp_path}/run/x") as bus:
+            for port, byte in ((0, 0x1D), (1, 0x00), (1, 0x3B), (0, 0x3F)):
+                write(bus, port, byte)
+            bus.now()
+        out, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (0, "")
+    assert [line.partition(" ")[2] for line in out.splitlines()] == [
+        "x RSTI resets BREAKPOINT TRAJECTORY_COMPLETE  [LM-CMD-18]",
+        "x undefined command 3FH  [LM-BUS-13]",
+    ]
+    explained = vbus("explain", tmp_path / "s.vbj").stdout
+    assert " x RSTI resets BREAKPOINT TRAJECTORY_COMPLETE  [LM-CMD-18]" in explained
+    replayed = vbus("replay", tmp_path / "s.vbj")
+    assert replayed.stdout.endswith(" entries, 4 bus cycles\n")
