@@ -18,11 +18,11 @@ SOURCES = {
 }
 
 
-def compiled(example: str, program: Path) -> Path:
+def compiled(example: str, program: Path, *flags: str) -> Path:
     """Compile an example for the real computer: no header and no library of vbus."""
     done = subprocess.run(
-        [require("cc"), "-std=gnu99", "-O2", "-Wall", "-Wextra", "-Werror", "-o", str(program),
-         *SOURCES[example]],
+        [require("cc"), "-std=gnu99", "-O2", "-Wall", "-Wextra", "-Werror", *flags, "-o",
+         str(program), *SOURCES[example]],
         cwd=EXAMPLES / example, capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -47,3 +47,45 @@ def test_a_plain_binary_does_the_same_on_every_run(example: str, tmp_path: Path)
         transcripts.append(transcript.read_text())
     assert transcripts[0] == transcripts[1]
     assert len(transcripts[0].splitlines()) > 50
+
+
+def test_it_can_be_watched_in_gdb(tmp_path: Path) -> None:
+    """As the page "Bring your driver" says: each trapped access is a signal gdb passes on."""
+    gdb = require("gdb")
+    program = compiled("lm629_portio", tmp_path / "program", "-g", "-O0")
+    done = subprocess.run(
+        vbus("exec", "--board", str(EXAMPLES / "lm629_portio" / "board.toml"), "--",
+             gdb, "-nx", "-q", "-batch", "-ex", "handle SIGSEGV nostop noprint pass",
+             "-ex", "break lm629_load_filter", "-ex", "run", "-ex", "print filter->kd",
+             "-ex", "delete", "-ex", "continue", str(program)),
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert "$1 = 2000\n" in done.stdout, done.stdout + done.stderr
+    last = expected("lm629_portio").splitlines()[1:]
+    assert [line for line in done.stdout.splitlines() if line in last] == last
+
+
+def test_the_address_sanitizer_finds_what_it_should_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ASAN_OPTIONS", "handle_segv=0:verify_asan_link_order=0:detect_leaks=0")
+    program = compiled("lm629_portio", tmp_path / "program", "-fsanitize=address")
+    command = vbus("exec", "--board", str(EXAMPLES / "lm629_portio" / "board.toml"), "--")
+    done = subprocess.run([*command, str(program)], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == expected("lm629_portio")
+
+    (tmp_path / "wrong.c").write_text(
+        "#include <stdlib.h>\n#include <sys/io.h>\nint main(void)\n{\n"
+        "    volatile unsigned char *copy = malloc(1);\n    ioperm(0x340, 2, 1);\n"
+        "    copy[inb(0x340) & 0x80 ? 1 : 0] = 0;\n    return 0;\n}\n"
+    )
+    subprocess.run(
+        [require("cc"), "-g", "-fsanitize=address", "-o", "wrong", "wrong.c"],
+        cwd=tmp_path, check=True,
+    )  # fmt: skip
+    done = subprocess.run(
+        [*command, str(tmp_path / "wrong")], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode != 0
+    assert "heap-buffer-overflow" in done.stderr
