@@ -244,6 +244,9 @@ class HostSection(Section, frozen=True, kw_only=True):
     pinmap: Annotated[
         str, _key("text", "the pin map of a microcontroller whose port bits are the host")
     ] = ""
+    awaited: Annotated[
+        bool, _key("flag", "on a board with nodes: time does not begin before this host uses it")
+    ] = False
 
 
 class ZenohSection(Section, frozen=True, kw_only=True):
@@ -266,7 +269,7 @@ class ZenohSection(Section, frozen=True, kw_only=True):
 
 
 class RecordSection(Section, frozen=True, kw_only=True):
-    """``[record]``: files that tell what happened, and numbers for who watches."""
+    """``[record]``: files that tell what happened."""
 
     journal: Annotated[
         str, _key("text", "file that takes every call of every host, for vbus replay")
@@ -282,6 +285,16 @@ class RecordSection(Section, frozen=True, kw_only=True):
         str,
         _key("text", "file that takes what hosts have exercised at the end: .txt, .json, .html"),
     ] = ""
+
+
+class MetricsSection(Section, frozen=True, kw_only=True):
+    """``[metrics]``: numbers for Prometheus."""
+
+    listen: Annotated[
+        str,
+        _key("text", 'address such as "127.0.0.1:9100", port 0 for any free one; else none'),
+    ] = ""
+    remote: Annotated[bool, _key("flag", "other computers may be let in")] = False
 
 
 class WaveSection(Section, frozen=True, kw_only=True):
@@ -330,3 +343,4 @@ class BoardFile(Section, frozen=True, kw_only=True):
     waves: tuple[WaveSection, ...] = ()
     nodes: tuple[NodeSection, ...] = ()
     zenoh: ZenohSection = ZenohSection()
+    metrics: MetricsSection = MetricsSection()

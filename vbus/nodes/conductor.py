@@ -46,6 +46,8 @@ class Conductor:
         self.participant: Participant = Participant(node.names, node.rank, lookahead, digest)
         self.until: int = until
         self.state: str = RUNS
+        self.awaited: set[str] = set()
+        """Labels of hosts that have not used time yet, and without which it does not begin."""
         self._cap: int = NEVER
         self._told: tuple[int, int] = (-2, -2)
         node.board.limit = -1
@@ -76,7 +78,10 @@ class Conductor:
     def busy(self) -> bool:
         """Tell whether a host that has begun to use time may still act within the grant."""
         limit = self.participant.granted - 1
-        return any(
+        hosts = self._hosts()
+        if self.awaited:
+            self.awaited -= {port.label for port in hosts if port.uses_time}
+        return bool(self.awaited) or any(
             port.uses_time and not (port.held and port.hold_until > limit) for port in self._hosts()
         )
 

@@ -251,9 +251,11 @@ async def _serve(
     if len(names) < len(plan.nodes):
         link = NodeLink(plan.board, plan.nodes, [conductor.node.rank for conductor in conductors])
     timebase = Timebase(plan, conductors, link, report, wishes.patience, wishes.snapshot)
-    servers: list[Server] = [
-        NodeServer(c, links_of(part_of(file, c.node.name)), timebase, report) for c in conductors
-    ]
+    servers: list[Server] = []
+    for conductor in conductors:
+        part = part_of(file, conductor.node.name)
+        conductor.awaited = {f"host{n}" for n, host in enumerate(part.hosts) if host.awaited}
+        servers.append(NodeServer(conductor, links_of(part), timebase, report))
     stopped = asyncio.ensure_future(stop.wait())
     try:
         for server in servers:
