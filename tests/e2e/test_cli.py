@@ -279,11 +279,18 @@ def test_ls_sees_a_running_board_with_chips_links_time_and_lag(board: Path, runt
         r" lag [\d.]+ m?s \(worst [\d.]+ m?s\), 0 violations",
         head,
     )
-    assert chip == "  chip x: ACME-1 at 8 MHz"
+    assert chip == "  chip x: ACME-1 at 8 MHz, 0 reads, 0 writes"
     assert pty == f"  link pty:{runtime}/x: byte to x, waiting, 0 bytes in, 0 out"
     assert unix == f"  link unix:{runtime}/x.sock: text to x, waiting, 0 bytes in, 0 out"
     assert status["chips"] == [
-        {"name": "x", "part": "ACME-1", "family": "acme", "clock_hz": 8_000_000}
+        {
+            "name": "x",
+            "part": "ACME-1",
+            "family": "acme",
+            "clock_hz": 8_000_000,
+            "reads": 0,
+            "writes": 0,
+        }
     ]
     assert status["time_ps"] > 0
     assert status["lag_ps"] >= 0

@@ -145,7 +145,14 @@ def test_a_board_tells_what_it_is_and_what_was_done_on_it() -> None:
         assert status["policy"] == "lockstep"
         assert status["time_ps"] == 2_000_000
         assert status["chips"] == [
-            {"name": "t", "part": "TOY", "family": "toy", "clock_hz": 8_000_000}
+            {
+                "name": "t",
+                "part": "TOY",
+                "family": "toy",
+                "clock_hz": 8_000_000,
+                "reads": 1,
+                "writes": 1,
+            }
         ]
         assert status["counters"] == {"reads": 1, "writes": 1, "violations": 0}
         assert status["links"][0]["received"] == 3

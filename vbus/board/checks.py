@@ -1,6 +1,7 @@
 """What cannot be seen in one key alone: names that must exist, owners there may be one of."""
 
 from vbus.board import board, cards, plugins
+from vbus.board.metrics_checks import check_metrics
 from vbus.board.network_checks import check_network
 from vbus.board.node_checks import NodeChecks
 from vbus.board.pin_map_checks import PinMapChecks
@@ -56,6 +57,7 @@ class _Checks:
         self._hosts()
         NodeChecks(self._file, self._known, self._source).run()
         check_network(self._file, self._source)
+        check_metrics(self._file, self._source)
         self._violations()
 
     def _exists(self, path: Path, kind: str, name: str) -> bool:

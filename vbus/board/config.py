@@ -20,7 +20,7 @@ from vbus.signals.axis import SWITCHES
 _Section = TypeVar("_Section", bound=sections.Section)
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _NAMED: Final = ("chips", "plants", "nets", "buses", "cards", "pinmaps", "nodes")
-_SECTIONS: Final = ("board", "violations", *_NAMED, "hosts", "record", "waves", "zenoh")
+_SECTIONS: Final = ("board", "violations", *_NAMED, "hosts", "record", "waves", "zenoh", "metrics")
 
 
 def read_board_file(path: str | FilePath) -> tuple[sections.BoardFile, Source]:
@@ -114,6 +114,7 @@ class _Reader:
             waves=tuple(self._plain("waves", sections.WaveSection)),
             nodes=tuple(self._plain("nodes", sections.NodeSection)),
             zenoh=self.zenoh(),
+            metrics=self._metrics(),
         )
         known = {kind: list(self._table((kind,), self._data) or ()) for kind in _NAMED}
         checks.check(file, known, self._source)
@@ -239,6 +240,11 @@ class _Reader:
         table = self._table(("record",), self._data) or {}
         read = self._keys(sections.RecordSection, table, ("record",))
         return read or sections.RecordSection()
+
+    def _metrics(self) -> sections.MetricsSection:
+        table = self._table(("metrics",), self._data) or {}
+        read = self._keys(sections.MetricsSection, table, ("metrics",))
+        return read or sections.MetricsSection()
 
     def zenoh(self) -> sections.ZenohSection:
         """Read ``[zenoh]``."""

@@ -77,6 +77,10 @@ class Chip:
         """How long the read strobe of a whole bus cycle is low (ps)."""
         self.cycle_ps: int = 0
         """Shortest whole bus cycle the datasheet allows (ps)."""
+        self.reads: int = 0
+        """Whole read cycles that hosts have made; no part of the saved state."""
+        self.writes: int = 0
+        """Whole write cycles that hosts have made."""
         self.pins: dict[str, Pin] = {}
         self._file: Callable[[Violation], None] | None = file
         self._timer = kernel.timer(self._due)

@@ -200,6 +200,10 @@ class Orders:
                 chip.write(order.address, data)
         for chip in chips:
             chip.bus_net.value = data
+            if order.kind == WRITE:
+                chip.writes += 1
+            else:
+                chip.reads += 1
         return data
 
     def _done(self, number: int, order: Order, data: int) -> None:

@@ -9,6 +9,7 @@ from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
 from vbus.server.pacer import Pacer
 from vbus.server.session import Session
+from vbus.server.statistics import Histogram
 from vbus.transports.base import MessageLink
 
 SLICE: Final = 4096
@@ -30,12 +31,13 @@ class MessageSession(Session):
         protocol: Protocol,
         pacer: Pacer,
         on_end: Callable[[Session], None],
+        round_trips: Histogram,
     ) -> None:
         self._messages: MessageLink = link
         self._collected: bytearray = bytearray()
         self._rest: deque[bytes] = deque()
         self._answering: bool = False
-        super().__init__(loop, link, port, protocol, pacer, on_end)
+        super().__init__(loop, link, port, protocol, pacer, on_end, round_trips)
 
     def _read_on(self) -> None:
         """Messages come when the link has them."""

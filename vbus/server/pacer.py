@@ -10,6 +10,7 @@ from typing import Final
 
 from vbus.board.board import Board
 from vbus.kernel import MS, NEVER
+from vbus.server.statistics import LAG_PS, Histogram
 from vbus.transports.linux import TimerFd
 
 AHEAD: Final = 2 * MS
@@ -66,6 +67,10 @@ class Pacer:
         self.worst_lag: int = 0
         self.slipped: int = 0
         """Chip time left out after stalls (ps)."""
+        self.lags: Histogram = Histogram(LAG_PS)
+        """Every lag noted."""
+        self.clock: Callable[[], int] = clock
+        """Wall time (ns)."""
         self._clock: Callable[[], int] = clock
         rate = Fraction(0 if not self.real or self.free else board.rate).limit_denominator(10**6)
         self._ps_per_ns: tuple[int, int] = (1000 * rate.numerator, rate.denominator)
@@ -135,6 +140,7 @@ class Pacer:
 
     def _note_lag(self, lag: int) -> None:
         self.lag = lag
+        self.lags.note(lag)
         if lag > self.worst_lag:
             self.worst_lag = lag
 

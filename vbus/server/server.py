@@ -18,9 +18,11 @@ from vbus.network.session import Network
 from vbus.protocols.base import Protocol
 from vbus.server.loop import HostLoop
 from vbus.server.message_session import MessageSession
+from vbus.server.metrics import MetricsPort
 from vbus.server.pacer import Pacer
 from vbus.server.registry import status_path
 from vbus.server.session import Session
+from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 from vbus.server.watching import Watching
 from vbus.transports.base import Link, MessageLink, Served, Transport, split_url
 from vbus.transports.sockets import UnixTransport
@@ -63,6 +65,24 @@ class _Host:
         self.wire: type[Protocol] = wire
         self.sessions: list[Session] = []
         self.served: int = 0
+        self._received: int = 0
+        self._sent: int = 0
+
+    @property
+    def received(self) -> int:
+        """Bytes of all its sessions, those that have ended included."""
+        return self._received + sum(session.received for session in self.sessions)
+
+    @property
+    def sent(self) -> int:
+        """Bytes sent to all its sessions."""
+        return self._sent + sum(session.sent for session in self.sessions)
+
+    def ended(self, session: Session) -> None:
+        """A session is over; what it carried stays counted."""
+        self.sessions.remove(session)
+        self._received += session.received
+        self._sent += session.sent
 
 
 class Server:
@@ -73,6 +93,10 @@ class Server:
         links: the hosts' entries.
         stall: what happens after a stall of the machine; see :class:`Pacer`.
         report: takes sentences about what happens to links (a device was unplugged).
+        metrics: host and port on which Prometheus may ask for numbers, if any.
+
+    Raises:
+        PluginError: a transport or protocol is missing, or prometheus-client for ``metrics``.
     """
 
     def __init__(
@@ -81,6 +105,7 @@ class Server:
         links: list[LinkSpec],
         stall: str = "catch_up",
         report: Callable[[str], None] | None = None,
+        metrics: tuple[str, int] | None = None,
     ) -> None:
         self.board: Board = board
         self.pacer: Pacer = Pacer(board, stall)
@@ -89,6 +114,10 @@ class Server:
         self._status: UnixTransport | None = None
         self._watching: Watching = Watching(board, self.statistics)
         self._loop: asyncio.AbstractEventLoop | None = None
+        self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
+        self._metrics: MetricsPort | None = None
+        if metrics is not None:
+            self._metrics = MetricsPort(*metrics, self.statistics)
 
     @staticmethod
     def _host(spec: LinkSpec) -> _Host:
@@ -122,6 +151,8 @@ class Server:
                 host.transport.report = self._report
                 host.transport.serves(self._served(host.spec))
                 host.transport.open(loop, self._linker(host, loop))
+            if self._metrics is not None:
+                self._metrics.open(loop)
         except TransportError:
             self.stop()
             raise
@@ -149,14 +180,14 @@ class Server:
                     spec.pin_map if whole else None,
                 )
                 session = MessageSession(
-                    loop, link, port, host.wire(port), self.pacer, host.sessions.remove
+                    loop, link, port, host.wire(port), self.pacer, host.ended, self.round_trips
                 )
             else:
                 port = self.board.open_port(
                     label, spec.chips or None, spec.cycle_ps, spec.card, spec.pin_map
                 )
                 session = Session(
-                    loop, link, port, host.wire(port), self.pacer, host.sessions.remove
+                    loop, link, port, host.wire(port), self.pacer, host.ended, self.round_trips
                 )
             port.on_resume = session.resume_soon
             port.on_events = session.events_soon
@@ -176,6 +207,8 @@ class Server:
             self._status.close()
             self._status = None
         self._watching.close()
+        if self._metrics is not None:
+            self._metrics.close()
 
     async def serve(self, stop: asyncio.Event, ready: Callable[[], None] | None = None) -> None:
         """Serve until ``stop`` is set."""
@@ -229,6 +262,8 @@ class Server:
                     "part": chip.part,
                     "family": chip.FAMILY,
                     "clock_hz": chip.clock.hz,
+                    "reads": chip.reads,
+                    "writes": chip.writes,
                 }
                 for chip in board.chips
             ],
@@ -240,12 +275,17 @@ class Server:
                     "state": host.transport.state,
                     "sessions": len(host.sessions),
                     "served": host.served,
-                    "received": sum(session.received for session in host.sessions),
-                    "sent": sum(session.sent for session in host.sessions),
+                    "received": host.received,
+                    "sent": host.sent,
                 }
                 for host in self._hosts
             ],
             "counters": dict(board.counters),
+            "violations": {rule: n for rule, n in board.counters.items() if "." in rule},
+            "sessions": sum(len(host.sessions) for host in self._hosts),
+            "lag": self.pacer.lags.told("ps"),
+            "round_trips": self.round_trips.told("ns"),
+            "metrics": "" if self._metrics is None else self._metrics.url,
         }
 
 
@@ -255,6 +295,7 @@ def run(
     stall: str = "catch_up",
     on_ready: Callable[[Server], None] | None = None,
     report: Callable[[str], None] | None = None,
+    metrics: tuple[str, int] | None = None,
 ) -> None:
     """Serve ``board`` until SIGINT or SIGTERM.
 
@@ -263,7 +304,7 @@ def run(
     """
 
     async def main() -> None:
-        server = Server(board, links, stall, report)
+        server = Server(board, links, stall, report, metrics)
         stop = asyncio.Event()
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):

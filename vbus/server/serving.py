@@ -9,6 +9,7 @@ import msgspec
 
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.config import read_board_file
+from vbus.board.metrics_checks import metrics_address
 from vbus.board.sections import BoardFile, WaveSection, ZenohSection
 from vbus.board.source import Source
 from vbus.errors import ConfigError
@@ -51,6 +52,7 @@ def serve(
     on_ready: Callable[[Server], None] | None = None,
     report: Callable[[str], None] | None = None,
     record: Mapping[str, object] | None = None,
+    metrics: str = "",
 ) -> None:
     """Serve the board a file describes until SIGINT or SIGTERM.
 
@@ -60,9 +62,10 @@ def serve(
         on_ready: called once when every link is open.
         report: takes sentences about what happens to links (a device was unplugged).
         record: replaces keys of the file's ``[record]``; ``wave`` is one more waveform file.
+        metrics: replaces ``listen`` of the file's ``[metrics]``.
 
     Raises:
-        ConfigError: the file has mistakes, or no hosts.
+        ConfigError: the file has mistakes, or no hosts; or ``metrics`` is no address.
         TransportError: a link cannot be opened.
     """
     file, source = read_board_file(path)
@@ -72,6 +75,9 @@ def serve(
         waves = (*waves, WaveSection(name="command line", file=str(wishes.pop("wave"))))
     recorded = msgspec.structs.replace(file.record, **wishes)
     file = msgspec.structs.replace(file, record=recorded, waves=waves)
+    if metrics:
+        counted = msgspec.structs.replace(file.metrics, listen=metrics)
+        file = msgspec.structs.replace(file, metrics=counted)
     serve_read(file, source, rate, on_ready, report)
 
 
@@ -95,6 +101,11 @@ def serve_read(
                 f" {file.board.time}"
             )
         file = msgspec.structs.replace(file, board=msgspec.structs.replace(file.board, rate=rate))
+    counted = file.metrics
+    try:
+        address = metrics_address(counted.listen, counted.remote) if counted.listen else None
+    except ValueError as error:
+        raise ConfigError(f"{file.path}: metrics: {error}") from None
     board = build(file, source)
     recording = Recording(
         board, file.record, source.text, file.path, report or log.warning, file.waves
@@ -106,6 +117,6 @@ def serve_read(
             on_ready(server)
 
     try:
-        run(board, links_of(file), file.board.stall, ready, report)
+        run(board, links_of(file), file.board.stall, ready, report, address)
     finally:
         recording.close()

@@ -10,6 +10,7 @@ from vbus.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
 from vbus.server.pacer import Pacer
+from vbus.server.statistics import Histogram
 from vbus.transports.base import Link
 
 READ_SIZE: Final = 4096
@@ -40,6 +41,7 @@ class Session:
         protocol: the wire format, on that port.
         pacer: moves the board's time.
         on_end: called once when the session has ended.
+        round_trips: takes how long each message took, from its arrival to its answer (ns).
     """
 
     def __init__(
@@ -50,6 +52,7 @@ class Session:
         protocol: Protocol,
         pacer: Pacer,
         on_end: Callable[["Session"], None],
+        round_trips: Histogram,
     ) -> None:
         self.link: Link = link
         self.port: HostPort = port
@@ -61,6 +64,8 @@ class Session:
         self._protocol: Protocol = protocol
         self._pacer: Pacer = pacer
         self._on_end: Callable[[Session], None] = on_end
+        self._clock: Callable[[], int] = pacer.clock
+        self._note: Callable[[int], None] = round_trips.note
         self._pending: bytearray = bytearray()
         self._reading: bool = False
         self._open: bool = True
@@ -144,6 +149,7 @@ class Session:
     def _serve(self, data: bytes) -> None:
         """Carry out what ``data`` asks for; without data, go on after a wait."""
         protocol = self._protocol
+        began = self._clock()
         try:
             self._pacer.catch_up()
             if data:
@@ -158,6 +164,8 @@ class Session:
         if self.port.held:
             self._wait()
         self._pacer.touched()
+        if data:
+            self._note(self._clock() - began)
 
     def _broken(self) -> None:
         log.exception(

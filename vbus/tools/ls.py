@@ -75,12 +75,17 @@ def _lines(board: dict[str, Any]) -> list[str]:
         f" {board['counters']['violations']} violations"
     ]
     for chip in board["chips"]:
-        lines.append(f"  chip {chip['name']}: {chip['part']} at {show(chip['clock_hz'], 'Hz')}")
+        lines.append(
+            f"  chip {chip['name']}: {chip['part']} at {show(chip['clock_hz'], 'Hz')},"
+            f" {chip['reads']} reads, {chip['writes']} writes"
+        )
     for link in board["links"]:
         lines.append(
             f"  link {link['url']}: {link['protocol']} to {', '.join(link['chips'])},"
             f" {link['state']}, {link['received']} bytes in, {link['sent']} out"
         )
+    if board["metrics"]:
+        lines.append(f"  metrics {board['metrics']}")
     return lines
 
 

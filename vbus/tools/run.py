@@ -32,6 +32,7 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
 @click.option("--coverage", metavar="FILE", help="Write what is exercised: .txt, .json, .html.")
 @click.option("--wave", metavar="FILE", help="Write a waveform of everything to FILE (VCD).")
+@click.option("--metrics", metavar="HOST:PORT", help="Numbers for Prometheus; port 0: a free one.")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
 @click.option("--node", "nodes", multiple=True, metavar="NAME", help="Only this node; repeatable.")
 @click.option("--scenario", metavar="FILE", help="Nodes: what hosts do at given instants.")
@@ -55,6 +56,7 @@ def command(
     suppress: str | None,
     coverage: str | None,
     wave: str | None,
+    metrics: str | None,
     as_json: bool,
     **of_nodes: Any,
 ) -> int:
@@ -70,6 +72,7 @@ def command(
     if file.nodes:
         single = {"--journal": journal, "--report": report, "--wave": wave}
         single["--coverage"] = coverage
+        single["--metrics"] = metrics
         single["--rate"] = None if rate is None else str(rate)
         for option, value in single.items():
             if value is not None:
@@ -100,7 +103,7 @@ def command(
     wanted = {"journal": journal, "report": report, "suppress": suppress}
     wanted |= {"coverage": coverage, "wave": wave}
     record = {key: value for key, value in wanted.items() if value is not None}
-    serve(board, rate, ready, say, record)
+    serve(board, rate, ready, say, record, metrics or "")
     return exit_codes.OK
 
 
@@ -117,4 +120,6 @@ def lines_of(status: dict[str, Any]) -> list[str]:
     for link in status["links"]:
         chips = ", ".join(link["chips"])
         lines.append(f"  link {link['url']}: {link['protocol']} protocol, to {chips}")
+    if status["metrics"]:
+        lines.append(f"  metrics {status['metrics']}")
     return lines

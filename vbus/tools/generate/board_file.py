@@ -27,6 +27,7 @@ _SECTIONS: Final[dict[str, type[Struct]]] = {
     "record": sections.RecordSection,
     "waves": sections.WaveSection,
     "zenoh": sections.ZenohSection,
+    "metrics": sections.MetricsSection,
 }
 
 

@@ -1,0 +1,51 @@
+"""``[metrics]`` of a board file: an address that can be listened on, and is meant."""
+
+import re
+from ipaddress import ip_address
+from typing import Final
+
+from vbus.board.sections import BoardFile
+from vbus.board.settings import quoted
+from vbus.board.source import Source
+
+EXAMPLE: Final = "127.0.0.1:9100"
+
+
+def metrics_address(text: str, remote: bool) -> tuple[str, int]:
+    """Return host and port of an address such as ``127.0.0.1:9100``; port 0 is any free one.
+
+    Args:
+        text: the address; IPv6 in brackets.
+        remote: whether other computers may be let in.
+
+    Raises:
+        ValueError: it is none, or other computers would be let in; says what to write.
+    """
+    match = re.fullmatch(r"(\[[0-9a-fA-F:.]+\]|[^\[\]:/]+):(\d{1,5})", text)
+    if match is None or int(match[2]) > 65535:
+        raise ValueError(f'found {quoted(text)}; write "HOST:PORT", such as "{EXAMPLE}"')
+    host = match[1].strip("[]")
+    try:
+        address = ip_address("127.0.0.1" if host == "localhost" else host)
+    except ValueError:
+        raise ValueError(
+            f'{quoted(text)}: "{host}" is no address; write numbers, such as "{EXAMPLE}"'
+        ) from None
+    if not address.is_loopback and not remote:
+        raise ValueError(
+            f"{quoted(text)} lets other computers in; write"
+            f' "{"[::1]" if address.version == 6 else "127.0.0.1"}:{match[2]}", or say'
+            " remote = true in [metrics] if that is meant"
+        )
+    return str(address), int(match[2])
+
+
+def check_metrics(file: BoardFile, source: Source) -> None:
+    """Check ``[metrics]``; mistakes go to ``source``."""
+    if file.metrics.listen and file.nodes:
+        source.fail(("metrics", "listen"), "metrics are for boards without nodes; leave it out")
+    elif file.metrics.listen:
+        try:
+            metrics_address(file.metrics.listen, file.metrics.remote)
+        except ValueError as error:
+            source.fail(("metrics", "listen"), str(error))
