@@ -42,8 +42,8 @@ MAY_IMPORT = {
     "transports": EDGE,
     "server": EDGE,
     "client": NETWORK | {"chips", "client", "kernel", "protocols"},
-    "testing": EDGE | {"client", "testing"},
-    "tools": EDGE | {"client", "compiled", "native", "testing", "tools"},
+    "testing": EDGE | {"client", "testing", "tools"},
+    "tools": EDGE | {"client", "compiled", "native", "tools"},
     "__main__": {"tools"},
     "compiled": set(),
     "__init__": EDGE | {"client", "compiled"},  # all but the last for type checkers only

@@ -25,6 +25,8 @@ class Option:
         low: smallest allowed value.
         high: largest allowed value.
         clause: clause of a specification it belongs to.
+        extremes: values, as a board file writes them, by which silicon may legally differ from
+            the default: what a host must live with. The mildest comes first.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Option:
     low: float | None = None
     high: float | None = None
     clause: str = ""
+    extremes: tuple[Value, ...] = ()
 
 
 def with_defaults(options: tuple[Option, ...], given: Settings | None = None) -> dict[str, Value]:

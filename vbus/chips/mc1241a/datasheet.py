@@ -581,7 +581,7 @@ RULES: Final = (
 OPTIONS: Final = (
     Option("host_busy", "choice", "fixed",
            "when HostRdy rises: after 67.5 us, or at the next microstep slot",
-           choices=("fixed", "slot"), clause="PMD-BUS-7"),
+           choices=("fixed", "slot"), clause="PMD-BUS-7", extremes=("slot",)),
     Option("family_codes", "choice", "illegal",
            "what codes of the family's servo chips do: nothing legal, or nothing at all",
            choices=("illegal", "noop"), clause="PMD-PKT-6"),

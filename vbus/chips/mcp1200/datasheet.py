@@ -451,7 +451,7 @@ OPTIONS: Final = (
     Option("drive", "choice", "pwm", "which motor command output the amplifier takes",
            choices=("pwm", "dac")),
     Option("io_stall_clk", "count", 0, "clocks the core loses per bus cycle",
-           low=0, high=16, clause="MCP-BUS-11"),
+           low=0, high=16, clause="MCP-BUS-11", extremes=(1,)),
     Option("index", "choice", "low", "level of the encoder's index pulse",
            choices=("low", "high")),
     Option("limit_switches", "flag", True,

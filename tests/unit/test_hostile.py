@@ -1,0 +1,181 @@
+"""Hostile chips: legal extremes are found, played the same on every run, and shrink."""
+
+import sys
+
+import pytest
+from hypothesis import given, settings
+
+from vbus.board.build import load_board_text
+from vbus.board.config import read_board_text
+from vbus.board.plugins import chip_class
+from vbus.client.bus import Bus
+from vbus.errors import ConfigError
+from vbus.kernel import SECOND
+from vbus.testing.hostile import (
+    Scenario,
+    extremes,
+    failed,
+    find_weakness,
+    play,
+    scenarios,
+    with_extremes,
+)
+from vbus.testing.in_process import HostStuck, connect_in_process
+from vbus.testing.limits import Limits, Watch
+from vbus.testing.programs import Outcome, run_program
+
+BOARD = """\
+[board]
+name = "bench"
+time = "lockstep"
+seed = 3
+
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+"""
+FEW = Limits(cycles=4000)
+
+
+def impatient(bus: Bus) -> str:
+    """Polls busy 30 times and then goes on whatever it saw."""
+    while bus.read(0) not in (0x84, 0xC4):
+        pass
+    bus.write(0, 0x1D)
+    for _ in range(30):
+        if not bus.read(0) & 1:
+            return "ready"
+    return "gave up"
+
+
+def hasty(bus: Bus) -> None:
+    while bus.read(0) != 0x84:
+        pass
+
+
+def patient(bus: Bus) -> None:
+    while bus.read(0) not in (0x84, 0xC4):
+        pass
+
+
+def wants_ready(outcome: Outcome) -> str:
+    return failed(outcome) or ("" if outcome.output == "ready" else outcome.output)
+
+
+def test_a_host_that_lives_with_every_legal_chip_has_no_weakness() -> None:
+    assert find_weakness(BOARD, patient, examples=30) is None
+
+
+def test_a_hang_is_found_and_shrinks_to_the_one_extreme_that_matters() -> None:
+    weakness = find_weakness(BOARD, hasty, limits=FEW)
+    assert weakness is not None
+    assert weakness.scenario == Scenario((("x", "reset_status", "C4"),))
+    assert weakness.reason == "the host hangs: it made more than 4000 bus cycles"
+    assert weakness.outcome.transcript[-1].startswith("x RDSTAT C4H")
+    assert 'reset_status = "C4"' in str(weakness)
+
+
+def test_a_misread_is_found_by_the_judge() -> None:
+    weakness = find_weakness(BOARD, impatient, wants_ready)
+    assert weakness is not None
+    assert weakness.scenario.extremes in [
+        (("x", "busy", "worst"),),
+        (("x", "busy_jitter_clk", 680),),
+    ]
+    assert weakness.reason == "gave up"
+
+
+def test_the_board_file_of_a_weakness_repeats_it_without_any_search() -> None:
+    weakness = find_weakness(BOARD, hasty, limits=FEW)
+    assert weakness is not None
+    board = load_board_text(weakness.board)
+    watch = Watch(board, FEW)
+    with connect_in_process(board, watch=watch) as bus, pytest.raises(HostStuck):
+        hasty(bus)
+
+
+def test_one_search_is_as_good_as_another() -> None:
+    found = [find_weakness(BOARD, impatient, wants_ready) for _ in range(2)]
+    assert found[0] == found[1]
+
+
+@given(scenarios(BOARD))
+@settings(max_examples=40)
+def test_every_scenario_is_a_board_file_without_mistakes_with_just_these_settings(
+    scenario: Scenario,
+) -> None:
+    file, _ = read_board_text(with_extremes(BOARD, scenario))
+    assert file.board.seed == (scenario.seed or 3)
+    given_keys = {key for _, key, _ in scenario.extremes}
+    assert set(file.chips[0].settings) == given_keys
+
+
+def test_what_the_board_file_fixes_is_not_varied() -> None:
+    file, _ = read_board_text(BOARD + 'busy = "worst"\n')
+    assert "busy" not in {key for _, key, _ in extremes(file)}
+    assert "reset_status" in {key for _, key, _ in extremes(file)}
+
+
+@pytest.mark.parametrize("part", ["LM628N-6", "MCP-1200", "MC1141A"])
+def test_every_extreme_of_every_chip_is_accepted_by_its_chip(part: str) -> None:
+    clock = {"LM628N-6": "6 MHz", "MCP-1200": "2 MHz", "MC1141A": "25 MHz"}[part]
+    text = f'[board]\nname = "b"\n[chips.x]\npart = "{part}"\nclock = "{clock}"\nplant = "none"\n'
+    rows = [row for row in chip_class(part).OPTIONS if row.extremes]
+    assert rows
+    for row in rows:
+        for value in row.extremes:
+            assert value != row.default
+            load_board_text(with_extremes(text, Scenario((("x", row.name, value),))))
+
+
+def test_real_time_is_refused_with_what_to_write() -> None:
+    text = BOARD.replace("lockstep", "realtime")
+    with pytest.raises(ConfigError, match='a hostile chip needs time = "lockstep"'):
+        play(text, patient, Scenario())
+
+
+# -- programs ----------------------------------------------------------------------------------
+
+ENDLESS = "from vbus import connect\nb = connect('{link}')\nwhile True: b.read(0)"
+
+
+def test_a_program_is_stopped_at_its_bound_of_bus_cycles() -> None:
+    outcome = run_program(*read_board_text(BOARD), ["python", "-c", ENDLESS], FEW)
+    assert outcome.stuck == "it made more than 4000 bus cycles"
+    assert not outcome.ok
+
+
+def test_a_program_is_stopped_at_its_bound_of_chip_time() -> None:
+    limits = Limits(chip_time=SECOND)
+    waits = ENDLESS.replace("b.read(0)", "b.delay(10**11); b.read(0)")
+    outcome = run_program(*read_board_text(BOARD), ["python", "-c", waits], limits)
+    assert outcome.stuck == "it was not done after 1 s of chip time"
+
+
+def test_a_program_that_does_nothing_is_stopped_by_the_clock_on_the_wall() -> None:
+    sleeps = ["python", "-c", "import time; print('here', flush=True); time.sleep(60)"]
+    outcome = run_program(*read_board_text(BOARD), sleeps, Limits(wall=1.0))
+    assert outcome.stuck == "it was not done after 1 s of wall time"
+    assert outcome.output == "here\n"
+
+
+def test_exit_code_output_and_transcript_of_a_program_are_kept() -> None:
+    code = (
+        "import os, sys\nfrom vbus import connect\nb = connect(os.environ['VBUS_LINK'])\n"
+        "b.write(0, 0x02)\nprint(b.read(0) & 1)\nsys.exit(7)"
+    )
+    outcome = run_program(*read_board_text(BOARD), [sys.executable, "-c", code], start=2 * 10**9)
+    assert (outcome.code, outcome.output, outcome.cycles) == (7, "1\n", 2)
+    assert outcome.transcript[0] == "x DFH"
+    assert outcome.now >= 2 * 10**9
+    assert failed(outcome) == "the host fails with exit code 7"
+
+
+def test_a_program_works_from_a_test_that_is_a_coroutine() -> None:
+    import asyncio
+
+    async def test() -> Outcome:
+        return run_program(*read_board_text(BOARD), ["python", "-c", "print(1)"])
+
+    assert asyncio.run(test()).output == "1\n"

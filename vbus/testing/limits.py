@@ -1,0 +1,89 @@
+"""How long a host may go on before a test says that it hangs, counted in chip time."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from vbus.board.board import Board
+from vbus.kernel import SECOND
+from vbus.signals import Observer, Violation
+from vbus.trace.decode import BoardPackets
+from vbus.trace.packets import Packet
+
+KEPT: Final = 40
+"""Lines of a transcript that are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds of a host's run. The first two count what repeats, so a verdict repeats too.
+
+    Attributes:
+        cycles: bus cycles.
+        chip_time: instant at which the host must be done (ps).
+        wall: seconds of wall time, for a host that does nothing at all on the bus.
+    """
+
+    cycles: int = 100_000
+    chip_time: int = 60 * SECOND
+    wall: float = 60.0
+
+
+class Watch(Observer):
+    """Counts a host's bus cycles, keeps the last ones in the manual's words, and knows its limits.
+
+    Args:
+        board: the board; the watch observes it from now on.
+        limits: the bounds.
+        over: is called once, with a sentence, when a bound is passed.
+    """
+
+    def __init__(
+        self, board: Board, limits: Limits, over: Callable[[str], None] | None = None
+    ) -> None:
+        self.cycles: int = 0
+        self.stuck: str = ""
+        """Which bound was passed, as a sentence; "" if none was."""
+        self.violations: list[Violation] = []
+        self.lines: deque[str] = deque(maxlen=KEPT)
+        self._limits: Limits = limits
+        self._over: Callable[[str], None] | None = over
+        self._packets: BoardPackets = BoardPackets(
+            {chip.name: chip.FAMILY for chip in board.chips}, self._packet
+        )
+        board.observe(self)
+
+    def _packet(self, chip: str, packet: Packet) -> None:
+        line = f"{chip} {packet.text}"
+        if self.lines and self.lines[-1].partition(" x")[0] == line:
+            before = self.lines.pop().rpartition(" x")[2]
+            self.lines.append(f"{line} x{int(before) + 1 if before.isdecimal() else 2}")
+        else:
+            self.lines.append(line)
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Count a cycle."""
+        self.cycles += 1
+        self._packets.bus_cycle(when, host, chip, write, address, data)
+        if self.cycles > self._limits.cycles:
+            self.pass_bound(f"it made more than {self._limits.cycles} bus cycles")
+        elif when > self._limits.chip_time:
+            self.pass_bound(
+                f"it was not done after {self._limits.chip_time / SECOND:g} s of chip time"
+            )
+
+    def violation(self, violation: Violation) -> None:
+        """Keep a violation."""
+        self._packets.violation(violation)
+        self.violations.append(violation)
+        self.lines.append(f"{violation.chip} ! {violation.rule}: {violation.detail}")
+
+    def pass_bound(self, sentence: str) -> None:
+        """Say that the host hangs, if nothing has said so before."""
+        if not self.stuck:
+            self.stuck = sentence
+            if self._over is not None:
+                self._over(sentence)

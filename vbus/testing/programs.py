@@ -1,0 +1,206 @@
+"""A host program on a board of its own, with bounds, and what came of it."""
+
+import asyncio
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from vbus.board.build import build, card_of, pin_map_of
+from vbus.board.sections import BoardFile, HostSection
+from vbus.board.source import Source
+from vbus.errors import VbusError
+from vbus.server.server import LinkSpec, Server
+from vbus.server.serving import links_of
+from vbus.signals import Violation
+from vbus.testing.limits import Limits, Watch
+from vbus.tools import preload
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What a host did.
+
+    Attributes:
+        stuck: which bound it passed, as a sentence; "" if it came to an end by itself.
+        code: exit code of a program, 0 or 1 of a function; 128 + N for one that died of signal N.
+        output: what it wrote to standard output, or what the function returned as text.
+        errors: what it wrote to standard error, or the exception the function raised.
+        cycles: bus cycles it made.
+        now: instant at which it ended (ps).
+        violations: what it broke.
+        transcript: its last packets in the manual's words.
+    """
+
+    stuck: str = ""
+    code: int = 0
+    output: str = ""
+    errors: str = ""
+    cycles: int = 0
+    now: int = 0
+    violations: list[Violation] = field(default_factory=list)
+    transcript: list[str] = field(default_factory=list)
+
+    @property
+    def ok(self) -> bool:
+        """Whether it ended by itself, with exit code 0."""
+        return not self.stuck and self.code == 0
+
+    def take(self, watch: Watch) -> None:
+        """Take over what was watched."""
+        self.stuck = watch.stuck
+        self.cycles = watch.cycles
+        self.violations = watch.violations
+        self.transcript = list(watch.lines)
+
+
+class _Run:
+    """The board's side of one run; lives in a thread with an event loop of its own.
+
+    So it works from ordinary tests and from tests that are coroutines alike.
+    """
+
+    def __init__(
+        self, file: BoardFile, source: Source, limits: Limits, folder: Path, start: int
+    ) -> None:
+        self.board = build(file, source)
+        self.board.run_for(start)
+        self.link: str = f"unix:{folder / 'host.sock'}"
+        self.environment: dict[str, str] = {"VBUS_LINK": self.link, "VBUS_RUNTIME": str(folder)}
+        described = [host for host in file.hosts if host.pinmap or host.card] or list(file.hosts)
+        host = described[0] if described else HostSection(transport="")
+        card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
+        if card is not None:
+            port = self.board.open_port("program", host.chips or None, host.cycle, card)
+            self.environment |= preload.environment(port.info(), self.link)
+            port.close()
+        mine = LinkSpec(self.link, "byte", list(host.chips), host.cycle, card, pin_map)
+        served = zip(file.hosts, links_of(file), strict=True)
+        others = [spec for section, spec in served if section is not host or not section.card]
+        self.server = Server(self.board, [mine, *others], file.board.stall)
+        self.watch = Watch(self.board, limits, self._kill)
+        self.process: subprocess.Popen[str] | None = None
+        self.error: BaseException | None = None
+        self._ready = threading.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._stop: asyncio.Event | None = None
+        self._thread = threading.Thread(target=self._serve, name="vbus board", daemon=True)
+
+    def _kill(self, sentence: str) -> None:
+        if self.process is not None:
+            self.process.kill()
+
+    def _serve(self) -> None:
+        async def main() -> None:
+            self._loop = asyncio.get_running_loop()
+            self._stop = asyncio.Event()
+            await self.server.serve(self._stop, self._ready.set)
+            self.board.catch_up()
+
+        try:
+            asyncio.run(main())
+        except BaseException as error:
+            self.error = error
+        finally:
+            self._ready.set()
+
+    def __enter__(self) -> "_Run":
+        self._thread.start()
+        self._ready.wait()
+        if self.error is not None:
+            raise self.error
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        if self._loop is not None and self._stop is not None and self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join()
+
+
+_runtime = threading.Lock()
+
+
+def run_program(
+    file: BoardFile,
+    source: Source,
+    command: Sequence[str],
+    limits: Limits | None = None,
+    environment: Mapping[str, str] | None = None,
+    folder: Path | None = None,
+    start: int = 0,
+) -> Outcome:
+    """Run a program on a board that lives as long as the program does.
+
+    The program finds its link in ``$VBUS_LINK`` (``{link}`` in an argument stands for it), the
+    links of the board file under ``$VBUS_RUNTIME``, a folder of this run alone. A board file with
+    a card traps the program's port and memory accesses, as ``vbus exec`` does.
+
+    Args:
+        file: the board.
+        source: the same as text.
+        command: program and arguments; ``"python"`` is the interpreter that runs now.
+        limits: its bounds.
+        environment: variables that are added to those of this process.
+        folder: where it runs; the present directory if None.
+        start: instant at which it may make its first bus cycle (ps).
+
+    Raises:
+        ConfigError: the board cannot be built.
+        VbusError: the program cannot be started.
+    """
+    bounds = limits if limits is not None else Limits()
+    with tempfile.TemporaryDirectory(prefix="vbus-") as own, _runtime:
+        before = os.environ.get("VBUS_RUNTIME")
+        os.environ["VBUS_RUNTIME"] = own
+        try:
+            with _Run(file, source, bounds, Path(own), start) as run:
+                outcome = _beside(run, command, bounds, environment or {}, folder)
+        finally:
+            if before is None:
+                del os.environ["VBUS_RUNTIME"]
+            else:
+                os.environ["VBUS_RUNTIME"] = before
+    if run.error is not None:
+        raise run.error
+    outcome.take(run.watch)
+    outcome.now = run.board.now
+    return outcome
+
+
+def _beside(
+    run: _Run,
+    command: Sequence[str],
+    limits: Limits,
+    environment: Mapping[str, str],
+    folder: Path | None,
+) -> Outcome:
+    line = [part.replace("{link}", run.link) for part in command]
+    if line[0] == "python":
+        line[0] = sys.executable
+    try:
+        process = run.process = subprocess.Popen(
+            line,
+            cwd=folder,
+            env={**os.environ, **run.environment, **environment},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+        )
+    except OSError as error:
+        raise VbusError(f"{line[0]}: cannot be run: {error.strerror}") from error
+    if run.watch.stuck:
+        process.kill()
+    try:
+        output, errors = process.communicate(timeout=limits.wall)
+    except subprocess.TimeoutExpired:
+        run.watch.pass_bound(f"it was not done after {limits.wall:g} s of wall time")
+        process.kill()
+        output, errors = process.communicate()
+    code = process.returncode
+    return Outcome(code=code if code >= 0 else 128 - code, output=output, errors=errors)
