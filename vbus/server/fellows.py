@@ -1,0 +1,308 @@
+"""The other nodes of a board: who is there, who is silent, who was lost and must be named."""
+
+import asyncio
+import time
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from vbus.errors import NodeLostError, NodeMismatchError, VbusError
+from vbus.kernel import MS
+from vbus.nodes.messages import Alive, Message, decode, encode
+from vbus.nodes.plan import Plan
+from vbus.server.node_link import NodeLink
+
+TICK: Final = 0.1
+"""Seconds between signs of life."""
+FAREWELL: Final = 5.0
+"""Seconds that a node which is done waits for the others at most."""
+GRACE: Final = 0.3
+"""Seconds between a loss and the error: long enough to hear which node was the first to be lost."""
+DONE: Final = "done"
+GAVE_UP: Final = "has given up "
+"""State of a node that ends because of another, whose name follows."""
+
+
+class Other:
+    """What is known of a node in another process."""
+
+    def __init__(self, name: str, deadline: float) -> None:
+        self.name: str = name
+        self.deadline: float = deadline
+        self.joined: bool = False
+        self.strange: bool = False
+        self.cause: bool = False
+        """Another node says that it ends because of this one."""
+        self.present: bool = False
+        self.heard: float = 0.0
+        self.asked: float = 0.0
+        self.state: str = "not here yet"
+        self.round: int = -1
+
+
+class Fellowship:
+    """The nodes of this process among those of the whole board.
+
+    A node that dies, or is silent beyond its deadline, is a :class:`NodeLostError` for all others:
+    never a wait without end. Nodes that have not come yet are waited for.
+
+    Args:
+        plan: the board.
+        mine: ranks of the nodes in this process.
+        link: to the other processes; None if all nodes are here.
+        say: takes sentences about nodes that come and go.
+        patience: seconds to wait for a lost node to rejoin; then, or at once if 0, it is an error.
+        clock: wall time in seconds; for tests.
+
+    Attributes:
+        failure: why the run ended, if it did so in error.
+        finished: set when the run is over, for better or worse.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        mine: Sequence[int],
+        link: NodeLink | None = None,
+        say: Callable[[str], None] = print,
+        patience: float = 0.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.plan: Plan = plan
+        self.failure: VbusError | None = None
+        self.finished: asyncio.Event = asyncio.Event()
+        self._ranks: tuple[int, ...] = tuple(mine)
+        self._link: NodeLink | None = link
+        self._say: Callable[[str], None] = say
+        self._patience: float = patience
+        self._clock: Callable[[], float] = clock
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._others: dict[int, Other] = {
+            rank: Other(name, plan.deadlines[rank] / (1000 * MS))
+            for rank, name in enumerate(plan.nodes)
+            if rank not in self._ranks
+        }
+        self._lost: dict[int, tuple[float, NodeLostError]] = {}
+        self._last_tick: float = 0.0
+        self._done_at: float = -1.0
+        self._timer: asyncio.TimerHandle | None = None
+
+    # -- what kinds of time differ in -----------------------------------------------------------
+
+    def deliver(self, rank: int, message: Message) -> None:
+        """Take a message of node ``rank``: all but signs of life."""
+        raise NotImplementedError
+
+    def met(self, rank: int) -> None:
+        """Node ``rank`` has come, or come back."""
+
+    def look(self, now: float) -> None:
+        """See to what is due now and then."""
+
+    def kick(self) -> None:
+        """Something has happened: see soon what can be done."""
+
+    def state_of(self, rank: int) -> tuple[int, str]:
+        """Return the latest round, and what a node of this process does."""
+        raise NotImplementedError
+
+    def standing_at(self) -> str:
+        """Return where time stands, for an error message."""
+        raise NotImplementedError
+
+    # -- life ----------------------------------------------------------------------------------
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Begin; the link is open."""
+        self._loop = loop
+        self._last_tick = self._clock()
+        if self._link is not None:
+            self._link.on_message = self._received
+            self._link.on_presence = self._presence
+        self._tick()
+
+    def stop(self) -> None:
+        """Let time stand still."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._loop = None
+
+    def done(self) -> None:
+        """The run is over for the nodes of this process; it ends when it is so for all."""
+        if self._done_at < 0:
+            self._done_at = self._clock()
+            self._tell_state()
+        self._see_whether_all_are_done()
+
+    # -- messages ------------------------------------------------------------------------------
+
+    def send(self, rank: int, message: Message) -> None:
+        """Send what node ``rank`` of this process has to say to other processes."""
+        if self._link is not None:
+            self._link.send(rank, encode(message))
+
+    def _received(self, rank: int, data: bytes) -> None:
+        if self.failure is not None or self._loop is None:
+            return
+        other = self._others[rank]
+        try:
+            message = decode(data, other.name, len(self.plan.nodes), len(self.plan.wires))
+            if message.node != rank:
+                raise NodeMismatchError(
+                    other.name, f"node {other.name} has sent a message in the name of another"
+                )
+        except NodeMismatchError as error:
+            # What cannot be understood is no sign of life either.
+            self._say(str(error))
+            return
+        try:
+            if message.digest != self.plan.digest:
+                self._strange(other)
+                return
+            self._heard(rank)
+            if isinstance(message, Alive):
+                other.state = message.state
+                other.round = message.round
+                if other.state.startswith(GAVE_UP):
+                    self._follow(rank, other.state.removeprefix(GAVE_UP))
+            else:
+                self.deliver(rank, message)
+        except VbusError as error:
+            self._fail(error)
+        self.kick()
+
+    def _strange(self, other: Other) -> None:
+        """A node runs another board: it goes, unless nobody agrees with this one either."""
+        error = NodeMismatchError(
+            other.name,
+            f"node {other.name} runs another board file or version of vbus: give every node the"
+            " same",
+        )
+        if len(self._ranks) == 1 and not any(known.joined for known in self._others.values()):
+            raise error
+        if not other.strange:
+            self._say(f"{error}; waits for it")
+        other.strange = True
+
+    def _heard(self, rank: int) -> None:
+        other = self._others[rank]
+        other.heard = self._clock()
+        if not other.joined:
+            other.joined = other.present = True
+            other.state = "here"
+            self.met(rank)
+        if rank in self._lost and other.present:
+            del self._lost[rank]
+            self._say(f"node {other.name} is back")
+            self.met(rank)
+
+    # -- who is there ---------------------------------------------------------------------------
+
+    def _presence(self, rank: int, there: bool) -> None:
+        other = self._others[rank]
+        if there:
+            other.present = True
+            if other.joined:
+                self._heard(rank)
+            self._tell_state()
+            self.met(rank)
+            self.kick()
+        elif other.present:
+            other.present = False
+            if other.joined and other.state != DONE and self._done_at < 0:
+                self._lose(rank, "has died or was cut off: its process or its link is gone")
+            self._see_whether_all_are_done()
+
+    def _lose(self, rank: int, why: str) -> None:
+        if rank in self._lost or self.failure is not None:
+            return
+        other = self._others[rank]
+        error = NodeLostError(other.name, f"node {other.name} {why}; {self.standing_at()}")
+        if not other.state.startswith(GAVE_UP):
+            other.state = "lost"
+        self._lost[rank] = (self._clock(), error)
+        if self._patience > 0:
+            self._say(f"{error}; waits {self._patience:g} s for it to rejoin")
+        else:
+            assert self._loop is not None
+            self._loop.call_later(GRACE, self._give_up)
+
+    def _follow(self, rank: int, name: str) -> None:
+        """Node ``rank`` ends because of node ``name``: that is the one to be named."""
+        other = self._others[rank]
+        lost = self.plan.nodes.index(name) if name in self.plan.nodes else -1
+        if lost in self._ranks and self._done_at < 0:
+            self._fail(
+                NodeLostError(
+                    other.name,
+                    f"node {other.name} has given up node {name}, which runs here: it was silent"
+                    " too long, or cut off",
+                )
+            )
+        elif lost in self._others and self._done_at < 0:
+            self._lost.pop(lost, None)
+            self._others[lost].cause = True
+            self._lose(lost, f"does not answer node {other.name}, which has given it up")
+
+    def _give_up(self) -> None:
+        expired = [
+            (
+                not self._others[rank].cause,
+                self._others[rank].state.startswith(GAVE_UP),  # the consequence of another
+                self.plan.hub != rank,  # all links end there: with it all are lost
+                rank,
+                error,
+            )
+            for rank, (since, error) in self._lost.items()
+            if self._clock() - since >= self._patience
+        ]
+        if expired and self.failure is None:
+            self._fail(min(expired, key=lambda item: item[:4])[4])
+
+    def _fail(self, error: VbusError) -> None:
+        if self.failure is None:
+            if isinstance(error, NodeLostError):
+                for rank in self._ranks:
+                    state = GAVE_UP + error.node
+                    self.send(rank, Alive(self.plan.digest, rank, -1, state))
+            self.failure = error
+            self.finished.set()
+
+    def _tick(self) -> None:
+        if self._loop is None:
+            return
+        self._timer = self._loop.call_later(TICK, self._tick)
+        now = self._clock()
+        if now - self._last_tick > 5 * TICK:
+            # This process itself stood still: what others sent meanwhile is still to be read.
+            for other in self._others.values():
+                other.heard = max(other.heard, now - TICK)
+        self._last_tick = now
+        self._tell_state()
+        if self._done_at < 0 and self.failure is None:
+            self._look_for_silence(now)
+        if self._lost and self._patience > 0:
+            self._give_up()
+        self._see_whether_all_are_done()
+        self.kick()
+
+    def _look_for_silence(self, now: float) -> None:
+        for rank, other in self._others.items():
+            if not other.joined or rank in self._lost or other.state == DONE:
+                continue
+            if now - other.heard > other.deadline:
+                self._lose(rank, f"has been silent for {other.deadline:g} s: it stalls")
+        self.look(now)
+
+    def _tell_state(self) -> None:
+        for rank in self._ranks:
+            latest, state = self.state_of(rank)
+            if self._done_at >= 0:
+                state = DONE
+            self.send(rank, Alive(self.plan.digest, rank, latest, state))
+
+    def _see_whether_all_are_done(self) -> None:
+        if self._done_at < 0:
+            return
+        late = self._clock() - self._done_at > FAREWELL
+        if late or all(o.state == DONE or not o.present for o in self._others.values()):
+            self.finished.set()
