@@ -63,7 +63,7 @@ Run = Callable[..., Ran]
 def run(tmp_path: Path) -> Run:
     """Run a program against a board of its own; its link is the file's only one."""
 
-    def run(program: Path, board: str, code: int = 0, **environment: str) -> Ran:
+    def run(program: Path, board: str, *arguments: str, code: int = 0, **environment: str) -> Ran:
         file, source = read_board_text(board.replace("$VBUS_RUNTIME", str(tmp_path / "run")))
         built = build(file, source)
         written = io.StringIO()
@@ -72,7 +72,7 @@ def run(tmp_path: Path) -> Run:
         (tmp_path / "run").mkdir(exist_ok=True)
         with served(built, *links_of(file)):
             done = subprocess.run(
-                [program],
+                [program, *arguments],
                 env={**os.environ, "VBUS_LINK": file.hosts[0].transport, **environment},
                 capture_output=True,
                 text=True,

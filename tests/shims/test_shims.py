@@ -529,6 +529,19 @@ def test_a_link_without_a_card_says_what_to_write(driver: Driver, run: Run) -> N
     assert "name one as card of the host in the board file" in ran.errors
 
 
+@pytest.mark.parametrize("turn", [1, 2])
+def test_calibrated_delay_loops_are_enough_in_real_time(
+    tmp_path: Path, run: Run, turn: int
+) -> None:
+    """A filter is loaded and the signals are read without one look at the busy bit."""
+    source = Path(__file__).parents[1] / "e2e" / "driver_habits.c"
+    program = compile_for("linux-io", tmp_path / "habits", "-O2", source, compiler="gcc")
+    board = card(time="realtime").replace("[board]", '[board]\npower_on = "done"')
+    ran = run(program, board, "delays")
+    assert ran.said == "signals 8184, status 84\n"
+    assert [line for line in ran.bus if line.startswith("!")] == []
+
+
 # -- memory-mapped ---------------------------------------------------------------------------------
 
 

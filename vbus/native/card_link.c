@@ -26,7 +26,7 @@ static struct {
     struct port ports[MOST_PORTS];
     unsigned count, selected;
     pid_t owner;
-    int slaved;
+    int slaved, realtime;
     uint64_t time;
 } card;
 
@@ -105,6 +105,7 @@ static void open_card(void)
     }
     link_text(description, (size_t)size, "policy", text);
     card.slaved = strcmp(text, "slaved") == 0;
+    card.realtime = strcmp(text, "realtime") == 0;
     card.selected = 1;
     card.owner = getpid();
     if (!leaves)
@@ -166,6 +167,8 @@ void card_write(unsigned long address, unsigned data)
     must(vbus_write(&card.bus, port->chip_address, data & 0xFF));
     must(vbus_flush(&card.bus));
     vbus_buffer(&card.bus);
+    if (card.realtime)
+        must(vbus_echo(&card.bus, 0)); /* it has happened then: a delay loop may count from here */
 }
 
 uint32_t card_read_wide(unsigned long address, unsigned size, int big)

@@ -61,6 +61,8 @@ static void on_write(void *context, unsigned chips, unsigned address, unsigned d
     select_chips(link, chips);
     stamp(link);
     keep(link, vbus_write(&link->bus, address, data));
+    if (link->realtime)
+        keep(link, vbus_echo(&link->bus, 0)); /* a delay loop may count from here */
 }
 
 static void on_side(void *context, unsigned number, unsigned level)
@@ -91,6 +93,7 @@ int pin_link_open(struct pin_link *link, const char *where)
         return keep(link, size);
     link_text(description, (size_t)size, "policy", text);
     link->slaved = strcmp(text, "slaved") == 0;
+    link->realtime = strcmp(text, "realtime") == 0;
     if (link_text(description, (size_t)size, "wiring", text) <= 0)
         return keep(link, PIN_LINK_E_WIRING);
     if (pin_decoder_init(&link->pins, text) != 0)

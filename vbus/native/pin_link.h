@@ -23,6 +23,7 @@ struct pin_link {
     void *context;
 
     int slaved;        /* the board's time is the host's */
+    int realtime;      /* the wall clock is the board's time: a write is waited for */
     int error;         /* the first error; nothing is sent any more */
     int touched;       /* the chips were touched since the last pin_link_sync */
     uint64_t edge;     /* no output line moves before this instant, as of the last pin_link_sync */
