@@ -102,13 +102,7 @@ def send_reply(query: zenoh.Query, data: bytes, key: str = "") -> None:
     import zenoh
 
     try:
-        # A host that does not read must not hold the board up: it asks again for what is dropped.
-        query.reply(
-            key or query.key_expr,
-            data,
-            congestion_control=zenoh.CongestionControl.DROP,
-            express=True,
-        )
+        query.reply(key or query.key_expr, data)
     except zenoh.ZError:
         pass
     finally:

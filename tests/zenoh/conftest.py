@@ -1,0 +1,23 @@
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.zenoh.processes import Processes
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give each test a runtime directory of its own, so that boards never meet."""
+    monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
+    for name in ("VBUS_ZENOH", "VBUS_ZENOH_CERTIFICATE", "VBUS_ZENOH_KEY", "VBUS_ZENOH_AUTHORITY"):
+        monkeypatch.delenv(name, raising=False)
+    return tmp_path / "run"
+
+
+@pytest.fixture
+def processes(tmp_path: Path) -> Iterator[Processes]:
+    """Run boards and routers as processes; whatever still runs at the end is stopped."""
+    started = Processes(tmp_path)
+    yield started
+    started.stop()
