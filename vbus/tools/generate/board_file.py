@@ -35,13 +35,14 @@ def board_file() -> str:
     """Return the board-file page with its tables up to date."""
     page = (ROOT / "docs" / "board-file.md").read_text()
     for name, section in _SECTIONS.items():
-        page = fill(page, name, _table(sections.rows(section)))
+        page = fill(page, name, option_table(sections.rows(section)))
     page = fill(page, "units", _units())
     page = fill(page, "parts", _parts())
     return fill(page, "models", _models())
 
 
-def _table(options: Iterable[Option]) -> list[str]:
+def option_table(options: Iterable[Option]) -> list[str]:
+    """Return a table of settings: key, value, default and meaning."""
     rows = ["| key | value | default | meaning |", "|---|---|---|---|"]
     for option in options:
         clause = f" ({option.clause})" if option.clause else ""
@@ -96,7 +97,7 @@ def _parts() -> list[str]:
             "",
             f"Family `{chip.FAMILY}`, {axes}. Decode circuits of cards: {circuits}.",
             "",
-            *_table(chip.OPTIONS),
+            *option_table(chip.OPTIONS),
             "",
         ]
     return lines[:-1]
@@ -109,5 +110,12 @@ def _models() -> list[str]:
         summary = (plant.__doc__ or "").strip().partition("\n")[0]
         takes = {"drive": "servo command", "pulses": "step pulses", "phases": "phase commands"}
         kinds = ", ".join(takes[kind] for kind in plant.TAKES)
-        lines += [f"### {name}", "", f"{summary} Takes: {kinds}.", "", *_table(plant.OPTIONS), ""]
+        lines += [
+            f"### {name}",
+            "",
+            f"{summary} Takes: {kinds}.",
+            "",
+            *option_table(plant.OPTIONS),
+            "",
+        ]
     return lines[:-1]

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from vbus.tools.generate import board_file, documents, lm628, mc1241a, mcp1200, sigrok
+from vbus.tools.generate import board_file, chip_pages, documents, lm628, mc1241a, mcp1200, sigrok
 from vbus.tools.generate.layout import ROOT
 from vbus.tools.generate.twins import blocking
 
@@ -45,7 +45,7 @@ def _twin(path: Path) -> str:
 
 GROUPS: Final[dict[str, tuple[Callable[[], list[Target]], ...]]] = {
     "clients": (lambda: FAMILIES, twins),
-    "documents": (lambda: DOCUMENTS,),
+    "documents": (lambda: DOCUMENTS, chip_pages.targets),
     "sigrok": (sigrok.targets,),
 }
 """Groups by name; what stands later may be made from what stands earlier."""
@@ -66,6 +66,7 @@ def write(targets: list[Target]) -> list[str]:
     for path, make in targets:
         text = make()
         if not _is(ROOT / path, text):
+            (ROOT / path).parent.mkdir(parents=True, exist_ok=True)
             (ROOT / path).write_text(text)
             written.append(path)
     return written

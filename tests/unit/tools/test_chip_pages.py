@@ -1,0 +1,53 @@
+"""Pages of the chips, made from their tables."""
+
+import re
+
+import pytest
+
+from vbus.board.checks import all_rules
+from vbus.tools.generate.chip_pages import page, targets
+from vbus.tools.generate.layout import ROOT
+from vbus.trace import tables
+
+FAMILIES = ("lm628", "mcp1200", "mc1241a")
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_rule_of_a_chip_is_on_its_page(family: str) -> None:
+    text = page(family)
+
+    rules = [rule for rule in all_rules() if rule.name.startswith(f"{family}.")]
+    assert rules
+    for rule in rules:
+        (row,) = re.findall(rf"^\| `{re.escape(rule.name)}` .*$", text, re.MULTILINE)
+        assert rule.clause in row
+
+
+def test_every_command_and_register_is_on_a_page_with_its_code() -> None:
+    pages = {family: page(family) for family in FAMILIES}
+
+    for family, command in tables.commands():
+        assert f"| `{command.name}` | {command.code:02X}H |" in pages[family]
+    for family, register in tables.registers():
+        assert f"| `{register.name}` | {register.addresses[0]:02X}H" in pages[family]
+
+
+def test_every_note_of_a_chip_is_named_on_its_page() -> None:
+    for family in FAMILIES:
+        notes = (ROOT / "vbus" / "chips" / family / "NOTES.md").read_text()
+        numbers = re.findall(r"^(\d+)\. ", notes, re.MULTILINE)
+        _, _, silent = page(family).partition("## Where the manual is silent")
+
+        assert re.findall(r"^(\d+)\. ", silent, re.MULTILINE) == numbers
+
+
+def test_links_of_the_pages_lead_to_files() -> None:
+    for path, make in targets():
+        for link in re.findall(r"\]\(([^)]+)\)", make()):
+            assert (ROOT / path).parent.joinpath(link).exists(), (path, link)
+
+
+def test_ac_limits_differ_by_supply_and_by_speed_grade() -> None:
+    assert "| interval | limit, 5 V | limit, 3.3 V |" in page("mcp1200")
+    assert "| at least 50 ns, at most 500 ns | at least 70 ns, at most 500 ns |" in page("mcp1200")
+    assert "grade -6: T4 78 ns, T5 166 ns" in page("lm628")
