@@ -123,6 +123,26 @@ class _Findings(Observer):
         self.rules = {violation.when: [*self.rules.get(violation.when, []), violation.rule]}
 
 
+class _Bus(Observer):
+    """The values a data bus has had lately."""
+
+    def __init__(self, value: int) -> None:
+        self._values: list[tuple[int, int]] = [(-1, value)]
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Note a value."""
+        self._values.append((when, level))
+
+    def since(self, when: int) -> list[int]:
+        """Return the value at ``when`` and all that came later; forget what was before."""
+        values = self._values
+        place = len(values) - 1
+        while place and values[place][0] > when:
+            place -= 1
+        del values[:place]
+        return [value for _, value in values]
+
+
 class Conform:
     """Drives a capture into a chip of a board, edge by edge at its instants.
 
@@ -166,6 +186,10 @@ class Conform:
         self._outputs: list[OutputWatch] = []
         self._solder()
         self._data: Pin = Pin("capture", chip.bus_net)
+        self._bus: _Bus = _Bus(chip.bus_net.value)
+        chip.bus_net.observe(self._bus)
+        self._reading: int = 0
+        """Since when the chip has been driving the data bus."""
         self._levels: tuple[int, ...] = ()
         self._byte: int = 0
 
@@ -236,13 +260,15 @@ class Conform:
         before, old = self._levels, self._byte
         levels = tuple([wiring.level(name, value) for name in watch.PINS])
         byte = wiring.byte(value)
-        shown: list[int] = []
-        if levels != before and watch.reading(before):
-            # The edge lies between this sample and the one before: either byte may be taken.
-            shown.append(self._look(max(board.now, when - self._tolerance.slack)))
-        shown.append(self._look(when))
+        board.run_until(when)
+        self._chip.advance()
+        board.kernel.settle()
+        # Neither the edge's instant nor the model's is exact: all of these may have been read.
+        shown = self._bus.since(max(self._reading, when - self._tolerance.slack))
         if watch.reading(levels):
             self._data.release()
+            if not watch.reading(before):
+                self._reading = when
         for name, pin in self._strobes:
             pin.drive(wiring.level(name, value))
         for name, pin in self._sides:
@@ -259,12 +285,6 @@ class Conform:
             found = output.compare(when, wiring.level(output.name, value))
             if found is not None:
                 self._edge(output, *found)
-
-    def _look(self, when: int) -> int:
-        self._board.run_until(when)
-        self._chip.advance()
-        self._board.kernel.settle()
-        return self._chip.bus_net.value
 
     # -- bus cycles ---------------------------------------------------------------------------
 

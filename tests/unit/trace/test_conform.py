@@ -8,8 +8,11 @@ import pytest
 from tests.unit.trace.captures import BOARDS, Shot, vcd
 from vbus.board.host_bus import HostBus
 from vbus.errors import CaptureError
-from vbus.kernel import MS, NS, US
+from vbus.kernel import MS, NS, US, Kernel
+from vbus.signals import Net, Pin
+from vbus.trace.bus_watch import WATCHES
 from vbus.trace.conform import Mismatch, Verdict
+from vbus.trace.conform_outputs import OutputWatch
 
 FAMILIES = pytest.mark.parametrize("family", sorted(BOARDS))
 
@@ -143,6 +146,82 @@ def test_a_status_that_stays_busy_too_long_is_found_at_that_poll() -> None:
 
 def _byte(capture: Shot, when: int) -> int:
     return capture.wiring.byte(next(levels for at, levels in capture.samples if at == when))
+
+
+def test_a_bus_that_floats_at_the_edge_has_been_read_before_it() -> None:
+    capture = shot("lm628")
+    begin, end = capture.pulses("/RD")[-1]
+    capture.change(end, end, flip=0xFF << capture.wiring.data[0])
+    assert capture.compare().mismatch is None
+    before = max(when for when, _ in capture.samples if when < end)
+    capture.change(begin, before, flip=1 << capture.wiring.data[5])
+    assert difference(capture.compare()).silicon == "20H in RDSTAT 20H POSITION_ERROR"
+
+
+def test_a_status_that_changes_within_the_slack_before_an_edge_may_be_either() -> None:
+    def patient(port: HostBus) -> None:
+        port.delay(US)
+        port.write(0, 0x02)
+        names = {name: 1 << n for n, name in enumerate(port.info().lines)}
+        port.lines(names["x./CS"] | names["x./PS"] | names["x./RD"], 0)
+        port.delay(100 * US)  # status is live (LM-BUS-3)
+        port.lines(names["x./RD"], names["x./RD"])
+
+    capture = Shot("lm628", vcd("lm628", patient))
+    begin, end = capture.pulses("/RD")[0]
+    moved = next(
+        when for when, _ in capture.samples
+        if begin < when < end and _byte(capture, begin) != _byte(capture, when)
+    )  # fmt: skip
+    capture.change(moved, end, flip=1 << capture.wiring.data[0])
+    assert capture.compare(slack=end - moved + NS).mismatch is None
+    assert difference(capture.compare(slack=end - moved - NS)).when == end
+
+
+def test_a_pulse_too_short_to_be_sampled_may_be_missing() -> None:
+    kernel = Kernel()
+    net = Net(kernel, "x.HI", rest=0)
+    pin = Pin("HI", net)
+
+    def pulse(width: int, slack: int) -> bool:
+        output = OutputWatch("HI", net, slack)
+        output.begin(kernel.now, 0, False)
+        for level in (1, 0):
+            pin.drive(level)
+            kernel.run_until(kernel.now + width)
+        kernel.run_until(kernel.now + US)
+        found = output.compare(kernel.now, 0)
+        net.unobserve(output)
+        return found is None
+
+    assert pulse(20 * NS, 20 * NS)
+    assert not pulse(21 * NS, 20 * NS)
+
+
+def test_who_drives_the_data_bus_and_when_it_is_idle() -> None:
+    lm628, pmd, mcp = (WATCHES[name]() for name in ("lm628", "mc1241a", "mcp1200"))
+    # /CS /PS /RD /WR
+    assert lm628.reading((0, 1, 0, 1))
+    assert not lm628.reading((1, 1, 0, 1))
+    assert not lm628.reading((0, 1, 1, 0))
+    assert [lm628.idle(x) for x in ((1, 0, 0, 0), (0, 0, 1, 1), (0, 1, 0, 1), (0, 1, 1, 0))] == [
+        True, True, False, False,
+    ]  # fmt: skip
+    # ~HostSlct HostCmd ~HostRead ~HostWrite
+    assert pmd.reading((0, 0, 0, 1))
+    for levels in ((1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1), (0, 0, 0, 0)):
+        assert not pmd.reading(levels)
+    assert [pmd.idle(x) for x in ((1, 0, 0, 0), (0, 0, 1, 1), (0, 1, 0, 1), (0, 1, 1, 0))] == [
+        True, True, False, False,
+    ]  # fmt: skip
+    # /ALE /CS /OE R/W
+    assert mcp.reading((1, 1, 0, 1))
+    assert mcp.reading((1, 0, 0, 1))
+    assert not mcp.reading((1, 0, 0, 0))
+    assert not mcp.reading((1, 0, 1, 1))
+    assert [mcp.idle(x) for x in ((1, 1, 1, 0), (0, 1, 1, 1), (1, 0, 1, 1), (1, 1, 0, 1))] == [
+        True, False, False, False,
+    ]  # fmt: skip
 
 
 def test_a_packet_that_is_ignored_may_differ() -> None:

@@ -243,6 +243,20 @@ def test_lines_that_fall_back_when_their_host_goes_end_its_cycle() -> None:
     assert [cycle[1:] for cycle in log.cycles] == [("x", True, 0, 0x02)]
 
 
+def test_a_read_has_the_byte_of_its_end_though_nobody_looked_in_between() -> None:
+    board = load_board_text(LM629)
+    log = Log()
+    board.observe(log)
+    host = Strobing(board.open_port("h"))
+    host.write(0, 0x02)
+    for name in ("/PS", "/CS", "/RD"):
+        host.level(name, 0)
+    assert host.port.sample()[0] & 1
+    host.port.delay(MS)  # no longer busy: status is live (LM-BUS-3)
+    host.level("/RD", 1)
+    assert log.cycles[-1][1:] == ("x", False, 0, 0x84)
+
+
 # -- journals -----------------------------------------------------------------------------------
 
 
