@@ -1,0 +1,171 @@
+"""Certificates and rights: who may use one chip's bus may use nothing else."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import trustme
+
+from tests.e2e.serving import served
+from tests.zenoh.processes import Processes, connected_to
+from tests.zenoh.test_bus import board
+from vbus.client import connect
+from vbus.errors import TransportError
+from vbus.network.discovery import boards_on
+from vbus.network.security import Security
+from vbus.network.session import Network, close_session, free_endpoint, open_session
+from vbus.server.server import LinkSpec
+
+
+@dataclass
+class Files:
+    """PEM files made on the spot."""
+
+    folder: Path
+    authority: trustme.CA
+    pem: str
+
+    def of(self, name: str, authority: trustme.CA | None = None, trusted: str = "") -> Security:
+        """Return the files of somebody whose certificate bears ``name``."""
+        issued = (authority or self.authority).issue_cert("127.0.0.1", common_name=name)
+        certificate, key = self.folder / f"{name}.pem", self.folder / f"{name}.key"
+        certificate.write_bytes(b"".join(blob.bytes() for blob in issued.cert_chain_pems))
+        key.write_bytes(issued.private_key_pem.bytes())
+        return Security(str(certificate), str(key), trusted or self.pem)
+
+
+@pytest.fixture(autouse=True)
+def short_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vbus.network.session.OPEN_SECONDS", 1.0)
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Files:
+    authority = trustme.CA()
+    pem = tmp_path / "authority.pem"
+    authority.cert_pem.write_to_path(str(pem))
+    return Files(tmp_path, authority, str(pem))
+
+
+def link(target: str, endpoint: str, who: Security) -> str:
+    return (
+        f"zenoh:{target}?connect={endpoint}&certificate={who.certificate}&key={who.key}"
+        f"&authority={who.authority}"
+    )
+
+
+def secured(files: Files, **allow: tuple[str, ...]) -> tuple[Network, str]:
+    endpoint = free_endpoint("tls")
+    own = files.of("board")
+    security = Security(own.certificate, own.key, own.authority, allow)
+    return Network(listen=(endpoint,), security=security), endpoint
+
+
+def test_a_host_may_use_the_bus_it_is_allowed_and_nothing_else(files: Files) -> None:
+    network, endpoint = secured(files, alice=("bench/x/bus",), bob=("bench/*/telemetry",))
+    alice, bob, carol = files.of("alice"), files.of("bob"), files.of("carol")
+    with served(board(), LinkSpec("zenoh:", network=network)):
+        with connect(link("bench/x", endpoint, alice)) as bus:
+            assert bus.read(0) == 0x84
+            with bus.claim():
+                bus.events("x.HI")
+                bus.echo()
+        for target, who, said in (
+            ("bench/y", alice, r'"alice" may use bench/x/bus here, but not vbus/bench/y/bus'),
+            ("bench", alice, r'"alice" may use bench/x/bus here, but not vbus/bench/bus'),
+            ("bench/x", bob, r'"bob" may use bench/\*/telemetry here, but not vbus/bench/x/bus'),
+            ("bench/x", carol, r'"carol" may use nothing here, and so not vbus/bench/x/bus'),
+        ):
+            with pytest.raises(TransportError, match=f"forbidden: the holder .*{said}"):
+                connect(link(target, endpoint, who))
+
+        asked = {}
+        for who in (alice, bob):
+            session = open_session(connect=[endpoint], mode="client", security=who)
+            asked[who.certificate] = [
+                len(list(session.get(key, timeout=1.0)))
+                for key in ("vbus/bench/x/telemetry", "vbus/bench/status", "vbus/bench/x/pins/~RST")
+            ]
+            close_session(session)
+        assert asked == {alice.certificate: [0, 0, 0], bob.certificate: [1, 0, 0]}
+        assert boards_on([endpoint], alice) == []
+
+
+def test_a_certificate_of_another_authority_is_refused_and_named(files: Files) -> None:
+    network, endpoint = secured(files, alice=("**",))
+    stranger = trustme.CA()
+    alice = files.of("alice", stranger)
+    with (
+        served(board(), LinkSpec("zenoh:", network=network)),
+        pytest.raises(TransportError) as caught,
+    ):
+        connect(link("bench/x", endpoint, alice))
+    assert f"{endpoint} cannot be reached: the certificate {alice.certificate} was refused" in str(
+        caught.value
+    )
+
+
+def test_a_board_whose_certificate_is_not_trusted_is_refused_by_the_host(files: Files) -> None:
+    network, endpoint = secured(files, alice=("**",))
+    other = files.folder / "other.pem"
+    trustme.CA().cert_pem.write_to_path(str(other))
+    with served(board(), LinkSpec("zenoh:", network=network)):
+        alice = files.of("alice", trusted=str(other))
+        with pytest.raises(
+            TransportError, match=r"the certificate shown there is not accepted"
+        ) as caught:
+            connect(link("bench/x", endpoint, alice))
+        assert str(other) in str(caught.value)
+
+
+def test_a_host_without_a_certificate_does_not_get_in(files: Files) -> None:
+    network, endpoint = secured(files, alice=("**",))
+    with (
+        served(board(), LinkSpec("zenoh:", network=network)),
+        pytest.raises(TransportError, match=r"cannot be reached"),
+    ):
+        open_session(connect=[endpoint.replace("tls", "tcp")], mode="client", wait=0.5)
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        ("missing.pem", "missing.pem cannot be read: No such file or directory"),
+        ("text.pem", "text.pem and .*board.key are no certificate and its private key in PEM"),
+    ],
+)
+def test_files_that_are_no_certificates_are_named(files: Files, broken: str, said: str) -> None:
+    (files.folder / "text.pem").write_text("no PEM\n")
+    own = files.of("board")
+    bad = Security(str(files.folder / broken), own.key, own.authority)
+    with (
+        pytest.raises(TransportError, match=said),
+        served(board(), LinkSpec("zenoh:", network=Network(("tls/127.0.0.1:1",), (), bad))),
+    ):
+        pass
+
+
+def test_a_router_keeps_the_rights_for_the_boards_behind_it(
+    files: Files, processes: Processes
+) -> None:
+    endpoint = free_endpoint("tls")
+    own, behind, alice = files.of("router"), files.of("board"), files.of("alice")
+    (files.folder / "router.toml").write_text(
+        f'[zenoh]\nlisten = ["{endpoint}"]\ncertificate = "{own.certificate}"\nkey = "{own.key}"\n'
+        f'authority = "{own.authority}"\n[zenoh.allow]\nboard = ["**"]\nalice = ["bench/x/bus"]\n'
+    )
+    router = processes.start("router", "router.toml")
+    assert router.ready, router.said
+    processes.board(
+        "bench",
+        connected_to(
+            endpoint,
+            f'certificate = "{behind.certificate}"\nkey = "{behind.key}"\n'
+            f'authority = "{behind.authority}"\n',
+        ),
+    )
+    with connect(link("bench/x", endpoint, alice)) as bus:
+        assert bus.read(0) == 0x84
+    with pytest.raises(TransportError, match=r'forbidden: .*"alice".*not vbus/bench/y/bus'):
+        connect(link("bench/y", endpoint, alice))
+    assert [found["board"] for found in boards_on([endpoint], behind)] == ["bench"]
