@@ -7,11 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from vbus.errors import TransportError
+from vbus.errors import TransportError, VbusError
 from vbus.transports.runtime import NameLock, runtime_directory, socket_address
 
 ANSWER_SECONDS: Final = 2.0
 """How long a running board may take to tell about itself."""
+ORDER_SECONDS: Final = 60.0
+"""How long it may take to carry out an order."""
 
 
 def boards_directory() -> Path:
@@ -29,6 +31,11 @@ def status_path(board: str) -> Path:
 def watch_path(board: str) -> Path:
     """Return the socket at which the board called ``board`` can be watched."""
     return boards_directory() / f"{_safe(board)}.watch"
+
+
+def control_path(board: str) -> Path:
+    """Return the socket at which the board called ``board`` takes orders."""
+    return boards_directory() / f"{_safe(board)}.control"
 
 
 def _safe(board: str) -> str:
@@ -53,6 +60,33 @@ def ask(path: Path) -> dict[str, Any]:
         except (OSError, ValueError) as error:
             raise TransportError(f"{path.stem}: does not answer ({error})") from error
     return answer
+
+
+def order(board: str, do: str, **values: Any) -> Any:
+    """Give a running board an order (see :mod:`vbus.server.control`); return what came of it.
+
+    Raises:
+        TransportError: no board of that name takes orders.
+        VbusError: the board refuses; says why.
+    """
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+        link.settimeout(ORDER_SECONDS)
+        try:
+            with socket_address(control_path(board)) as address:
+                link.connect(address)
+            link.sendall(json.dumps({"do": do, **values}).encode() + b"\n")
+            data = b""
+            while chunk := link.recv(1 << 20):
+                data += chunk
+            answer: dict[str, Any] = json.loads(data)
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            raise TransportError(
+                f'no board called "{board}" takes orders ({reason}); "vbus ls" shows which run'
+            ) from error
+    if "error" in answer:
+        raise VbusError(f"{board}: {answer['error']}")
+    return answer["done"]
 
 
 def running() -> Iterator[dict[str, Any]]:

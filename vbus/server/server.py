@@ -16,6 +16,7 @@ from vbus.board.pin_maps import PinMap
 from vbus.errors import NameInUseError, PluginError, TransportError
 from vbus.network.session import Network
 from vbus.protocols.base import Protocol
+from vbus.server.control import Control
 from vbus.server.loop import HostLoop
 from vbus.server.message_session import MessageSession
 from vbus.server.metrics import MetricsPort
@@ -113,6 +114,7 @@ class Server:
         self._hosts: list[_Host] = [self._host(spec) for spec in links]
         self._status: UnixTransport | None = None
         self._watching: Watching = Watching(board, self.statistics)
+        self.control: Control = Control(board.name, self.pacer.catch_up)
         self._loop: asyncio.AbstractEventLoop | None = None
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
         self._metrics: MetricsPort | None = None
@@ -207,6 +209,7 @@ class Server:
             self._status.close()
             self._status = None
         self._watching.close()
+        self.control.close()
         if self._metrics is not None:
             self._metrics.close()
 
@@ -234,6 +237,7 @@ class Server:
             ) from error
         self._status = status
         self._watching.open(loop)
+        self.control.open(loop)
 
     def _tell(self, link: Link) -> None:
         try:

@@ -1,0 +1,119 @@
+"""Orders to a running board: one line of JSON in, one out, and nothing said there harms it."""
+
+import asyncio
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vbus.board.build import load_board_text
+from vbus.errors import TransportError, VbusError
+from vbus.server.registry import control_path, order
+from vbus.server.server import Server
+
+BOARD = """\
+[board]
+name = "bench"
+time = "lockstep"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+"""
+
+
+@contextmanager
+def served(**orders: Any) -> Iterator[Server]:
+    """A board served in a thread, with orders of the test's own."""
+    server = Server(load_board_text(BOARD), [])
+    server.control.orders |= orders
+    ready = threading.Event()
+    ends: list[Any] = []
+
+    async def main() -> None:
+        stop = asyncio.Event()
+        ends.append((asyncio.get_running_loop(), stop))
+        await server.serve(stop, ready.set)
+
+    thread = threading.Thread(target=lambda: asyncio.run(main()))
+    thread.start()
+    try:
+        assert ready.wait(10)
+        yield server
+    finally:
+        loop, stop = ends[0]
+        loop.call_soon_threadsafe(stop.set)
+        thread.join(10)
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
+
+
+def add(request: dict[str, Any]) -> int:
+    return int(request["a"] + request["b"])
+
+
+def refuse(request: dict[str, Any]) -> None:
+    raise ValueError("not today")
+
+
+def broken(request: dict[str, Any]) -> None:
+    raise RuntimeError("inside")
+
+
+def test_an_order_is_carried_out_and_its_result_comes_back() -> None:
+    with served(add=add):
+        assert order("bench", "add", a=2, b=3) == 5
+        assert order("bench", "add", a=-1, b=1) == 0
+
+
+@pytest.mark.parametrize(
+    ("do", "says"),
+    [
+        ("refuse", "bench: not today"),
+        ("add", "bench: 'a' is missing"),
+        ("jump", 'there is no order "jump"; there is .*add, refuse'),
+        ("broken", "internal error"),
+    ],
+)
+def test_what_is_refused_says_why_and_the_board_goes_on(
+    do: str, says: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with served(add=add, refuse=refuse, broken=broken):
+        with pytest.raises(VbusError, match=says):
+            order("bench", do)
+        assert order("bench", "add", a=1, b=1) == 2
+
+
+@pytest.mark.parametrize("line", [b"garbage\n", b"[]\n", b'{"do": 3}\n', b"\xff\n"])
+def test_garbage_is_answered_with_an_error(line: bytes) -> None:
+    with served(add=add):
+        with socket.socket(socket.AF_UNIX) as link:
+            link.settimeout(10)
+            link.connect(str(control_path("bench")))
+            link.sendall(line)
+            assert "error" in json.loads(link.makefile().readline())
+        assert order("bench", "add", a=1, b=1) == 2
+
+
+def test_who_hangs_up_in_the_middle_leaves_nothing_behind() -> None:
+    with served(add=add) as server:
+        with socket.socket(socket.AF_UNIX) as link:
+            link.connect(str(control_path("bench")))
+            link.sendall(b'{"do": "ad')
+        assert order("bench", "add", a=1, b=1) == 2
+        assert order("bench", "add", a=1, b=1) == 2
+    assert server.control.callers == []
+    assert not control_path("bench").exists()
+
+
+def test_a_board_that_does_not_run_is_named() -> None:
+    with pytest.raises(TransportError, match='no board called "other" takes orders'):
+        order("other", "add")
