@@ -78,6 +78,15 @@ def test_a_driver_in_c_polls_as_often_as_one_in_process(
     assert by_c(polling_host, link, runtime, *options) == in_process()
 
 
+@pytest.mark.parametrize("link", ["unix", "pty"])
+@pytest.mark.parametrize("options", [("leases",), ("leases", "posting")])
+def test_a_slaved_driver_polls_as_often_with_leases(
+    polling_host: Path, link: str, options: tuple[str, ...], runtime: Path
+) -> None:
+    plain = by_c(polling_host, "unix", runtime, "slaved", policy="slaved")
+    assert by_c(polling_host, link, runtime, "slaved", *options, policy="slaved") == plain
+
+
 @pytest.mark.parametrize("options", [("posting",), ("leases",), ("leases", "posting")])
 @pytest.mark.parametrize("policy", ["lockstep", "slaved"])
 def test_a_driver_that_sleeps_between_polls_keeps_its_leases(
@@ -126,6 +135,44 @@ def test_a_driver_in_python_polls_as_often_as_one_in_process(
         received = server.statistics()["counters"]["reads"]
         assert received == sum(polls)
     assert outcome(board, polls) == in_process()
+
+
+def test_stamped_polls_of_the_python_client_are_told_of_many_at_a_time(runtime: Path) -> None:
+    outcomes, sizes = [], []
+    for leases in (False, True):
+        board = servo("slaved")
+        link = LinkSpec(f"unix:{runtime}/x", "byte")
+        with served(board, link) as server, connect(f"unix:{runtime}/x") as bus:
+            bus.leases(leases)
+            bus.posting(True)
+            polls = reset_and_move(SlavedPythonHost(bus))  # type: ignore[arg-type]
+            bus.delay(5 * US)
+            bus.echo()
+            sizes.append(server.statistics()["links"][0]["received"])
+        outcomes.append(outcome(board, polls))
+    assert outcomes[0] == outcomes[1]
+    assert sizes[1] < 0.6 * sizes[0], "4 bytes a poll, not 10"
+
+
+class SlavedPythonHost(PythonHost):
+    """A host with a clock of its own, whose polls are not evenly apart."""
+
+    def __init__(self, bus: Bus) -> None:
+        super().__init__(bus)
+        self._clock = self._turn = 0
+
+    def _tick(self) -> None:
+        self._turn += 1
+        self._clock += (3 * US // 2, 2 * US, 5 * US)[self._turn % 3]
+        self.bus.at(self._clock)
+
+    def read(self, address: int) -> int:
+        self._tick()
+        return super().read(address)
+
+    def write(self, address: int, data: int) -> None:
+        self._tick()
+        super().write(address, data)
 
 
 def test_the_python_client_asks_less_with_leases(runtime: Path) -> None:

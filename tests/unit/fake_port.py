@@ -127,6 +127,10 @@ class FakePort(HostPort):
         self.calls.append(("polled", address, count))
         return True
 
+    def polled_at(self, address: int, first: int, steps: tuple[int, ...]) -> bool:
+        self.calls.append(("polled_at", address, first, steps))
+        return True
+
     def wait(self, longest: int) -> tuple[bool, int] | None:
         if self._target < 0:
             self._target = self.time + longest

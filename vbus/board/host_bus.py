@@ -26,7 +26,6 @@ LOCKSTEP_CYCLE: Final = US
 Drivers that give up after some thirty polls must see the busy time pass (decision 7)."""
 
 FLOATING: Final = 0xFF
-
 LONGEST_LEASE: Final = 100_000 * US
 """How far ahead a lease reaches at most: a host that polls for ever is heard of now and then."""
 
@@ -63,7 +62,6 @@ class HostBus(HostClock):
         self._selected: list[Chip] = chips[:1]
         self._chip: Chip | None = chips[0] if chips else None
         self._cycle = self._cycles[0] if chips else US
-        self._polls: int = -1
         self.every_cycle: bool = False
         """Whether each poll of POLLED must be run, though nobody could tell: for a journal."""
         self._leased_until: int = 0
@@ -88,7 +86,7 @@ class HostBus(HostClock):
             self._pins.line_names(),
             self._pins.output_names(),
             self._pins.side_names(),
-            ["claim", "events", "leases", "lines", "sync"],
+            ["claim", "events", "leases", "lines", "polled_at", "sync"],
             wiring(self.pin_map, self.chips, self._pins),
             self._card.text() if self._card is not None else "",
             self._program(),
@@ -192,6 +190,8 @@ class HostBus(HostClock):
             chip.bus_net.value = data
             self._kernel.settle()
         board.counters["reads"] += 1
+        if chip is not None:
+            chip.reads += 1
         if board.observers:
             self._tell(when, False, address, data)
         return data
@@ -212,8 +212,7 @@ class HostBus(HostClock):
             return None
         outputs = self._pins.output_word()
         until = min(self._kernel.next_due, chip.steady_until(address))
-        for neighbour in self.chips:
-            until = min(until, neighbour.next_event())
+        until = min([until, *(neighbour.next_event() for neighbour in self.chips)])
         now = self._kernel.now
         if until <= now + self._cycle:
             return None
@@ -244,26 +243,26 @@ class HostBus(HostClock):
         self._polls = -1
         return True
 
+    def _untold(self, address: int) -> bool:
+        chip = self._chip
+        if chip is None or not chip.TRACELESS or address not in chip.FREE_READS:
+            return False
+        return not (self.every_cycle or self.board.observers or self._observed())
+
     def _pass_over(self, address: int) -> None:
         """Leave out all polls but the last that time allows, where nothing could tell."""
-        chip = self._chip
-        board = self.board
-        if (
-            self._stamp >= 0
-            or chip is None
-            or not chip.TRACELESS
-            or address not in chip.FREE_READS
-            or self.every_cycle
-            or board.observers
-            or self._observed()
-        ):
-            return
-        now = self._kernel.now
-        over = min(self._polls, (board.limit - now) // self._cycle) - 1
-        if over > 0:
-            self._run_until(now + over * self._cycle)
-            board.counters["reads"] += over
-            self._polls -= over
+        if self._stamp < 0 and self._untold(address):
+            now = self._kernel.now
+            over = min(self._polls, (self.board.limit - now) // self._cycle) - 1
+            if over > 0:
+                self._run_until(now + over * self._cycle)
+                self._count_untold(over)
+
+    def _count_untold(self, polls: int) -> None:
+        self.board.counters["reads"] += polls
+        if self._chip is not None:
+            self._chip.reads += polls
+        self._polls -= polls
 
     def write(self, address: int, data: int) -> None:
         """Run one write cycle on every selected chip."""
@@ -278,6 +277,8 @@ class HostBus(HostClock):
                 chip.bus_net.value = data
             self._kernel.settle()
         board.counters["writes"] += 1
+        for chip in self._selected:
+            chip.writes += 1
         if board.observers:
             self._tell(when, True, address, data)
 
@@ -373,11 +374,8 @@ class HostBus(HostClock):
     def sync(self) -> tuple[int, int]:
         """Bring the chips up to the host's time; output lines and the next possible edge."""
         self._arrive()
-        outputs = self._pins.output_word()
-        due = self._kernel.next_due
-        for chip in self.chips:
-            due = min(due, chip.next_event())
-        return outputs, due
+        outputs, due = self._pins.output_word(), self._kernel.next_due
+        return outputs, min([due, *(chip.next_event() for chip in self.chips)])
 
     def events(self, mask: int) -> None:
         """From now on report each edge of the output lines in ``mask``."""
@@ -395,10 +393,10 @@ class HostBus(HostClock):
 
     def chip_number(self, name: str) -> int:
         """Return the bit number of the chip called ``name``."""
-        for number, chip in enumerate(self.chips):
-            if chip.name == name:
-                return number
-        known = ", ".join(chip.name for chip in self.chips)
+        names = [chip.name for chip in self.chips]
+        if name in names:
+            return names.index(name)
+        known = ", ".join(names)
         raise PortError(codes.NO_SUCH, f"no chip {name!r}; this session has {known}")
 
     def pin_number(self, name: str) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from itertools import accumulate
 from typing import TYPE_CHECKING, Final
 
 from mypy_extensions import mypyc_attr
@@ -35,6 +37,7 @@ class HostClock(HostPort):
         self._last_at: int = 0
         self._timed: bool = board.policy != "lockstep"
         self._target: int = -1
+        self._polls: int = -1
 
     def _hold(self, until: int) -> None:
         self.held = True
@@ -97,14 +100,17 @@ class HostClock(HostPort):
         self._target = -1
         return True
 
-    def at(self, when: int) -> None:
-        """Set the host's own clock (slaved boards only)."""
+    def _check_at(self, when: int) -> None:
         if self.board.policy != "slaved":
             raise PortError(
                 codes.BAD_AT, f"at: board {self.board.name!r} is {self.board.policy}, not slaved"
             )
         if when < self._last_at:
             raise PortError(codes.BAD_AT, f"at {when}: before the last at, {self._last_at}")
+
+    def at(self, when: int) -> None:
+        """Set the host's own clock (slaved boards only)."""
+        self._check_at(when)
         self._last_at = when
         self._stamp = when
         # Far ahead: the server brings time near it in slices, before the strobes of that cycle.
@@ -114,3 +120,40 @@ class HostClock(HostPort):
     def now(self) -> int:
         """Return chip time."""
         return self._host_now()
+
+    # -- polls answered from leases --------------------------------------------------------------
+
+    def _untold(self, address: int) -> bool:
+        """Whether nothing could tell if a poll before the last one were left out."""
+        return False
+
+    def _count_untold(self, polls: int) -> None:
+        """Count polls that were left out."""
+        self._polls -= polls
+
+    def polled_at(self, address: int, first: int, steps: tuple[int, ...]) -> bool:
+        """Run polls a host has answered from a lease, each at its stamp; False: resume later."""
+        instants = list(accumulate(steps, initial=first))
+        if self._polls < 0:
+            self._check_at(first)
+            if instants[-1] >= NEVER:
+                raise PortError(codes.BAD_AT, f"at {instants[-1]}: time ends at {NEVER - 1} ps")
+            self._polls = len(instants)
+        self.held = False
+        while self._polls:
+            if self._untold(address):
+                place = len(instants) - self._polls
+                over = bisect_right(instants, self.board.limit, place) - place - 1
+                if over > 0:
+                    self._count_untold(over)
+            self.at(instants[-self._polls])
+            if self.held:
+                return False
+            try:
+                self.read(address)
+            except PortError:
+                self._polls = -1
+                raise
+            self._polls -= 1
+        self._polls = -1
+        return True

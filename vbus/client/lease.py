@@ -5,6 +5,12 @@ from typing import Final
 MOST_POLLS: Final = 0xFFFF
 """Polls that one POLLED can tell of."""
 
+MOST_STAMPED: Final = 1 + 255 // 4
+"""Polls that one POLLED_AT can tell of."""
+
+LONGEST_STEP: Final = (1 << 32) - 1
+"""Longest time between two of them (ps)."""
+
 
 class Lease:
     """What the host knows of the byte at one address until something touches the chip.
@@ -17,15 +23,19 @@ class Lease:
         cycle: what a poll costs (ps).
 
     Attributes:
-        polls: polls answered that the board has not been told of.
+        polls: polls answered that the board has not been told of, without time stamps.
+        run: time stamps of such polls that have them.
+        stamps: whether the board can be told of several stamped polls at once.
     """
 
-    __slots__ = ("_cycle", "_now", "_stamp", "_until", "address", "data", "polls")
+    __slots__ = ("_cycle", "_now", "_stamp", "_until", "address", "data", "polls", "run", "stamps")
 
     def __init__(self, address: int, data: int, now: int, until: int, cycle: int) -> None:
         self.address: int = address
         self.data: int = data
         self.polls: int = 0
+        self.stamps: bool = False
+        self.run: list[int] = []
         self._now: int = now
         self._until: int = until
         self._cycle: int = cycle
@@ -37,18 +47,35 @@ class Lease:
         if address != self.address or when >= self._until:
             return False
         self._now = when
-        self.polls += 1
+        if self._stamp >= 0 and self.stamps:
+            self.run.append(self._stamp)
+            self._stamp = -1
+        else:
+            self.polls += 1
         return True
 
     @property
     def telling(self) -> bool:
         """Whether the board must be told now: a time stamp is for one poll, a count has an end."""
-        return self._stamp >= 0 or self.polls == MOST_POLLS
+        return self._stamp >= 0 or self.polls == MOST_POLLS or len(self.run) == MOST_STAMPED
+
+    @property
+    def stamp(self) -> int:
+        """The stamp of what is done next, kept back until then; -1: none."""
+        return self._stamp if self.stamps else -1
+
+    def takes(self, instant: int) -> bool:
+        """Whether a poll at ``instant`` can be told of together with those of the run."""
+        if self.polls or self.stamp >= 0:
+            return False
+        return not self.run or 0 <= instant - self.run[-1] <= LONGEST_STEP
 
     def told(self) -> None:
         """The board has been told of the polls."""
         self.polls = 0
-        self._stamp = -1
+        self.run = []
+        if not self.stamps:
+            self._stamp = -1
 
     def delay(self, duration: int) -> None:
         """The host lets time pass."""
@@ -58,3 +85,8 @@ class Lease:
     def at(self, instant: int) -> None:
         """The host stamps what it does next."""
         self._stamp = instant
+
+    def stamp_sent(self) -> None:
+        """The board has been told the stamp that was kept back."""
+        self._now = max(self._now, self._stamp)
+        self._stamp = -1

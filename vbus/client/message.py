@@ -164,6 +164,11 @@ class Message:
         """The selection these requests end with; None: as it was."""
 
     @property
+    def only_stamp(self) -> bool:
+        """Whether it is nothing but a time stamp."""
+        return self.stamp >= 0 and len(self.requests) == 1
+
+    @property
     def done(self) -> bool:
         """Whether every reply is here."""
         return all(later is None or later.done for _, later in self.requests)

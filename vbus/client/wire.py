@@ -1,6 +1,8 @@
 """The host's end of the byte protocol, free of I/O: messages to bytes, bytes to replies."""
 
 from collections import deque
+from itertools import pairwise
+from struct import pack
 from typing import Final
 
 from vbus.client.lease import Lease
@@ -33,6 +35,8 @@ class Wire:
         self.selected: int | None = 1
         self.cycles: list[int] = []
         """What a bus cycle of each chip costs (ps); with it, polls are answered from leases."""
+        self.stamped_polls: bool = False
+        """Whether the board understands POLLED_AT."""
         self._lease: Lease | None = None
         self._polling: int = -1
         self.events: deque[Event] = deque()
@@ -75,13 +79,13 @@ class Wire:
             What the board has to be told of it, often nothing; None if the board must be asked.
         """
         lease = self._lease
-        if (
-            lease is None
-            or message.polls < 0
-            or mask not in (None, self.selected)
-            or self._dead is not None
-            or not lease.poll(message.polls)
-        ):
+        if lease is None or mask not in (None, self.selected) or self._dead is not None:
+            return None
+        if lease.stamps and message.only_stamp:
+            told = b"" if lease.takes(message.stamp) else self.tell_polls()
+            lease.at(message.stamp)
+            return told
+        if message.polls < 0 or not lease.poll(message.polls):
             return None
         for _, later in message.requests:
             if later is not None:
@@ -89,15 +93,28 @@ class Wire:
         return self.tell_polls() if lease.telling else b""
 
     def tell_polls(self) -> bytes:
-        """Return the bytes that tell the board of the polls it was spared, if any."""
+        """Return the bytes that tell the board of polls it was spared and of a stamp."""
         lease = self._lease
-        if lease is None or not lease.polls:
+        if lease is None:
             return b""
-        data = REQUESTS["POLLED"].pack(lease.address, lease.polls)
+        data = b""
+        if lease.run:
+            steps = [after - before for before, after in pairwise(lease.run)]
+            data += self._tell(
+                "POLLED_AT", lease.address, lease.run[0], pack(f">{len(steps)}I", *steps)
+            )
+        if lease.polls:
+            data += self._tell("POLLED", lease.address, lease.polls)
         lease.told()
-        self._posted.append((self._number, "POLLED"))
-        self._number += 1
+        if lease.stamp >= 0:
+            data += self._tell("AT", lease.stamp)
+            lease.stamp_sent()
         return data
+
+    def _tell(self, name: str, *values: int | bytes) -> bytes:
+        self._posted.append((self._number, name))
+        self._number += 1
+        return REQUESTS[name].pack(*values)
 
     def _pass_lease(self, message: Message, mask: int | None) -> bytes:
         """``message`` is about to be sent: tell of earlier polls; it may end the lease."""
@@ -119,6 +136,7 @@ class Wire:
         chip = mask.bit_length() - 1
         if self._polling >= 0 and mask == 1 << chip and chip < len(self.cycles):
             self._lease = Lease(self._polling, data, instant, until, self.cycles[chip])
+            self._lease.stamps = self.stamped_polls
 
     def end(self, error: VbusError) -> None:
         """Give the session up: nothing can be sent, and whatever is awaited fails."""

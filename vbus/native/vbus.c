@@ -286,6 +286,66 @@ static int send_out(struct vbus *bus)
         }
     }
     bus->out_size = 0;
+    bus->run = 0;
+    return 0;
+}
+
+/* Make room for a request of `size` bytes. */
+static int make_room(struct vbus *bus, size_t size)
+{
+    bus->run = 0;
+    return bus->out_size + size > sizeof bus->out ? send_out(bus) : 0;
+}
+
+static void with_u64(unsigned char *request, unsigned char code, uint64_t value);
+
+/* Queue a time stamp that was kept back. */
+static int tell_stamp(struct vbus *bus)
+{
+    int error;
+
+    if (!bus->unsent_stamp)
+        return 0;
+    error = make_room(bus, 9);
+    if (error < 0)
+        return error;
+    with_u64(bus->out + bus->out_size, VBUS_AT, bus->stamp);
+    bus->out_size += 9;
+    bus->number++;
+    bus->unsent_stamp = 0;
+    return 0;
+}
+
+/* Queue a poll answered from a lease at the time stamp: one more of an open POLLED_AT, if it can be. */
+static int tell_stamped_poll(struct vbus *bus)
+{
+    uint64_t step = bus->stamp - bus->run_end;
+    unsigned char *end;
+    int error;
+
+    if (bus->run == 0 || bus->stamp < bus->run_end || step > UINT32_MAX
+        || bus->out[bus->run] > 255 - 4 || bus->out_size + 4 > sizeof bus->out) {
+        error = make_room(bus, 11);
+        if (error < 0)
+            return error;
+        end = bus->out + bus->out_size;
+        with_u64(end + 1, (unsigned char)bus->lease_address, bus->stamp);
+        end[0] = VBUS_POLLED_AT;
+        end[10] = 0;
+        bus->run = bus->out_size + 10;
+        bus->out_size += 11;
+        bus->number++;
+    } else {
+        end = bus->out + bus->out_size;
+        end[0] = (unsigned char)(step >> 24);
+        end[1] = (unsigned char)(step >> 16);
+        end[2] = (unsigned char)(step >> 8);
+        end[3] = (unsigned char)step;
+        bus->out[bus->run] = (unsigned char)(bus->out[bus->run] + 4);
+        bus->out_size += 4;
+    }
+    bus->run_end = bus->stamp;
+    bus->unsent_stamp = 0;
     return 0;
 }
 
@@ -294,14 +354,14 @@ static int tell_polls(struct vbus *bus)
 {
     unsigned char *end;
 
+    int error;
+
+    bus->run = 0;
     if (bus->lease_polls == 0)
         return 0;
-    if (bus->out_size + 4 > sizeof bus->out) {
-        int error = send_out(bus);
-
-        if (error < 0)
-            return error;
-    }
+    error = make_room(bus, 4);
+    if (error < 0)
+        return error;
     end = bus->out + bus->out_size;
     end[0] = VBUS_POLLED;
     end[1] = (unsigned char)bus->lease_address;
@@ -323,6 +383,8 @@ static int put(struct vbus *bus, const unsigned char *head, size_t size, const u
     if (bus->dead != 0)
         return bus->dead;
     error = tell_polls(bus);
+    if (error == 0)
+        error = tell_stamp(bus);
     if (error < 0)
         return error;
     if (head[0] != VBUS_DELAY && head[0] != VBUS_AT) { /* a lease outlives time passing, no more */
@@ -362,6 +424,8 @@ int vbus_send(struct vbus *bus)
 {
     int error = bus->dead != 0 ? bus->dead : tell_polls(bus);
 
+    if (error == 0)
+        error = tell_stamp(bus);
     return error < 0 ? error : send_out(bus);
 }
 
@@ -609,6 +673,13 @@ static int poll_leased(struct vbus *bus, unsigned address)
         when = bus->stamp > bus->lease_now ? bus->stamp : bus->lease_now;
     if (address != bus->lease_address || when >= bus->lease_until || bus->ask_count > 0)
         return 0;
+    if (bus->unsent_stamp) {
+        if (tell_stamped_poll(bus) < 0)
+            return 0;
+        bus->lease_now = when;
+        bus->stamped = 0;
+        return 1;
+    }
     bus->lease_now = when;
     bus->lease_polls++;
     /* A stamp belongs to one poll; otherwise they are a cycle apart and told of together. */
@@ -823,11 +894,22 @@ int vbus_delay(struct vbus *bus, uint64_t duration)
 int vbus_at(struct vbus *bus, uint64_t instant)
 {
     unsigned char request[9];
+    int error;
 
+    /* With a lease in force a poll is likely to come; then its stamp travels with it. */
+    if (bus->leased && bus->stamped_polls && bus->dead == 0) {
+        error = bus->lease_polls > 0 ? tell_polls(bus) : 0;
+        if (error == 0 && bus->unsent_stamp)
+            error = tell_stamp(bus);
+        bus->stamp = instant;
+        bus->stamped = bus->unsent_stamp = 1;
+        return error;
+    }
     with_u64(request, VBUS_AT, instant);
+    error = post(bus, request, 9);
     bus->stamp = instant;
     bus->stamped = 1;
-    return post(bus, request, 9);
+    return error;
 }
 
 int vbus_now(struct vbus *bus, uint64_t *instant)
@@ -1163,6 +1245,8 @@ int vbus_leases(struct vbus *bus, int on)
         walk_string(&walk, key, sizeof key);
         if (strcmp(key, "chips") == 0)
             walk_chips(&walk);
+        else if (strcmp(key, "features") == 0)
+            bus->stamped_polls = walk_list(&walk, 0, "polled_at") >= 0;
         else
             walk_past(&walk);
     }

@@ -54,6 +54,7 @@ extern "C" {
 #define VBUS_NOW 0x52
 #define VBUS_SYNC 0x53
 #define VBUS_POLLED 0x54
+#define VBUS_POLLED_AT 0x55
 #define VBUS_EVENTS 0x60
 #define VBUS_LEASES 0x61
 
@@ -114,12 +115,13 @@ struct vbus {
     unsigned ask_first, ask_count;
     uint64_t passing;
     size_t out_size, in_begin, in_end;
-    int leased, stamped;
+    int leased, stamped, unsent_stamp, stamped_polls;
+    size_t run; /* where the number of bytes of an open POLLED_AT stands in `out`, or 0 */
     unsigned selected, lease_address, lease_data, lease_polls;
     uint32_t lease_outputs;
-    uint64_t lease_now, lease_until, lease_cycle, stamp;
+    uint64_t lease_now, lease_until, lease_cycle, stamp, run_end;
     uint64_t cycles[16];
-    unsigned char out[512], in[512];
+    unsigned char out[2048], in[512];
 };
 
 /* Open a session. `where` is "pty:PATH" (or just the path), "unix:PATH" or "tcp:ADDRESS:PORT" with

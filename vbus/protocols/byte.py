@@ -1,6 +1,7 @@
 """The byte protocol: one byte says what is asked, replies come back in the same order."""
 
 from collections.abc import Callable
+from struct import unpack_from
 from typing import Final
 
 from vbus.kernel.kernel import NEVER
@@ -298,6 +299,13 @@ class ByteProtocol(Protocol):
 
     def _do_polled(self, data: bytes, start: int) -> bool:
         return self.port.polled(data[start], data[start + 1] << 8 | data[start + 2])
+
+    def _do_polled_at(self, data: bytes, start: int) -> bool:
+        size = data[start + 9]
+        if size & 3:
+            raise PortError(codes.BAD_LENGTH, f"POLLED_AT with {size} bytes of steps of 4 bytes")
+        steps = unpack_from(f">{size >> 2}I", data, start + 10)
+        return self.port.polled_at(data[start], _u64(data, start + 1), steps)
 
     def _do_leases(self, data: bytes, start: int) -> bool:
         if data[start] > 1:

@@ -89,6 +89,13 @@ class HostPort:
         """
         raise NotImplementedError
 
+    def polled_at(self, address: int, first: int, steps: tuple[int, ...]) -> bool:
+        """Run such read cycles at the host's own time stamps: ``first``, and after each step.
+
+        False if the session must be resumed later.
+        """
+        raise NotImplementedError
+
     def write(self, address: int, data: int) -> None:
         """Run one write cycle."""
         raise NotImplementedError

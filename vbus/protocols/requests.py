@@ -268,6 +268,12 @@ REQUESTS: Final = RequestTable(
         _layout("a:u8 n:u16"),
     ),
     Request(
+        "POLLED_AT",
+        0x55,
+        "as POLLED, on slaved boards: a poll at the first instant, one more each step (u32) later",
+        _layout("a:u8 first:u64 steps:bytes8"),
+    ),
+    Request(
         "EVENTS", 0x60, "report each edge of these output lines from now on", _layout("mask:u32")
     ),
     Request(

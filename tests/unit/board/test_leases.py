@@ -8,7 +8,7 @@ from tests.unit.board.toy import Toy
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import LONGEST_LEASE, HostBus
-from vbus.kernel import MS, US
+from vbus.kernel import MS, NEVER, US
 from vbus.protocols.port import PortError
 from vbus.signals import Observer
 
@@ -270,6 +270,45 @@ def test_a_slaved_host_stamps_each_of_its_polls() -> None:
     port.at(9 * US)
     port.polled(0, 1)
     assert [when for when, *_ in log.cycles] == [7 * US, 9 * US]
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_stamped_polls_are_run_at_their_stamps_and_counted(watched: bool) -> None:
+    board, port, _ = toy_bench("slaved")
+    log = Log()
+    if watched:
+        board.observe(log)
+    assert port.polled_at(0, 7 * US, (2 * US, 0, 5 * US))
+    assert (board.now, board.counters["reads"]) == (14 * US, 4)
+    if watched:
+        assert [when // US for when, *_ in log.cycles] == [7, 9, 9, 14]
+    with pytest.raises(PortError, match="before the last at"):
+        port.polled_at(0, 13 * US, ())
+    with pytest.raises(PortError, match="time ends"):
+        port.polled_at(0, (1 << 63) - 3, (5,))
+    assert board.counters["reads"] == 4, "a refused request has run no poll"
+
+
+def test_stamped_polls_belong_to_slaved_boards() -> None:
+    _, port, _ = toy_bench("lockstep")
+    with pytest.raises(PortError, match="not slaved"):
+        port.polled_at(0, US, ())
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_stamped_polls_wait_for_their_time(watched: bool) -> None:
+    board, port, _ = toy_bench("slaved")
+    if watched:
+        board.observe(Log())
+    board.limit = 4 * US
+    far = 5000 * US
+    assert not port.polled_at(0, 2 * US, (US, far, US))
+    assert port.held
+    assert board.counters["reads"] == 2
+    board.limit = NEVER
+    assert port.go_on()
+    assert port.polled_at(0, 2 * US, (US, far, US))
+    assert (board.now, board.counters["reads"]) == (3 * US + far + US, 4)
 
 
 @pytest.mark.parametrize("watched", [False, True])

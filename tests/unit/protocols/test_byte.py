@@ -143,8 +143,8 @@ def test_an_at_beyond_the_end_of_time_is_refused(wire: ByteProtocol, when: int) 
 
 @pytest.mark.parametrize(
     ("request_bytes", "code"),
-    [("00", 1), ("06", 1), ("55", 1), ("62", 1), ("ff", 1), ("32 00 00", 4), ("33 00 00", 4),
-     ("01 00", 5)],
+    [("00", 1), ("06", 1), ("56", 1), ("62", 1), ("ff", 1), ("32 00 00", 4), ("33 00 00", 4),
+     ("01 00", 5), ("55 00 0000000000000000 03 000000", 4)],
 )  # fmt: skip
 def test_after_a_request_of_unknown_length_every_byte_is_refused_alike(
     wire: ByteProtocol, port: FakePort, request_bytes: str, code: int
@@ -301,6 +301,12 @@ def test_polled_tells_how_often_the_host_has_looked(wire: ByteProtocol, port: Fa
         "58020002" + "54" + (0x102 * US).to_bytes(8, "big").hex()
     )
     assert port.calls == [("polled", 0, 0x102), ("polled", 2, 0)]
+
+
+def test_polled_at_tells_when_the_host_has_looked(wire: ByteProtocol, port: FakePort) -> None:
+    assert say(wire, "55 00 0000000000000007 08 00000002 ffffffff") == ""
+    assert say(wire, "55 01 000000000000000a 00 02 01") == "4501"
+    assert port.calls == [("polled_at", 0, 7, (2, 0xFFFFFFFF)), ("polled_at", 1, 10, ())]
 
 
 def test_polls_that_time_does_not_allow_keep_everything_behind_them(

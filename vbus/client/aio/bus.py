@@ -223,6 +223,7 @@ class Bus(Cycles):
         stay; until then it is given again without asking. The board is told how often that was,
         so that time, counts and traces are those of a host that asks.
         """
+        self._wire.stamped_polls = "polled_at" in self.info.features
         self._wire.cycles = [chip.cycle_ps for chip in self.info.chips] if on else []
         await self._post(Message.leases, on)
 
