@@ -12,6 +12,33 @@ from vbus.nodes.scenario import Scenario
 from vbus.nodes.trace import merged_hash
 
 
+def node_of(
+    file: BoardFile,
+    source: Source,
+    name: str,
+    scenario: Scenario | None = None,
+    trace: bool = False,
+) -> Node:
+    """Return one node of a board, with what its hosts do.
+
+    Args:
+        file: the board file.
+        source: takes its mistakes.
+        name: of the node.
+        scenario: what hosts do; the node takes what concerns its own chips.
+        trace: whether it notes what happens; with a scenario it always does.
+    """
+    made = build_node(file, source, name)
+    if trace or scenario is not None:
+        made.start_trace()
+    if scenario is not None:
+        orders = Orders(made.board, "scenario")
+        made.add_orders(orders)
+        for order in scenario.of({chip.name for chip in made.board.chips}):
+            orders.give(order)
+    return made
+
+
 def conductor_of(
     file: BoardFile,
     source: Source,
@@ -19,26 +46,11 @@ def conductor_of(
     scenario: Scenario | None = None,
     trace: bool = False,
 ) -> Conductor:
-    """Return one node of a board, ready to keep time with the others.
-
-    Args:
-        file: the board file.
-        source: takes its mistakes.
-        node: name of the node.
-        scenario: what hosts do; the node takes what concerns its own chips.
-        trace: whether it notes what happens; with a scenario it always does.
-    """
+    """Return one node of a board, ready to keep one virtual time; see :func:`node_of`."""
     plan = plan_of(file)
-    made = build_node(file, source, node)
-    if trace or scenario is not None:
-        made.start_trace()
-    if scenario is None:
-        return Conductor(made, plan.lookahead, plan.digest)
-    orders = Orders(made.board, "scenario")
-    made.add_orders(orders)
-    for order in scenario.of({chip.name for chip in made.board.chips}):
-        orders.give(order)
-    return Conductor(made, plan.lookahead, plan.digest, scenario.until)
+    made = node_of(file, source, node, scenario, trace)
+    until = scenario.until if scenario is not None else -1
+    return Conductor(made, plan.lookahead, plan.digest, until)
 
 
 class Machine:

@@ -70,7 +70,79 @@ class Need(msgspec.Struct, frozen=True, array_like=True, tag="n", forbid_unknown
     round: int
 
 
-Message = Report | Alive | Need
+class Ping(msgspec.Struct, frozen=True, array_like=True, tag="p", forbid_unknown_fields=True):
+    """What does your clock say? Instants in ns of each process' own clock.
+
+    Attributes:
+        digest: of the board file.
+        node: rank of the node that asks.
+        round: running number.
+        sent: when it was asked.
+    """
+
+    digest: str
+    node: int
+    round: int
+    sent: int
+
+
+class Pong(msgspec.Struct, frozen=True, array_like=True, tag="q", forbid_unknown_fields=True):
+    """The answer to a :class:`Ping`, and when chip time began.
+
+    Attributes:
+        digest: of the board file.
+        node: rank of the node that answers.
+        round: of the ping.
+        other: rank of the node that asked.
+        sent: when it asked, by its clock.
+        came: when the ping came, by the clock of the one who answers.
+        answered: when the answer was sent.
+        epoch: when chip time was 0, by the same clock; -1 if that is not known yet.
+    """
+
+    digest: str
+    node: int
+    round: int
+    other: int
+    sent: int
+    came: int
+    answered: int
+    epoch: int
+
+
+class Edges(msgspec.Struct, frozen=True, array_like=True, tag="w", forbid_unknown_fields=True):
+    """Edges on wires, in real time.
+
+    Attributes:
+        digest: of the board file.
+        node: rank of the node that sends them.
+        round: running number.
+        edges: what it sends.
+    """
+
+    digest: str
+    node: int
+    round: int
+    edges: tuple[Edge, ...]
+
+
+class Mark(msgspec.Struct, frozen=True, array_like=True, tag="m", forbid_unknown_fields=True):
+    """A node has reached an instant of chip time.
+
+    Attributes:
+        digest: of the board file.
+        node: its rank.
+        round: number of the instant.
+        at: when that was, by the clock all nodes have agreed on (ns).
+    """
+
+    digest: str
+    node: int
+    round: int
+    at: int
+
+
+Message = Report | Alive | Need | Ping | Pong | Edges | Mark
 
 _encoder: Final = msgspec.msgpack.Encoder()
 _decoder: Final = msgspec.msgpack.Decoder(Message)
@@ -117,16 +189,23 @@ def _wrong(message: Message, nodes: int, wires: int) -> str:
         return f"node {message.node} of {nodes}"
     if message.round < -1:
         return f"round {message.round}"
-    if isinstance(message, Need) and not 0 <= message.other < nodes:
+    if isinstance(message, Need | Pong) and not 0 <= message.other < nodes:
         return f"node {message.other} of {nodes}"
+    if isinstance(message, Edges):
+        return _wrong_edges(message.node, message.edges, wires, NEVER)
     if isinstance(message, Report):
         if not 0 <= message.horizon <= message.following <= NEVER:
             return f"horizon {message.horizon}, next event {message.following}"
         if message.until > NEVER or not -1 <= message.cap <= NEVER:
             return f"until {message.until}, cap {message.cap}"
-        for sent, node, _, wire, level, _ in message.edges:
-            if node != message.node or not 0 <= wire < wires or not -1 <= level <= 255:
-                return f"an edge of node {node} on wire {wire} to level {level}"
-            if not 0 <= sent < max(message.horizon, 1):
-                return f"an edge at {sent} ps, horizon {message.horizon} ps"
+        return _wrong_edges(message.node, message.edges, wires, max(message.horizon, 1))
+    return ""
+
+
+def _wrong_edges(sender: int, edges: tuple[Edge, ...], wires: int, before: int) -> str:
+    for sent, node, _, wire, level, _ in edges:
+        if node != sender or not 0 <= wire < wires or not -1 <= level <= 255:
+            return f"an edge of node {node} on wire {wire} to level {level}"
+        if not 0 <= sent < before:
+            return f"an edge at {sent} ps, horizon {before} ps"
     return ""

@@ -1,26 +1,29 @@
 """Running nodes of a board in this process: their hosts' links, their time, what they leave."""
 
 import asyncio
-import contextlib
 import hashlib
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
-from vbus.errors import ConfigError, TransportError, VbusError
+from vbus.errors import ConfigError, VbusError
 from vbus.network.security import Security
 from vbus.nodes.conductor import Conductor
-from vbus.nodes.machine import conductor_of
+from vbus.nodes.machine import conductor_of, node_of
+from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.trace import merged
+from vbus.server.fellows import Fellowship
 from vbus.server.granted import GrantedPacer
 from vbus.server.loop import HostLoop
 from vbus.server.node_link import NodeLink
+from vbus.server.pacer import Pacer
+from vbus.server.realtime_nodes import RealTime
 from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of
 from vbus.server.timebase import Timebase
@@ -57,31 +60,46 @@ class NodeServer(Server):
     """Serves the hosts of one node.
 
     Args:
-        conductor: the node.
+        node: the node.
         links: the hosts' entries.
-        timebase: what moves its time.
+        pacer: what moves its time.
+        status: returns what is told of it as a node.
         report: takes sentences about what happens to links.
     """
 
     def __init__(
         self,
-        conductor: Conductor,
+        node: Node,
         links: list[LinkSpec],
-        timebase: Timebase,
+        pacer: Pacer,
+        status: Callable[[int], dict[str, Any]],
         report: Callable[[str], None],
     ) -> None:
-        limit = conductor.node.board.limit
-        super().__init__(conductor.node.board, links, report=report)
-        conductor.node.board.limit = limit
-        self._rank: int = conductor.node.rank
-        self._timebase: Timebase = timebase
-        pacer = GrantedPacer(conductor.node.board, timebase.kick)
-        timebase.on_grant.append(pacer.granted)
+        limit = node.board.limit
+        super().__init__(node.board, links, report=report)
+        node.board.limit = limit
+        self._rank: int = node.rank
+        self._status_of: Callable[[int], dict[str, Any]] = status
         self.pacer = pacer
 
     def statistics(self) -> dict[str, Any]:
         """Return what ``vbus ls --json`` shows of this node."""
-        return {**super().statistics(), "node": self._timebase.status(self._rank)}
+        return {**super().statistics(), "node": self._status_of(self._rank)}
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What has come of a run.
+
+    Attributes:
+        nodes: the nodes of this process, as they are at the end.
+        over: whether a scenario was played to its end.
+        skew: in real time: how far apart nodes were, by :meth:`Skew.statistics`.
+    """
+
+    nodes: list[Node]
+    over: bool = False
+    skew: dict[str, Any] = field(default_factory=dict)
 
 
 def scenario_of(file: BoardFile, path: str) -> Scenario:
@@ -131,16 +149,14 @@ def endpoints_of(
     )
 
 
-def conductors_of(
-    file: BoardFile, source: Source, names: Sequence[str], wishes: NodeWishes
+def _conductors(
+    file: BoardFile,
+    source: Source,
+    names: Sequence[str],
+    scenario: Scenario | None,
+    wishes: NodeWishes,
 ) -> list[Conductor]:
-    """Return the nodes of this process, each where it is to begin.
-
-    Raises:
-        ConfigError: the board or the scenario has mistakes.
-        VbusError: the snapshot cannot be read, or is another node's.
-    """
-    scenario = scenario_of(file, wishes.scenario) if wishes.scenario else None
+    """Return the nodes of this process, each where it is to begin in virtual time."""
     if (wishes.snapshot or wishes.rejoin) and len(names) != 1:
         raise ConfigError(
             "a snapshot holds one node; start each with its own --node and --snapshot"
@@ -155,7 +171,7 @@ def conductors_of(
     return made
 
 
-def write_trace(conductors: Sequence[Conductor], path: str) -> None:
+def write_trace(nodes: Sequence[Node], path: str) -> None:
     """Write the traces of some nodes, merged: instant, rank of the node, what happened.
 
     Raises:
@@ -163,16 +179,15 @@ def write_trace(conductors: Sequence[Conductor], path: str) -> None:
     """
     try:
         with Path(path).open("w", encoding="ascii", newline="\n") as file:
-            for when, rank, text in merged(_lines(conductors)):
+            for when, rank, text in merged(_lines(nodes)):
                 file.write(f"{when} {rank} {text}\n")
     except OSError as error:
         raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _lines(conductors: Sequence[Conductor]) -> list[list[tuple[int, str]]]:
+def _lines(nodes: Sequence[Node]) -> list[list[tuple[int, str]]]:
     lines: list[list[tuple[int, str]]] = []
-    for conductor in conductors:
-        node = conductor.node
+    for node in nodes:
         node.board.catch_up()
         lines += [[] for _ in range(node.rank - len(lines))]
         lines.append(node.trace.lines() if node.trace is not None else [])
@@ -209,80 +224,146 @@ def serve_nodes(
     wishes: NodeWishes,
     on_ready: Callable[[list[Server]], None] | None = None,
     report: Callable[[str], None] = print,
-) -> list[Conductor]:
+) -> Outcome:
     """Run nodes until their scenario is over, or until SIGINT or SIGTERM.
-
-    Returns:
-        The nodes, as they are at the end.
 
     Raises:
         ConfigError: the board or the scenario has mistakes.
         TransportError: a link cannot be opened.
         NodeError: another node has died, stalls, or runs another board; names it.
     """
-    plan = plan_of(file)
-    names = names_of(plan, wishes)
-    conductors = conductors_of(file, source, names, wishes)
+    run = _Run(file, source, wishes, report)
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
         stop = asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stop.set)
-        await _serve(file, plan, conductors, wishes, stop, on_ready, report)
+        await run.serve(stop, on_ready)
 
     with asyncio.Runner(loop_factory=HostLoop) as runner:
         runner.run(main())
-    return conductors
+    return run.outcome()
 
 
-async def _serve(
-    file: BoardFile,
-    plan: Plan,
-    conductors: list[Conductor],
-    wishes: NodeWishes,
-    stop: asyncio.Event,
-    on_ready: Callable[[list[Server]], None] | None,
-    report: Callable[[str], None],
-) -> None:
-    loop = asyncio.get_running_loop()
-    names = [conductor.node.name for conductor in conductors]
-    link = None
-    if len(names) < len(plan.nodes):
-        link = NodeLink(plan.board, plan.nodes, [conductor.node.rank for conductor in conductors])
-    timebase = Timebase(plan, conductors, link, report, wishes.patience, wishes.snapshot)
-    servers: list[Server] = []
-    for conductor in conductors:
-        part = part_of(file, conductor.node.name)
-        conductor.awaited = {f"host{n}" for n, host in enumerate(part.hosts) if host.awaited}
-        servers.append(NodeServer(conductor, links_of(part), timebase, report))
-    stopped = asyncio.ensure_future(stop.wait())
-    try:
-        for server in servers:
-            server.start(loop)
-        if link is not None:
-            listen, connect = endpoints_of(file, names, wishes)
-            opening = asyncio.ensure_future(link.open(listen, connect, wishes.security, report))
-            await asyncio.wait((opening, stopped), return_when=asyncio.FIRST_COMPLETED)
-            if not opening.done():
-                opening.cancel()
-                return
-            opening.result()
-        timebase.start(loop)
-        if on_ready is not None:
-            on_ready(servers)
-        over = asyncio.ensure_future(timebase.finished.wait())
-        await asyncio.wait((over, stopped), return_when=asyncio.FIRST_COMPLETED)
-        over.cancel()
-        if timebase.failure is not None:
-            raise timebase.failure
-    finally:
-        stopped.cancel()
-        timebase.stop()
-        for server in servers:
-            server.stop()
-        if link is not None:
-            with contextlib.suppress(TransportError):
-                link.close()
-        if wishes.trace:
-            write_trace(conductors, wishes.trace)
+class _Run:
+    """Nodes of this process from their start to their end."""
+
+    def __init__(
+        self,
+        file: BoardFile,
+        source: Source,
+        wishes: NodeWishes,
+        report: Callable[[str], None],
+    ) -> None:
+        self._file: BoardFile = file
+        self._wishes: NodeWishes = wishes
+        self._report: Callable[[str], None] = report
+        self._plan: Plan = plan_of(file)
+        names = names_of(self._plan, wishes)
+        scenario = scenario_of(file, wishes.scenario) if wishes.scenario else None
+        self._link: NodeLink | None = None
+        if len(names) < len(self._plan.nodes):
+            ranks = [self._plan.rank(name) for name in names]
+            self._link = NodeLink(self._plan.board, self._plan.nodes, ranks)
+        self._servers: list[Server] = []
+        self._virtual: Timebase | None = None
+        self._real: RealTime | None = None
+        link, patience = self._link, wishes.patience
+        if file.board.time == "realtime":
+            if wishes.snapshot or wishes.rejoin:
+                raise ConfigError("a snapshot is for virtual time; this board is realtime")
+            self._nodes = [
+                node_of(file, source, name, scenario, bool(wishes.trace)) for name in names
+            ]
+            until = scenario.until if scenario is not None else -1
+            rate = file.board.rate
+            self._real = RealTime(self._plan, self._nodes, link, report, patience, until, rate)
+            self._fellows: Fellowship = self._real
+        else:
+            conductors = _conductors(file, source, names, scenario, wishes)
+            self._nodes = [conductor.node for conductor in conductors]
+            self._virtual = Timebase(
+                self._plan, conductors, link, report, patience, wishes.snapshot
+            )
+            self._fellows = self._virtual
+
+    async def serve(
+        self, stop: asyncio.Event, on_ready: Callable[[list[Server]], None] | None
+    ) -> None:
+        """Run until the scenario is over, a node is lost, or ``stop`` is set."""
+        loop = asyncio.get_running_loop()
+        stopped = asyncio.ensure_future(stop.wait())
+        failed = asyncio.ensure_future(self._fellows.finished.wait())
+        ends = (stopped, failed)
+        try:
+            if self._virtual is not None:
+                self._serve_virtual(self._virtual, loop)
+            if self._link is not None:
+                names = [node.name for node in self._nodes]
+                listen, connect = endpoints_of(self._file, names, self._wishes)
+                security = self._wishes.security
+                if not await _first(self._link.open(listen, connect, security, self._report), ends):
+                    return
+            self._fellows.start(loop)
+            if self._real is not None:
+                if not await _first(self._real.epoch_known.wait(), ends):
+                    return
+                self._serve_real(self._real, loop)
+            if on_ready is not None:
+                on_ready(self._servers)
+            await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for end in ends:
+                end.cancel()
+            self._fellows.stop()
+            for server in self._servers:
+                server.stop()
+            if self._link is not None:
+                self._link.close()
+            if self._wishes.trace:
+                write_trace(self._nodes, self._wishes.trace)
+            if self._fellows.failure is not None:
+                raise self._fellows.failure
+
+    def _serve_virtual(self, timebase: Timebase, loop: asyncio.AbstractEventLoop) -> None:
+        for conductor in timebase.conductors:
+            part = part_of(self._file, conductor.node.name)
+            conductor.awaited = {f"host{n}" for n, host in enumerate(part.hosts) if host.awaited}
+            pacer = GrantedPacer(conductor.node.board, timebase.kick)
+            timebase.on_grant.append(pacer.granted)
+            self._start(conductor.node, pacer, timebase.status, loop)
+
+    def _serve_real(self, real: RealTime, loop: asyncio.AbstractEventLoop) -> None:
+        for node in self._nodes:
+            pacer = real.pace(node, self._file.board.stall)
+            self._start(node, pacer, real.status, loop)
+
+    def _start(
+        self,
+        node: Node,
+        pacer: Pacer,
+        status: Callable[[int], dict[str, Any]],
+        loop: asyncio.AbstractEventLoop,
+    ) -> None:
+        links = links_of(part_of(self._file, node.name))
+        server = NodeServer(node, links, pacer, status, self._report)
+        self._servers.append(server)
+        server.start(loop)
+
+    def outcome(self) -> Outcome:
+        """Return what has come of it."""
+        skew = self._real.skew.statistics() if self._real is not None else {}
+        over = self._fellows.finished.is_set() and bool(self._wishes.scenario)
+        return Outcome(self._nodes, over, skew)
+
+
+async def _first(work: Coroutine[Any, Any, Any], ends: tuple[asyncio.Future[Any], ...]) -> bool:
+    """Do some work; return whether it was done before one of ``ends`` came."""
+    task = asyncio.ensure_future(work)
+    await asyncio.wait((task, *ends), return_when=asyncio.FIRST_COMPLETED)
+    if not task.done():
+        task.cancel()
+        return False
+    task.result()
+    return True

@@ -36,13 +36,22 @@ def run(file: "BoardFile", source: "Source", wishes: "NodeWishes", as_json: bool
     def say(sentence: str) -> None:
         click.echo(f"vbus: {sentence}", err=True)
 
-    conductors = serve_nodes(file, source, wishes, ready, say)
-    if wishes.scenario and all(conductor.finished for conductor in conductors):
-        now = conductors[0].participant.granted - 1
+    outcome = serve_nodes(file, source, wishes, ready, say)
+    if outcome.over:
+        now = max(node.board.now for node in outcome.nodes)
         end = f"the scenario is over at {now / 1e9:.6f} ms"
-        if len(conductors) == len(file.nodes):
-            nodes = [conductor.node for conductor in conductors]
-            click.echo(f"{end}; trace hash {trace_hash(nodes)}")
-        else:
-            click.echo(end)
+        if len(outcome.nodes) == len(file.nodes):
+            end += f"; trace hash {trace_hash(outcome.nodes)}"
+        click.echo(end)
+    if outcome.skew.get("marks"):
+        click.echo(skew_line(outcome.skew))
     return exit_codes.OK
+
+
+def skew_line(skew: dict[str, int]) -> str:
+    """Return in one line how far apart nodes were."""
+    return (
+        f"wall skew between nodes: p50 {skew['p50_ns'] / 1000:.0f} us, p99"
+        f" {skew['p99_ns'] / 1000:.0f} us, max {skew['max_ns'] / 1000:.0f} us over"
+        f" {skew['marks']} marks"
+    )

@@ -1,0 +1,286 @@
+"""Nodes in real time: one epoch by agreed clocks, edges that travel, orders for coming instants."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from vbus.board.board import Board
+from vbus.errors import NodeMismatchError
+from vbus.kernel import MS, Timer
+from vbus.nodes.messages import Edges, Mark, Message, Ping, Pong
+from vbus.nodes.node import Edge, Node
+from vbus.nodes.plan import Plan
+from vbus.server.fellows import TICK, Fellowship
+from vbus.server.node_clock import ClockEstimate
+from vbus.server.node_link import NodeLink
+from vbus.server.pacer import Pacer
+from vbus.server.skew import Skew
+
+HEAD_START_NS: Final = 300_000_000
+"""Wall time between agreeing on the epoch and the epoch itself."""
+PING_SECONDS: Final = 0.02
+"""Between exchanges, until the clocks are known."""
+MARK: Final = 100 * MS
+"""Chip time between two marks at which skew is measured, at rate 1."""
+SLEW: Final = 500
+"""A clock that drifts is followed by at most this much (ns in a million)."""
+
+
+class EpochPacer(Pacer):
+    """Moves a node's board with the wall clock, counted from the epoch all nodes share.
+
+    Args:
+        board: the node's board.
+        stall: as for :class:`Pacer`.
+        epoch: when chip time is 0, by this process' clock (ns).
+        moved: called when the board may have moved: edges may be under way.
+        clock: wall time in ns; for tests.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        stall: str,
+        epoch: int,
+        moved: Callable[[], None],
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        super().__init__(board, stall, clock)
+        self._epoch: int = epoch
+        self._moved: Callable[[], None] = moved
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Begin to move the board's time: from the epoch, which may lie ahead or back."""
+        super().start(loop)
+        self._anchor_ns = self._epoch
+        self._anchor_ps = 0
+        self._tick_at = self.board.now
+        self.arm()
+
+    def shift(self, ns: int) -> None:
+        """Follow a clock that drifts: the epoch was ``ns`` later than believed."""
+        self._anchor_ns += ns
+
+    def touched(self) -> None:
+        """A host has been served: an edge may be due earlier, or be on its way."""
+        super().touched()
+        self._moved()
+
+    def _woken(self) -> None:
+        super()._woken()
+        self._moved()
+
+
+class RealTime(Fellowship):
+    """Nodes of this process in real time with those of other processes.
+
+    The node that listens, else the first of the board, keeps the epoch. The others measure by how
+    much its clock differs from theirs, and go by it.
+
+    Args:
+        plan: the board.
+        nodes: the nodes of this process.
+        link: to the other processes; None if all nodes are here.
+        say: takes sentences about nodes that come and go.
+        patience: seconds to wait for a lost node.
+        until: chip time at which the run is over (ps); -1: never.
+        rate: chip seconds per second.
+        clock: wall time in ns; for tests.
+
+    Attributes:
+        epoch_known: set when this process knows when chip time begins.
+        skew: measured between nodes.
+        clock: estimate of the epoch keeper's clock.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        nodes: Sequence[Node],
+        link: NodeLink | None = None,
+        say: Callable[[str], None] = print,
+        patience: float = 0.0,
+        until: int = -1,
+        rate: float = 1.0,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        super().__init__(plan, [node.rank for node in nodes], link, say, patience)
+        self.nodes: dict[int, Node] = {node.rank: node for node in nodes}
+        self.pacers: dict[int, EpochPacer] = {}
+        self.keeper: int = max(plan.hub, 0)
+        self.epoch: int = -1
+        """When chip time was 0, by this process' clock (ns)."""
+        self.epoch_known: asyncio.Event = asyncio.Event()
+        self.skew: Skew = Skew()
+        self.clock: ClockEstimate = ClockEstimate()
+        self._until: int = until
+        self._ns: Callable[[], int] = clock
+        self._pings: int = 0
+        self._sent: int = 0
+        self._keepers_epoch: int = -1
+        self._pinging: asyncio.TimerHandle | None = None
+        self._period: int = max(MARK, int(MARK * min(rate, 1000)))
+        self._marks: dict[int, Timer] = {}
+
+    @property
+    def keeps(self) -> bool:
+        """Whether the epoch is kept in this process."""
+        return self.keeper in self.nodes
+
+    # -- agreeing on the epoch ------------------------------------------------------------------
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Begin to agree; the link is open."""
+        super().start(loop)
+        self.kick()
+        if not self.keeps:
+            self._ping()
+
+    def stop(self) -> None:
+        """Let time stand still."""
+        if self._pinging is not None:
+            self._pinging.cancel()
+        super().stop()
+
+    def kick(self) -> None:
+        """The keeper begins when all it has to wait for are there."""
+        if self.keeps and self.epoch < 0:
+            here = all(other.joined for other in self._others.values())
+            # With a scenario everybody is to be there when it begins.
+            if here or self._until < 0:
+                self._begin(self._ns() + HEAD_START_NS)
+
+    def _ping(self) -> None:
+        if self._loop is None:
+            return
+        mine = self._ranks[0]
+        self.send(mine, Ping(self.plan.digest, mine, self._pings, self._ns()))
+        self._pings += 1
+        pause = TICK if self.epoch_known.is_set() else PING_SECONDS
+        self._pinging = self._loop.call_later(pause, self._ping)
+
+    def _answered(self, pong: Pong) -> None:
+        if pong.node != self.keeper or pong.other != self._ranks[0]:
+            return
+        self.clock.add(pong.sent, pong.came, pong.answered, self._ns())
+        if pong.epoch < 0 or not self.clock.good:
+            return
+        name = self.plan.nodes[self.keeper]
+        if 0 <= self._keepers_epoch != pong.epoch:
+            raise NodeMismatchError(
+                name,
+                f"node {name}, which keeps the epoch, has begun a new run: start every node anew",
+            )
+        self._keepers_epoch = pong.epoch
+        epoch = pong.epoch - self.clock.offset
+        if self.epoch < 0:
+            self._begin(epoch)
+        elif abs(epoch - self.epoch) > self.clock.uncertainty:
+            most = int(TICK * 1000) * SLEW
+            step = max(-most, min(most, epoch - self.epoch))
+            self.epoch += step
+            for pacer in self.pacers.values():
+                pacer.shift(step)
+
+    def _begin(self, epoch: int) -> None:
+        self.epoch = epoch
+        self.epoch_known.set()
+
+    # -- moving ---------------------------------------------------------------------------------
+
+    def pace(self, node: Node, stall: str) -> EpochPacer:
+        """Return what moves a node's board, once the epoch is known."""
+        pacer = EpochPacer(node.board, stall, self.epoch, lambda: self.flush(node), self._ns)
+        self.pacers[node.rank] = pacer
+        timer = node.board.kernel.timer(lambda: self._mark(node), saved=False)
+        self._marks[node.rank] = timer
+        now = max(self._ns() - self.epoch, 0) * 1000
+        timer.at((now // self._period + 1) * self._period)
+        return pacer
+
+    def flush(self, node: Node) -> None:
+        """Send the edges that are on their way; see whether the run is over."""
+        edges = node.take_edges()
+        if edges:
+            for other in self.nodes.values():
+                if other is not node:
+                    self._accept(other, edges)
+            self.send(node.rank, Edges(self.plan.digest, node.rank, self._sent, tuple(edges)))
+            self._sent += 1
+        if self._until >= 0 and self._done_at < 0:
+            if all(mine.board.now > self._until for mine in self.nodes.values()):
+                self.done()
+
+    def _accept(self, node: Node, edges: Sequence[Edge]) -> None:
+        pacer = self.pacers.get(node.rank)
+        if pacer is not None:
+            pacer.catch_up()
+            node.accept(edges)
+            pacer.touched()
+
+    def _mark(self, node: Node) -> None:
+        number = node.board.now // self._period
+        at = self._ns() + self.clock.offset
+        self.skew.note(number, node.rank, at, self._here())
+        self.send(node.rank, Mark(self.plan.digest, node.rank, number, at))
+        self._marks[node.rank].at(node.board.now + self._period)
+
+    def _here(self) -> int:
+        return len(self.nodes) + sum(other.joined for other in self._others.values())
+
+    # -- messages -------------------------------------------------------------------------------
+
+    def deliver(self, rank: int, message: Message) -> None:
+        """Take what another node has to say."""
+        if isinstance(message, Ping):
+            if self.keeps:
+                came = self._ns()
+                self.send(
+                    self.keeper,
+                    Pong(
+                        self.plan.digest, self.keeper, message.round, rank, message.sent, came,
+                        self._ns(), self.epoch,
+                    ),
+                )  # fmt: skip
+        elif isinstance(message, Pong):
+            self._answered(message)
+        elif isinstance(message, Edges):
+            for node in self.nodes.values():
+                self._accept(node, message.edges)
+        elif isinstance(message, Mark):
+            self.skew.note(message.round, rank, message.at, self._here())
+
+    # -- telling --------------------------------------------------------------------------------
+
+    def state_of(self, rank: int) -> tuple[int, str]:
+        """Return what a node of this process does."""
+        return -1, "runs" if self.epoch_known.is_set() else "agrees on the epoch"
+
+    def standing_at(self) -> str:
+        """Return where this process is, for an error message."""
+        now = max(node.board.now for node in self.nodes.values())
+        return f"chip time here is {now / 1e9:.3f} ms"
+
+    def status(self, rank: int) -> dict[str, Any]:
+        """Return what ``vbus ls`` shows of one node of this process."""
+        node = self.nodes[rank]
+        return {
+            "board": self.plan.board,
+            "node": node.name,
+            "state": self.state_of(rank)[1],
+            "keeps_epoch": rank == self.keeper,
+            "clock_offset_ns": 0 if self.keeps else self.clock.offset,
+            "clock_uncertainty_ns": 0 if self.keeps else self.clock.uncertainty,
+            "skew": self.skew.statistics(),
+            "late_edges": node.late,
+            "worst_late_ps": node.worst_late,
+            "late_orders": sum(orders.late for orders in node.orders),
+            "others": {
+                self.plan.nodes[n]: self._others[n].state if n in self._others else "runs"
+                for n in range(len(self.plan.nodes))
+                if n != rank
+            },
+        }
