@@ -14,6 +14,7 @@ _HEX: Final = re.compile(r"(?:0x)?([0-9A-Fa-f]{1,2})[hH]?")
 _WORD: Final = re.compile(r"([a-z]+)=(?:0x)?([0-9A-Fa-f]{1,8})[hH]?")
 _LINE: Final = re.compile(r"\b([rw]) ([0-9A-Fa-f]{1,2}) ([0-9A-Fa-f]{2})(?: x(\d{1,6}))?\b")
 _ENTRY: Final = re.compile(r"(.+?)(?::(\d+)(?:-(\d+))?)?")
+_VALUES: Final = ("status", "signals", "mode")
 
 
 @click.command("explain")
@@ -112,7 +113,8 @@ def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:
         elif byte and not cycles:
             data.append(int(byte[1], 16))
         elif not cycles:
-            raise click.UsageError(f'"{item}" is no byte; write two hexadecimal digits')
+            hint = f"; for a {item} value write --{item} HEX" if item in _VALUES else ""
+            raise click.UsageError(f'"{item}" is no byte; write two hexadecimal digits{hint}')
     try:
         cycles = cycles or decoder.typed(data)
     except ValueError as error:

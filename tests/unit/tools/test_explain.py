@@ -69,6 +69,7 @@ def test_a_clause_names_its_rules_and_commands() -> None:
     [
         (["lm628"], "say what to explain: bytes, or --status HEX"),
         (["lm628", "zz"], '"zz" is no byte; write two hexadecimal digits'),
+        (["lm628", "status", "84"], "for a status value write --status HEX"),
         (["lm628", "mode=12"], "lm628 has no 'mode'; it has status, signals"),
         (["lm628", "--status", "123"], "123H does not fit into the 8 bits of status"),
         (["mcp1200", "05"], "write pairs of address and data byte"),

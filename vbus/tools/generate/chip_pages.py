@@ -194,8 +194,8 @@ def _limits(family: str, sheet: Any) -> list[str]:
     for row in first:
         rule = first.rules[row.symbol]
         limits = [_limit(table[row.symbol]) for table in tables.values()]
-        cells.append((f"`{rule.name}`", row.symbol, row.title, *limits, _side(row, row.symbol in _KEPT[family]),
-                      rule.clause))  # fmt: skip
+        side = _side(row, row.symbol in _KEPT[family])
+        cells.append((f"`{rule.name}`", row.symbol, row.title, *limits, side, rule.clause))
     lines = [
         "Each row of the manual's table is a rule of its name. *Host*: the interval is the host's,"
         " and judged. *Chip*: the chip promises it, and a host that looks or drives too early is"
