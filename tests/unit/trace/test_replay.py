@@ -373,3 +373,24 @@ def test_a_poll_from_a_lease_that_would_be_answered_differently_now_is_a_differe
     kept_back = polls[20]
     found = difference(played(data, changed={kept_back.number: {"reply": kept_back.reply ^ 1}}))
     assert found.entry == kept_back.number
+
+
+def test_leased_polls_at_stamps_of_their_own_play_again() -> None:
+    text = LM629.replace("lockstep", "slaved")
+    board = load_board_text(text)
+    file = io.BytesIO()
+    journal = Journal(board, file, text)
+    port = board.open_port("h")
+    port.at(5 * US)
+    port.write(0, 0x0A)
+    port.at(7 * US)
+    assert port.read(0) & 1
+    assert port.lease(0) is not None
+    assert port.polled_at(0, 8 * US, (1_300_000,) * 8)
+    port.close()
+    journal.close()
+    polls = [e for e in read(file.getvalue())[1] if e.op == "read"]
+    assert [e.after for e in polls[1:]] == [8 * US + n * 1_300_000 for n in range(9)]
+    outcome = played(file.getvalue())
+    assert outcome.divergence is None
+    assert outcome.ended
