@@ -126,8 +126,8 @@ class MCP1200(Chip):
         return passed < least and self.report(ds.RECOVERY, passed, least)
 
     def _stall(self) -> None:
-        self.works.stall()
-        self._refresh_due()
+        if self.works.stall():
+            self._refresh_due()
 
     def steady_until(self, address: int) -> int:
         """Return until when a status register stays as it is: until anything happens inside."""

@@ -178,10 +178,16 @@ class Clockwork:
         if self._writes:
             self._writes.pop()
 
-    def stall(self) -> None:
-        """An access costs the core a clock or more, if the board says so (MCP-BUS-11)."""
+    def stall(self) -> bool:
+        """An access costs the core a clock or more, if the board says so (MCP-BUS-11).
+
+        Returns:
+            Whether what is due inside has moved.
+        """
         if self._stall_clk and self._at_results != FAR:
             self._at_results += self._stall_clk
+            return True
+        return False
 
     def _take_write(self, cycle: int, address: int, data: int) -> None:
         self.rest.disturb()
