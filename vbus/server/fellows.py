@@ -18,6 +18,7 @@ FAREWELL: Final = 5.0
 GRACE: Final = 0.3
 """Seconds between a loss and the error: long enough to hear which node was the first to be lost."""
 DONE: Final = "done"
+LEFT: Final = "has been stopped"
 GAVE_UP: Final = "has given up "
 """State of a node that ends because of another, whose name follows."""
 
@@ -122,6 +123,9 @@ class Fellowship:
 
     def stop(self) -> None:
         """Let time stand still."""
+        if self._loop is not None and self.failure is None and self._done_at < 0:
+            for rank in self._ranks:
+                self.send(rank, Alive(self.plan.digest, rank, -1, LEFT))
         if self._timer is not None:
             self._timer.cancel()
         self._loop = None
@@ -198,6 +202,8 @@ class Fellowship:
     # -- who is there ---------------------------------------------------------------------------
 
     def _presence(self, rank: int, there: bool) -> None:
+        if self._loop is None:
+            return
         other = self._others[rank]
         if there:
             other.present = True
@@ -209,7 +215,8 @@ class Fellowship:
         elif other.present:
             other.present = False
             if other.joined and other.state != DONE and self._done_at < 0:
-                self._lose(rank, "has died or was cut off: its process or its link is gone")
+                died = "has died or was cut off: its process or its link is gone"
+                self._lose(rank, LEFT if other.state == LEFT else died)
             self._see_whether_all_are_done()
 
     def _lose(self, rank: int, why: str) -> None:
@@ -217,7 +224,7 @@ class Fellowship:
             return
         other = self._others[rank]
         error = NodeLostError(other.name, f"node {other.name} {why}; {self.standing_at()}")
-        if not other.state.startswith(GAVE_UP):
+        if not other.state.startswith((GAVE_UP, LEFT)):
             other.state = "lost"
         self._lost[rank] = (self._clock(), error)
         if self._patience > 0:
@@ -239,7 +246,6 @@ class Fellowship:
                 )
             )
         elif lost in self._others and self._done_at < 0:
-            self._lost.pop(lost, None)
             self._others[lost].cause = True
             self._lose(lost, f"does not answer node {other.name}, which has given it up")
 

@@ -47,11 +47,13 @@ class NodeLink:
         self._session: zenoh.Session | None = None
         self._publishers: dict[int, zenoh.Publisher] = {}
         self._kept: list[object] = []
-        self._entered: deque[tuple[str, int, bytes, bool]] = deque()
+        self._entered: deque[tuple[str, int, bytes, Any]] = deque()
         self.on_message: Callable[[int, bytes], None] = _ignore
         """Takes the rank of a node and what it has sent."""
         self.on_presence: Callable[[int, bool], None] = _ignore
         """Takes the rank of a node, and whether it has come or gone."""
+        self.on_order: Callable[[int, bytes], bytes] | None = None
+        """Takes the rank of a node of this process and an order for it; returns the answer."""
         self._draw: random.Random | None = None
         self._longest: float = 0.0
         wish = os.environ.get(TEST_DISTURB)
@@ -120,6 +122,9 @@ class NodeLink:
         self._kept.append(
             liveliness.declare_subscriber(f"{self._root}/*/alive", self._presence, history=True)
         )
+        for rank in self._mine if self.on_order is not None else ():
+            key = f"{self._root}/{self._names[rank]}/orders"
+            self._kept.append(session.declare_queryable(key, self._ordered, complete=True))
         for rank in self._mine:
             token = liveliness.declare_token(f"{self._root}/{self._names[rank]}/alive")
             self._kept.append(token)
@@ -136,9 +141,14 @@ class NodeLink:
         name = str(sample.key_expr).rpartition("/")[0].rpartition("/")[2]
         self._enter(name, 1, b"", sample.kind == zenoh.SampleKind.PUT)
 
-    def _enter(self, name: str, kind: int, data: bytes, there: bool) -> None:
+    def _ordered(self, query: Any) -> None:
+        name = str(query.key_expr).rpartition("/")[0].rpartition("/")[2]
+        data = query.payload.to_bytes() if query.payload is not None else b""
+        self._enter(name, 2, data, query)
+
+    def _enter(self, name: str, kind: int, data: bytes, more: Any) -> None:
         first = not self._entered
-        self._entered.append((name, kind, data, there))
+        self._entered.append((name, kind, data, more))
         if first and self._loop is not None:
             with contextlib.suppress(RuntimeError):  # the loop has been closed meanwhile
                 self._loop.call_soon_threadsafe(self._take)
@@ -147,12 +157,17 @@ class NodeLink:
 
     def _take(self) -> None:
         while self._entered:
-            name, kind, data, there = self._entered.popleft()
-            if name not in self._names or self._names.index(name) in self._mine:
+            name, kind, data, more = self._entered.popleft()
+            if name not in self._names:
                 continue
             rank = self._names.index(name)
-            if kind == 1:
-                self.on_presence(rank, there)
+            if kind == 2 and self.on_order is not None:
+                more.reply(more.key_expr, self.on_order(rank, data))
+                more.drop()
+            elif rank in self._mine:
+                continue
+            elif kind == 1:
+                self.on_presence(rank, more)
             elif self._draw is not None and self._loop is not None:
                 late = self._draw.uniform(0, self._longest)
                 self._loop.call_later(late, self.on_message, rank, data)

@@ -263,7 +263,9 @@ class _Run:
         names = names_of(self._plan, wishes)
         scenario = scenario_of(file, wishes.scenario) if wishes.scenario else None
         self._link: NodeLink | None = None
-        if len(names) < len(self._plan.nodes):
+        # In real time whoever orders a start comes over the network, also if all nodes are here.
+        meets = bool(wishes.listen or wishes.connect) or self._plan.hub >= 0
+        if len(names) < len(self._plan.nodes) or (file.board.time == "realtime" and meets):
             ranks = [self._plan.rank(name) for name in names]
             self._link = NodeLink(self._plan.board, self._plan.nodes, ranks)
         self._servers: list[Server] = []

@@ -12,10 +12,12 @@ from vbus.errors import NodeMismatchError
 from vbus.kernel import MS, Timer
 from vbus.nodes.messages import Edges, Mark, Message, Ping, Pong
 from vbus.nodes.node import Edge, Node
+from vbus.nodes.orders import Orders
 from vbus.nodes.plan import Plan
 from vbus.server.fellows import TICK, Fellowship
 from vbus.server.node_clock import ClockEstimate
 from vbus.server.node_link import NodeLink
+from vbus.server.ordering import Answer, encode_answer, take_order
 from vbus.server.pacer import Pacer
 from vbus.server.skew import Skew
 
@@ -124,6 +126,9 @@ class RealTime(Fellowship):
         self._pinging: asyncio.TimerHandle | None = None
         self._period: int = max(MARK, int(MARK * min(rate, 1000)))
         self._marks: dict[int, Timer] = {}
+        self._ordered: dict[int, Orders] = {}
+        if link is not None:
+            link.on_order = self.order
 
     @property
     def keeps(self) -> bool:
@@ -230,6 +235,26 @@ class RealTime(Fellowship):
 
     def _here(self) -> int:
         return len(self.nodes) + sum(other.joined for other in self._others.values())
+
+    # -- orders ---------------------------------------------------------------------------------
+
+    def order(self, rank: int, data: bytes) -> bytes:
+        """Take an order for a node of this process, or tell chip time; see :mod:`ordering`."""
+        node = self.nodes[rank]
+        pacer = self.pacers.get(rank)
+        if pacer is None:
+            return encode_answer(Answer(node.name, error="chip time has not begun yet"))
+        pacer.catch_up()
+        answer = take_order(node, self._orders(node), data)
+        pacer.touched()
+        return encode_answer(answer)
+
+    def _orders(self, node: Node) -> Orders:
+        known = self._ordered.get(node.rank)
+        if known is None:
+            known = self._ordered[node.rank] = Orders(node.board, "order", saved=False)
+            node.add_orders(known)
+        return known
 
     # -- messages -------------------------------------------------------------------------------
 

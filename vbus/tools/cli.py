@@ -23,6 +23,7 @@ _COMMANDS: Final = {
     "explain": "Explain bytes on a bus, a status value, a rule, or a journal.",
     "ls": "List the boards that run on this machine.",
     "monitor": "Watch the buses of a running board in the manual's words.",
+    "order": "Order bus cycles on several nodes for one coming instant.",
     "replay": "Play a recorded run again; stop at the first difference.",
     "report": "Show the violations of a recorded run, with the cycles around them.",
     "router": "Let boards and hosts of several computers meet (Zenoh).",

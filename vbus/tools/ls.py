@@ -74,6 +74,8 @@ def _lines(board: dict[str, Any]) -> list[str]:
         f" lag {_seconds(board['lag_ps'])} (worst {_seconds(board['worst_lag_ps'])}),"
         f" {board['counters']['violations']} violations"
     ]
+    if "node" in board:
+        lines += _node_lines(board["node"])
     for chip in board["chips"]:
         lines.append(
             f"  chip {chip['name']}: {chip['part']} at {show(chip['clock_hz'], 'Hz')},"
@@ -87,6 +89,31 @@ def _lines(board: dict[str, Any]) -> list[str]:
     if board["metrics"]:
         lines.append(f"  metrics {board['metrics']}")
     return lines
+
+
+def _node_lines(node: dict[str, Any]) -> list[str]:
+    """Return what is told of a node of a larger board."""
+    others = ", ".join(f"{name} ({state})" for name, state in node["others"].items()) or "none"
+    if "skew" not in node:
+        waits = f", waits for {', '.join(node['waits_for'])}" if node["waits_for"] else ""
+        return [
+            f"  node {node['node']} of {node['board']}: {node['state']}, round {node['round']},"
+            f" granted {_seconds(node['granted_ps'])}{waits}; others: {others}"
+        ]
+    skew = node["skew"]
+    clock = (
+        "keeps the epoch"
+        if node["keeps_epoch"]
+        else f"clock differs by {node['clock_offset_ns'] / 1000:.0f} us"
+        f" +- {node['clock_uncertainty_ns'] / 1000:.0f} us"
+    )
+    return [
+        f"  node {node['node']} of {node['board']}: {node['state']}, {clock}; others: {others}",
+        f"  skew p50 {skew['p50_ns'] / 1000:.0f} us, p99 {skew['p99_ns'] / 1000:.0f} us, max"
+        f" {skew['max_ns'] / 1000:.0f} us over {skew['marks']} marks;"
+        f" {node['late_edges']} late edges (worst {_seconds(node['worst_late_ps'])}),"
+        f" {node['late_orders']} late orders",
+    ]
 
 
 def _seconds(ps: int) -> str:

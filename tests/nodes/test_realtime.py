@@ -1,0 +1,165 @@
+"""Nodes in real time: one epoch, starts ordered for one instant, skew that is measured."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.nodes.four_chips import BOARD, scenario
+from tests.nodes.processes import Bench, ended
+from vbus.board.config import read_board_text
+from vbus.kernel import MS, US
+from vbus.nodes.machine import Machine
+from vbus.nodes.plan import pins_of
+from vbus.nodes.scenario import read_scenario
+from vbus.server.node_clock import ClockEstimate
+from vbus.server.skew import Skew
+
+REAL = (
+    BOARD.replace('"lockstep"', '"realtime"')
+    .replace("200 us", "40 ms").replace("250 us", "41 ms")
+    .replace("300 us", "42 ms").replace("220 us", "43 ms")
+)  # fmt: skip
+SCRIPT = scenario().replace("end 20ms", "end 250ms")
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path, REAL, SCRIPT)
+    yield made
+    made.close()
+
+
+def when(bench: Bench, nodes: str, text: str) -> list[int]:
+    lines = bench.trace(nodes).read_text().splitlines()
+    return [int(line.split(" ", 1)[0]) for line in lines if line.endswith(text)]
+
+
+def test_a_scenario_begins_when_all_are_there_and_happens_at_its_instants(bench: Bench) -> None:
+    """STT to both LM629, MULTI_UPDATE and /SYNC: exact in chip time, whatever the wall clock."""
+    groups = ["ab", "c", "d"]
+    processes = [bench.start(nodes) for nodes in groups]
+    for process in processes:
+        code, out = ended(process)
+        assert code == 0, out
+        assert "wall skew between nodes: p50" in out
+    assert when(bench, "ab", "w x 0 1") == when(bench, "ab", "w y 0 1") == [3 * MS]
+    virtual, source = read_board_text(REAL.replace('"realtime"', '"lockstep"'))
+    machine = Machine(virtual, source, read_scenario(SCRIPT, "s", pins_of(virtual), US))
+    machine.run()
+    # What hosts do is where it is in virtual time, to the picosecond, on every node.
+    for group in groups:
+        real = [
+            line
+            for line in bench.trace(group).read_text().splitlines()
+            if line.split(" ", 3)[2] == "w" or line.split(" ", 3)[2] == "r"
+        ]
+        assert real
+        for line in real:
+            instant, rank, text = line.split(" ", 2)
+            trace = machine.nodes[int(rank)].trace
+            assert trace is not None
+            cycles = {(at, told.rpartition(" ")[0]) for at, told in trace.lines()}
+            assert (int(instant), text.rpartition(" ")[0]) in cycles
+
+
+def test_without_late_edges_real_time_gives_the_hash_of_virtual_time(tmp_path: Path) -> None:
+    """In one process edges are never late: the same run, only slower."""
+    bench = Bench(tmp_path, REAL, SCRIPT)
+    try:
+        code, out = ended(bench.start("abcd"))
+        assert code == 0, out
+        bench.board.write_text(bench.board.read_text().replace('"realtime"', '"lockstep"'))
+        code, virtual = ended(bench.start("abcd"))
+        assert code == 0, virtual
+        hashes = [text.partition("trace hash ")[2].split()[0] for text in (out, virtual)]
+        assert hashes[0] == hashes[1]
+    finally:
+        bench.close()
+
+
+def order(bench: Bench, lines: str, *options: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "vbus", "order", str(bench.board), "-", *options],
+        input=lines, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+
+
+def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
+    tmp_path: Path,
+) -> None:
+    bench = Bench(tmp_path, REAL)
+    try:
+        processes = [
+            bench.start(nodes, "--trace", str(bench.trace(nodes)), script=False)
+            for nodes in ("a", "b", "cd")
+        ]
+        bench.until(lambda: all(bench.node(n).get("skew", {}).get("marks", 0) > 2 for n in "abcd"))
+
+        done = order(bench, "0us x+y w 0 1\n5us m pin /SYNC 0\n9us m pin /SYNC 1", "--ahead", "1s")
+
+        assert done.returncode == 0, done.stderr
+        assert "node a: 1 requests" in done.stdout
+        assert "node c: 2 requests" in done.stdout
+        ordered = float(done.stdout.splitlines()[-1].split()[-2])
+        late = order(bench, "0us x w 0 1", "--ahead", "0us")
+        assert late.returncode == 1
+        assert "node a refuses: it comes" in late.stderr
+        wrong = order(bench, "0us x w 0")
+        assert wrong.returncode == 3
+        assert "<stdin>:1: unknown request 'w 0'" in wrong.stderr
+        listed = bench.vbus("ls")
+        assert "keeps the epoch" in listed.stdout
+        assert "skew p50" in listed.stdout
+        state = bench.node("d")
+        assert state["clock_uncertainty_ns"] >= 0
+        assert state["skew"]["p50_ns"] <= state["skew"]["p99_ns"] <= state["skew"]["max_ns"]
+        marks = state["skew"]["marks"]
+        bench.until(lambda: bench.node("d")["skew"]["marks"] > marks + 12)
+        for process in processes:
+            process.terminate()
+            ended(process)
+        starts = when(bench, "a", "w x 0 1") + when(bench, "b", "w y 0 1")
+        assert len(starts) == 2
+        assert starts[0] == starts[1] == round(ordered * 1e9)
+        assert min(when(bench, "cd", "2 e /SYNC 0")) == starts[0] + 5 * US
+    finally:
+        bench.close()
+
+
+def test_a_node_that_dies_in_real_time_is_named(bench: Bench) -> None:
+    bench.script.write_text(SCRIPT.replace("end 250ms", "end 60s"))
+    processes = {nodes: bench.start(nodes) for nodes in ("a", "b", "cd")}
+    bench.until(lambda: bench.node("d").get("skew", {}).get("marks", 0) > 1)
+    processes["b"].kill()
+    for nodes in ("a", "cd"):
+        code, out = ended(processes[nodes])
+        assert code == 1, out
+        assert "vbus: node b has died or was cut off" in out
+
+
+def test_the_fastest_exchange_decides_about_a_clock() -> None:
+    clock = ClockEstimate()
+    assert clock.uncertainty == -1
+    for slow in range(5):  # the other clock is 1000 ns ahead; the way there takes longer
+        clock.add(0, 1000 + 900 + 10 * slow, 1000 + 900 + 10 * slow, 1000 + 10 * slow)
+    assert clock.offset == 1400
+    assert abs(clock.offset - 1000) <= clock.uncertainty == 500
+    clock.add(5000, 6020, 6030, 5040)
+    assert (clock.offset, clock.uncertainty) == (1005, 15)
+    assert clock.good
+
+
+def test_skew_is_the_spread_of_all_nodes_at_a_mark() -> None:
+    skew = Skew()
+    for number in range(100):
+        skew.note(number, 0, 1000, 3)
+        skew.note(number, 1, 1000 - number, 3)
+        assert skew.marks == number
+        skew.note(number, 2, 1001, 3)
+    assert skew.statistics() == {"marks": 100, "p50_ns": 50, "p99_ns": 99, "max_ns": 100}
+    for number in range(1000, 2000):  # a node that has gone leaves nothing behind
+        skew.note(number, 0, 1, 3)
+    assert skew.marks == 100

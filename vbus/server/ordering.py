@@ -1,0 +1,165 @@
+"""Orders for a coming instant: the same instant of chip time on all nodes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+
+from vbus.board.sections import BoardFile
+from vbus.errors import ConfigError, NodeError, NodeLostError, VbusError
+from vbus.kernel import MS, US
+from vbus.network.session import open_session
+from vbus.nodes.node import Node
+from vbus.nodes.orders import LEAD, Order, Orders
+from vbus.nodes.plan import pins_of, plan_of
+from vbus.nodes.scenario import Scenario, read_scenario
+
+if TYPE_CHECKING:
+    import zenoh
+
+    from vbus.network.security import Security
+
+ANSWER_SECONDS: Final = 3.0
+
+
+class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What is asked of a node.
+
+    Attributes:
+        digest: of the board file.
+        at: instant at which the lines begin (ps); -1: tell chip time, order nothing.
+        lines: a scenario; its instants count from ``at``.
+    """
+
+    digest: str
+    at: int = -1
+    lines: str = ""
+
+
+class Answer(msgspec.Struct, frozen=True):
+    """What a node says to an order.
+
+    Attributes:
+        node: its name.
+        now: its chip time (ps).
+        taken: requests it will carry out.
+        error: why it takes none.
+    """
+
+    node: str
+    now: int = 0
+    taken: int = 0
+    error: str = ""
+
+
+_wish: Final = msgspec.json.Decoder(Wish)
+_answer: Final = msgspec.json.Decoder(Answer)
+
+
+def encode_answer(answer: Answer) -> bytes:
+    """Return an answer as it is sent."""
+    return msgspec.json.encode(answer)
+
+
+def take_order(node: Node, orders: Orders, data: bytes) -> Answer:
+    """Take an order for a node whose time is up to date; all of it, or nothing."""
+    now = node.board.now
+    try:
+        wish = _wish.decode(data)
+        if wish.at < 0:
+            return Answer(node.name, now)
+        pins = {chip.name: set(chip.pins) for chip in node.board.chips}
+        scenario = read_scenario(wish.lines, "order", pins, US)
+    except (msgspec.DecodeError, ConfigError) as error:
+        return Answer(node.name, now, error=f"this is no order: {error}")
+    if wish.at - LEAD < now:
+        return Answer(
+            node.name, now, error=f"it comes {(now - wish.at + LEAD) / 1e9:.3f} ms too late"
+        )
+    for order in scenario.orders:
+        moved = Order(
+            wish.at + order.when, order.chips, order.kind, order.address, order.data, order.pin
+        )
+        orders.give(moved)
+    return Answer(node.name, now, len(scenario.orders))
+
+
+def order(
+    file: BoardFile,
+    lines: str,
+    name: str,
+    ahead: int = 100 * MS,
+    connect: tuple[str, ...] = (),
+    security: Security | None = None,
+) -> tuple[int, list[Answer]]:
+    """Order bus cycles on all nodes of a running board for an instant that is to come.
+
+    Args:
+        file: the board file, with nodes, in real time.
+        lines: a scenario (:func:`read_scenario`) whose instants count from the one agreed on.
+        name: of the scenario, for messages.
+        ahead: how far ahead that instant lies (ps of chip time).
+        connect: endpoints, in place of the board file's.
+        security: certificates of the network, if any.
+
+    Returns:
+        The instant (ps), and what each node that takes part says.
+
+    Raises:
+        ConfigError: the scenario makes no sense, or nobody has said where the nodes meet.
+        TransportError: nobody listens there.
+        NodeError: a node does not run, or refuses; names it.
+    """
+    plan = plan_of(file)
+    scenario = read_scenario(lines, name, pins_of(file), US)
+    homes = {chip.name: chip.node for chip in file.chips}
+    if plan.policy != "realtime":
+        raise ConfigError(
+            f"{file.path}: orders are for boards in real time; this one is {plan.policy}, where a"
+            " scenario says what happens when: vbus run --scenario"
+        )
+    meeting = connect or tuple(node.listen for node in file.nodes if node.listen)
+    if not meeting:
+        raise ConfigError(f"{file.path}: where do the nodes meet? give --connect")
+    session = open_session(connect=meeting, mode="client", security=security)
+    try:
+        root = f"vbus/{plan.board}/@nodes"
+        now = max(
+            _ask(session, f"{root}/{node}/orders", node, Wish(plan.digest)).now
+            for node in plan.nodes
+        )
+        at = now + ahead
+        answers = []
+        for node in plan.nodes:
+            mine = _lines_of(scenario, {chip for chip, home in homes.items() if home == node})
+            if mine:
+                wish = Wish(plan.digest, at, mine)
+                answers.append(_ask(session, f"{root}/{node}/orders", node, wish))
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+    return at, answers
+
+
+def _lines_of(scenario: Scenario, chips: set[str]) -> str:
+    """Return the part of a scenario for some chips, as text again."""
+    levels = {0: "0", 1: "1", 2: "z"}
+    verbs = {0: "r {o.address:x}", 1: "w {o.address:x} {o.data:x}", 2: "pin {o.pin} {level}"}
+    return "\n".join(
+        f"{o.when}ps {o.chips[0]} " + verbs[o.kind].format(o=o, level=levels.get(o.data, ""))
+        for o in scenario.of(chips)
+    )
+
+
+def _ask(session: zenoh.Session, key: str, node: str, wish: Wish) -> Answer:
+    for reply in session.get(key, payload=msgspec.json.encode(wish), timeout=ANSWER_SECONDS):
+        if reply.ok is None:
+            continue
+        try:
+            answer = _answer.decode(reply.ok.payload.to_bytes())
+        except msgspec.DecodeError as error:
+            raise VbusError(f"node {node} gives an answer that is none: {error}") from None
+        if answer.error:
+            raise NodeError(node, f"node {node} refuses: {answer.error}; order it further ahead")
+        return answer
+    raise NodeLostError(node, f"node {node} does not answer: is it running (vbus ls)?")

@@ -1,0 +1,39 @@
+"""``vbus order``: bus cycles on several nodes, for one coming instant."""
+
+from typing import IO
+
+import click
+
+
+def _span(ctx: click.Context, param: click.Parameter, value: str) -> int:
+    from vbus.protocols.quantities import parse_duration
+
+    try:
+        return parse_duration(value)
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from None
+
+
+@click.command("order")
+@click.argument("board")
+@click.argument("scenario", type=click.File("r"))
+@click.option("--ahead", default="100ms", callback=_span, help="How far ahead; 100ms if not given.")
+@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Where the nodes meet.")
+def command(board: str, scenario: IO[str], ahead: int, connect: tuple[str, ...]) -> None:
+    """Order bus cycles on the nodes of a running board, at one coming instant of chip time.
+
+    BOARD is the board file, in real time and with nodes. SCENARIO is a file ("-": standard input)
+    with lines such as "0us x+y w 0 1"; their instants count from the one agreed on.
+    """
+    from vbus.board.config import read_board_file
+    from vbus.errors import ConfigError
+    from vbus.server.ordering import order
+
+    file, _ = read_board_file(board)
+    if not file.nodes:
+        raise ConfigError(f"{board}: this board has no nodes; its hosts write to its chips")
+    at, answers = order(file, scenario.read(), scenario.name, ahead, connect)
+    for answer in answers:
+        margin = (at - answer.now) / 1e9
+        click.echo(f"node {answer.node}: {answer.taken} requests, {margin:.3f} ms ahead")
+    click.echo(f"ordered for chip time {at / 1e9:.6f} ms")
