@@ -1,8 +1,10 @@
 """How fast port bits become bus cycles: AVR firmware in simavr, and a shim on the PC.
 
-Prints, for firmware that does nothing, that polls a status for ever, and that writes with pauses,
-how many times faster than its 16 MHz it ran; and bus cycles per second of the same source through
-the shim. Needs gcc-avr, avr-libc, libsimavr-dev, libelf-dev and g++.
+Prints how many times faster than its 16 MHz firmware ran, and the bus cycles per second of the
+same source through the shim, for firmware that does nothing, that polls a status for ever
+(without and with an interrupt line of the chip at one of its pins), that writes with pauses, that
+polls busy after each write, and whose every write comes too early and is filed as a violation.
+Needs gcc-avr, avr-libc, libsimavr-dev, libelf-dev and g++.
 """
 
 import re
@@ -14,10 +16,20 @@ from pathlib import Path
 
 EXAMPLES = Path(__file__).parents[1] / "firmware_host_examples"
 BUS = EXAMPLES / "lm629_avr_bitbang"
+WAIT = "while (lm629_bus_read_status() & LM629_BUSY) ;"
+INTERRUPT = ('PC4 = "/RST"', 'PC4 = "/RST"\nPB2 = "HI"')
 HOSTS = {
     "no traffic": "_delay_ms(3000);",
     "endless polling": "uint16_t i; for (i = 0; i < 20000; i++) lm629_bus_read_status();",
+    "polling, interrupt wired": """uint16_t i; for (i = 0; i < 20000; i++)
+        lm629_bus_read_status();""",
     "writes and pauses": """uint16_t i; for (i = 0; i < 5000; i++) {
+        lm629_bus_write_command(0x1D); _delay_us(30);
+        lm629_bus_write_data(0); lm629_bus_write_data(0); _delay_us(30); }""",
+    "commands and polls": f"""uint16_t i; for (i = 0; i < 5000; i++) {{
+        lm629_bus_write_command(0x1D); {WAIT}
+        lm629_bus_write_data(0); lm629_bus_write_data(0); {WAIT} }}""",
+    "writes that break the rules": """uint16_t i; for (i = 0; i < 5000; i++) {
         lm629_bus_write_command(0x1D); _delay_us(20);
         lm629_bus_write_data(0); lm629_bus_write_data(0); _delay_us(20); }""",
 }
@@ -43,7 +55,9 @@ def main() -> None:
                 "-O2", "-DF_CPU=16000000UL", f"-I{BUS}", f"-I{EXAMPLES / 'lm629_c'}", "-o",
                 f"{folder}/main", str(source), str(BUS / "lm629_bus.c"),
             ]  # fmt: skip
-            board = BUS / "board.toml"
+            text = (BUS / "board.toml").read_text()
+            board = Path(folder) / "board.toml"
+            board.write_text(text.replace(*INTERRUPT) if "interrupt" in name else text)
             subprocess.run(["avr-gcc", "-mmcu=atmega328p", *common], check=True)
             spec = "mmcu=atmega328p,f=16000000,stats"
             told = vbus("exec", "--board", board, "--avr", spec, f"{folder}/main").stderr

@@ -150,19 +150,25 @@ static void failed(int error)
         stop(NO_LINK, "the board is lost: %s", pin_link_strerror(error));
 }
 
-/* Learn the lines' levels, and look again when the next one may move. */
-static void sync_outputs(void)
+/* Take the lines' levels as told last, and look again when the next one may move. */
+static void take_outputs(void)
 {
     avr_cycle_timer_cancel(sim.avr, look_at_outputs, NULL);
-    failed(pin_link_sync(&sim.link));
-    if (sim.stop)
-        return;
+    sim.link.told = 0;
     show_outputs();
     if (sim.link.edge != VBUS_NO_EDGE && sim.link.edge / SECOND < UINT64_C(10000000)) {
         uint64_t due = cycle_at(sim.link.edge), here = sim.avr->cycle;
 
         avr_cycle_timer_register(sim.avr, due > here ? due - here : 1, look_at_outputs, NULL);
     }
+}
+
+/* Learn the lines' levels now. */
+static void sync_outputs(void)
+{
+    failed(pin_link_sync(&sim.link));
+    if (!sim.stop)
+        take_outputs();
 }
 
 static avr_cycle_count_t look_at_outputs(avr_t *avr, avr_cycle_count_t when, void *param)
@@ -190,6 +196,8 @@ static void port_moved(struct port *port)
         failed(sim.link.error);
     else if (sim.outputs && sim.link.touched)
         sync_outputs();
+    else if (sim.outputs && sim.link.told)
+        take_outputs();
     if (sim.until_port == (int)port->number && drive >> sim.until_bit & 1
         && (int)(level >> sim.until_bit & 1) == sim.until_level)
         stop(OK, NULL);

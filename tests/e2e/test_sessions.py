@@ -9,6 +9,8 @@ import pytest
 
 from tests.e2e.serving import served
 from tests.e2e.test_pty import open_raw, read_exactly, toy_board, wait_for_sessions
+from tests.unit.board.toy import Toy
+from vbus.board.board import Board
 from vbus.protocols.byte import ByteProtocol
 from vbus.server.registry import ask, status_path
 from vbus.server.server import LinkSpec
@@ -40,6 +42,29 @@ def test_a_host_that_closes_its_sending_side_still_gets_every_reply(runtime: Pat
             answer += data
         assert len(answer) == 257 * reads, "a little more than the socket holds"
         wait_for_sessions(server, 0)
+
+
+@pytest.mark.parametrize("behind", [b"", b"\x02\x01", b"\x10" * 5000])
+def test_a_host_that_dies_during_a_long_delay_is_noticed_at_once(
+    runtime: Path, behind: bytes
+) -> None:
+    """An hour of real time is asked for with the bus held; another host gets the bus now."""
+    board = Board("bench", "realtime")
+    board.add_chip(Toy, "t0", "TOY", 8_000_000)
+    board.power_on()
+    hour = (3600 * 10**12).to_bytes(8, "big")
+    with served(board, UNIX) as server, connect(runtime / "x") as second:
+        with connect(runtime / "x") as first:
+            first.sendall(b"\x04")
+            assert first.recv(2) == b"C\x01"
+            first.sendall(b"\x50" + hour + behind)
+            second.sendall(b"\x04")  # waits for the first one's bus
+            with connect(runtime / "x") as third:
+                third.sendall(b"\x04")  # and so does this one, which gives up
+                wait_for_sessions(server, 3)
+            wait_for_sessions(server, 2)
+        assert second.recv(2) == b"C\x01"
+        wait_for_sessions(server, 1)
 
 
 @pytest.mark.parametrize(

@@ -363,6 +363,30 @@ void loop() { if (millis() > 50) Serial.println("done"); }
     assert ran.said == "2\nstatus 84\n-5 3.14 42!\n50\ndone\n"
 
 
+@pytest.mark.parametrize("time", ["lockstep", "slaved"])
+@pytest.mark.parametrize(("step", "looks"), [("10 us", 100), ("250 us", 4)])
+def test_looking_at_a_clock_takes_the_clock_step_of_the_board(
+    tmp_path: Path, run: Run, time: str, step: str, looks: int
+) -> None:
+    sketch = tmp_path / "looks.ino"
+    sketch.write_text(
+        """
+void setup() {
+  unsigned long began = micros();
+  int looks = 0;
+  do looks++; while (micros() - began < 1000);
+  Serial.println(looks);
+}
+void loop() { Serial.println("done"); }
+"""
+    )
+    program = compile_for(
+        "arduino", tmp_path / "looks", "-x", "c++", "-include", "Arduino.h", sketch
+    )
+    board = pins(time).replace("[board]", f'[board]\nclock_step = "{step}"')
+    assert run(program, board, VBUS_UNTIL="done").said == f"{looks}\ndone\n"
+
+
 def test_the_arduino_example_on_the_pc(tmp_path: Path, run: Run) -> None:
     folder = EXAMPLES / "lm629_arduino"
     program = compile_for(

@@ -94,7 +94,7 @@ class HostBus(HostClock):
 
     def _program(self) -> str:
         if self._card is None:
-            return ""
+            return f"step={self.board.clock_step};" if self.pin_map is not None else ""
         return f"step={self.board.clock_step};{self._card.program_text(self._pins.output_names())}"
 
     # -- choosing chips -----------------------------------------------------------------------

@@ -49,6 +49,14 @@ static unsigned on_read(void *context, unsigned chips, unsigned address)
     select_chips(link, chips);
     stamp(link);
     data = keep(link, vbus_read(&link->bus, address));
+    if (link->bus.leased) { /* it tells of the lines too */
+        link->told |= link->edge != link->bus.lease_until
+                      || link->outputs != link->bus.lease_outputs;
+        link->edge = link->bus.lease_until;
+        link->outputs = link->bus.lease_outputs;
+        pin_decoder_outputs(&link->pins, link->outputs);
+        link->touched = 0;
+    }
     return data < 0 ? FLOATING : (unsigned)data;
 }
 
@@ -94,6 +102,9 @@ int pin_link_open(struct pin_link *link, const char *where)
     link_text(description, (size_t)size, "policy", text);
     link->slaved = strcmp(text, "slaved") == 0;
     link->realtime = strcmp(text, "realtime") == 0;
+    link->step = VBUS_US;
+    if (link_text(description, (size_t)size, "program", text) > 5 && strncmp(text, "step=", 5) == 0)
+        link->step = strtoull(text + 5, NULL, 10);
     if (link_text(description, (size_t)size, "wiring", text) <= 0)
         return keep(link, PIN_LINK_E_WIRING);
     if (pin_decoder_init(&link->pins, text) != 0)
@@ -118,15 +129,13 @@ int pin_link_close(struct pin_link *link)
 
 int pin_link_sync(struct pin_link *link)
 {
-    uint32_t outputs;
-
     if (link->error != 0)
         return link->error;
     if (link->slaved)
         keep(link, vbus_at(&link->bus, link->clock(link->context)));
-    if (link->error == 0 && keep(link, vbus_sync(&link->bus, &outputs, &link->edge)) == 0)
-        pin_decoder_outputs(&link->pins, outputs);
-    link->touched = 0;
+    if (link->error == 0 && keep(link, vbus_sync(&link->bus, &link->outputs, &link->edge)) == 0)
+        pin_decoder_outputs(&link->pins, link->outputs);
+    link->touched = link->told = 0;
     return link->error;
 }
 

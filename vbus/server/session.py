@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import os
+import select
 from collections.abc import Callable
 from typing import Final
 
@@ -70,6 +71,8 @@ class Session:
         self._reading: bool = False
         self._open: bool = True
         self._waiting: int = 0
+        self._hang_up: select.epoll | None = None
+        self._listening: bool = False
         self._flush_scheduled: bool = False
         self._patience: int = PATIENCE
         self._skipped: int = 0
@@ -178,15 +181,40 @@ class Session:
     def _wait(self) -> None:
         """The port is held: read no more until what it waits for has come."""
         self._read_off()
+        self._listen_for_the_end()
         until = self.port.hold_until
         if until != NEVER and self._waiting != until:
             self._waiting = until
             self._pacer.wake_at(until, self.resume)
 
+    def _listen_for_the_end(self) -> None:
+        """While nothing is read, notice a host that has gone: others may wait for its claim.
+
+        The bytes it has sent stay where they are. A half-closed link is no end: the host may still
+        read its answers.
+        """
+        if self._listening or not self._open:
+            return
+        if self._hang_up is None:
+            self._hang_up = select.epoll()
+            self._hang_up.register(self._fd, 0)  # errors and hang-ups are always told
+        self._listening = True
+        self._loop.add_reader(self._hang_up.fileno(), self._hung_up)
+
+    def _hung_up(self) -> None:
+        if self._hang_up is not None and self._hang_up.poll(0):
+            self.end("closed by the host")
+
+    def _listen_no_more(self) -> None:
+        if self._listening and self._hang_up is not None:
+            self._listening = False
+            self._loop.remove_reader(self._hang_up.fileno())
+
     def resume(self) -> None:
         """What the session waited for may have come."""
         if not self._open:
             return
+        self._listen_no_more()
         self._waiting = 0
         self._pacer.catch_up()
         if not self.port.go_on():
@@ -280,6 +308,9 @@ class Session:
             return
         self._open = False
         self._read_off()
+        self._listen_no_more()
+        if self._hang_up is not None:
+            self._hang_up.close()
         if self._pending:
             self._loop.remove_writer(self._fd)
         log.debug("%s: %s", self.link.peer, reason)

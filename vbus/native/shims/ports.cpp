@@ -12,8 +12,6 @@
 namespace vbus_shim {
 namespace {
 
-const uint64_t STEP = VBUS_US; /* looking at a clock of the board */
-
 struct pin_link chips;
 bool is_open;
 uint64_t own_time, period = 62500, limit = UINT64_MAX;
@@ -172,10 +170,10 @@ uint64_t look_at_clock()
 
     open_link();
     if (chips.slaved) {
-        pass(STEP);
+        pass(chips.step);
         return own_time;
     }
-    must(vbus_delay(&chips.bus, STEP));
+    must(vbus_delay(&chips.bus, chips.step));
     must(vbus_now(&chips.bus, &now));
     check_limit(now);
     return now;
@@ -209,7 +207,7 @@ void sleep()
 {
     open_link();
     if (!chips.slaved) {
-        pass(10 * STEP);
+        pass(10 * VBUS_US);
         return;
     }
     if (chips.touched || own_time >= chips.edge)
