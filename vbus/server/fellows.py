@@ -300,6 +300,8 @@ class Fellowship:
         self.look(now)
 
     def _tell_state(self) -> None:
+        if self.failure is not None:
+            return
         for rank in self._ranks:
             latest, state = self.state_of(rank)
             if self._done_at >= 0:

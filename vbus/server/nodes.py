@@ -6,7 +6,7 @@ import signal
 from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
@@ -27,6 +27,10 @@ from vbus.server.realtime_nodes import RealTime
 from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of
 from vbus.server.timebase import Timebase
+
+
+LAST_WORDS: Final = 0.1
+"""Seconds that a message to the other nodes may take before the link is closed."""
 
 
 @dataclass(slots=True)
@@ -318,6 +322,8 @@ class _Run:
         finally:
             for end in ends:
                 end.cancel()
+            if self._link is not None and self._fellows.failure is not None:
+                await asyncio.sleep(LAST_WORDS)
             self._fellows.stop()
             for server in self._servers:
                 server.stop()
