@@ -74,33 +74,42 @@ class DcMotor(Shaft):
         self._volts = volts
         self._began = self.current
         self._departed = self.velocity
-        here = self._depart()
+        first = self._depart()
         self._untraced = True
-        admitted = self._admit * volts
-        current = self.current
-        for _ in range(self._substeps):
-            current = self._keep * current + admitted
-            here = self._turn(here, self._torque_constant * current)
-            current -= self._induced * self.velocity
-        if -NO_CURRENT < current < NO_CURRENT:
-            current = 0.0
-        self.current = current
+        here = self._spin(None)
         self._resting = (
-            current == self._began and self.velocity == self._departed and here == self._first
+            self.current == self._began and self.velocity == self._departed and here == first
         )
         return self._arrive(here)
 
     def _trace(self) -> None:
-        points = self._write_pieces(self._substeps, self._first)
-        velocity = self.velocity
-        self.velocity = self._departed
-        current = self._began
+        self._spin(self._write_pieces(self._substeps, self._first))
+
+    def _spin(self, points: list[float] | None) -> float:
+        """Run the period from its beginning; return where it leads, and note its pieces."""
+        keep, induced, constant = self._keep, self._induced, self._torque_constant
         admitted = self._admit * self._volts
-        for piece in range(self._substeps):
-            current = self._keep * current + admitted
-            points[piece + 1] = self._turn(points[piece], self._torque_constant * current)
-            current -= self._induced * self.velocity
-        self.velocity = velocity
+        turn = self._turn_counts
+        current = self._began
+        speed = self._departed
+        here = self._first
+        piece: i64 = 0
+        while piece < self._substeps:
+            piece += 1
+            current = keep * current + admitted
+            speed = self._accelerate(speed, constant * current)
+            here += speed * turn
+            if self._stopped:
+                here = self._meet_stop(here, speed)
+                speed = self.velocity
+            current -= induced * speed
+            if points is not None:
+                points[piece] = here
+        if -NO_CURRENT < current < NO_CURRENT:
+            current = 0.0
+        self.current = current
+        self.velocity = speed
+        return here
 
     def save(self) -> tuple[float, ...]:
         """Return the whole state."""

@@ -95,38 +95,33 @@ class Shaft(EncodedPlant):
         self._ease = 1.0 / (1.0 + self._gain * self._damping)
         self._loss = self._gain * self._coulomb * self._ease
 
-    def _turn(self, here: float, torque: float) -> float:
-        """Turn the shaft through one sub-step.
+    def _accelerate(self, speed: float, torque: float) -> float:
+        """Return the shaft's speed after one sub-step.
 
         Args:
-            here: its position, as :class:`EncodedPlant` counts.
+            speed: before it (rad/s).
             torque: torque that the motor would have at standstill (N*m).
-
-        Returns:
-            The position then.
         """
         torque -= self._load
-        speed = self.velocity
         if speed == 0.0 and -self._static <= torque <= self._static:
-            return here
+            return 0.0
         speed = (speed + self._gain * torque) * self._ease
         loss = self._loss
         if speed > loss:
-            speed -= loss
-        elif speed < -loss:
-            speed += loss
-        else:
-            speed = 0.0
-        here = here + speed * self._turn_counts
-        if self._stopped:
-            low = float(self._low - self._base) + 0.5
-            high = float(self._high - self._base) + 0.5
-            if here <= low:
-                here = low
-                speed = 0.0
-            elif here >= high:
-                here = high
-                speed = 0.0
+            return speed - loss
+        if speed < -loss:
+            return speed + loss
+        return 0.0
+
+    def _meet_stop(self, here: float, speed: float) -> float:
+        """Return where the shaft has got to; :attr:`velocity` is what is left of its speed."""
+        self.velocity = 0.0
+        low = float(self._low - self._base) + 0.5
+        high = float(self._high - self._base) + 0.5
+        if here <= low:
+            return low
+        if here >= high:
+            return high
         self.velocity = speed
         return here
 

@@ -54,6 +54,7 @@ class StepperMotor(Shaft):
         self._finest: i64 = 1
         self._divided: i64 = 0
         self._turns: float = float(self._cycles)
+        self._whole_turn: i64 = self.encoder.counts
         # What made the last period's course: its pieces, the field, and the pulses, if it was
         # they: how many, after how many, and the last that was due.
         self._ran: i64 = 1
@@ -114,27 +115,35 @@ class StepperMotor(Shaft):
         self._divide(pieces)
         self._ran = pieces
         self._departed = self.velocity
-        here = self._depart()
+        self._depart()
         self._untraced = True
-        # The middle of count 0 is angle 0.
-        whole = float(self._base * self._cycles % self.encoder.counts)
-        for piece in range(pieces):
-            if self._pulsed:
-                self._see_pulse(piece)
-            here = self._turn(here, self._pull(whole + (here - 0.5) * self._turns))
-        return here
+        return self._spin(None)
 
     def _trace(self) -> None:
-        points = self._write_pieces(self._ran, self._first)
-        velocity = self.velocity
-        self.velocity = self._departed
-        whole = float(self._base * self._cycles % self.encoder.counts)
-        for piece in range(self._ran):
+        self._spin(self._write_pieces(self._ran, self._first))
+
+    def _spin(self, points: list[float] | None) -> float:
+        """Run the period from its beginning; return where it leads, and note its pieces."""
+        # The middle of count 0 is angle 0.
+        whole = float(self._base * self._cycles % self._whole_turn)
+        cycles = self._turns
+        turn = self._turn_counts
+        speed = self._departed
+        here = self._first
+        piece: i64 = 0
+        while piece < self._ran:
             if self._pulsed:
                 self._see_pulse(piece)
-            here = points[piece]
-            points[piece + 1] = self._turn(here, self._pull(whole + (here - 0.5) * self._turns))
-        self.velocity = velocity
+            piece += 1
+            speed = self._accelerate(speed, self._pull(whole + (here - 0.5) * cycles))
+            here += speed * turn
+            if self._stopped:
+                here = self._meet_stop(here, speed)
+                speed = self.velocity
+            if points is not None:
+                points[piece] = here
+        self.velocity = speed
+        return here
 
     def _see_pulse(self, piece: i64) -> None:
         """Turn the field to where step pulses have brought it by the start of a sub-step."""

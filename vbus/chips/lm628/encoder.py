@@ -1,11 +1,16 @@
 """Where encoder counts come from: a plant's course through the sample, or the A, B, /IN nets."""
 
+from typing import Final
+
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.motion.quadrature import Quadrature
 from vbus.kernel import NEVER, Clock
 from vbus.signals import Plant
+
+_NEVER: Final[i64] = int(NEVER)
+"""As a machine word: a compiled core keeps a literal this large as an object."""
 
 
 class Encoder:
@@ -32,7 +37,7 @@ class Encoder:
         self.inputs: Quadrature = Quadrature(
             dwell, 0, together=True, dwell_limit=dwell, pulse_limit=ds.AC.minimum("T1", clock)
         )
-        self.index_at: i64 = NEVER
+        self.index_at: i64 = _NEVER
         self.index_count: i64 = 0
         self._start: i64 = 0
         self._end: i64 = 1
@@ -47,7 +52,7 @@ class Encoder:
 
     def run(self, command: float, following: i64) -> None:
         """Let the plant run through one sample with the drive that holds meanwhile."""
-        self.index_at = NEVER
+        self.index_at = _NEVER
         plant = self.plant
         if plant is not None:
             self._from = self._to
@@ -60,11 +65,15 @@ class Encoder:
 
     def due(self) -> i64:
         """Return the instant of the next index to capture, or of the nets' next settled state."""
-        return self.inputs.due() if self.plant is None else self.index_at
+        if self.plant is None:
+            return self.inputs.due()
+        return self.index_at
 
     def count(self) -> i64:
         """Return the count at the end of the sample; from the nets, the count now."""
-        return self.inputs.count if self.plant is None else self._to
+        if self.plant is None:
+            return self.inputs.count
+        return self._to
 
     def count_at(self, when: i64) -> i64:
         """Return the count at instant ``when`` of the present sample."""
@@ -75,7 +84,7 @@ class Encoder:
 
     def seek(self, after: i64) -> None:
         """Look for the plant's first index later than ``after`` in the present sample."""
-        self.index_at = NEVER
+        self.index_at = _NEVER
         if self.plant is None:
             return
         found, count = self.plant.index_between(self._from, self._to)

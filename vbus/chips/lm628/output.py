@@ -13,7 +13,7 @@ DAC12: Final = 1
 PWM: Final = 2
 ZEROING: Final = 3
 
-STEADY: Final = 1 << 62
+STEADY: Final = (1 << 62) - 1
 """Clock of the next change of the output pins where there is none."""
 
 STROBE: Final = 0x01

@@ -13,7 +13,9 @@ _SUM_MAX: Final = 0x7FFFFF
 def _sat16(value: i64) -> i64:
     if value > 32767:
         return 32767
-    return -32768 if value < -32768 else value
+    if value < -32768:
+        return -32768
+    return value
 
 
 class Pid:
@@ -88,7 +90,9 @@ class Pid:
             change = self.kd * (error - self.last_error)
             self.derivative = wrap(change, 16) if wraps else _sat16(change)
             self.last_error = error
-        self.phase = 0 if self.phase == self.ds else self.phase + 1
+        self.phase += 1
+        if self.phase > self.ds:
+            self.phase = 0
 
         # LM-PID-4, LM-PID-5: a sum that has reached its limit may only come back.
         total = self.sum + error

@@ -125,7 +125,10 @@ class Profile:
         if self.done:
             return False
         if self.stopping:
-            self.velocity = toward(self.velocity, 0, self.accel) if self.accel else 0
+            if self.accel:
+                self.velocity = toward(self.velocity, 0, self.accel)
+            else:
+                self.velocity = 0
             self._move()
             if self.velocity:
                 return False

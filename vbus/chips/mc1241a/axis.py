@@ -301,7 +301,7 @@ class Axis:
         if self._has_motion_error() and not self.events & MOTION_ERROR:
             return 0
         if self.breakpoint_mode == BRK_OFF:
-            return 1 << 62
+            return (1 << 62) - 1
         if is_met(
             self.breakpoint_mode, self.breakpoint_value, time + 1, self.profile.target(),
             self.encoder.actual, self.events, home,

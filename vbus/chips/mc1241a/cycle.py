@@ -11,7 +11,7 @@ from vbus.signals import Plant
 if TYPE_CHECKING:
     from vbus.chips.mc1241a.chip import MC1241A
 
-FOR_EVER: Final = 1 << 62
+FOR_EVER: Final = (1 << 62) - 1
 """More cycles than there will be."""
 
 

@@ -28,7 +28,7 @@ from vbus.signals import HIGH, LOW, Pin, Plant, Switch, Watcher
 if TYPE_CHECKING:
     from vbus.chips.mc1241a.chip import MC1241A
 
-FAR: Final = 1 << 62
+FAR: Final = (1 << 62) - 1
 """Beyond every count."""
 
 

@@ -15,7 +15,7 @@ from vbus.signals import Watcher
 if TYPE_CHECKING:
     from vbus.chips.mcp1200.chip import MCP1200
 
-LONG_AGO: Final = -(1 << 62)
+LONG_AGO: Final = 1 - (1 << 62)
 
 PULSES: Final = (("/RESET", "tIRST"), ("/SYNC", "tIRST"), ("/LIMIT", "tIP"), ("/STOP", "tIP"))
 """Inputs whose low pulses have a shortest length (MCP-TIM-4, 5)."""

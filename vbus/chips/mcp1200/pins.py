@@ -11,7 +11,7 @@ from vbus.signals import LOW, Net, Watcher, Z
 if TYPE_CHECKING:
     from vbus.chips.mcp1200.chip import MCP1200
 
-LONG_AGO: Final = -(1 << 62)
+LONG_AGO: Final = 1 - (1 << 62)
 
 AD6: Final = 0x40
 """The one bus line with a pull-up of its own (MCP-BUS-1)."""

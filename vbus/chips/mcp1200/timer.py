@@ -4,7 +4,7 @@ from typing import Final
 
 from vbus.chips.mcp1200 import datasheet as ds
 
-FAR: Final = 1 << 62
+FAR: Final = (1 << 62) - 1
 """A clock cycle that does not come."""
 
 

@@ -1,0 +1,172 @@
+/* One LM629 axis with its motor, moving: what a sample has to compute, written in C.
+ *
+ * The same rules as vbus/chips/lm628 and vbus/plant, for a host that has loaded a trajectory in
+ * velocity mode and touches nothing: profile, error, filter, PWM, armature and shaft in four
+ * sub-steps, encoder. The yardstick of benchmarks/core.py.
+ */
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+typedef struct {
+    int64_t position, velocity, goal, accel;                       /* profile, 1/65536 counts */
+    int64_t count, real, real_change, flags, threshold;
+    int64_t kp, ki, kd, il, ds, sum, term, derivative, last_error, phase;
+    int64_t breakpoint, side;
+    int armed, done, motor_off, stop_on_error, sip, wrapped;
+    int64_t frame, high_clk, sign;
+    double command;
+    double supply, amplifier, keep, admit, induced, torque_constant, current;
+    double load, static_torque, gain, ease, loss, turn_counts, velocity_rad, first, last;
+    int64_t base, plant_count, low, high;
+    int stopped, resting, substeps;
+} axis_t;
+
+static int64_t sat16(int64_t v) { return v > 32767 ? 32767 : v < -32768 ? -32768 : v; }
+
+static int64_t wrap31(int64_t v) { return ((v + (1 << 30)) & 0x7fffffff) - (1 << 30); }
+
+static void profile(axis_t *a)
+{
+    int64_t v = a->velocity;
+    if (v < a->goal) {
+        v += a->accel;
+        if (v > a->goal) v = a->goal;
+    } else {
+        v -= a->accel;
+        if (v < a->goal) v = a->goal;
+    }
+    a->velocity = v;
+    int64_t p = a->position + v;
+    if (p < -((int64_t)1 << 46) || p >= (int64_t)1 << 46) {
+        p = ((p + ((int64_t)1 << 46)) & (((int64_t)1 << 47) - 1)) - ((int64_t)1 << 46);
+        a->wrapped = 1;
+    }
+    a->position = p;
+}
+
+static int64_t filter(axis_t *a, int64_t error)
+{
+    if (a->phase == 0) {
+        a->derivative = sat16(a->kd * (error - a->last_error));
+        a->last_error = error;
+    }
+    if (++a->phase > a->ds) a->phase = 0;
+    int64_t total = a->sum + error;
+    if (total > 0x7fffff) total = 0x7fffff;
+    if (total < -0x7fffff) total = -0x7fffff;
+    int64_t term = sat16(a->ki * (total >> 8));
+    if (term > a->il || term < -a->il) {
+        term = term > 0 ? a->il : -a->il;
+        if (llabs(total) <= llabs(a->sum)) a->sum = total;
+    } else {
+        a->sum = total;
+    }
+    a->term = term;
+    return sat16(sat16(a->kp * error) + term + a->derivative);
+}
+
+static void motor(axis_t *a)
+{
+    double volts = a->command * a->amplifier;
+    if (volts > a->supply) volts = a->supply;
+    if (volts < -a->supply) volts = -a->supply;
+    double before = a->current, current = before, departed = a->velocity_rad, speed = departed;
+    double here = a->last - (double)(a->plant_count - a->base);
+    if (here >= 1.0) here = 0.99999999999999988898;
+    a->base = a->plant_count;
+    a->first = here;
+    double admitted = a->admit * volts;
+    for (int piece = 0; piece < a->substeps; piece++) {
+        current = a->keep * current + admitted;
+        double torque = a->torque_constant * current - a->load;
+        if (speed != 0.0 || torque < -a->static_torque || torque > a->static_torque) {
+            speed = (speed + a->gain * torque) * a->ease;
+            if (speed > a->loss) speed -= a->loss;
+            else if (speed < -a->loss) speed += a->loss;
+            else speed = 0.0;
+            here += speed * a->turn_counts;
+            if (a->stopped) {
+                double low = (double)(a->low - a->base) + 0.5;
+                double high = (double)(a->high - a->base) + 0.5;
+                if (here <= low) { here = low; speed = 0.0; }
+                else if (here >= high) { here = high; speed = 0.0; }
+            }
+        }
+        current -= a->induced * speed;
+    }
+    if (current > -1e-12 && current < 1e-12) current = 0.0;
+    a->current = current;
+    a->velocity_rad = speed;
+    a->resting = current == before && speed == departed && here == a->first;
+    a->last = here;
+    int64_t whole = (int64_t)here;
+    a->plant_count = a->base + (here < (double)whole ? whole - 1 : whole);
+}
+
+void sample(axis_t *a)
+{
+    int64_t change = a->plant_count - a->count;
+    a->count = a->plant_count;
+    a->real_change = change;
+    int64_t real = a->real + change;
+    if (real < -(1 << 30) || real > (1 << 30) - 1) {
+        real = wrap31(real);
+        a->flags |= 8;
+    }
+    a->real = real;
+    if (!a->done) profile(a);
+    int64_t error = (a->position >> 16) - real, command = 0;
+    if (error < -(1 << 30) || error > (1 << 30) - 1) error = wrap31(error);
+    error = sat16(error);
+    if (llabs(error) > a->threshold) {
+        a->flags |= 32;
+        if (a->stop_on_error) a->motor_off = 1;
+    }
+    if (!a->motor_off) command = filter(a, error);
+    if (a->armed) {
+        int64_t ahead = (a->breakpoint > real) - (a->breakpoint < real);
+        if (ahead == 0 || ahead != a->side) {
+            a->flags |= 64;
+            a->armed = 0;
+        }
+    }
+    if (a->wrapped) {
+        a->wrapped = 0;
+        a->flags |= 8;
+    }
+    int64_t value = command >> 8, magnitude = value < 0 ? -value : value;
+    if (magnitude > 127) magnitude = 127;
+    a->sign = value < 0 ? 2 : 0;
+    a->high_clk = magnitude * a->frame / 128;
+    a->command = (double)(value < 0 ? -magnitude : magnitude) / 128.0;
+    motor(a);
+}
+
+int main(int argc, char **argv)
+{
+    long samples = argc > 1 ? atol(argv[1]) : 1000000;
+    double period = 256e-6, inertia = 5e-6, viscous = 1e-6, coulomb = 0.002, resistance = 2.5;
+    double inductance = 0.0005, torque_constant = 0.03, back_emf = 0.03, step = period / 4;
+    axis_t a = {
+        .goal = 1 << 16, .accel = 1000, .threshold = 32767, .kp = 300, .kd = 2000,
+        .frame = 512, .supply = 24.0, .amplifier = 24.0, .torque_constant = torque_constant,
+        .static_torque = 0.0025, .first = 0.5, .last = 0.5, .substeps = 4,
+    };
+    double impedance = inductance + step * resistance;
+    a.keep = inductance / impedance;
+    a.admit = step / impedance;
+    a.induced = a.admit * back_emf;
+    a.gain = step / inertia;
+    a.turn_counts = step * 2000 / 6.283185307179586;
+    a.ease = 1.0 / (1.0 + a.gain * (viscous + torque_constant * a.admit * back_emf));
+    a.loss = a.gain * coulomb * a.ease;
+    struct timespec start, end;
+    clock_gettime(CLOCK_MONOTONIC, &start);
+    for (long n = 0; n < samples; n++) sample(&a);
+    clock_gettime(CLOCK_MONOTONIC, &end);
+    double ns = (end.tv_sec - start.tv_sec) * 1e9 + (end.tv_nsec - start.tv_nsec);
+    printf("%.3f %lld\n", ns / samples, (long long)a.plant_count);
+    return 0;
+}
