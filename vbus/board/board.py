@@ -54,6 +54,10 @@ class Board:
         if policy not in POLICIES:
             raise ValueError(f"time policy {policy!r}: allowed are {', '.join(POLICIES)}")
         self.name: str = name
+        self.text: str = ""
+        """The board file it was built from; "" if it was put together in Python."""
+        self.file: str = ""
+        """Name of that file."""
         self.policy: str = policy
         self.rate: float = rate
         self.seed: int = seed
@@ -340,9 +344,14 @@ class Board:
             net.load(saved)
         for port, port_state in zip(self.ports, ports, strict=True):  # type: ignore[call-overload]
             port.load(port_state)
+        for net in self._all_nets():
+            net.recall_clash()
         self.kernel.load(kernel)  # type: ignore[arg-type]
         for chip, chip_state in zip(self.chips, chip_states, strict=True):  # type: ignore[call-overload]
             chip.load(chip_state)
+        # Who listens now may not be who listened then.
+        for chip in self.chips:
+            chip.rearm()
 
     def state_hash(self) -> str:
         """Return the SHA-256 (hex) over :meth:`save`."""

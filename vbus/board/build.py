@@ -56,7 +56,9 @@ def build(file: BoardFile, source: Source) -> Board:
             ' this needs a board without: take out [nodes] and every "node" and "delay", or let'
             ' "vbus run" run them all'
         )
-    return assemble(file, source)
+    board = assemble(file, source)
+    board.text, board.file = source.text, file.path
+    return board
 
 
 def assemble(

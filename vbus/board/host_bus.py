@@ -55,6 +55,7 @@ class HostBus(HostClock):
         self.chips: list[Chip] = chips
         self.on_resume: Callable[[], None] | None = None
         self.on_events: Callable[[], None] | None = None
+        self.cycle_ps: int = cycle_ps
         self._card: Card | None = card
         self.pin_map: PinMap | None = None
         self._cycles: list[int] = [cycle_ps or self._default_cycle(chip) for chip in chips]
@@ -427,22 +428,36 @@ class HostBus(HostClock):
         if self in self.board.ports:
             self.board.ports.remove(self)
 
+    def let_go(self) -> None:
+        """Let go of lines, pins, claims, events and promises, as if the session began anew."""
+        self.board.player.flush()
+        self._pins.unsolder()
+        self.unclaim()
+        self._leased_until = 0
+
+    def forget_time(self) -> None:
+        """Time has been set: forget stamps, and what the session waited for."""
+        self._stamp, self._last_at, self._target, self._polls = -1, 0, -1, -1
+        self.held = False
+
     def save(self) -> tuple[object, ...]:
-        """Return the session's state: selection, time stamps, and what its pins drive."""
+        """Return the session's state: selection, time stamps, promises, and what its pins drive."""
         return (
-            self._mask, self._stamp, self._last_at, self._timed, self._target,
-            tuple(self._claimed), self._pins.save(),
+            self._mask, self._stamp, self._last_at, self._timed, self._target, self._polls,
+            self._leased_until, tuple(self._claimed), self._pins.watched, self._pins.save(),
         )  # fmt: skip
 
     def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        mask, stamp, last_at, timed, target, claimed, pins = state
+        """Take back what :meth:`save` gave; a session that was held makes its call again."""
+        mask, stamp, last_at, timed, target, polls, leased, claimed, watched, pins = state
         self.select(mask)  # type: ignore[arg-type]
         self._stamp, self._last_at = stamp, last_at  # type: ignore[assignment]
         self._timed, self._target = timed, target  # type: ignore[assignment]
+        self._polls, self._leased_until = polls, leased  # type: ignore[assignment]
         self.held = False
         self.unclaim()
         for name in claimed:  # type: ignore[attr-defined]
             self.board.claims[name] = self
             self._claimed.append(name)
+        self._pins.watch(watched)  # type: ignore[arg-type]
         self._pins.load(pins)  # type: ignore[arg-type]

@@ -34,6 +34,8 @@ class HostPins:
         self._on_edge: Callable[[], None] = on_edge
         self._soldered: dict[int, Pin] = {}
         self._watches: list[tuple[Net, Observer]] = []
+        self.watched: int = 0
+        """Output lines whose edges are noted."""
         self._edges: list[tuple[int, int]] = []
         self.lines: list[Pin] = []
         self.sides: list[Pin] = []
@@ -141,6 +143,7 @@ class HostPins:
         for net, observer in self._watches:
             net.unobserve(observer)
         self._watches = []
+        self.watched = mask
         if not mask:
             return
         # All outputs are listened to, so that the word reported with an edge is right.

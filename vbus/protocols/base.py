@@ -35,6 +35,16 @@ class Protocol:
         """Forget half a request: a session has ended or begun."""
         raise NotImplementedError
 
+    def save(self) -> tuple[object, ...]:
+        """Return what stands between this request and the next: half of one, counts, promises.
+
+        Plain tuples of numbers, strings and bytes. Bytes not yet sent are no part of it.
+        """
+        return ()
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+
     def take(self) -> bytes:
         """Return and forget the bytes that are to be sent."""
         data = bytes(self.out)

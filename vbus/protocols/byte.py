@@ -68,6 +68,21 @@ class ByteProtocol(Protocol):
         self._leasing = False
         self._partial.clear()
 
+    def save(self) -> tuple[object, ...]:
+        """Return half a request, the request count, and what the host has asked for."""
+        return (
+            bytes(self._kept), self._number, self._refusal, self._watching, self._leasing,
+            bytes(self._partial),
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        kept, number, refusal, watching, leasing, partial = state
+        self._kept[:] = kept  # type: ignore[call-overload]
+        self._number, self._refusal = number, refusal  # type: ignore[assignment]
+        self._watching, self._leasing = watching, leasing  # type: ignore[assignment]
+        self._partial[:] = partial  # type: ignore[call-overload]
+
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out every request now complete."""
         if self._kept:

@@ -47,6 +47,18 @@ class FramedProtocol(Protocol):
         self._busy = False
         self._answer = b""
 
+    def save(self) -> tuple[object, ...]:
+        """Return half a frame, the last answer, and what the requests inside have come to."""
+        return self._inner.save(), self._reader.save(), self._sequence, self._busy, self._answer
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        inner, kept, sequence, busy, answer = state
+        self._inner.load(inner)  # type: ignore[arg-type]
+        self._reader.load(kept)  # type: ignore[arg-type]
+        self._sequence, self._busy = sequence, busy  # type: ignore[assignment]
+        self._answer = answer  # type: ignore[assignment]
+
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out the requests of every frame now complete."""
         self._reader.feed(data)

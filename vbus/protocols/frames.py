@@ -57,6 +57,14 @@ class FrameReader:
         """Forget half a frame."""
         self._bytes.clear()
 
+    def save(self) -> bytes:
+        """Return half a frame."""
+        return bytes(self._bytes)
+
+    def load(self, state: bytes) -> None:
+        """Take back what :meth:`save` gave."""
+        self._bytes[:] = state
+
     def next(self) -> tuple[int, bytes] | None:
         """Return the next good frame as ``(sequence, payload)``, or None until more bytes come."""
         data = self._bytes

@@ -119,6 +119,17 @@ class TextProtocol(Protocol):
         self._mask = 1
         self._partial.clear()
 
+    def save(self) -> tuple[object, ...]:
+        """Return half a line, the selection, and how far a line of several cycles has come."""
+        return bytes(self._kept), self._overlong, self._mask, tuple(self._partial)
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        kept, overlong, mask, partial = state
+        self._kept[:] = kept  # type: ignore[call-overload]
+        self._overlong, self._mask = overlong, mask  # type: ignore[assignment]
+        self._partial[:] = partial  # type: ignore[call-overload]
+
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out every line now complete."""
         self._kept += data

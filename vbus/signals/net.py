@@ -192,6 +192,17 @@ class Net:
             for watcher in self.watchers:
                 watcher.notify()
 
+    def recall_clash(self) -> None:
+        """Find out whether pins disagree and tell nobody: their levels have been loaded."""
+        level = Z
+        fight = False
+        for pin in self.pins:
+            if pin.level != Z:
+                if level != Z and pin.level != level:
+                    fight = fight or not pin.open_drain
+                level = pin.level if level == Z else level & pin.level
+        self.clashing = fight
+
     def save(self) -> tuple[int, ...]:
         """Return the level and its history; what each pin drives is its owner's to save."""
         return (self.value, self.previous, self.changed_at, self.let_go_at)

@@ -1,0 +1,283 @@
+"""Snapshots: a whole board at one instant, as a value and as a file.
+
+A snapshot holds what decides all that follows: time, chips with their plants, wires, hosts with
+half-sent requests, and the streams jitter draws from. Its size does not depend on how long the
+board has run. It is loaded into a board built from the same file.
+"""
+
+import hashlib
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import msgpack
+
+import vbus
+from vbus.board.board import Board
+from vbus.board.build import load_board_text
+from vbus.board.host_bus import HostBus
+from vbus.errors import SnapshotError, VbusError
+from vbus.protocols.base import Protocol
+
+MAGIC: Final = b"vbus snapshot\n"
+VERSION: Final = 1
+"""Version of the file format."""
+
+Hosts = dict[int, Protocol]
+"""Wire formats of sessions, by the place of their port in ``board.ports``."""
+
+
+@dataclass(frozen=True, slots=True)
+class HostState:
+    """A host's session at the time of a snapshot.
+
+    Attributes:
+        label: its name in traces.
+        chips: what it may select.
+        cycle_ps: what it says a whole bus cycle costs; 0 is the default.
+        wire: what its wire format keeps: half a request, counts, promises.
+    """
+
+    label: str
+    chips: tuple[str, ...]
+    cycle_ps: int
+    wire: tuple[object, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """A board at one instant.
+
+    Attributes:
+        when: the instant (ps).
+        board: name of the board.
+        file: name of its board file, or "".
+        text: the board file; "" for a board put together in Python.
+        vbus: version that made it.
+        parts: part numbers by name of chip.
+        hosts: sessions, in the order of ``Board.ports``.
+        state: what :meth:`Board.save` gives.
+        counters: the board's totals.
+        digest: SHA-256 (hex) over the state.
+    """
+
+    when: int
+    board: str
+    file: str
+    text: str
+    vbus: str
+    parts: dict[str, str]
+    hosts: tuple[HostState, ...]
+    state: tuple[Any, ...]
+    counters: dict[str, int] = field(default_factory=dict)
+    digest: str = ""
+
+
+def take(board: Board, wires: Hosts | None = None) -> Snapshot:
+    """Return a snapshot of ``board`` as it stands.
+
+    Args:
+        board: the board; between two calls of its hosts.
+        wires: wire formats of its sessions, to keep half-sent requests too.
+
+    Raises:
+        SnapshotError: a chip or a plant, maybe somebody else's, gives no state that can be kept.
+    """
+    wires = wires or {}
+    state = board.save()
+    hosts = tuple(
+        HostState(
+            port.label,
+            tuple(chip.name for chip in port.chips),
+            port.cycle_ps,
+            wires[number].save() if number in wires else (),
+        )
+        for number, port in enumerate(board.ports)
+    )
+    try:
+        digest = _digest(state)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise SnapshotError(_culprit(board, error)) from error
+    return Snapshot(
+        board.now, board.name, board.file, board.text, vbus.__version__,
+        {chip.name: chip.part for chip in board.chips}, hosts, state, dict(board.counters), digest,
+    )  # fmt: skip
+
+
+def _digest(state: tuple[Any, ...]) -> str:
+    return hashlib.sha256(msgpack.packb(state)).hexdigest()
+
+
+def _culprit(board: Board, error: Exception) -> str:
+    """Say which chip's state is not made of numbers, strings, bytes and tuples of them."""
+    for chip in board.chips:
+        try:
+            msgpack.packb(chip.save())
+        except (TypeError, ValueError, OverflowError) as found:
+            return (
+                f"chip {chip.name} ({type(chip).__name__}) or a plant of it: save() gave what"
+                f" cannot be kept: {found}; allowed are tuples of int (64 bits), float, str,"
+                " bytes, bool and None"
+            )
+    return f"the board's state cannot be kept: {error}"
+
+
+def restore(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> None:
+    """Bring ``board`` to where ``snapshot`` was taken.
+
+    Sessions that are open stay open. One with the label and the chips of a session of the
+    snapshot takes over its state; what other sessions of the snapshot held (pins, claims) is let
+    go, as if they had just ended; other open sessions go on with nothing held.
+
+    Args:
+        board: a board built from the same file.
+        snapshot: made by :func:`take` or :func:`read`.
+        wires: wire formats of the open sessions.
+
+    Raises:
+        SnapshotError: it belongs to another board, or was made by another version; the board is
+            as it was.
+    """
+    _check(board, snapshot)
+    mine = list(board.ports)
+    order: list[HostBus] = []
+    guests: list[HostBus] = []
+    for host in snapshot.hosts:
+        port = next((port for port in mine if _same(port, host)), None)
+        if port is None:
+            port = board.open_port(host.label, host.chips, host.cycle_ps)
+            guests.append(port)
+        else:
+            mine.remove(port)
+        order.append(port)
+    for port in mine:
+        port.let_go()
+    attached = list(board.ports)
+    board.ports[:] = order
+    try:
+        board.load(snapshot.state)
+    finally:
+        board.ports[:] = attached
+    for port in mine:
+        port.forget_time()
+    for number, port in enumerate(attached):
+        wire = (wires or {}).get(number)
+        if wire is not None and port in order:
+            wire.load(snapshot.hosts[order.index(port)].wire)
+    for port in guests:
+        port.close()
+    board.counters.clear()
+    board.counters.update(snapshot.counters)
+    board.violations.clear()
+
+
+def _same(port: HostBus, host: HostState) -> bool:
+    return port.label == host.label and tuple(c.name for c in port.chips) == host.chips
+
+
+def _check(board: Board, snapshot: Snapshot) -> None:
+    parts = {chip.name: chip.part for chip in board.chips}
+    if parts != snapshot.parts:
+        raise SnapshotError(
+            f'the snapshot is of board "{snapshot.board}" with {_told(snapshot.parts)}; this is'
+            f' board "{board.name}" with {_told(parts)}'
+        )
+    if snapshot.text != board.text:
+        raise SnapshotError(
+            f'the snapshot was taken on another version of the board file of "{board.name}"; run'
+            " that one (vbus snap info --board-file shows it), or take the snapshot again"
+        )
+
+
+def _told(parts: dict[str, str]) -> str:
+    return ", ".join(f"{name} = {part}" for name, part in parts.items()) or "no chips"
+
+
+def fork(board: Board, wires: Hosts | None = None) -> Board:
+    """Return a second board that stands where ``board`` stands, with the same hosts attached.
+
+    What is done to one is not done to the other. Observers stay with the first.
+
+    Raises:
+        SnapshotError: ``board`` was put together in Python, so nobody knows how to build another;
+            build one the same way and :func:`restore` a snapshot on it.
+    """
+    snapshot = take(board, wires)
+    twin = rebuild(snapshot)
+    for host in snapshot.hosts:
+        twin.open_port(host.label, host.chips, host.cycle_ps)
+    restore(twin, snapshot)
+    twin.violations.extend(board.violations)
+    return twin
+
+
+def rebuild(snapshot: Snapshot) -> Board:
+    """Return a board built from the file a snapshot holds, at instant 0.
+
+    Raises:
+        SnapshotError: it holds none.
+    """
+    if not snapshot.text:
+        raise SnapshotError(
+            f'board "{snapshot.board}" was put together in Python, not from a board file: build'
+            " another one the same way, and restore() a snapshot on it"
+        )
+    return load_board_text(snapshot.text, snapshot.file or "board.toml")
+
+
+# -- as a file ----------------------------------------------------------------------------------
+
+
+def write(snapshot: Snapshot) -> bytes:
+    """Return a snapshot as the content of a file."""
+    body: bytes = msgpack.packb(
+        (
+            VERSION, snapshot.when, snapshot.board, snapshot.file, snapshot.text, snapshot.vbus,
+            snapshot.parts,
+            [(host.label, host.chips, host.cycle_ps, host.wire) for host in snapshot.hosts],
+            snapshot.state, snapshot.counters, snapshot.digest,
+        )
+    )  # fmt: skip
+    return MAGIC + hashlib.sha256(body).digest() + body
+
+
+def read(data: bytes, name: str = "the snapshot") -> Snapshot:
+    """Return the snapshot in a file's content.
+
+    Args:
+        data: the bytes.
+        name: what to call it in an error.
+
+    Raises:
+        SnapshotError: it is none, was cut short or damaged, or is of a later version.
+    """
+    if not data.startswith(MAGIC):
+        raise SnapshotError(f"{name}: this is no snapshot of vbus")
+    start = len(MAGIC) + 32
+    body = data[start:]
+    if hashlib.sha256(body).digest() != data[len(MAGIC) : start]:
+        raise SnapshotError(f"{name}: cut short or damaged: its checksum does not fit")
+    try:
+        content = msgpack.unpackb(body, use_list=False, strict_map_key=False)
+        version = content[0]
+        if version != VERSION:
+            raise SnapshotError(f"{name}: format {version}; this vbus reads format {VERSION}")
+        _, when, board, file, text, made_by, parts, hosts, state, counters, digest = content
+        return Snapshot(
+            when, board, file, text, made_by, parts, tuple(HostState(*host) for host in hosts),
+            state, counters, digest,
+        )  # fmt: skip
+    except (ValueError, TypeError, IndexError) as error:
+        raise SnapshotError(f"{name}: its content makes no sense: {error}") from error
+
+
+def check_version(snapshot: Snapshot) -> None:
+    """Refuse a snapshot of another version of vbus, whose chips may keep other things.
+
+    Raises:
+        VbusError: it is of another version.
+    """
+    if snapshot.vbus != vbus.__version__:
+        raise VbusError(
+            f"the snapshot was taken with vbus {snapshot.vbus}, this is {vbus.__version__}: a chip"
+            " may keep other things now; replay a journal instead"
+        )
