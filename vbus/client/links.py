@@ -58,6 +58,10 @@ class Link:
             raise TransportError(f"{self.where}: closed by the other end")
         return data
 
+    def until(self, deadline: float) -> float:
+        """Return when to read although nothing has come, at the latest at ``deadline``."""
+        return deadline
+
     def check(self) -> None:
         """Tell whether a link that was being opened is open.
 

@@ -30,6 +30,10 @@ RECOVERY_SECONDS: Final = 3.0
 """How long a board that has answered before may be out of reach."""
 AGAIN_SECONDS: Final = 0.1
 """How often a message is repeated meanwhile."""
+REPEAT_SECONDS: Final = 0.5
+"""After which time without an answer a message is repeated: the answer may have been lost."""
+TICK_SECONDS: Final = 0.1
+"""How often is looked after messages without an answer."""
 LONGEST_SECONDS: Final = 86400.0
 """How long the board may take over a message: as long as its delays say."""
 _OPTIONS: Final = ("connect", "certificate", "key", "authority")
@@ -38,36 +42,32 @@ _OPTIONS: Final = ("connect", "certificate", "key", "authority")
 class _Query:
     """A message under way: takes what Zenoh's threads bring."""
 
-    __slots__ = ("answered", "data", "link", "number", "since")
+    __slots__ = ("data", "link", "number", "sent", "silent_since")
 
     def __init__(self, link: ZenohLink, number: int, data: bytes) -> None:
         self.link: ZenohLink = link
         self.number: int = number
         self.data: bytes = data
-        self.answered: bool = False
-        self.since: float = 0.0
-        """When it was first found without an answer; 0 if it never was."""
+        self.sent: float = 0.0
+        """When it was sent the last time."""
+        self.silent_since: float = 0.0
+        """When it was first found that nobody answers; 0 if somebody may."""
 
     def take(self, reply: zenoh.Reply) -> None:
         """Take the reply; called in a thread of Zenoh's."""
-        if self.answered:
-            return
         ok = reply.ok
         if ok is not None:
-            self.answered = True
             self.link.arrived(self.number, ok.payload.to_bytes())
             return
         err = reply.err
         text = err.payload.to_bytes().decode("utf-8", "replace") if err is not None else ""
         code, _, reason = text.partition(" ")
         if code in (envelope.GONE, envelope.MALFORMED, envelope.TOO_LARGE, envelope.BROKEN):
-            self.answered = True
             self.link.failed(f"refused by the board: {reason}")
 
     def ended(self) -> None:
         """Whoever could answer has done so; called in a thread of Zenoh's."""
-        if not self.answered:
-            self.link.unanswered(self)
+        self.silent_since = self.silent_since or monotonic()
 
 
 class ZenohLink(Link):
@@ -106,7 +106,8 @@ class ZenohLink(Link):
         self._early: dict[int, bytes] = {}
         self._inbox: deque[tuple[int, bytes | TransportError]] = deque()
         self._lock: threading.Lock = threading.Lock()
-        self._timers: set[threading.Timer] = set()
+        self._under_way: dict[int, _Query] = {}
+        self._searching: bool = False
         self._closed: bool = False
         self._error: TransportError | None = None
         self._target: Any = zenoh.QueryTarget.BEST_MATCHING
@@ -127,9 +128,10 @@ class ZenohLink(Link):
         if self._number - self._given >= envelope.WINDOW:
             return 0
         part = bytes(data[: envelope.LARGEST])
-        query = _Query(self, self._number, part)
+        query = self._under_way[self._number] = _Query(self, self._number, part)
         self._number += 1
-        self._send(query)
+        # To be told of the end of a query costs as much as its reply: the first one is worth it.
+        self._send(query, watched=query.number == 0)
         return len(part)
 
     def read(self) -> bytes:
@@ -144,17 +146,34 @@ class ZenohLink(Link):
                     self._error = item
             elif number < 0:
                 data += item
-            elif number == self._given:
-                data += item
-                self._given += 1
+            elif self._under_way.pop(number, None) is not None:
+                self._early[number] = item
                 while self._given in self._early:
                     data += self._early.pop(self._given)
                     self._given += 1
-            elif number > self._given:
-                self._early[number] = item
-        if not data and self._error is not None:
-            raise self._error
+        if not data:
+            if self._error is not None:
+                raise self._error
+            self._look_after()
         return data
+
+    def until(self, deadline: float) -> float:
+        """Return when to look after messages nobody has answered yet."""
+        return min(deadline, monotonic() + TICK_SECONDS)
+
+    def _look_after(self) -> None:
+        """Repeat a message that has no answer; when patience is over, look for the reason."""
+        query = self._under_way.get(self._given)
+        now = monotonic()
+        if query is None or self._searching:
+            return
+        patience = RECOVERY_SECONDS if self._given else FIRST_SECONDS
+        if query.silent_since and now - query.silent_since > patience:
+            self._searching = True
+            threading.Thread(target=self._search, daemon=True).start()
+        elif now - query.sent > (AGAIN_SECONDS if query.silent_since else REPEAT_SECONDS):
+            for other in sorted(self._under_way):
+                self._send(self._under_way[other], watched=True)
 
     def check(self) -> None:
         """The session is open."""
@@ -165,9 +184,6 @@ class ZenohLink(Link):
             if self._closed:
                 return
             self._closed = True
-            timers = [*self._timers]
-        for timer in timers:
-            timer.cancel()
         if self._error is None and self._number:
             self._say_goodbye()
         close_session(self._network)
@@ -184,14 +200,15 @@ class ZenohLink(Link):
 
     # -- messages -------------------------------------------------------------------------------
 
-    def _send(self, query: _Query) -> None:
+    def _send(self, query: _Query, watched: bool) -> None:
         import zenoh
 
+        query.sent = monotonic()
         cover = envelope.Envelope(envelope.REQUESTS, self._name, query.number, self._given)
         try:
             self._network.get(
                 self._bus_key,
-                self._callback(query.take, query.ended, indirect=False),
+                self._callback(query.take, query.ended if watched else None, indirect=False),
                 target=self._target,
                 consolidation=self._whole,
                 timeout=LONGEST_SECONDS,
@@ -219,25 +236,10 @@ class ZenohLink(Link):
                 self._inbox.append((number, item))
                 os.eventfd_write(self.fd, 1)
 
-    def unanswered(self, query: _Query) -> None:
-        """Nobody has answered: try again in a moment; for Zenoh's threads."""
-        query.since = query.since or monotonic()
-        with self._lock:
-            if self._closed:
-                return
-            timer = threading.Timer(AGAIN_SECONDS, self._again, (query,))
-            timer.daemon = True
-            self._timers = {other for other in self._timers if other.is_alive()} | {timer}
-            timer.start()
-
-    def _again(self, query: _Query) -> None:
-        """Repeat a message, or give up; in a thread of its own."""
-        patience = RECOVERY_SECONDS if self._given else FIRST_SECONDS
+    def _search(self) -> None:
+        """Find out why nobody answers; in a thread of its own, because it asks around."""
         try:
-            if monotonic() - query.since < patience:
-                self._send(query)
-            else:
-                self.failed(self._why())
+            self.failed(self._why())
         except Exception as error:
             self.failed(str(error))
 

@@ -45,6 +45,9 @@ class MessageSession(Session):
     def _read_off(self) -> None:
         pass
 
+    def _listen_for_the_end(self) -> None:
+        """The link says when the host has gone."""
+
     def _take(self, data: bytes) -> None:
         """Carry out the next message; an empty one is answered at once."""
         self._answering = True

@@ -262,7 +262,8 @@ class Bus(Cycles):
         deadline = monotonic() + (self.timeout if timeout is None else timeout)
         async with self._lock:
             while not self._wire.events:
-                if not await until_ready(self.link.fd, False, deadline):
+                until = self.link.until(deadline)
+                if not await until_ready(self.link.fd, False, until) and until == deadline:
                     return None
                 self._receive()
         return self._wire.events.popleft()
@@ -293,9 +294,9 @@ class Bus(Cycles):
             try:
                 rest = self._send(rest)
                 while rest or not message.done:
-                    if not await until_ready(
-                        self.link.fd, self.link.by_descriptor and bool(rest), deadline
-                    ):
+                    writing = bool(rest) and self.link.by_descriptor
+                    until = self.link.until(deadline)
+                    if not await until_ready(self.link.fd, writing, until) and until == deadline:
                         raise self._late(message)
                     self._receive()
                     rest = self._send(rest)
