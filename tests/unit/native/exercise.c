@@ -2,14 +2,21 @@
  *
  *     exercise WHERE [call arguments...]...      WHERE may be "fd:N"
  */
+#ifndef _XOPEN_SOURCE
+#define _XOPEN_SOURCE 700
+#endif
+
 #include "vbus.h"
 
 #include <inttypes.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/time.h>
 
 static struct vbus bus;
+static volatile sig_atomic_t signals_seen;
 static char **next;
 
 static unsigned number(void)
@@ -28,6 +35,24 @@ static void print(const char *call, int result)
 static void on_event(void *context, uint32_t outputs, uint64_t instant)
 {
     printf("%s %" PRIx32 " at %" PRIu64 "\n", (const char *)context, outputs, instant);
+}
+
+static void on_signal(int number_of_signal)
+{
+    (void)number_of_signal;
+    signals_seen = 1;
+}
+
+/* From now on a signal comes every millisecond and interrupts system calls. */
+static void interrupt_calls(void)
+{
+    struct itimerval often = {{0, 1000}, {0, 1000}};
+    struct sigaction action;
+
+    memset(&action, 0, sizeof action);
+    action.sa_handler = on_signal;
+    sigaction(SIGALRM, &action, NULL);
+    setitimer(ITIMER_REAL, &often, NULL);
 }
 
 static int writes(void)
@@ -113,6 +138,12 @@ static void run(const char *call)
         print(call, vbus_number(&bus, list, *next++));
     } else if (strcmp(call, "timeout") == 0)
         bus.timeout_ms = (int)number(), print(call, 0);
+    else if (strcmp(call, "leases") == 0)
+        print(call, vbus_leases(&bus, (int)number()));
+    else if (strcmp(call, "signals") == 0)
+        interrupt_calls(), print(call, 0);
+    else if (strcmp(call, "interrupted") == 0)
+        print(call, signals_seen);
     else if (strcmp(call, "refused") == 0)
         print(call, (int)bus.refused);
     else if (strcmp(call, "pause") == 0)
