@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from mypy_extensions import mypyc_attr
 
 from vbus.board.cards import Card
-from vbus.board.host_clock import HostClock
-from vbus.board.host_pins import HostPins
-from vbus.board.pin_maps import PinMap, wiring
+from vbus.board.host_reach import HostReach
 from vbus.board.strobe_watch import SETTLE_EVERY, StrobeWatch
 from vbus.chips.base import Chip
 from vbus.kernel import NEVER, US
 from vbus.protocols import codes
-from vbus.protocols.port import ChipInfo, PortError, PortInfo
+from vbus.protocols.port import PortError
 from vbus.signals import Z
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
-
-LOCKSTEP_CYCLE: Final = US
-"""Default duration of a whole bus cycle where time moves only by cycles: an ISA bus, a fast MCU.
-Drivers that give up after some thirty polls must see the busy time pass (decision 7)."""
 
 FLOATING: Final = 0xFF
 LONGEST_LEASE: Final = 100_000 * US
@@ -31,7 +24,7 @@ LONGEST_LEASE: Final = 100_000 * US
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class HostBus(HostClock):
+class HostBus(HostReach):
     """The port a board gives to one session; see :class:`~vbus.protocols.port.HostPort`.
 
     **A whole cycle** has its latching edge at the host's instant: the host's own time stamp
@@ -50,53 +43,12 @@ class HostBus(HostClock):
     def __init__(
         self, board: Board, label: str, chips: list[Chip], cycle_ps: int, card: Card | None
     ) -> None:
-        super().__init__(board)
-        self.label: str = label
-        self.chips: list[Chip] = chips
-        self.on_resume: Callable[[], None] | None = None
-        self.on_events: Callable[[], None] | None = None
-        self.cycle_ps: int = cycle_ps
-        self._card: Card | None = card
-        self.pin_map: PinMap | None = None
-        self._cycles: list[int] = [cycle_ps or self._default_cycle(chip) for chip in chips]
-        self._mask: int = 1
-        self._selected: list[Chip] = chips[:1]
-        self._chip: Chip | None = chips[0] if chips else None
-        self._cycle = self._cycles[0] if chips else US
+        super().__init__(board, label, chips, cycle_ps, card)
         self.every_cycle: bool = False
         """Whether each poll of POLLED must be run, though nobody could tell: for a journal."""
         self._leased_until: int = 0
         self._claimed: list[str] = []
-        self._pins: HostPins = HostPins(board.kernel, label, chips, self._edge_seen)
         self.strobes: StrobeWatch = StrobeWatch(board, label, chips)
-
-    def _default_cycle(self, chip: Chip) -> int:
-        return chip.cycle_ps if self.board.policy == "realtime" else LOCKSTEP_CYCLE
-
-    def info(self) -> PortInfo:
-        """Return what HELLO tells."""
-        board = self.board
-        return PortInfo(
-            board.name,
-            board.policy,
-            board.rate if board.policy == "realtime" else 0.0,
-            [
-                ChipInfo(chip.name, chip.part, chip.FAMILY, chip.ADDRESS_BITS, cycle)
-                for chip, cycle in zip(self.chips, self._cycles, strict=True)
-            ],
-            self._pins.line_names(),
-            self._pins.output_names(),
-            self._pins.side_names(),
-            ["claim", "events", "leases", "lines", "polled_at", "sync"],
-            wiring(self.pin_map, self.chips, self._pins),
-            self._card.text() if self._card is not None else "",
-            self._program(),
-        )
-
-    def _program(self) -> str:
-        if self._card is None:
-            return f"step={self.board.clock_step};" if self.pin_map is not None else ""
-        return f"step={self.board.clock_step};{self._card.program_text(self._pins.output_names())}"
 
     # -- choosing chips -----------------------------------------------------------------------
 
@@ -382,39 +334,9 @@ class HostBus(HostClock):
         """From now on report each edge of the output lines in ``mask``."""
         self._pins.watch(mask)
 
-    def _edge_seen(self) -> None:
-        if self.on_events is not None:
-            self.on_events()
-
     def take_events(self) -> list[tuple[int, int]]:
         """Return and forget the edges seen since the last call."""
         return self._pins.take_edges()
-
-    # -- names and cards ----------------------------------------------------------------------
-
-    def chip_number(self, name: str) -> int:
-        """Return the bit number of the chip called ``name``."""
-        names = [chip.name for chip in self.chips]
-        if name in names:
-            return names.index(name)
-        known = ", ".join(names)
-        raise PortError(codes.NO_SUCH, f"no chip {name!r}; this session has {known}")
-
-    def pin_number(self, name: str) -> int:
-        """Return the number of a side pin."""
-        return self._pins.number(self._pins.sides, self._pins.side_names(), name, self._selected)
-
-    def line_number(self, name: str) -> int:
-        """Return the number of a control line."""
-        return self._pins.number(self._pins.lines, self._pins.line_names(), name, self._selected)
-
-    def card(self, address: int, write: bool = False) -> tuple[int, int] | None:
-        """Decode a card address into (chip number, chip address)."""
-        return self._card.decode(address, write) if self._card is not None else None
-
-    def card_floating(self, address: int) -> int:
-        """Return the data bits that nobody drives when a card address is read."""
-        return self._card.floating(address) if self._card is not None else 0
 
     # -- end ----------------------------------------------------------------------------------
 
@@ -435,25 +357,36 @@ class HostBus(HostClock):
         self.unclaim()
         self._leased_until = 0
 
+    def promised(self) -> int:
+        """Return the instant until which a lease holds (ps); 0 if there is none."""
+        return self._leased_until
+
+    def promise(self, until: int) -> None:
+        """Keep the promise of a lease given before a snapshot."""
+        self._leased_until = until
+
     def forget_time(self) -> None:
         """Time has been set: forget stamps, and what the session waited for."""
         self._stamp, self._last_at, self._target, self._polls = -1, 0, -1, -1
         self.held = False
 
     def save(self) -> tuple[object, ...]:
-        """Return the session's state: selection, time stamps, promises, and what its pins drive."""
+        """Return the session's state: selection, time stamps, and what its pins drive.
+
+        What was promised by leases is no part of it: a run is the same with and without.
+        """
         return (
             self._mask, self._stamp, self._last_at, self._timed, self._target, self._polls,
-            self._leased_until, tuple(self._claimed), self._pins.watched, self._pins.save(),
+            tuple(self._claimed), self._pins.watched, self._pins.save(),
         )  # fmt: skip
 
     def load(self, state: tuple[object, ...]) -> None:
         """Take back what :meth:`save` gave; a session that was held makes its call again."""
-        mask, stamp, last_at, timed, target, polls, leased, claimed, watched, pins = state
+        mask, stamp, last_at, timed, target, polls, claimed, watched, pins = state
         self.select(mask)  # type: ignore[arg-type]
         self._stamp, self._last_at = stamp, last_at  # type: ignore[assignment]
         self._timed, self._target = timed, target  # type: ignore[assignment]
-        self._polls, self._leased_until = polls, leased  # type: ignore[assignment]
+        self._polls, self._leased_until = polls, 0  # type: ignore[assignment]
         self.held = False
         self.unclaim()
         for name in claimed:  # type: ignore[attr-defined]

@@ -34,12 +34,14 @@ class HostState:
         label: its name in traces.
         chips: what it may select.
         cycle_ps: what it says a whole bus cycle costs; 0 is the default.
+        leased_until: instant until which a lease given to it holds (ps).
         wire: what its wire format keeps: half a request, counts, promises.
     """
 
     label: str
     chips: tuple[str, ...]
     cycle_ps: int
+    leased_until: int = 0
     wire: tuple[object, ...] = ()
 
 
@@ -89,6 +91,7 @@ def take(board: Board, wires: Hosts | None = None) -> Snapshot:
             port.label,
             tuple(chip.name for chip in port.chips),
             port.cycle_ps,
+            port.promised(),
             wires[number].save() if number in wires else (),
         )
         for number, port in enumerate(board.ports)
@@ -159,6 +162,8 @@ def restore(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> Non
         board.ports[:] = attached
     for port in mine:
         port.forget_time()
+    for port, host in zip(order, snapshot.hosts, strict=True):
+        port.promise(host.leased_until)
     for number, port in enumerate(attached):
         wire = (wires or {}).get(number)
         if wire is not None and port in order:
@@ -233,7 +238,7 @@ def write(snapshot: Snapshot) -> bytes:
         (
             VERSION, snapshot.when, snapshot.board, snapshot.file, snapshot.text, snapshot.vbus,
             snapshot.parts,
-            [(host.label, host.chips, host.cycle_ps, host.wire) for host in snapshot.hosts],
+            [(host.label, host.chips, host.cycle_ps, host.leased_until, host.wire) for host in snapshot.hosts],
             snapshot.state, snapshot.counters, snapshot.digest,
         )
     )  # fmt: skip
