@@ -6,6 +6,7 @@ its old number, until somebody answers or patience is over; then the reason is l
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import os
 import threading
@@ -13,6 +14,7 @@ from collections import deque
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qsl
+from weakref import WeakSet
 
 from vbus.client.links import Link
 from vbus.errors import TransportError
@@ -37,6 +39,18 @@ TICK_SECONDS: Final = 0.1
 LONGEST_SECONDS: Final = 86400.0
 """How long the board may take over a message: as long as its delays say."""
 _OPTIONS: Final = ("connect", "certificate", "key", "authority")
+
+
+_open: WeakSet[ZenohLink] = WeakSet()
+
+
+def _close_all() -> None:
+    """Close what the program has left open: Zenoh's threads must not outlive the interpreter."""
+    for link in list(_open):
+        link.close()
+
+
+atexit.register(_close_all)
 
 
 class _Query:
@@ -118,6 +132,7 @@ class ZenohLink(Link):
         self._events: Any = session.declare_subscriber(
             token, zenoh.handlers.Callback(self._event, indirect=False)
         )
+        _open.add(self)
 
     # -- what a bus calls -----------------------------------------------------------------------
 
