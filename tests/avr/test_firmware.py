@@ -14,7 +14,7 @@ from tests.e2e.command import start
 from tests.shims.conftest import compile_for
 from vbus.errors import ConfigError
 from vbus.tools import exec as exec_module
-from vbus.tools.exec_avr import parse, run_avr
+from vbus.tools.exec_avr import parse, run_avr, simulator
 
 BOARD = EXAMPLES / "lm629_avr_bitbang" / "board.toml"
 CLOCK = "f=16000000"
@@ -444,6 +444,68 @@ def test_a_board_that_dies_ends_the_run(
     killer.join()
     board.communicate()
     assert "vbus-avr: the board is lost: the board has closed the link" in capfd.readouterr().err
+
+
+def test_firmware_killed_in_the_middle_of_a_packet_leaves_a_board_for_the_next(
+    firmware: Compile,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    half = firmware(
+        """int main(void)
+        {
+            lm629_bus_init();
+            _delay_ms(300);
+            lm629_bus_write_command(0x1E);          /* LFIL, and half a word */
+            while (lm629_bus_read_status() & LM629_BUSY)
+                ;
+            PORTB = 0;
+            DDRB = 3;
+            PORTC &= (uint8_t)~(_BV(PC0) | _BV(PC3)); /* /CS and /WR are low, and stay so */
+            say("half\\n");
+            for (;;)
+                lm629_bus_read_status();
+        }"""
+    ).rename(tmp_path / "half.elf")
+    whole = firmware(SETTLES)
+    monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
+    where = f"unix:{tmp_path}/run/lm629_avr_bitbang.sock"
+    board = start("run", BOARD)
+    try:
+        assert board.stdout is not None
+        while not board.stdout.readline().startswith("ready"):
+            pass
+        command = [str(simulator()), "--link", where, "--mmcu", "atmega328p"]
+        first = subprocess.Popen(
+            [*command, "--frequency", "16000000", str(half)], stdout=subprocess.PIPE, text=True
+        )
+        assert first.stdout is not None
+        assert first.stdout.readline() == "half\n"
+        first.kill()
+        first.communicate()
+
+        for _ in range(2):
+            assert run_avr(f"{UNO},cycles=32000000", str(whole), link=where) == 0
+            assert capfd.readouterr().out.split() == ["84", "85", "84"]
+    finally:
+        board.kill()
+        board.communicate()
+
+
+SETTLES = """int main(void)
+{
+    lm629_bus_init();
+    _delay_ms(3);
+    say_hex(lm629_bus_read_status());
+    lm629_bus_write_command(0x1D);
+    _delay_us(5);
+    say_hex(lm629_bus_read_status());
+    _delay_us(30);                          /* on the firmware's own clock */
+    say_hex(lm629_bus_read_status());
+    return 0;
+}
+"""
 
 
 def test_a_part_without_a_port_of_the_pin_map_is_refused(

@@ -108,6 +108,8 @@ static void open_card(void)
     card.realtime = strcmp(text, "realtime") == 0;
     card.selected = 1;
     card.owner = getpid();
+    if (card.slaved)
+        must(vbus_now(&card.bus, &card.time)); /* another program may have run before */
     if (!leaves)
         atexit(leave);
     leaves = 1;

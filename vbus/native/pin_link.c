@@ -23,12 +23,23 @@ static int keep(struct pin_link *link, int result)
     return result;
 }
 
+static void tell_time(struct pin_link *link)
+{
+    if (link->slaved)
+        keep(link, vbus_at(&link->bus, link->origin + link->clock(link->context)));
+}
+
 /* What follows happens now, to these chips. */
 static void stamp(struct pin_link *link)
 {
     link->touched = 1;
-    if (link->slaved)
-        keep(link, vbus_at(&link->bus, link->clock(link->context)));
+    tell_time(link);
+}
+
+/* An instant of chip time on the host's own clock. */
+static uint64_t own_time(const struct pin_link *link, uint64_t instant)
+{
+    return instant == VBUS_NO_EDGE || instant < link->origin ? instant : instant - link->origin;
 }
 
 static void select_chips(struct pin_link *link, unsigned chips)
@@ -50,9 +61,10 @@ static unsigned on_read(void *context, unsigned chips, unsigned address)
     stamp(link);
     data = keep(link, vbus_read(&link->bus, address));
     if (link->bus.leased) { /* it tells of the lines too */
-        link->told |= link->edge != link->bus.lease_until
-                      || link->outputs != link->bus.lease_outputs;
-        link->edge = link->bus.lease_until;
+        uint64_t until = own_time(link, link->bus.lease_until);
+
+        link->told |= link->edge != until || link->outputs != link->bus.lease_outputs;
+        link->edge = until;
         link->outputs = link->bus.lease_outputs;
         pin_decoder_outputs(&link->pins, link->outputs);
         link->touched = 0;
@@ -107,6 +119,8 @@ int pin_link_open(struct pin_link *link, const char *where)
         link->step = strtoull(text + 5, NULL, 10);
     if (link_text(description, (size_t)size, "wiring", text) <= 0)
         return keep(link, PIN_LINK_E_WIRING);
+    if (link->slaved && keep(link, vbus_now(&link->bus, &link->origin)) < 0)
+        return link->error;
     if (pin_decoder_init(&link->pins, text) != 0)
         return keep(link, VBUS_E_PROTOCOL);
     link->pins.on_read = on_read;
@@ -131,10 +145,11 @@ int pin_link_sync(struct pin_link *link)
 {
     if (link->error != 0)
         return link->error;
-    if (link->slaved)
-        keep(link, vbus_at(&link->bus, link->clock(link->context)));
-    if (link->error == 0 && keep(link, vbus_sync(&link->bus, &link->outputs, &link->edge)) == 0)
+    tell_time(link);
+    if (link->error == 0 && keep(link, vbus_sync(&link->bus, &link->outputs, &link->edge)) == 0) {
         pin_decoder_outputs(&link->pins, link->outputs);
+        link->edge = own_time(link, link->edge);
+    }
     link->touched = link->told = 0;
     return link->error;
 }
