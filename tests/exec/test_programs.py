@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.exec.conftest import compile_c
+from tests.exec.conftest import ALL, compile_c, require
 from tests.unit.board.test_leases import Leasing, reset_and_move
 from vbus.board.build import load_board
 
@@ -232,6 +232,22 @@ def test_what_is_kept_back_is_sent_when_the_program_leaves_at_once(
     assert transcript.read_text() == "x w 20 0D\n"
 
 
+@pytest.mark.parametrize("end", ["fault", "abort"])
+def test_what_is_kept_back_is_sent_when_the_program_dies(tmp_path: Path, end: str) -> None:
+    """There the last cycles are wanted most."""
+    dies = "*(volatile int *)where = 1;" if end == "fault" else "abort();"
+    (tmp_path / "dies.c").write_text(
+        "#include <stdlib.h>\n#include <sys/io.h>\nchar *volatile where = (char *)8;\n"
+        f"int main(void) {{ iopl(3); outb(0x0E, 0x320); {dies} return 0; }}\n"
+    )
+    program = compile_c(tmp_path / "dies", tmp_path / "dies.c")
+    board = REGISTERS.format(time="lockstep", card=PORTS)
+    transcript = tmp_path / "bus.txt"
+    done = execute(tmp_path, board, program, options=("--transcript", transcript))
+    assert done.returncode == 128 + (signal.SIGSEGV if end == "fault" else signal.SIGABRT)
+    assert transcript.read_text() == "x w 20 0E\n"
+
+
 def test_a_tree_of_processes_works_one_after_the_other(
     programs: Callable[[str, int], Path], bits: int, tmp_path: Path
 ) -> None:
@@ -382,3 +398,61 @@ def test_without_a_compiler_it_says_what_is_missing(
     done = execute(tmp_path, REGISTERS.format(time="lockstep", card=PORTS), "/bin/true")
     assert done.returncode == 1
     assert "there is no gcc; install gcc" in done.stderr
+
+
+# -- tools -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("part", "card"), [("ports", PORTS), ("memory", MEMORY)])
+def test_under_gdb_the_bus_sees_the_same(
+    programs: Callable[[str, int], Path], tmp_path: Path, part: str, card: str
+) -> None:
+    gdb, program = require("gdb"), programs("probe", 64)
+    board, transcript = REGISTERS.format(time="lockstep", card=card), tmp_path / "bus.txt"
+    keep: tuple[str | Path, ...] = ("--transcript", transcript)
+    plain = execute(tmp_path, board, program, part, options=keep), transcript.read_text()
+    done = execute(
+        tmp_path, board, gdb, "-batch", "-nx", "-ex", "handle SIGSEGV nostop noprint pass",
+        "-ex", "run", "--args", program, part, options=keep,
+    )  # fmt: skip
+    assert plain[0].returncode == 0
+    assert plain[0].stdout in done.stdout
+    assert "exited normally" in done.stdout
+    assert transcript.read_text() == plain[1] != ""
+
+
+@pytest.mark.parametrize(("part", "card"), [("ports", PORTS), ("strided", MEMORY + "\nstride = 4")])
+def test_with_address_sanitizer_the_bus_sees_the_same(
+    programs: Callable[[str, int], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    part: str, card: str,
+) -> None:  # fmt: skip
+    sanitized = tmp_path / "asan"
+    command = [require("gcc"), "-O2", "-fsanitize=address", "-o", str(sanitized)]
+    if subprocess.run([*command, str(HERE / "probe.c")], capture_output=True).returncode:
+        assert not ALL, "the address sanitizer's library is required"
+        pytest.skip("needs the address sanitizer's library")
+    monkeypatch.setenv("ASAN_OPTIONS", "handle_segv=0:verify_asan_link_order=0:detect_leaks=0")
+    board, transcript = REGISTERS.format(time="lockstep", card=card), tmp_path / "bus.txt"
+    runs = []
+    for program in (programs("probe", 64), sanitized):
+        done = execute(tmp_path, board, program, part, options=("--transcript", transcript))
+        runs.append((done.returncode, done.stdout, transcript.read_text()))
+    assert runs[0] == runs[1]
+    assert runs[0][0] == 0
+
+
+@pytest.mark.parametrize("kind", ["static", "static-pie", "set-user-ID"])
+def test_a_program_that_no_library_can_enter_is_named(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "own.c").write_text("int main(void) { return 7; }\n")
+    program = tmp_path / "own"
+    if kind == "set-user-ID":
+        compile_c(program, tmp_path / "own.c")
+        program.chmod(0o4755)
+    else:
+        compile_c(program, f"-{kind}", tmp_path / "own.c")
+    done = execute(tmp_path, REGISTERS.format(time="lockstep", card=PORTS), program)
+    assert done.returncode == 7
+    reason = "set-user-ID" if kind == "set-user-ID" else "is linked statically"
+    assert f"vbus exec: warning: {program} is" in done.stderr
+    assert reason in done.stderr
+    assert "its port and memory accesses do not reach the card" in done.stderr

@@ -52,11 +52,13 @@ def _join(link: str, program: list[str]) -> int:
 
     from vbus.client import connect
     from vbus.errors import VbusError
-    from vbus.tools.preload import environment
+    from vbus.tools.preload import environment, warn_of
 
     with connect(link) as bus:
         info = bus.info
     variables = environment(info, link) if info.card else {"VBUS_LINK": link}
+    if info.card:
+        warn_of(program[0])
     try:
         code = subprocess.run(program, env={**os.environ, **variables}).returncode
     except OSError as error:

@@ -7,6 +7,8 @@ import subprocess
 from pathlib import Path
 from typing import Final
 
+import click
+
 from vbus.errors import ConfigError, VbusError
 from vbus.native import include_dir
 from vbus.protocols.port import PortInfo
@@ -43,6 +45,15 @@ def library() -> str:
 def has_32_bits() -> bool:
     """Return whether the library that has been built serves 32-bit programs too."""
     return (_cache() / f"exec-{_digest()}" / _FOLDERS[32][0] / NAME).exists()
+
+
+def warn_of(program: str) -> None:
+    """Say on stderr if the library cannot enter ``program``; call after :func:`environment`."""
+    from vbus.tools.reach import warning_for
+
+    text = warning_for(program, has_32_bits())
+    if text is not None:
+        click.echo(f"vbus exec: warning: {text}", err=True)
 
 
 def _cache() -> Path:

@@ -333,6 +333,18 @@ void card_send(void)
         must(vbus_send(&bus));
 }
 
+void card_send_last(void)
+{
+    sigset_t before;
+
+    sys_block(&before);
+    if (open_session && !__atomic_exchange_n(&lock, 1, __ATOMIC_ACQUIRE)) {
+        vbus_send(&bus); /* a board that is gone is no news now */
+        __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
+    }
+    sys_restore(&before);
+}
+
 /* Tell the board how much time has passed, before something happens. */
 static void tell_time(void)
 {

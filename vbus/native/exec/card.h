@@ -36,6 +36,9 @@ void card_store(uintptr_t address, const unsigned char *data, unsigned size, uin
 /* Send what is kept back. */
 void card_send(void);
 
+/* The same before the program dies: never waits for the lock, never ends the program itself. */
+void card_send_last(void);
+
 /* The child of a fork opens a session of its own when it needs one. */
 void card_forget(void);
 

@@ -231,6 +231,7 @@ static void pass_on(int number, siginfo_t *info, void *data, uintptr_t ip)
         else
             card_say("the program faults at address 0x%x", (uintptr_t)info->si_addr);
         card_say_place("by the", ip, "");
+        card_send_last();
         action.sa_handler = SIG_DFL;
         action.sa_flags = 0;
         real_sigaction(SIGSEGV, &action, NULL);
