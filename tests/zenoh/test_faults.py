@@ -68,6 +68,21 @@ def test_a_message_that_is_repeated_gets_the_stored_reply_and_is_not_carried_out
     assert cycles.seen == [("host0", "x", True, 1, 0x55), ("host0", "x", False, 0, 0x86)]
 
 
+def test_the_first_message_that_comes_again_after_the_end_begins_no_new_session() -> None:
+    made = board()
+    cycles = Cycles()
+    made.observe(cycles)
+    with served(made, LinkSpec("zenoh:")) as server:
+        host = Raw(endpoint_of(server.urls[0]))
+        assert host.ask(b"\x21\x55\x02\x01", 0) == [b"E\x01"]
+        end = envelope.Envelope(envelope.END, host.name, 1, 1).pack()
+        assert host.ask(b"", 1, cover=end) == [b""]
+        [refused] = host.ask(b"\x21\x55\x02\x01", 0)
+        assert refused.startswith(b"gone the board does not know the session (any more)")
+        host.close()
+    assert len(cycles.seen) == 1
+
+
 def test_messages_that_overtake_each_other_are_carried_out_in_order() -> None:
     made = board()
     cycles = Cycles()
