@@ -79,6 +79,10 @@ def test_the_commands_of_a_page_work_as_printed(page: Path, tmp_path: Path) -> N
         assert "status 80h\n" in done.stdout
         assert re.search(r"^(199\d|200\d) counts$", done.stdout, re.MULTILINE), done.stdout
         assert "LM629N-8" in done.stdout
+    if page.name == "time.md":
+        hashes = re.findall(r"^([0-9a-f]{64})  \d+ events$", done.stdout, re.MULTILINE)
+        assert len(hashes) == 2
+        assert len(set(hashes)) == 1
     if page.name == "byte-protocol.md":
         assert " 44 84\n" in done.stdout
 

@@ -11,7 +11,6 @@ from typing import Any, Final
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.errors import ConfigError, VbusError
-from vbus.network.security import Security
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of
 from vbus.nodes.node import Node
@@ -25,9 +24,8 @@ from vbus.server.node_link import NodeLink
 from vbus.server.pacer import Pacer
 from vbus.server.realtime_nodes import RealTime
 from vbus.server.server import LinkSpec, Server
-from vbus.server.serving import links_of
+from vbus.server.serving import links_of, network_of
 from vbus.server.timebase import Timebase
-
 
 LAST_WORDS: Final = 0.1
 """Seconds that a message to the other nodes may take before the link is closed."""
@@ -46,7 +44,6 @@ class NodeWishes:
         patience: seconds to wait for a lost node to rejoin.
         listen: endpoint to listen on, in place of the board file's.
         connect: endpoints to connect to, in place of the board file's.
-        security: certificates of the network, if any.
     """
 
     nodes: tuple[str, ...] = ()
@@ -57,7 +54,6 @@ class NodeWishes:
     patience: float = 0.0
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
-    security: Security | None = field(default=None, repr=False)
 
 
 class NodeServer(Server):
@@ -99,11 +95,13 @@ class Outcome:
         nodes: the nodes of this process, as they are at the end.
         over: whether a scenario was played to its end.
         skew: in real time: how far apart nodes were, by :meth:`Skew.statistics`.
+        timing: in virtual time: rounds, and wall time of one (us).
     """
 
     nodes: list[Node]
     over: bool = False
     skew: dict[str, Any] = field(default_factory=dict)
+    timing: dict[str, float] = field(default_factory=dict)
 
 
 def scenario_of(file: BoardFile, path: str) -> Scenario:
@@ -147,6 +145,8 @@ def endpoints_of(
     for node in file.nodes:
         if node.listen:
             return ((node.listen,), ()) if node.name in names else ((), (node.listen,))
+    if file.zenoh.connect:
+        return (), file.zenoh.connect
     raise ConfigError(
         f'{file.path}: where do the nodes meet? write listen = "tcp/127.0.0.1:7447" at one of them,'
         " or start one with --listen and the others with --connect"
@@ -308,7 +308,7 @@ class _Run:
             if self._link is not None:
                 names = [node.name for node in self._nodes]
                 listen, connect = endpoints_of(self._file, names, self._wishes)
-                security = self._wishes.security
+                security = network_of(self._file.zenoh).security
                 if not await _first(self._link.open(listen, connect, security, self._report), ends):
                     return
             self._fellows.start(loop)
@@ -363,7 +363,8 @@ class _Run:
         """Return what has come of it."""
         skew = self._real.skew.statistics() if self._real is not None else {}
         over = self._fellows.finished.is_set() and bool(self._wishes.scenario)
-        return Outcome(self._nodes, over, skew)
+        timing = self._virtual.timing() if self._virtual is not None else {}
+        return Outcome(self._nodes, over, skew, timing)
 
 
 async def _first(work: Coroutine[Any, Any, Any], ends: tuple[asyncio.Future[Any], ...]) -> bool:

@@ -14,11 +14,10 @@ from vbus.nodes.node import Node
 from vbus.nodes.orders import LEAD, Order, Orders
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
+from vbus.server.serving import network_of
 
 if TYPE_CHECKING:
     import zenoh
-
-    from vbus.network.security import Security
 
 ANSWER_SECONDS: Final = 3.0
 
@@ -91,7 +90,6 @@ def order(
     name: str,
     ahead: int = 100 * MS,
     connect: tuple[str, ...] = (),
-    security: Security | None = None,
 ) -> tuple[int, list[Answer]]:
     """Order bus cycles on all nodes of a running board for an instant that is to come.
 
@@ -101,7 +99,6 @@ def order(
         name: of the scenario, for messages.
         ahead: how far ahead that instant lies (ps of chip time).
         connect: endpoints, in place of the board file's.
-        security: certificates of the network, if any.
 
     Returns:
         The instant (ps), and what each node that takes part says.
@@ -120,9 +117,10 @@ def order(
             " scenario says what happens when: vbus run --scenario"
         )
     meeting = connect or tuple(node.listen for node in file.nodes if node.listen)
+    meeting = meeting or file.zenoh.connect
     if not meeting:
         raise ConfigError(f"{file.path}: where do the nodes meet? give --connect")
-    session = open_session(connect=meeting, mode="client", security=security)
+    session = open_session(connect=meeting, mode="client", security=network_of(file.zenoh).security)
     try:
         root = f"vbus/{plan.board}/@nodes"
         now = max(

@@ -52,6 +52,8 @@ class Timebase(Fellowship):
         self.conductors: list[Conductor] = list(conductors)
         self.on_grant: list[Callable[[], None]] = []
         self.rounds: int = 0
+        self._began: float = -1.0
+        self._ended: float = 0.0
         self._snapshot: str = snapshot
         self._last_snapshot: float = 0.0
         self._kicked: bool = False
@@ -99,6 +101,9 @@ class Timebase(Fellowship):
             report = conductor.poll()
             if conductor.participant.round != before:
                 self.rounds += 1
+                self._ended = self._clock()
+                if self._began < 0:
+                    self._began = self._ended
                 for granted in self.on_grant:
                     granted()
             if report is not None:
@@ -190,6 +195,12 @@ class Timebase(Fellowship):
             f"time stands still at {max(now, 0) / 1e9:.6f} ms, round"
             f" {self.conductors[0].participant.round}"
         )
+
+    def timing(self) -> dict[str, float]:
+        """Return the rounds of this process, and how long one took (us of wall time)."""
+        rounds = self.rounds // max(len(self.conductors), 1)
+        spent = (self._ended - self._began) * 1e6
+        return {"rounds": rounds, "us_per_round": spent / (rounds - 1) if rounds > 1 else 0.0}
 
     def status(self, rank: int) -> dict[str, Any]:
         """Return what ``vbus ls`` shows of one node of this process; instants in ps."""
