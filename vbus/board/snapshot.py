@@ -238,7 +238,10 @@ def write(snapshot: Snapshot) -> bytes:
         (
             VERSION, snapshot.when, snapshot.board, snapshot.file, snapshot.text, snapshot.vbus,
             snapshot.parts,
-            [(host.label, host.chips, host.cycle_ps, host.leased_until, host.wire) for host in snapshot.hosts],
+            [
+                (host.label, host.chips, host.cycle_ps, host.leased_until, host.wire)
+                for host in snapshot.hosts
+            ],
             snapshot.state, snapshot.counters, snapshot.digest,
         )
     )  # fmt: skip

@@ -83,18 +83,18 @@ class MessageSession(Session):
 
     def _send(self) -> None:
         """Keep what the message gave so far."""
-        self._collected += self._protocol.out
-        self._protocol.out.clear()
+        self._collected += self.protocol.out
+        self.protocol.out.clear()
 
     def _send_events(self) -> None:
         self._flush_scheduled = False
         if self._open:
             try:
-                self._protocol.report_events()
+                self.protocol.report_events()
             except Exception:
                 self._broken()
                 return
-            if self._protocol.out:
-                data = self._protocol.take()
+            if self.protocol.out:
+                data = self.protocol.take()
                 self.sent += len(data)
                 self._messages.push(data)

@@ -144,6 +144,21 @@ class Pacer:
         if lag > self.worst_lag:
             self.worst_lag = lag
 
+    def jumped(self) -> None:
+        """The board's time has been set: it goes on from there, with the wall clock as it is.
+
+        What was to be woken at instants of before is woken now, and asks again.
+        """
+        self._anchor_ns = self._clock()
+        self._anchor_ps = self.board.now
+        self._tick_at = self.board.now + self._tick
+        self._armed = NEVER
+        self.board.limit = self.board.now + (AHEAD if self._paced else LEASE)
+        wakes, self._wakes = self._wakes, []
+        for _, _, callback in sorted(wakes):
+            callback()
+        self.arm()
+
     # -- waking up ----------------------------------------------------------------------------
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:

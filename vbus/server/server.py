@@ -5,7 +5,7 @@ import json
 import logging
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,6 +23,7 @@ from vbus.server.metrics import MetricsPort
 from vbus.server.pacer import Pacer
 from vbus.server.registry import status_path
 from vbus.server.session import Session
+from vbus.server.snapshots import SnapshotOrders
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 from vbus.server.watching import Watching
 from vbus.transports.base import Link, MessageLink, Served, Transport, split_url
@@ -115,6 +116,7 @@ class Server:
         self._status: UnixTransport | None = None
         self._watching: Watching = Watching(board, self.statistics)
         self.control: Control = Control(board.name, self.pacer.catch_up)
+        SnapshotOrders(self)
         self._loop: asyncio.AbstractEventLoop | None = None
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
         self._metrics: MetricsPort | None = None
@@ -133,6 +135,11 @@ class Server:
         if not isinstance(wire, type) or not issubclass(wire, Protocol):
             raise PluginError(f'protocol "{name}" is not a subclass of Protocol')
         return _Host(spec, transport, name, wire)
+
+    def sessions(self) -> Iterator[Session]:
+        """Give every session that is open, host by host."""
+        for host in self._hosts:
+            yield from host.sessions
 
     @property
     def urls(self) -> list[str]:

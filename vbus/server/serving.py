@@ -11,12 +11,14 @@ from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.config import read_board_file
 from vbus.board.metrics_checks import metrics_address
 from vbus.board.sections import BoardFile, WaveSection, ZenohSection
+from vbus.board.snapshot import read
 from vbus.board.source import Source
-from vbus.errors import ConfigError
+from vbus.errors import ConfigError, VbusError
 from vbus.network.security import Security
 from vbus.network.session import Network
 from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server, run
+from vbus.server.snapshots import load_into
 
 log = logging.getLogger("vbus")
 
@@ -38,6 +40,13 @@ def links_of(file: BoardFile) -> list[LinkSpec]:
     ]
 
 
+def _content(path: str) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise VbusError(f"{path}: cannot be read: {error.strerror}") from error
+
+
 def network_of(zenoh: ZenohSection) -> Network:
     """Return where a board file puts its board on the network."""
     security = None
@@ -53,6 +62,7 @@ def serve(
     report: Callable[[str], None] | None = None,
     record: Mapping[str, object] | None = None,
     metrics: str = "",
+    snapshot: str = "",
 ) -> None:
     """Serve the board a file describes until SIGINT or SIGTERM.
 
@@ -63,10 +73,12 @@ def serve(
         report: takes sentences about what happens to links (a device was unplugged).
         record: replaces keys of the file's ``[record]``; ``wave`` is one more waveform file.
         metrics: replaces ``listen`` of the file's ``[metrics]``.
+        snapshot: file to go on from; see :mod:`vbus.board.snapshot`.
 
     Raises:
         ConfigError: the file has mistakes, or no hosts; or ``metrics`` is no address.
         TransportError: a link cannot be opened.
+        SnapshotError: the snapshot is none, or is of another board.
     """
     file, source = read_board_file(path)
     wishes = dict(record or {})
@@ -78,7 +90,7 @@ def serve(
     if metrics:
         counted = msgspec.structs.replace(file.metrics, listen=metrics)
         file = msgspec.structs.replace(file, metrics=counted)
-    serve_read(file, source, rate, on_ready, report)
+    serve_read(file, source, rate, on_ready, report, snapshot)
 
 
 def serve_read(
@@ -87,6 +99,7 @@ def serve_read(
     rate: float | None = None,
     on_ready: Callable[[Server], None] | None = None,
     report: Callable[[str], None] | None = None,
+    snapshot: str = "",
 ) -> None:
     """Serve a board file that has been read; see :func:`serve`."""
     if not file.hosts:
@@ -107,6 +120,13 @@ def serve_read(
     except ValueError as error:
         raise ConfigError(f"{file.path}: metrics: {error}") from None
     board = build(file, source)
+    if snapshot:
+        if file.record.journal:
+            raise VbusError(
+                "a journal begins at power-on: it cannot be kept of a run that goes on from a"
+                " snapshot"
+            )
+        load_into(board, read(_content(snapshot), snapshot))
     recording = Recording(
         board, file.record, source.text, file.path, report or log.warning, file.waves
     )

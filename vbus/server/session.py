@@ -62,7 +62,7 @@ class Session:
         self._add_reader: Callable[[int, Callable[[], None]], object] = getattr(
             loop, "add_direct_reader", loop.add_reader
         )
-        self._protocol: Protocol = protocol
+        self.protocol: Protocol = protocol
         self._pacer: Pacer = pacer
         self._on_end: Callable[[Session], None] = on_end
         self._clock: Callable[[], int] = pacer.clock
@@ -151,7 +151,7 @@ class Session:
 
     def _serve(self, data: bytes) -> None:
         """Carry out what ``data`` asks for; without data, go on after a wait."""
-        protocol = self._protocol
+        protocol = self.protocol
         began = self._clock()
         try:
             self._pacer.catch_up()
@@ -238,17 +238,17 @@ class Session:
         self._flush_scheduled = False
         if self._open:
             try:
-                self._protocol.report_events()
+                self.protocol.report_events()
             except Exception:
                 self._broken()
                 return
-            if self._protocol.out:
+            if self.protocol.out:
                 self._send()
 
     # -- writing ------------------------------------------------------------------------------
 
     def _send(self) -> None:
-        out = self._protocol.out
+        out = self.protocol.out
         if not self._pending:
             sent = self._write(out)
             if sent == len(out):
@@ -314,7 +314,7 @@ class Session:
         if self._pending:
             self._loop.remove_writer(self._fd)
         log.debug("%s: %s", self.link.peer, reason)
-        self._protocol.reset()
+        self.protocol.reset()
         self.port.close()
         self.link.close()
         self._on_end(self)

@@ -33,6 +33,7 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.option("--coverage", metavar="FILE", help="Write what is exercised: .txt, .json, .html.")
 @click.option("--wave", metavar="FILE", help="Write a waveform of everything to FILE (VCD).")
 @click.option("--metrics", metavar="HOST:PORT", help="Numbers for Prometheus; port 0: a free one.")
+@click.option("--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save).")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
 @click.option("--node", "nodes", multiple=True, metavar="NAME", help="Only this node; repeatable.")
 @click.option("--scenario", metavar="FILE", help="Nodes: what hosts do at given instants.")
@@ -57,6 +58,7 @@ def command(
     coverage: str | None,
     wave: str | None,
     metrics: str | None,
+    start: str | None,
     as_json: bool,
     **of_nodes: Any,
 ) -> int:
@@ -71,7 +73,7 @@ def command(
     file, source = read_board_file(board)
     if file.nodes:
         single = {"--journal": journal, "--report": report, "--wave": wave}
-        single["--coverage"] = coverage
+        single |= {"--coverage": coverage, "--from": start}
         single["--metrics"] = metrics
         single["--rate"] = None if rate is None else str(rate)
         for option, value in single.items():
@@ -103,7 +105,7 @@ def command(
     wanted = {"journal": journal, "report": report, "suppress": suppress}
     wanted |= {"coverage": coverage, "wave": wave}
     record = {key: value for key, value in wanted.items() if value is not None}
-    serve(board, rate, ready, say, record, metrics or "")
+    serve(board, rate, ready, say, record, metrics or "", start or "")
     return exit_codes.OK
 
 

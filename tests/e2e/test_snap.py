@@ -1,0 +1,106 @@
+"""``vbus snap`` and ``vbus run --from``: a running board as a file, and back."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.command import running, vbus
+from vbus import connect
+
+BOARD = """\
+[board]
+name = "bench"
+time = "{time}"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/x"
+"""
+RDSIGS = 0x0C
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
+    for time in ("lockstep", "realtime"):
+        (tmp_path / f"{time}.toml").write_text(BOARD.format(time=time))
+    return tmp_path
+
+
+def test_a_snapshot_brings_a_running_board_back_with_its_host_attached(folder: Path) -> None:
+    snap = folder / "a.snap"
+    with running(folder / "lockstep.toml"), connect(f"unix:{folder}/run/x") as bus:
+        bus.write(0, RDSIGS)
+        bus.wait("1ms")
+        bus.read(1)
+        before = bus.now()
+        done = vbus("snap", "save", "bench", snap)
+        assert done.stdout.startswith(f"{snap}: bench at 0.0000")
+        low = bus.read(1)
+        bus.delay("1s")
+        assert bus.read(0) == 0x84
+
+        done = vbus("snap", "load", "bench", snap)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert bus.now() == before
+        assert bus.read(1) == low
+
+
+def test_a_run_goes_on_from_a_snapshot(folder: Path) -> None:
+    snap = folder / "a.snap"
+    with running(folder / "lockstep.toml"), connect(f"unix:{folder}/run/x") as bus:
+        bus.delay("3s")
+        bus.now()
+        vbus("snap", "save", "bench", snap)
+    going_on = running(folder / "lockstep.toml", "--from", snap)
+    with going_on, connect(f"unix:{folder}/run/x") as bus:
+        assert bus.now() == 3 * 10**12
+
+    told = json.loads(vbus("snap", "info", "--json", snap).stdout)
+    assert (told["board"], told["when_ps"]) == ("bench", 3 * 10**12)
+    assert told["chips"] == {"x": "LM629N-8"}
+    assert told["hosts"] == ["host0 to x"]
+    text = vbus("snap", "info", "--board-file", snap).stdout
+    assert text == BOARD.format(time="lockstep")
+    assert "chip x: LM629N-8" in vbus("snap", "info", snap).stdout
+
+
+def test_in_real_time_the_clock_goes_on_from_the_snapshot(folder: Path) -> None:
+    snap = folder / "a.snap"
+    with running(folder / "realtime.toml"), connect(f"unix:{folder}/run/x") as bus:
+        vbus("snap", "save", "bench", snap)
+        when = json.loads(vbus("snap", "info", "--json", snap).stdout)["when_ps"]
+        bus.delay("0.5s")
+        assert bus.now() >= when + 10**12 // 2
+        vbus("snap", "load", "bench", snap)
+        assert when <= bus.now() < when + 10**12 // 2
+        bus.delay("10ms")
+        assert bus.read(0) == 0x84
+
+
+def test_what_cannot_be_loaded_is_refused_with_the_reason(folder: Path) -> None:
+    snap = folder / "a.snap"
+    with running(folder / "lockstep.toml"):
+        vbus("snap", "save", "bench", snap)
+    cut = folder / "cut.snap"
+    cut.write_bytes(snap.read_bytes()[:-5])
+
+    with running(folder / "realtime.toml"):
+        done = vbus("snap", "load", "bench", snap)
+        assert done.returncode == 1
+        assert "another version of the board file" in done.stderr
+        done = vbus("snap", "load", "bench", cut)
+        assert f"{cut}: cut short or damaged" in done.stderr
+        done = vbus("snap", "load", "bench", folder / "none.snap")
+        assert "cannot be read: No such file" in done.stderr
+    with running(folder / "lockstep.toml", "--journal", folder / "run.vbj"):
+        done = vbus("snap", "load", "bench", snap)
+        assert "writes a journal" in done.stderr
+    done = vbus("snap", "save", "bench", snap)
+    assert 'no board called "bench" takes orders' in done.stderr
+    done = vbus("run", folder / "lockstep.toml", "--from", snap, "--journal", folder / "j.vbj")
+    assert "a journal begins at power-on" in done.stderr
