@@ -327,6 +327,25 @@ def test_an_interrupt_arrives(
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("how", "lines"),
+    [
+        ("uio", ["interrupt 1", "done 04, signals 0", "again 2"]),
+        ("poll", ["poll 1", "interrupt 1", "done 04, signals 0", "again 2"]),
+        ("select", ["select 1", "interrupt 1", "done 04, signals 0", "again 2"]),
+        ("signal", ["done 04, signals 1"]),
+    ],
+)
+def test_an_interrupt_arrives_in_real_time(
+    programs: Callable[[str, int], Path], tmp_path: Path, how: str, lines: list[str]
+) -> None:
+    sends = 'signal = "SIGIO"' if how == "signal" else ""
+    board = SERVO.format(time="realtime", card=sends)
+    done = execute(tmp_path, board, programs("interrupts", 64), how)
+    assert done.returncode == 0
+    assert done.stdout.splitlines()[-len(lines) :] == lines  # what comes before hangs on the pace
+
+
 # -- faults ----------------------------------------------------------------------------------------
 
 

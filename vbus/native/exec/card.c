@@ -298,15 +298,15 @@ static void open_card(void)
     selected = 1;
     bus.timeout_ms = REPLY_MS;
     bus.on_event = on_event;
-    if (!card.virtual_time)
-        return;
-    card_begin_time();
-    vbus_buffer(&bus);
-    must(vbus_leases(&bus, 1));
-    must(vbus_now(&bus, &now));
-    board_at = now - begun_ps;
-    owed = elapsed - begun_ps;
-    begun_ps = elapsed;
+    if (card.virtual_time) {
+        card_begin_time();
+        vbus_buffer(&bus);
+        must(vbus_leases(&bus, 1));
+        must(vbus_now(&bus, &now));
+        board_at = now - begun_ps;
+        owed = elapsed - begun_ps;
+        begun_ps = elapsed;
+    }
     if (watching || card.signal) {
         watching = 0;
         card_watch();
@@ -320,6 +320,11 @@ void card_forget(void)
     open_session = 0;
     begun_ps = elapsed;
     __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
+}
+
+int card_in_use(void)
+{
+    return open_session;
 }
 
 int card_owns(int fd)

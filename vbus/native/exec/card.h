@@ -42,6 +42,9 @@ void card_send_last(void);
 /* The child of a fork opens a session of its own when it needs one. */
 void card_forget(void);
 
+/* Whether this process has touched the card. */
+int card_in_use(void);
+
 /* Whether `fd` is the session's descriptor. */
 int card_owns(int fd);
 

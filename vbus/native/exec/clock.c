@@ -199,6 +199,40 @@ PUBLIC unsigned sleep(unsigned seconds)
 
 /* --- waiting for descriptors ------------------------------------------------------------------ */
 
+/* Real time offers nothing to wait for on the device: look once a millisecond. */
+static int64_t nap(int64_t ns)
+{
+    struct timespec before, after;
+
+    sys_clock_gettime(CLOCK_MONOTONIC, &before);
+    sys_poll(NULL, 0, GRACE_MS);
+    sys_clock_gettime(CLOCK_MONOTONIC, &after);
+    if (ns < 0)
+        return ns;
+    ns -= join(&after) - join(&before);
+    return ns > 0 ? ns : 0;
+}
+
+static int has_uio(const struct pollfd *set, nfds_t count)
+{
+    nfds_t turn;
+
+    for (turn = 0; card.present && turn < count; turn++)
+        if (files_uio(set[turn].fd))
+            return 1;
+    return 0;
+}
+
+static int selects_uio(int count, const fd_set *in)
+{
+    int fd;
+
+    for (fd = 0; card.present && in != NULL && fd < count && fd < FD_SETSIZE; fd++)
+        if (FD_ISSET(fd, in) && files_uio(fd))
+            return 1;
+    return 0;
+}
+
 /* Wait until descriptors are ready or `ns` of the chips' time have passed (negative: for ever). */
 static int poll_until(struct pollfd *set, nfds_t count, int64_t ns)
 {
@@ -238,7 +272,9 @@ static int poll_until(struct pollfd *set, nfds_t count, int64_t ns)
             errno = EINTR;
             return -1;
         }
-        {
+        if (!card.virtual_time) {
+            ns = nap(ns);
+        } else {
             int64_t before = look(CLOCK_MONOTONIC), step = ns < 0 || ns > 10000000 ? 10000000 : ns;
             sigset_t mask;
 
@@ -256,7 +292,7 @@ static int poll_until(struct pollfd *set, nfds_t count, int64_t ns)
 PUBLIC int poll(struct pollfd *set, nfds_t count, int timeout_ms)
 {
     REAL(poll);
-    if (!follows())
+    if (!follows() && !has_uio(set, count))
         return real(set, count, timeout_ms);
     return poll_until(set, count, timeout_ms < 0 ? -1 : (int64_t)timeout_ms * 1000000);
 }
@@ -276,7 +312,7 @@ PUBLIC int ppoll(struct pollfd *set, nfds_t count, const struct timespec *timeou
     int found;
     REAL(ppoll);
 
-    if (!follows())
+    if (!follows() && !has_uio(set, count))
         return real(set, count, timeout, mask);
     if (mask != NULL)
         pthread_sigmask(SIG_SETMASK, mask, &before);
@@ -343,7 +379,7 @@ PUBLIC int select(int count, fd_set *in, fd_set *out, fd_set *except, struct tim
     int found;
     REAL(select);
 
-    if (!follows())
+    if (!follows() && !selects_uio(count, in))
         return real(count, in, out, except, timeout);
     found = select_until(count, in, out, except, ns);
     if (timeout != NULL && found == 0)
@@ -358,7 +394,7 @@ PUBLIC int pselect(int count, fd_set *in, fd_set *out, fd_set *except,
     int found;
     REAL(pselect);
 
-    if (!follows())
+    if (!follows() && !selects_uio(count, in))
         return real(count, in, out, except, timeout, mask);
     if (mask != NULL)
         pthread_sigmask(SIG_SETMASK, mask, &before);
@@ -427,7 +463,10 @@ static void pass_to_interrupt(void)
     card_enter(&before);
     seen = card_interrupts();
     while (!card_due() && card_interrupts() == seen) {
-        card_approach_interrupt(10000000);
+        if (card.virtual_time)
+            card_approach_interrupt(10000000);
+        else
+            sys_poll(NULL, 0, GRACE_MS);
         sigemptyset(&waiting);
         if (sigpending(&waiting) == 0 && !sigisemptyset(&waiting))
             break;
@@ -443,7 +482,7 @@ PUBLIC int sigsuspend(const sigset_t *mask)
 
     if (card.present)
         sigdelset(&copy, SIGSEGV);
-    if (!follows() || card.signal == 0 || sigismember(mask, card.signal))
+    if (!card_in_use() || card.signal == 0 || sigismember(mask, card.signal))
         return real(&copy);
     sigfillset(&all);
     pthread_sigmask(SIG_BLOCK, &all, &before);
