@@ -208,7 +208,7 @@ def test_a_second_board_of_the_same_name_is_refused_by_the_token(processes: Proc
     assert not second.ready
     assert second.stop() == 4
     assert f'a board called "bench" is on the network of {endpoint} already' in second.said
-    assert keys.owner("bench", keys.WHOLE, "") in second.said
+    assert keys.owner("bench", "") in second.said
 
     first.stop()
     again = processes.start_elsewhere("bench", connected_to(endpoint), elsewhere)

@@ -262,7 +262,7 @@ def test_two_boards_that_meet_late_are_reported() -> None:
     with served(board(), LinkSpec("zenoh:")) as server:
         server._hosts[0].transport.report = said.append
         other = open_session(connect=[endpoint_of(server.urls[0])], mode="client")
-        token = keys.owner("bench", keys.WHOLE, str(other.zid()))
+        token = keys.owner("bench", str(other.zid()))
         kept = other.liveliness().declare_token(token)
         until(lambda: said, "a report of the other board")
         assert f"another board of this name has appeared on the network ({token})" in said[0]

@@ -7,7 +7,7 @@ import pytest
 import trustme
 
 from tests.e2e.serving import served
-from tests.zenoh.processes import Processes, connected_to
+from tests.zenoh.processes import Processes, connected_to, until
 from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.errors import TransportError
@@ -15,6 +15,7 @@ from vbus.network.discovery import boards_on
 from vbus.network.security import Security
 from vbus.network.session import Network, close_session, free_endpoint, open_session
 from vbus.server.server import LinkSpec
+from vbus.transports.zenoh import ZenohTransport
 
 
 @dataclass
@@ -64,12 +65,16 @@ def secured(files: Files, **allow: tuple[str, ...]) -> tuple[Network, str]:
 def test_a_host_may_use_the_bus_it_is_allowed_and_nothing_else(files: Files) -> None:
     network, endpoint = secured(files, alice=("bench/x/bus",), bob=("bench/*/telemetry",))
     alice, bob, carol = files.of("alice"), files.of("bob"), files.of("carol")
-    with served(board(), LinkSpec("zenoh:", network=network)):
+    with served(board(), LinkSpec("zenoh:", network=network)) as server:
         with connect(link("bench/x", endpoint, alice)) as bus:
             assert bus.read(0) == 0x84
             with bus.claim():
                 bus.events("x.HI")
                 bus.echo()
+            # The token and the events of a host lie below the bus.
+            transport = server._hosts[0].transport
+            assert isinstance(transport, ZenohTransport)
+            until(lambda: all(link.token_seen for link in transport._links.values()), "the token")
         for target, who, said in (
             ("bench/y", alice, r'"alice" may use bench/x/bus here, but not vbus/bench/y/bus'),
             ("bench", alice, r'"alice" may use bench/x/bus here, but not vbus/bench/bus'),

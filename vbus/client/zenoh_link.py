@@ -270,7 +270,7 @@ class ZenohLink(Link):
             return allowed
         chunks = self._bus_key.split("/")
         board = chunks[1]
-        replies = self._network.liveliness().get(keys.owner(board, "*", "*"), timeout=1.0)
+        replies = self._network.liveliness().get(keys.owner(board, "*"), timeout=1.0)
         if any(reply.ok is not None for reply in replies):
             if len(chunks) == 4:
                 return (

@@ -23,11 +23,7 @@ def boards_on(connect: Sequence[str], security: Security | None = None) -> list[
     session = open_session(connect=connect, mode="client", security=security)
     try:
         tokens = session.liveliness().get(keys.OWNERS, timeout=ASK_SECONDS)
-        owners: dict[str, set[str]] = {}
-        for token in tokens:
-            if token.ok is not None:
-                _, board, _, part, _ = str(token.ok.key_expr).split("/")
-                owners.setdefault(board, set()).add(part)
+        owners = {str(token.ok.key_expr).split("/")[1] for token in tokens if token.ok is not None}
         found = []
         for board in sorted(owners):
             answers = []

@@ -7,15 +7,13 @@ ROOT: Final = "vbus"
 
 ACCESS: Final = f"{ROOT}/@access"
 """Asked by a host that got no reply: what may the holder of my certificate use?"""
-OWNERS: Final = f"{ROOT}/*/owner/*/*"
+OWNERS: Final = f"{ROOT}/*/owner/*"
 """Liveliness: every board, with the sessions that own its keys."""
-WHOLE: Final = "-"
-"""In place of a node's name: this process serves the whole board."""
 
 
-def owner(board: str, part: str, session: str) -> str:
-    """Return the liveliness token of the process that serves ``board``, or one node of it."""
-    return f"{ROOT}/{board}/owner/{part}/{session}"
+def owner(board: str, session: str) -> str:
+    """Return the liveliness token of the process that serves ``board``."""
+    return f"{ROOT}/{board}/owner/{session}"
 
 
 def bus(board: str, chip: str = "") -> str:

@@ -36,14 +36,12 @@ class Network:
         connect: endpoints of routers to connect to.
         security: certificates and rights, if any.
         grace_seconds: how long the session of a host that has vanished is kept for its return.
-        part: name of the node, where this process serves one node of a board; else empty.
     """
 
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
     security: Security | None = None
     grace_seconds: float = 2.0
-    part: str = ""
 
 
 def open_network(network: Network) -> zenoh.Session:

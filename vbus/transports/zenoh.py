@@ -63,7 +63,7 @@ class ZenohTransport(Transport):
         self._served = served
         self._network = served.network or Network()
         board = served.board.name
-        self._buses = {} if self._network.part else {keys.bus(board): ()}
+        self._buses = {keys.bus(board): ()}
         self._buses.update({keys.bus(board, chip): (chip,) for chip in served.chips})
         self.url = f"zenoh:{board}"
 
@@ -96,9 +96,8 @@ class ZenohTransport(Transport):
         else:
             session, endpoints = self._join_loopback()
         assert self._served is not None
-        if not self._network.part:
-            place = places.board_place(self._served.board.name)
-            self._place = places.register(place, endpoints)
+        place = places.board_place(self._served.board.name)
+        self._place = places.register(place, endpoints)
         self.url = f"zenoh:{self._served.board.name}?connect={','.join(endpoints)}"
         return session
 
@@ -117,15 +116,14 @@ class ZenohTransport(Transport):
         raise AssertionError
 
     def _own(self, board: str) -> None:
-        """Take the keys of the board, or of one node of it.
+        """Take the keys of the board.
 
         Raises:
             NameInUseError: another process has them.
         """
         assert self._session is not None
         session = self._session
-        part = self._network.part or keys.WHOLE
-        mine = keys.owner(board, part, str(session.zid()))
+        mine = keys.owner(board, str(session.zid()))
         if self._network.listen and self._network.connect:
             time.sleep(SETTLE_SECONDS)
         self._refuse(board, self._rivals(board))
@@ -134,21 +132,15 @@ class ZenohTransport(Transport):
         self._refuse(board, {other for other in self._rivals(board) if other < mine})
 
     def _rivals(self, board: str) -> set[str]:
-        """Return the tokens of other processes that serve what this one serves."""
+        """Return the tokens of other processes that serve a board of this name."""
         assert self._session is not None
-        found: set[str] = set()
-        for part in (self._network.part or "*", keys.WHOLE):
-            pattern = keys.owner(board, part, "*")
-            replies = self._session.liveliness().get(pattern, timeout=ASK_SECONDS)
-            found |= {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+        replies = self._session.liveliness().get(keys.owner(board, "*"), timeout=ASK_SECONDS)
+        found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
         return {token for token in found if self._is_rival(token)}
 
     def _is_rival(self, token: str) -> bool:
         assert self._session is not None
-        *_, part, session = token.split("/")
-        return session != str(self._session.zid()) and (
-            not self._network.part or part in (self._network.part, keys.WHOLE)
-        )
+        return token.rpartition("/")[2] != str(self._session.zid())
 
     def _refuse(self, board: str, rivals: set[str]) -> None:
         if rivals:
@@ -184,7 +176,7 @@ class ZenohTransport(Transport):
             )
         self._kept.append(
             session.liveliness().declare_subscriber(
-                keys.owner(board, "*", "*"),
+                keys.owner(board, "*"),
                 callback(entry(self._owner), indirect=False),
                 history=True,
             )
