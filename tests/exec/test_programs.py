@@ -331,7 +331,7 @@ def test_an_interrupt_arrives(
     ("how", "lines"),
     [
         ("uio", ["interrupt 1", "done 04, signals 0", "again 2"]),
-        ("poll", ["poll 1", "interrupt 1", "done 04, signals 0", "again 2"]),
+        ("poll", ["poll 0", "poll 1", "interrupt 1", "done 04, signals 0", "again 2"]),
         ("select", ["select 1", "interrupt 1", "done 04, signals 0", "again 2"]),
         ("signal", ["done 04, signals 1"]),
     ],
@@ -339,6 +339,7 @@ def test_an_interrupt_arrives(
 def test_an_interrupt_arrives_in_real_time(
     programs: Callable[[str, int], Path], tmp_path: Path, how: str, lines: list[str]
 ) -> None:
+    """The move takes 0.9 s: the first poll, of 10 ms, sees nothing."""
     sends = 'signal = "SIGIO"' if how == "signal" else ""
     board = SERVO.format(time="realtime", card=sends)
     done = execute(tmp_path, board, programs("interrupts", 64), how)
