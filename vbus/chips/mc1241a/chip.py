@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import ClassVar
 
+from mypy_extensions import i64
+
 from vbus.chips.base import Chip
 from vbus.chips.mc1241a.axis import Axis
 from vbus.chips.mc1241a.commands import Commands
@@ -76,7 +78,7 @@ class MC1241A(Chip):
         self.axis_count = 2 if part == "MC1241A" else 1
         self.read_low_ps = 100_000
         self.cycle_ps = 200_000
-        self.instant: int = 0
+        self.instant: i64 = 0
         """Instant of what the chip is doing now (ps)."""
         self.busy_stretch: int = 0
         """Fault: this much is added to every busy time (ps)."""
@@ -94,8 +96,8 @@ class MC1241A(Chip):
         self.commands: Commands = Commands(self)
         self.output: Output = Output(self)
         self._slot_busy: bool = self.settings["host_busy"] == "slot"
-        self._wake: int = 0
-        self._hold_at: int = NEVER
+        self._wake: i64 = 0
+        self._hold_at: i64 = NEVER
         self._held: bool = False
         self._adapter_read: bool = False
         self.host_pins: HostPins = HostPins(self)
@@ -278,8 +280,15 @@ class MC1241A(Chip):
     def _reckon(self) -> None:
         """Work out when the next thing is due."""
         wake = self.cycles.boundary
-        due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at, self.output.due())
-        self._wake = due if due < wake else wake
+        due = self.port.due()
+        if due < wake:
+            wake = due
+        due = self.output.due()
+        if due < wake:
+            wake = due
+        if self.interrupts.quiet_until < wake:
+            wake = self.interrupts.quiet_until
+        self._wake = wake if wake < self._hold_at else self._hold_at
 
     def _host_effect(self, when: int) -> None:
         mode = self.shared.output_mode

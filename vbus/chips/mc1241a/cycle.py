@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING, Final
 
+from mypy_extensions import i64
+
 from vbus.chips.mc1241a.axis import Axis
 from vbus.chips.mc1241a.datasheet import CYCLE_CLK, OUTPUT_PWM, SLOT_CLK, SLOTS
 from vbus.chips.mc1241a.microstep import FULL_SCALE
@@ -52,18 +54,18 @@ class Cycles:
         self._axes: list[Axis] = axes
         self.shared: Shared = Shared()
         self.motors: list[Plant | None] = [None] * len(axes)
-        self.boundary: int = NEVER
+        self.boundary: i64 = NEVER
         """Instant at which the next slot or cycle begins (ps); NEVER while ~Reset is held."""
         self.skipping: bool = True
         """Whether cycles in which nothing happens are passed over; the results are the same."""
         self.run_count: int = 0
         """Cycles run, not passed over, since the chip set was made."""
-        self._origin: int = 0
-        self._slot: int = 0
+        self._origin: i64 = 0
+        self._slot: i64 = 0
         self._slotted: bool = False
-        self._reset_since: int = 0
-        self._slot_start: int = 0
-        self._slot_end: int = 0
+        self._reset_since: i64 = 0
+        self._slot_start: i64 = 0
+        self._slot_end: i64 = 0
         self._driven: list[tuple[int, int, int]] = [(0, 0, 0)] * len(axes)
 
     # -- reset --------------------------------------------------------------------------------
@@ -97,17 +99,18 @@ class Cycles:
 
     # -- time ---------------------------------------------------------------------------------
 
-    def ps_of(self, clk: int) -> int:
+    def ps_of(self, clk: i64) -> i64:
         """Return the instant of clock ``clk``, counted from the end of the last reset."""
         return self._chip.clock.ps(self._origin + clk)
 
-    def clk_from(self, instant: int) -> int:
+    def clk_from(self, instant: i64) -> i64:
         """Return the first clock at or after ``instant``, counted in the same way."""
         return self._chip.clock.cycle_at(instant - 1) + 1 - self._origin
 
-    def slot_at(self, instant: int) -> int:
+    def slot_at(self, instant: i64) -> i64:
         """Return the number of the slot under way at ``instant``."""
-        return max(0, (self._chip.clock.cycle_at(instant) - self._origin) // SLOT_CLK)
+        slot = (self._chip.clock.cycle_at(instant) - self._origin) // SLOT_CLK
+        return slot if slot > 0 else 0
 
     # -- slots and cycles ---------------------------------------------------------------------
 
@@ -132,7 +135,7 @@ class Cycles:
             self._slot_end = self.ps_of((slot + 1) * SLOT_CLK)
             for number, motor in enumerate(self.motors):
                 if motor is not None:
-                    self._drive(number, motor)
+                    self._drive(number, motor, slot)
             chip.output.begin_slot(slot * SLOT_CLK)
         self._slot = slot + 1
         self._plan()
@@ -179,15 +182,16 @@ class Cycles:
                     self._slot = self.slot_at(self._chip.instant) + 1
                 self._plan()
 
-    def _drive(self, number: int, motor: Plant) -> None:
+    def _drive(self, number: int, motor: Plant, slot: i64) -> None:
         """Run a motor through the slot that begins, with the currents just looked up."""
-        a, b, c = self._driven[number] = self._currents(number)
+        a, b, c = self._driven[number] = self._currents(number, slot)
         motor.phases(a / FULL_SCALE, b / FULL_SCALE, c / FULL_SCALE)
 
-    def _currents(self, number: int) -> tuple[int, int, int]:
+    def _currents(self, number: int, slot: i64) -> tuple[int, int, int]:
         """Return the phase currents of an axis; the amplifier makes the third (PMD-USTP-3)."""
-        a, b = self.phase_outputs(number)
-        return a, b, 0 if self._axes[number].stepper.two_phase else -(a + b)
+        axis = self._axes[number]
+        a, b = axis.stepper.outputs(slot, slot % SLOTS + 1, axis.active.motor_command)
+        return a, b, 0 if axis.stepper.two_phase else -(a + b)
 
     def phase_outputs(self, number: int) -> tuple[int, int]:
         """Return phases A and B of an axis as they are now (-32767 to 32767)."""
@@ -209,7 +213,8 @@ class Cycles:
         instant = self._chip.instant
         fraction = 1.0
         if instant < self._slot_end:
-            fraction = (instant - self._slot_start) / (self._slot_end - self._slot_start)
+            into = float(instant - self._slot_start)
+            fraction = into / float(self._slot_end - self._slot_start)
         for axis in self._axes:
             axis.encoder.follow(instant, fraction)
 
@@ -218,6 +223,7 @@ class Cycles:
     def _idle(self) -> int:
         """Return how many coming cycles would change nothing but the time."""
         idle = FOR_EVER
+        slot = self.slot_at(self._chip.instant)
         for number, axis in enumerate(self._axes):
             positive, negative = self._limits(axis)
             quiet = axis.idle_cycles(
@@ -228,7 +234,7 @@ class Cycles:
                 return 0
             motor = self.motors[number]
             if motor is not None:
-                if self._driven[number] != self._currents(number) or not motor.resting():
+                if self._driven[number] != self._currents(number, slot) or not motor.resting():
                     return 0
             idle = min(idle, quiet)
         return idle

@@ -2,7 +2,9 @@
 
 from typing import TYPE_CHECKING, Final
 
-from vbus.bits import wrap
+from mypy_extensions import i64
+
+from vbus.bits import wrap, wrap_word
 from vbus.chips.mc1241a.datasheet import (
     AC,
     CAPTURE_HOME,
@@ -121,7 +123,7 @@ class Encoder:
 
     # -- counting -----------------------------------------------------------------------------
 
-    def follow(self, instant: int, fraction: float) -> None:
+    def follow(self, instant: i64, fraction: float) -> None:
         """Count up to ``instant``, which is ``fraction`` of the present slot away from its start.
 
         Everything that happens by then is seen with the capture set-up as it is.
@@ -161,12 +163,12 @@ class Encoder:
             return self.count
         return self.count + self._plant.count_at(mechanics.fraction_at(at)) - self._seen
 
-    def _settle(self, instant: int) -> None:
+    def _settle(self, instant: i64) -> None:
         """Take what the driven pins have done by ``instant``, in its order."""
         decoder, home = self._decoder, self._home_filter
         while True:
             quadrature, switch = decoder.due(), home.due()
-            if min(quadrature, switch) > instant:
+            if quadrature > instant and switch > instant:
                 return
             if switch < quadrature:
                 home.take()
@@ -191,7 +193,7 @@ class Encoder:
         turn = self.counted + (1 << POSITION_BITS - 1) >> POSITION_BITS
         self.wrapped = turn != self._turn
         self._turn = turn
-        self.actual = wrap(self.counted, POSITION_BITS)
+        self.actual = wrap_word(self.counted, POSITION_BITS)
         return moved
 
     def set_position(self, value: int) -> None:

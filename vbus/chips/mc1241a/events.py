@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING, Final
 
+from mypy_extensions import i64
+
 from vbus.chips.mc1241a.datasheet import (
     AUTO_STOP,
     AUTO_UPDATE_OFF,
@@ -50,7 +52,7 @@ class Interrupts:
     def __init__(self) -> None:
         self.axis: int = NOBODY
         """Number (0-based) of the interrupting axis, or :data:`NOBODY`."""
-        self.quiet_until: int = NEVER
+        self.quiet_until: i64 = NEVER
         """End of the shortest time the line stays high after RST_INTRPT; NEVER outside it."""
 
     def reset(self) -> None:

@@ -3,10 +3,13 @@
 from math import pi, sin
 from typing import Final
 
+from mypy_extensions import i64
+
 FULL_SCALE: Final = 32_767
 """Largest phase output and motor command."""
 STEPS: Final = 256
 """Microsteps in an electrical cycle: four full steps of 64 (PMD-USTP-1)."""
+_CYCLE: Final = (STEPS << 32) - 1
 
 
 def _wave(lead: float) -> tuple[int, ...]:
@@ -56,12 +59,13 @@ class Microstepper:
     """
 
     def __init__(self, b_leads: bool) -> None:
-        self._b_leads: bool = b_leads
+        self._two: tuple[int, ...] = PHASE_B[True, b_leads]
+        self._three: tuple[int, ...] = PHASE_B[False, b_leads]
         self.two_phase: bool = False
         self._shift: int = 0
         self._from: int = 0
         self._moved: int = 0
-        self._held_slot: int = -1
+        self._held_slot: i64 = -1
         self._held_a: int = 0
         self._held_b: int = 0
 
@@ -90,11 +94,12 @@ class Microstepper:
         """
         self._shift = self._shift + before - after & (STEPS - 1)
 
-    def angle(self, slot: int) -> int:
+    def angle(self, slot: i64) -> int:
         """Return the place in the electrical cycle (0..255) of slot 1 to 8 of this cycle."""
-        return (8 * self._from + self._moved * slot >> 35) & (STEPS - 1)
+        # Whole electrical cycles of the start make no difference, but large numbers.
+        return (8 * (self._from & _CYCLE) + self._moved * int(slot) >> 35) & (STEPS - 1)
 
-    def hold(self, slot_number: int, slot: int, command: int) -> None:
+    def hold(self, slot_number: i64, slot: i64, command: int) -> None:
         """Remember the present outputs until the next look-up: the command is about to change.
 
         Args:
@@ -106,16 +111,16 @@ class Microstepper:
             self._held_a, self._held_b = self._look_up(slot, command)
             self._held_slot = slot_number
 
-    def outputs(self, slot_number: int, slot: int, command: int) -> tuple[int, int]:
+    def outputs(self, slot_number: i64, slot: i64, command: int) -> tuple[int, int]:
         """Return both phase outputs (-32767 to 32767) as looked up in a slot."""
         if slot_number == self._held_slot:
             return self._held_a, self._held_b
         return self._look_up(slot, command)
 
-    def _look_up(self, slot: int, command: int) -> tuple[int, int]:
+    def _look_up(self, slot: i64, command: int) -> tuple[int, int]:
         angle = self.angle(slot)
-        b = PHASE_B[self.two_phase, self._b_leads][angle]
-        return scaled(command, PHASE_A[angle]), scaled(command, b)
+        waves = self._two if self.two_phase else self._three
+        return scaled(command, PHASE_A[angle]), scaled(command, waves[angle])
 
     def still(self) -> bool:
         """Whether every slot of this cycle has the same angle."""

@@ -3,6 +3,8 @@
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Final
 
+from mypy_extensions import i64
+
 from vbus.chips.mc1241a.datasheet import FRAME_CLK, OUTPUT_DAC16, OUTPUT_PWM
 from vbus.chips.mc1241a.microstep import dac_word, pwm_magnitude
 from vbus.kernel import NEVER
@@ -10,6 +12,9 @@ from vbus.signals import HIGH, LOW, Pin
 
 if TYPE_CHECKING:
     from vbus.chips.mc1241a.chip import MC1241A
+
+_NEVER: Final[i64] = int(NEVER)
+"""As a machine word: a compiled core keeps a literal this large as an object."""
 
 PHASES: Final = ("1A", "1B", "2A", "2B")
 
@@ -71,11 +76,11 @@ class Output:
         for pin in self._pins:
             self._chip.put(pin, pin.net.rest)
 
-    def due(self) -> int:
+    def due(self) -> i64:
         """Return the instant of the next edge or frame (ps), NEVER if nobody looks."""
         if not self.heard or self._chip.stopped():
-            return NEVER
-        due = self._queue[0][0] if self._queue else NEVER
+            return _NEVER
+        due: i64 = self._queue[0][0] if self._queue else NEVER
         if self._chip.shared.output_mode == OUTPUT_PWM:
             frame = self._chip.cycles.ps_of(self._frame * FRAME_CLK)
             return frame if frame < due else due

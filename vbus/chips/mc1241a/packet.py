@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING, Final
 
+from mypy_extensions import i64
+
 from vbus.chips.mc1241a.datasheet import (
     ABORTED,
     COMMANDS,
@@ -18,6 +20,9 @@ from vbus.kernel import NEVER
 
 if TYPE_CHECKING:
     from vbus.chips.mc1241a.chip import MC1241A
+
+_NEVER: Final[i64] = int(NEVER)
+"""As a machine word: a compiled core keeps a literal this large as an object."""
 
 NOTHING: Final = 0
 READY: Final = 1
@@ -36,7 +41,7 @@ class HostPort:
     def __init__(self, chip: "MC1241A") -> None:
         self._chip: MC1241A = chip
         self._noop_codes: bool = chip.settings["family_codes"] == "noop"
-        self.busy_until: int = 0
+        self.busy_until: i64 = 0
         """HostRdy rises at this instant (ps), NEVER if no end is in sight."""
         self.busy_since: int = 0
         self.last_driven: int = 0
@@ -208,9 +213,9 @@ class HostPort:
 
     # -- state --------------------------------------------------------------------------------
 
-    def due(self) -> int:
+    def due(self) -> i64:
         """Return the instant at which :meth:`finish` is due, NEVER if nothing is pending."""
-        return self.busy_until if self._pending != NOTHING else NEVER
+        return self.busy_until if self._pending != NOTHING else _NEVER
 
     def save(self) -> tuple[int, ...]:
         """Return the whole state."""

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from vbus.bits import wrap
+from vbus.bits import wrap, wrap_word
 from vbus.chips.mc1241a.datasheet import (
     ACCELERATION_BITS,
     GEAR,
@@ -28,6 +28,8 @@ HALTED: Final = 2
 MAGNITUDE_MASK: Final = (1 << MAGNITUDE_BITS) - 1
 WORD_BITS: Final = POSITION_BITS + 32
 """A position with its 32 fraction bits (PMD-TRJ-1)."""
+_FAR_INSIDE: Final = 1 << 61
+"""Positions nearer to 0 are far from the ends of their range, and fit a machine word."""
 
 
 class Profile:
@@ -213,7 +215,7 @@ class Profile:
             return self._slow_down(acceleration, start_velocity)
         position = self.position >> 16
         remaining = (self._destination << 16) - position
-        velocity = next_velocity(
+        velocity: int = next_velocity(
             remaining, self.velocity >> 16, active.velocity, acceleration, start_velocity
         )
         self.moved = (position + velocity << 16) - self.position
@@ -226,19 +228,19 @@ class Profile:
 
     def _contour(self, active: Registers, start_velocity: int) -> bool:
         """PMD-TRJ-6: toward +V or -V, as the acceleration's sign says."""
-        acceleration = wrap(active.acceleration, ACCELERATION_BITS)
+        acceleration: int = wrap_word(active.acceleration, ACCELERATION_BITS)
         if self._smooth:
             return self._slow_down(abs(acceleration), start_velocity)
         before = self.velocity >> 16
         goal = active.velocity if acceleration >= 0 else -active.velocity
-        velocity = toward(before, goal, abs(acceleration), start_velocity)
+        velocity: int = toward(before, goal, abs(acceleration), start_velocity)
         self.velocity = velocity << 16
         self.moved = (self.position >> 16 << 16) - self.position + self.velocity
         return velocity == 0 and before != 0 and goal == 0
 
     def _slow_down(self, acceleration: int, start_velocity: int) -> bool:
         """Smooth stop: linear, at once without an acceleration (PMD-TRJ-10, NOTES 8)."""
-        velocity = toward(self.velocity >> 16, 0, acceleration, start_velocity)
+        velocity: int = toward(self.velocity >> 16, 0, acceleration, start_velocity)
         if acceleration == 0:
             velocity = 0
         self.velocity = velocity << 16
@@ -261,6 +263,9 @@ class Profile:
     def _advance(self) -> int:
         """Move the target; it goes on at the other end of its range (PMD-TRJ-1)."""
         position = self.position + self.moved
+        if -_FAR_INSIDE < position < _FAR_INSIDE:
+            self.position = position
+            return 0
         self.position = wrap(position, WORD_BITS)
         if position == self.position:
             return 0

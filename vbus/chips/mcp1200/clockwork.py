@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
+from mypy_extensions import i64
+
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.capture import Breakpoint
 from vbus.chips.mcp1200.core import IDLE, Core
@@ -86,17 +88,17 @@ class Clockwork:
         self.side: SidePins
         self.encoder_pins: EncoderPins
         self.state: int = HELD
-        self.released: int = -1
+        self.released: i64 = -1
         self._stall_clk: int = int(settings["io_stall_clk"])
         self._request: int = NO_REQUEST
         self._writes: list[tuple[int, int, int]] = []
         self._aiming: bool = False
         """The loop has closed: followers may follow its aim."""
-        self._target: int = 0
-        self._at_reset: int = FAR
-        self._at_sample: int = FAR
-        self._at_results: int = FAR
-        self._at_routine: int = FAR
+        self._target: i64 = 0
+        self._at_reset: i64 = FAR
+        self._at_sample: i64 = FAR
+        self._at_results: i64 = FAR
+        self._at_routine: i64 = FAR
 
     # -- order --------------------------------------------------------------------------------
 
@@ -105,15 +107,14 @@ class Clockwork:
         due = self._next_own()
         return min(due, self._writes[0][0]) if self._writes else due
 
-    def _next_own(self) -> int:
-        return min(
-            self._next_count(), self._at_reset, self._at_results, self._at_sample,
-            self._at_routine, self.encoder.end,
-        )  # fmt: skip
+    def _next_own(self) -> i64:
+        # Two at a time: a compiled core makes comparisons of these.
+        first = min(self._at_reset, min(self._at_results, self._at_sample))
+        return min(min(first, self._at_routine), min(self.encoder.end, self._next_count()))
 
-    def _next_count(self) -> int:
+    def _next_count(self) -> i64:
         """When the position counter has something to do."""
-        return min(self.encoder.at, self.encoder_pins.at, self.counter.at_match)
+        return min(self.encoder.at, min(self.encoder_pins.at, self.counter.at_match))
 
     def next_output(self) -> int:
         """A cycle not later than the next change of an output other than Pulse and Sign."""
@@ -412,8 +413,11 @@ class Clockwork:
 
     def _next_period(self, cycle: int) -> None:
         """The plant's period is over: run it to the next instant its drive may change."""
-        dues = [due for due in (self._at_sample, self._at_results) if cycle < due < FAR]
-        end = min(dues) if dues else cycle + self.timer.period
+        end = self._at_sample if self._at_sample > cycle else FAR
+        if cycle < self._at_results < end:
+            end = self._at_results
+        if end == FAR:
+            end = cycle + self.timer.period
         self.drive.period(cycle, end, self._aiming, self.core.following.aim())
         self.counter.plan()
 

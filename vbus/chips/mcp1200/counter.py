@@ -1,5 +1,7 @@
 """The actual position counter, and the hardware that watches every count of it."""
 
+from mypy_extensions import i64
+
 from vbus.bits import wrap
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.capture import Breakpoint, index_edge
@@ -41,7 +43,7 @@ class PositionCounter:
         self._stepper: Stepper = stepper
         self._breakpoint: Breakpoint = breakpoint
         self._index_high: bool = index_high
-        self.at_match: int = FAR
+        self.at_match: i64 = FAR
 
     @property
     def step_mode(self) -> bool:

@@ -1,5 +1,7 @@
 """The position counter, and the encoder's course through the plant's present period."""
 
+from mypy_extensions import i64
+
 from vbus.bits import wrap
 from vbus.chips.mcp1200.timer import FAR
 from vbus.signals import Plant, Switch
@@ -36,19 +38,19 @@ class Encoder:
         self.plant: Plant | None = None
         self.limits: list[Switch] = []
         self._home: Switch | None = None
-        self.direction: int = 1
-        self.offset: int = 0
-        self.seen: int = 0
-        self.at: int = FAR
-        self.at_count: int = 0
-        self.end: int = FAR
+        self.direction: i64 = 1
+        self.offset: i64 = 0
+        self.seen: i64 = 0
+        self.at: i64 = FAR
+        self.at_count: i64 = 0
+        self.end: i64 = FAR
         self.inside: bool = False
-        self.external: int = 0
-        self._start: int = 0
-        self._length: int = 1
-        self._first: int = 0
-        self._last: int = 0
-        self._prepared: int = 0
+        self.external: i64 = 0
+        self._start: i64 = 0
+        self._length: i64 = 1
+        self._first: i64 = 0
+        self._last: i64 = 0
+        self._prepared: i64 = 0
         self._pulses: bool = False
         self._servo: bool = False
 
@@ -78,7 +80,7 @@ class Encoder:
             return self._last
         if past <= 0:
             return self._first
-        return self.plant.count_at(past / self._length)
+        return self.plant.count_at(float(past) / float(self._length))
 
     def position(self, cycle: int) -> int:
         """The 24-bit position counter at ``cycle``."""
@@ -159,22 +161,23 @@ class Encoder:
         plant = self.plant
         if plant is None or here == self._last:
             return
-        towards = 1 if self._last > here else -1
-        nearest = abs(self._last - here) + 1
+        towards: i64 = 1 if self._last > here else -1
+        far = (self._last - here) * towards
+        nearest = far + 1
         if armed:
             away = wrap(compare - self.offset - self.direction * here, 24) * self.direction
             if 0 < away * towards < nearest:
                 nearest = away * towards
         found, count = plant.index_between(here, self._last)
         if found:
-            nearest = min(nearest, abs(int(count) - here))
+            nearest = min(nearest, (count - here) * towards)
         if self.inside:
             nearest = 1
         for switch in self.limits:
             nearest = min(nearest, _boundary(switch, here, towards, nearest))
         if self._home is not None:
             nearest = min(nearest, _boundary(self._home, here, towards, nearest))
-        if nearest > abs(self._last - here):
+        if nearest > far:
             return
         self.at_count = here + towards * nearest
         self.at = self._cycle_of(self.at_count)
@@ -183,9 +186,9 @@ class Encoder:
         plant = self.plant
         if plant is None:
             return FAR
-        place = plant.fraction_at(count) * self._length
-        cycles = int(place)
-        if cycles < place:
+        place = plant.fraction_at(count) * float(self._length)
+        cycles: i64 = int(place)
+        if float(cycles) < place:
             cycles += 1
         return self._start + min(max(cycles, 0), self._length)
 

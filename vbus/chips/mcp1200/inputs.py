@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from mypy_extensions import i64
+
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.capture import index_edge, trigger_edge
 from vbus.chips.mcp1200.clockwork import STANDING, Clockwork
@@ -49,7 +51,7 @@ class EncoderPins:
         self._a_at: int = LONG_AGO
         self._b_at: int = LONG_AGO
         self._index_at: int = LONG_AGO
-        self.at: int = FAR
+        self.at: i64 = FAR
         watcher = Watcher(chip.kernel, self._moved)
         for name in ("CHA", "CHB", "INDEX"):
             chip.pins[name].net.watch(watcher)

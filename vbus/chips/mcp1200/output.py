@@ -2,6 +2,8 @@
 
 from typing import Final
 
+from mypy_extensions import i64
+
 from vbus.bits import clamp, sign_extend
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
@@ -50,10 +52,10 @@ class Pwm:
 
     def __init__(self, registers: bytearray) -> None:
         self._bytes: bytearray = registers
-        self.start: int = 0
-        self.length: int = ds.PWM_RESOLUTION[0]
-        self.high: int = 0
-        self.sign: int = 0
+        self.start: i64 = 0
+        self.length: i64 = ds.PWM_RESOLUTION[0]
+        self.high: i64 = 0
+        self.sign: i64 = 0
 
     def command(self) -> int:
         """The motor command in R09 and R4D, in 1/16 of an R09 step."""

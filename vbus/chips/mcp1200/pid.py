@@ -2,7 +2,8 @@
 
 from typing import Final
 
-from vbus.bits import clamp
+from mypy_extensions import i64
+
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
 
@@ -15,13 +16,23 @@ class PidFilter:
     The integrator rests in a sample after a saturated one (MCP-FLT-3).
     """
 
-    __slots__ = ("_errors", "_integral", "_saturated", "_velocity")
+    __slots__ = (
+        "_error_1", "_error_2", "_error_3", "_error_4", "_error_5", "_error_6", "_error_7",
+        "_error_8", "_integral", "_saturated", "_velocity",
+    )  # fmt: skip
 
     def __init__(self) -> None:
-        self._errors: list[int] = [0] * LONGEST_SPAN
-        """Errors of the last samples, the latest first."""
-        self._integral: int = 0
-        self._velocity: int = 0
+        # Errors of the last samples, one word each: a list would make objects of them.
+        self._error_1: i64 = 0
+        self._error_2: i64 = 0
+        self._error_3: i64 = 0
+        self._error_4: i64 = 0
+        self._error_5: i64 = 0
+        self._error_6: i64 = 0
+        self._error_7: i64 = 0
+        self._error_8: i64 = 0
+        self._integral: i64 = 0
+        self._velocity: i64 = 0
         self._saturated: bool = False
 
     @property
@@ -31,13 +42,13 @@ class PidFilter:
 
     def clear(self) -> None:
         """Forget old samples (MCP-FLT-5)."""
-        self._errors[:] = [0] * LONGEST_SPAN
+        self._keep_errors((0,) * LONGEST_SPAN)
         self._integral = 0
         self._velocity = 0
         self._saturated = False
 
-    def step(self, image: bytes, error: int, velocity: int) -> int:
-        """Return the motor command, not limited.
+    def step(self, image: bytes, error: i64, velocity: i64) -> i64:
+        """Return the motor command, not limited; it and all on the way to it fit 32 bits.
 
         Args:
             image: the registers at the sample's start.
@@ -45,14 +56,30 @@ class PidFilter:
             velocity: command velocity in 1/256 count per sample (MCP-FLT-4).
         """
         if not self._saturated:
-            limit = (image[ds.INTEGRAL_LIMIT_MSB] & 0x7F) << 8 | image[ds.INTEGRAL_LIMIT_LSB]
-            self._integral = clamp(self._integral + error, -limit, limit)
+            limit: i64 = (image[ds.INTEGRAL_LIMIT_MSB] & 0x7F) << 8 | image[ds.INTEGRAL_LIMIT_LSB]
+            integral = self._integral + error
+            if integral < -limit:
+                integral = -limit
+            self._integral = integral if integral < limit else limit
         span = image[ds.DERIVATIVE_SPAN]
-        if span not in ds.DERIVATIVE_SPANS:
-            span = 1
-        change = error - self._errors[span - 1]
-        self._errors.pop()
-        self._errors.insert(0, error)
+        if span == 2:
+            change = error - self._error_2
+        elif span == 3:
+            change = error - self._error_3
+        elif span == 4:
+            change = error - self._error_4
+        elif span == 8:
+            change = error - self._error_8
+        else:
+            change = error - self._error_1
+        self._error_8 = self._error_7
+        self._error_7 = self._error_6
+        self._error_6 = self._error_5
+        self._error_5 = self._error_4
+        self._error_4 = self._error_3
+        self._error_3 = self._error_2
+        self._error_2 = self._error_1
+        self._error_1 = error
         acceleration = velocity - self._velocity
         self._velocity = velocity
         command = (
@@ -65,11 +92,21 @@ class PidFilter:
         self._saturated = command > MC_MAX or command < MC_MIN
         return command
 
+    def _keep_errors(self, errors: tuple[int, ...]) -> None:
+        (
+            self._error_1, self._error_2, self._error_3, self._error_4, self._error_5,
+            self._error_6, self._error_7, self._error_8,
+        ) = errors  # fmt: skip
+
     def save(self) -> tuple[object, ...]:
         """Return the state."""
-        return (tuple(self._errors), self._integral, self._velocity, self._saturated)
+        errors = (
+            int(self._error_1), int(self._error_2), int(self._error_3), int(self._error_4),
+            int(self._error_5), int(self._error_6), int(self._error_7), int(self._error_8),
+        )  # fmt: skip
+        return (errors, self._integral, self._velocity, self._saturated)
 
     def load(self, state: tuple[object, ...]) -> None:
         """Take back what :meth:`save` gave."""
         errors, self._integral, self._velocity, self._saturated = state  # type: ignore[assignment]
-        self._errors[:] = errors  # type: ignore[call-overload]
+        self._keep_errors(tuple(errors))  # type: ignore[arg-type]

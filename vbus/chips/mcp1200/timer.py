@@ -2,6 +2,8 @@
 
 from typing import Final
 
+from mypy_extensions import i64
+
 from vbus.chips.mcp1200 import datasheet as ds
 
 FAR: Final = (1 << 62) - 1
@@ -28,9 +30,9 @@ class SampleTimer:
 
     def __init__(self, registers: bytearray) -> None:
         self._bytes: bytearray = registers
-        self.start: int = 0
-        self.pre: int = 1
-        self.counts: int = 1
+        self.start: i64 = 0
+        self.pre: i64 = 1
+        self.counts: i64 = 1
         self.running: bool = False
 
     @property

@@ -10,6 +10,8 @@ of earlier ones, each with its instant, by calling :meth:`Quadrature.settle` unt
 
 from typing import Final
 
+from mypy_extensions import i64
+
 from vbus.kernel import NEVER
 
 COUNTED: Final = 1
@@ -29,6 +31,8 @@ INDEX_INSIDE: Final = 4
 """The index moved while A and B stood low: set-up or hold time below 0."""
 
 LONG_AGO: Final = -(1 << 60)
+
+_NEVER: Final[i64] = int(NEVER)
 
 # Place of a state (A in bit 1, B in bit 0) in the order of counting up: 00, 10, 11, 01.
 _PLACE: Final = (0, 3, 1, 2)
@@ -51,11 +55,11 @@ class InputFilter:
     __slots__ = ("_floor", "dwell", "level", "raw", "since")
 
     def __init__(self, dwell: int, level: int = 1) -> None:
-        self.dwell: int = dwell
+        self.dwell: i64 = dwell
         self.level: int = level
         self.raw: int = level
-        self.since: int = LONG_AGO
-        self._floor: int = LONG_AGO
+        self.since: i64 = LONG_AGO
+        self._floor: i64 = LONG_AGO
 
     def edge(self, now: int, level: int) -> None:
         """The pin takes ``level`` at instant ``now``; whatever was due before has been taken."""
@@ -63,11 +67,12 @@ class InputFilter:
             self.raw = level
             self.since = now
 
-    def due(self) -> int:
+    def due(self) -> i64:
         """Return the instant at which the level at the pin will be believed, if it lasts."""
         if self.raw == self.level:
-            return NEVER
-        return max(self.since + self.dwell, self._floor)
+            return _NEVER
+        due = self.since + self.dwell
+        return due if due > self._floor else self._floor
 
     def take(self) -> None:
         """Believe the level at the pin."""
@@ -203,11 +208,16 @@ class Quadrature:
                 self._b.edge(now, b)
         return found
 
-    def due(self) -> int:
+    def due(self) -> i64:
         """Return the instant of the next thing :meth:`settle` will return if no edge comes."""
-        return min(self._a.due(), self._b.due(), self._index.due())
+        due = self._a.due()
+        other = self._b.due()
+        if other < due:
+            due = other
+        other = self._index.due()
+        return other if other < due else due
 
-    def settle(self, now: int) -> int:
+    def settle(self, now: i64) -> int:
         """Take the earliest thing due by ``now``.
 
         Call it until it returns 0, before telling an edge at ``now``: what is due at an instant
