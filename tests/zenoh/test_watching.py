@@ -14,7 +14,7 @@ from tests.zenoh.processes import PATIENCE, Processes, connected_to, until
 from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.network import places
-from vbus.network.session import close_session, open_session
+from vbus.network.session import Network, close_session, open_session
 from vbus.server.server import LinkSpec
 
 
@@ -131,8 +131,7 @@ def test_ls_finds_boards_by_a_router_and_says_when_there_is_none(processes: Proc
     assert f"{endpoint} cannot be reached: nobody listens there" in refused.stderr
 
 
-def test_a_program_that_forgets_to_close_its_link_ends_well(processes: Processes) -> None:
-    processes.board("bench")
+def test_a_program_that_forgets_to_close_its_link_says_good_bye_all_the_same() -> None:
     script = (
         "from vbus.client import connect\n"
         "bus = connect('zenoh:bench/x')\n"
@@ -140,7 +139,29 @@ def test_a_program_that_forgets_to_close_its_link_ends_well(processes: Processes
         "    bus.read(0)\n"
         "    bus.write(1, 0)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE
+    with served(board(), LinkSpec("zenoh:", network=Network(grace_seconds=3600))) as server:
+        done = subprocess.run(
+            [sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+        until(lambda: server.statistics()["links"][0]["sessions"] == 0, "the end of the session")
+
+
+def test_each_node_of_a_board_is_a_board_of_its_own_on_the_network(processes: Processes) -> None:
+    path = processes.folder / "two.toml"
+    chip = '[chips.{}]\npart = "LM629N-8"\nclock = "8 MHz"\nplant = "none"\nnode = "{}"\n'
+    host = '[[hosts]]\ntransport = "zenoh:"\nchips = ["{}"]\n'
+    path.write_text(
+        '[board]\nname = "two"\ntime = "lockstep"\npower_on = "done"\n[nodes.left]\n[nodes.right]\n'
+        + chip.format("x", "left")
+        + chip.format("y", "right")
+        + '[nets]\nwire = {pins = ["x.HI", "y./IN"], delay = "1 ms"}\n'
+        + host.format("x")
+        + host.format("y")
     )
-    assert (done.returncode, done.stderr) == (0, "")
+    started = processes.start("run", str(path))
+    assert started.ready, started.said
+    for link, chips in (("zenoh:two.left/x", ["x"]), ("zenoh:two.right", ["y"])):
+        with connect(link) as bus:
+            assert [found.name for found in bus.info.chips] == chips
+            assert bus.read(0) == 0x84

@@ -2,7 +2,7 @@
 
 from vbus.board import board, cards, plugins
 from vbus.board.metrics_checks import check_metrics
-from vbus.board.network_checks import check_network
+from vbus.board.network_checks import NETWORK_SCHEME, check_network
 from vbus.board.node_checks import NodeChecks
 from vbus.board.pin_map_checks import PinMapChecks
 from vbus.board.sections import NO_PLANT, BoardFile, CardSection, ChipSection
@@ -279,7 +279,7 @@ class _Checks:
                 )
             if host.protocol:
                 self._plugin((*path, "protocol"), plugins.PROTOCOLS, host.protocol)
-            if host.transport in links:
+            if host.transport in links and scheme != NETWORK_SCHEME:
                 self._source.fail(
                     (*path, "transport"),
                     f'"{host.transport}" is the link of hosts[{links[host.transport]}] already;'

@@ -7,7 +7,7 @@ from vbus.board.sections import BoardFile, ZenohSection
 from vbus.board.settings import quoted
 from vbus.board.source import Source
 
-SCHEME: Final = "zenoh"
+NETWORK_SCHEME: Final = "zenoh"
 _ENDPOINT: Final = re.compile(r"(tcp|tls)/(\[[0-9a-fA-F:.]+\]|[^/:#?]+):(\d{1,5})")
 _RIGHT: Final = re.compile(r"(\*\*|\*|[^/*$?#]+)(/(\*\*|\*|[^/*$?#]+))*")
 
@@ -75,22 +75,24 @@ def _check_rights(zenoh: ZenohSection, source: Source) -> None:
 
 
 def _check_hosts(file: BoardFile, source: Source) -> None:
-    earlier = -1
+    nodes = {chip.name: chip.node for chip in file.chips}
+    earlier: dict[str, int] = {}
     for place, host in enumerate(file.hosts):
         scheme, _, rest = host.transport.partition(":")
-        if scheme != SCHEME:
+        if scheme != NETWORK_SCHEME:
             continue
         path = ("hosts", place, "transport")
+        node = nodes.get(host.chips[0], "") if host.chips else ""
         if rest:
             source.fail(
                 path,
                 f'found {quoted(host.transport)}; write "zenoh:" and nothing behind it: where on'
                 " the network the board is stands in [zenoh]",
             )
-        elif earlier >= 0:
+        elif node in earlier:
             source.fail(
                 path,
-                f"hosts[{earlier}] is on the network already; one entry serves any number of"
+                f"hosts[{earlier[node]}] is on the network already; one entry serves any number of"
                 " hosts, and chips = [...] says what they reach",
             )
-        earlier = place
+        earlier.setdefault(node, place)
