@@ -257,6 +257,24 @@ def test_an_exception_in_a_callback_is_logged_and_the_host_is_told(
         host.close()
 
 
+def test_an_error_inside_the_board_ends_that_session_and_the_host_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def broken(*_: object) -> None:
+        raise RuntimeError("a fault for this test")
+
+    with (
+        served(board(), LinkSpec("zenoh:")),
+        connect("zenoh:bench/x") as bus,
+        connect("zenoh:bench/y") as other,
+    ):
+        with monkeypatch.context() as patched:
+            patched.setattr("vbus.server.pacer.Pacer.catch_up", broken)
+            with pytest.raises(TransportError, match=r"the session is over: internal error"):
+                bus.read(0)
+        assert other.read(0) == 0x84
+
+
 def test_two_boards_that_meet_late_are_reported() -> None:
     said: list[str] = []
     with served(board(), LinkSpec("zenoh:")) as server:

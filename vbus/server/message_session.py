@@ -81,6 +81,11 @@ class MessageSession(Session):
         self.sent += len(reply)
         self._messages.answer(reply)
 
+    def end(self, reason: str) -> None:
+        """End the session, and let the link say why."""
+        self._messages.reason = self._messages.reason or reason
+        super().end(reason)
+
     def _send(self) -> None:
         """Keep what the message gave so far."""
         self._collected += self.protocol.out

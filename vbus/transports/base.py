@@ -53,6 +53,8 @@ class MessageLink(Link):
     def __init__(self, peer: str, chips: tuple[str, ...] = ()) -> None:
         super().__init__(-1, peer)
         self.chips: tuple[str, ...] = chips
+        self.reason: str = ""
+        """Why the session has ended, if the transport did not end it; set by the session."""
 
     def answer(self, data: bytes) -> None:
         """Send what the message gave; the next one may come before this returns."""

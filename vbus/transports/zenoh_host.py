@@ -46,7 +46,6 @@ class ZenohLink(MessageLink):
         self.gone_since: float = -1.0
         self._network: zenoh.Session = network
         self._ended: Callable[[ZenohLink], None] = ended
-        self._reason: str = "the board has stopped"
         self._open: bool = True
 
     def _carry_out(self, data: bytes) -> None:
@@ -80,14 +79,14 @@ class ZenohLink(MessageLink):
 
     def host_ended(self, reason: str) -> None:
         """The host has said good-bye, or has vanished."""
-        self._reason = reason
+        self.reason = reason
         self.on_end(False)
 
     def close(self) -> None:
         """Refuse whatever the host asks from now on; again is harmless."""
         if self._open:
             self._open = False
-            self.exchange.end(envelope.GONE, f"the session is over: {self._reason}")
+            self.exchange.end(envelope.GONE, f"the session is over: {self.reason}")
             self._ended(self)
 
 
