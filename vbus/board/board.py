@@ -3,7 +3,7 @@
 import hashlib
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import msgpack
 
@@ -17,6 +17,9 @@ from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Settings
 from vbus.signals import Net, Observer, Pin, Plant, Policy, Rule, Violation
 from vbus.trace.hash import TraceHash
+
+if TYPE_CHECKING:
+    from vbus.faults.faults import Faults
 
 CONTENTION: Final = Rule(
     "board.contention", "decision 9", "Two outputs on one net must not drive different levels."
@@ -68,6 +71,8 @@ class Board:
         """Time may run to this instant without the wall clock (ps); set by the pacer."""
         self.chips: list[Chip] = []
         self.plants: list[Plant] = []
+        self.axes: dict[str, Plant] = {}
+        """The plants by axis, ``"x.1"``."""
         self.nets: dict[str, Net] = {}
         self.buses: dict[str, list[str]] = {}
         self.observers: list[Observer] = []
@@ -82,6 +87,9 @@ class Board:
         self.claims: dict[str, HostBus] = {}
         self._trace: TraceHash | None = None
         self.player: StrobePlayer = StrobePlayer(self.kernel)
+        self.disturbed: bool = False
+        """Whether a fault is armed, so that nobody can promise what comes."""
+        self._faults: "Faults | None" = None
 
     # -- building -----------------------------------------------------------------------------
 
@@ -107,6 +115,7 @@ class Board:
         """Attach ``plant`` to an axis (0-based) of ``chip``."""
         self.chip(chip).connect(axis, plant)
         self.plants.append(plant)
+        self.axes[f"{chip}.{axis + 1}"] = plant
 
     def join(self, name: str, pins: Iterable[str], rest: int | None = None) -> Net:
         """Solder pins (``"chip.pin"``) to one net called ``name``."""
@@ -154,6 +163,15 @@ class Board:
         for chip in self.chips:
             chip.power_on(done)
 
+    @property
+    def faults(self) -> "Faults":
+        """What is broken on this board, or will be."""
+        if self._faults is None:
+            from vbus.faults.faults import Faults
+
+            self._faults = Faults(self)
+        return self._faults
+
     # -- looking up ---------------------------------------------------------------------------
 
     def chip(self, name: str) -> Chip:
@@ -197,7 +215,7 @@ class Board:
 
     def run_for(self, duration: int) -> None:
         """Let ``duration`` ps pass."""
-        self.kernel.run_until(self.kernel.now + duration)
+        self.kernel.run_for(duration)
 
     def catch_up(self) -> None:
         """Bring every lazy chip up to now, so that no look at it later takes long."""
@@ -322,6 +340,7 @@ class Board:
             tuple(net.save() for net in self._all_nets()),
             tuple(pin.level for chip in self.chips for pin in chip.pins.values()),
             tuple(port.save() for port in self.ports),
+            *(() if self._faults is None else (self._faults.save(),)),
         )
 
     def load(self, state: tuple[object, ...]) -> None:
@@ -330,13 +349,15 @@ class Board:
         Raises:
             SnapshotError: the state was made by another board.
         """
-        chips, kernel, chip_states, nets, levels, ports = state
+        chips, kernel, chip_states, nets, levels, ports = state[:6]
         mine = tuple((chip.name, chip.part) for chip in self.chips)
         if tuple(tuple(pair) for pair in chips) != mine:  # type: ignore[attr-defined]
             raise SnapshotError(f"the state belongs to a board with {chips}, this one has {mine}")
         if len(ports) != len(self.ports):  # type: ignore[arg-type]
             raise SnapshotError("the state was saved with another number of open ports")
         self.player.flush()
+        if self._faults is not None or len(state) > 6:
+            self.faults.load(state[6:])
         pins = [pin for chip in self.chips for pin in chip.pins.values()]
         for pin, level in zip(pins, levels, strict=True):  # type: ignore[call-overload]
             pin.level = level
@@ -349,6 +370,8 @@ class Board:
         self.kernel.load(kernel)  # type: ignore[arg-type]
         for chip, chip_state in zip(self.chips, chip_states, strict=True):  # type: ignore[call-overload]
             chip.load(chip_state)
+        if self._faults is not None:
+            self._faults.go_on()
         # Who listens now may not be who listened then.
         for chip in self.chips:
             chip.rearm()

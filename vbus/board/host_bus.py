@@ -160,13 +160,14 @@ class HostBus(HostReach):
             chip is None
             or address not in chip.FREE_READS
             or board.policy == "realtime"
+            or board.disturbed
             or len(board.ports) > 1
         ):
             return None
         outputs = self._pins.output_word()
         until = min(self._kernel.next_due, chip.steady_until(address))
         until = min([until, *(neighbour.next_event() for neighbour in self.chips)])
-        now = self._kernel.now
+        now: int = self._kernel.now
         if until <= now + self._cycle:
             return None
         self._leased_until = min(until, now + LONGEST_LEASE)
@@ -205,7 +206,7 @@ class HostBus(HostReach):
     def _pass_over(self, address: int) -> None:
         """Leave out all polls but the last that time allows, where nothing could tell."""
         if self._stamp < 0 and self._untold(address):
-            now = self._kernel.now
+            now: int = self._kernel.now
             over = min(self._polls, (self.board.limit - now) // self._cycle) - 1
             if over > 0:
                 self._run_until(now + over * self._cycle)
@@ -310,7 +311,8 @@ class HostBus(HostReach):
         """Let time pass until the selected chips can take a cycle, at most ``longest`` ps."""
         self._arrive()
         if self._target < 0:
-            self._target = min(self._kernel.now + longest, NEVER - 1)
+            begun: int = self._kernel.now
+            self._target = min(begun + longest, NEVER - 1)
         deadline = self._target
         while True:
             for chip in self._selected:

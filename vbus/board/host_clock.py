@@ -45,11 +45,13 @@ class HostClock(HostPort):
 
     def _begin(self) -> int:
         """Return the instant of the next cycle's latching edge."""
+        # Not a machine word: a sum may lie beyond the end of time.
+        now: int = self._kernel.now
         if self._stamp >= 0:
-            when = max(self._stamp, self._kernel.now)
+            when = max(self._stamp, now)
             self._stamp = -1
         else:
-            when = self._kernel.now + self._cycle
+            when = now + self._cycle
         if when > self.board.limit:
             if when >= NEVER:
                 raise PortError(codes.BAD_AT, f"time ends at {NEVER - 1} ps")

@@ -5,6 +5,8 @@ from collections.abc import Callable
 from heapq import heappop, heappush
 from typing import Final
 
+from mypy_extensions import i64
+
 NS: Final = 1_000
 US: Final = 1_000_000
 MS: Final = 1_000_000_000
@@ -54,6 +56,7 @@ class Kernel:
         "_heap",
         "_instant",
         "_timers",
+        "_waiting",
         "batch",
         "next_due",
         "now",
@@ -62,9 +65,9 @@ class Kernel:
     )
 
     def __init__(self) -> None:
-        self.now: int = 0
-        self.next_due: int = NEVER
-        self.batch: int = 0
+        self.now: i64 = 0
+        self.next_due: i64 = NEVER
+        self.batch: i64 = 0
         """Number of the batch of changes under way: what moves in one batch moves together."""
         self.observed: int = 0
         """How many observers sit on nets: while none does, nobody looks at bus strobes."""
@@ -74,6 +77,7 @@ class Kernel:
         self._heap: list[tuple[int, int]] = []
         self._timers: list[Timer] = []
         self._instant: deque[Callable[[], None]] = deque()
+        self._waiting: bool = False
 
     def timer(self, callback: Callable[[], None], saved: bool = True) -> Timer:
         """Make a timer. Its place among timers of one instant is its place of making.
@@ -93,22 +97,27 @@ class Kernel:
     def soon(self, callback: Callable[[], None]) -> None:
         """Run ``callback`` at this same instant, after what is running now has returned."""
         self._instant.append(callback)
+        self._waiting = True
 
     def settle(self) -> None:
         """Run what :meth:`soon` asked for, in order, and close the batch of changes."""
-        queue = self._instant
-        while queue:
-            queue.popleft()()
+        if self._waiting:
+            queue = self._instant
+            while queue:
+                queue.popleft()()
+            self._waiting = False
         self.batch += 1
 
     def run_until(self, when: int) -> None:
         """Let time pass to instant ``when`` (ps), inclusive of everything due at it.
 
         Raises:
-            ValueError: ``when`` is before now; time does not run backwards.
+            ValueError: ``when`` is before now, or beyond the end of time.
         """
         if when < self.now:
             raise ValueError(f"time does not run backwards: now {self.now} ps, asked {when} ps")
+        if when >= NEVER:
+            raise ValueError(f"time ends at {NEVER - 1} ps, asked {when} ps")
         self.settle()
         while self.next_due <= when:
             due, rank = heappop(self._heap)
@@ -124,11 +133,12 @@ class Kernel:
 
     def run_for(self, duration: int) -> None:
         """Let ``duration`` ps pass."""
-        self.run_until(self.now + duration)
+        now: int = self.now
+        self.run_until(now + duration)
 
     def save(self) -> tuple[int, ...]:
         """Return the instant and every timer's setting."""
-        return (self.now, *(timer.due for timer in self._timers if timer.saved))
+        return (int(self.now), *(timer.due for timer in self._timers if timer.saved))
 
     def load(self, state: tuple[int, ...]) -> None:
         """Take back what :meth:`save` gave, on a board built from the same file."""
@@ -137,6 +147,7 @@ class Kernel:
             raise ValueError(f"state has {len(state) - 1} timers, this kernel {len(saved)}")
         self.now = state[0]
         self._instant.clear()
+        self._waiting = False
         # What moves from here on does not move together with what moved before.
         self.batch += 1
         self._heap = []
@@ -147,5 +158,5 @@ class Kernel:
                 self.push(due, timer.rank)
         for timer in self._timers:
             if not timer.saved and timer.due != NEVER:
-                timer.due = max(timer.due, self.now)
+                timer.due = max(timer.due, int(self.now))
                 self.push(timer.due, timer.rank)

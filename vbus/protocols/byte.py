@@ -26,6 +26,9 @@ COUNTED: Final = bytes(
 )
 """Whether the fixed part ends with the length of a run of bytes, by the first byte."""
 
+DATA: Final = tuple(bytes((_D, value)) for value in range(256))
+"""The reply to a read, by the byte read."""
+
 
 class ByteProtocol(Protocol):
     """The byte protocol, board's end; :mod:`vbus.protocols.requests` lists what it understands.
@@ -117,8 +120,7 @@ class ByteProtocol(Protocol):
                     if self._leasing:
                         out += self._read_reply(code & 15, value)
                     else:
-                        out.append(_D)
-                        out.append(value)
+                        out += DATA[value]
                 else:
                     if COUNTED[code]:
                         following += data[following - 1]
