@@ -35,15 +35,12 @@ def steps(page: str) -> list[str]:
 def shell(commands: list[str]) -> str:
     """Return a script; after each start of a board it waits until that board answers."""
     script = "set -e -m\ntrap 'jobs -p | xargs -r kill' EXIT\n"
-    boards = 0
+    script += "running() { vbus ls --json | grep -o pid | wc -l; }\n"
     for command in commands:
         for line in command.splitlines(keepends=True):
-            script += line
             if line.startswith("vbus run"):
-                boards += 1
-                script += (
-                    f"until [ $(vbus ls --json | grep -o pid | wc -l) = {boards} ]; do :; done\n"
-                )
+                line = f"boards=$(running)\n{line}until [ $(running) -gt $boards ]; do :; done\n"
+            script += line
     return script
 
 

@@ -102,3 +102,56 @@ def info(file: Path, as_json: bool, board_file: bool) -> int:
     click.echo(f"  state {found.digest}")
     click.echo(f"  taken with vbus {found.vbus}")
     return exit_codes.OK
+
+
+@command.command("bisect")
+@click.argument("journal", type=click.Path(path_type=Path))
+@click.argument("condition")
+@click.option("--save", "keep", type=click.Path(path_type=Path), metavar="FILE",
+              help="Write a snapshot of the board just before it to FILE.")  # fmt: skip
+def bisect(journal: Path, condition: str, keep: Path | None) -> int:
+    r"""Find the first call of a JOURNAL after which CONDITION holds.
+
+    \b
+    CONDITION is the name of a rule         lm628.busy-write
+    or a pin's level                        x.HI=1
+    or a value of a chip (vbus monitor)     "x.real>200"
+
+    Exits with 1 if it never holds.
+    """
+    from vbus.board.board import Board
+    from vbus.board.build import load_board_text
+    from vbus.board.checks import all_rules
+    from vbus.board.snapshot import take, write
+    from vbus.tools.journal_lines import line, opened
+    from vbus.trace.conditions import condition as read_condition
+    from vbus.trace.history import History
+    from vbus.trace.journal_view import Sessions
+
+    with opened(journal) as (reader, _):
+        header = reader.header
+        entries = list(reader)
+    if not header.text:
+        raise VbusError(f"{journal}: it was recorded on a board made in Python")
+
+    def make() -> Board:
+        return load_board_text(header.text, header.file)
+
+    holds, stays = read_condition(condition, make(), all_rules())
+    history = History(make, entries)
+    found = history.first(holds, stays)
+    if found is None:
+        click.echo(f"{condition}: never in {len(entries)} entries")
+        return exit_codes.FAILURE
+    sessions = Sessions()
+    for entry in entries[: found.number]:
+        sessions.follow(entry)
+    click.echo(line(found, sessions))
+    if keep is not None:
+        data = write(take(history.to(found.number)))
+        try:
+            keep.write_bytes(data)
+        except OSError as error:
+            raise VbusError(f"{keep}: cannot be written: {error.strerror}") from error
+        click.echo(f"{keep}: {header.board} before it, {len(data)} bytes")
+    return exit_codes.OK

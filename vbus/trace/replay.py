@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from vbus.board.board import Board
-from vbus.board.host_bus import HostBus
-from vbus.kernel import NEVER
-from vbus.protocols.port import PortError
 from vbus.signals import Observer, Violation
 from vbus.trace.decode import decoder_of
 from vbus.trace.journal import end_of
 from vbus.trace.journal_format import Entry
 from vbus.trace.journal_view import Sessions, violation_of
 from vbus.trace.packets import Cycle, Decoder, Packet
+from vbus.trace.player import Player
 
 AHEAD: Final = 64
 """Entries played on beyond a difference, to decode the whole packet it stands in."""
@@ -142,7 +140,7 @@ class Replay:
             name: decoder_of(family) for name, family in families.items()
         }
         self._progress: Callable[[int], None] | None = progress
-        self._ports: dict[int, HostBus] = {}
+        self._player: Player = Player(board)
         self._sessions: Sessions = Sessions()
         self._findings: _Findings = _Findings()
         self._strobed: deque[Entry] = deque()
@@ -204,7 +202,7 @@ class Replay:
                 entry.number, entry.when, "unconsumed", "the end", f"{count} entries before it",
                 f"{entry.number} entries before it",
             )  # fmt: skip
-        self._come(entry)
+        self._player.come(entry)
         self.board.catch_up()
         left = self._findings.compare() or self._findings.rest()
         if left is not None:
@@ -218,19 +216,14 @@ class Replay:
             )  # fmt: skip
         return None
 
-    def _come(self, entry: Entry) -> None:
-        if entry.when > self.board.now:
-            self.board.run_until(entry.when)
-
     def _entry(self, entry: Entry) -> Divergence | None:
-        self._come(entry)
+        self._player.come(entry)
         if self.board.now != entry.when:
             where = f"{self._sessions.host(entry)}: {entry.op}"
             return Divergence(
                 entry.number, entry.when, "instant", where, f"called at {entry.when} ps",
                 f"it is {self.board.now} ps already",
             )  # fmt: skip
-        self.board.limit = entry.limit if entry.limit >= 0 else NEVER - 1
         reply, error = self._call(entry)
         self._sessions.follow(entry)
         same = reply == entry.reply and error == entry.error
@@ -308,18 +301,10 @@ class Replay:
 
     def _call(self, entry: Entry) -> tuple[Any, int]:
         """Make one call; return its reply and the number of its refusal."""
+        answer = self._player.call(entry)
         if entry.op == "open":
-            label, chips, cycle_ps = entry.args
-            port = self.board.open_port(label, chips, cycle_ps)
-            port.strobes.found = self._note_strobed
-            self._ports[entry.port] = port
-            return None, 0
-        port = self._ports[entry.port]
-        name = "take_events" if entry.op == "edges" else entry.op
-        try:
-            return getattr(port, name)(*entry.args), 0
-        except PortError as error:
-            return None, error.code
+            self._player.ports[entry.port].strobes.found = self._note_strobed
+        return answer
 
     def _note_strobed(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
         self._found.append([chip, write, address, data])
@@ -356,7 +341,7 @@ class Replay:
                     break
                 if following.op not in ("read", "write") or following.error:
                     break
-                self._come(following)
+                self._player.come(following)
                 again, error = self._call(following)
                 if self._sessions.chip(following) != chip or error:
                     continue
