@@ -20,7 +20,7 @@ TEXTS = sorted(
 )
 LEAVES = {"bits", "errors", "options"}
 SIGNALS = LEAVES | {"kernel", "signals"}
-BOARD = SIGNALS | {"board", "chips", "plant", "protocols", "trace"}
+BOARD = SIGNALS | {"board", "chips", "faults", "plant", "protocols", "trace"}
 NODES = BOARD | {"nodes"}
 NETWORK = LEAVES | {"network", "runtime"}
 EDGE = NODES | {"network", "runtime", "server", "transports"}
@@ -35,6 +35,7 @@ MAY_IMPORT = {
     "protocols": SIGNALS | {"protocols"},
     "board": BOARD,
     "trace": BOARD,
+    "faults": BOARD,
     "nodes": NODES,
     "native": set(),
     "network": NETWORK,

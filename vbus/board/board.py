@@ -89,7 +89,7 @@ class Board:
         self.player: StrobePlayer = StrobePlayer(self.kernel)
         self.disturbed: bool = False
         """Whether a fault is armed, so that nobody can promise what comes."""
-        self._faults: "Faults | None" = None
+        self._faults: Faults | None = None
 
     # -- building -----------------------------------------------------------------------------
 

@@ -97,11 +97,12 @@ class Net:
         changed_at: instant of the last change (ps).
         let_go_at: instant at which the last driver let go (ps); -1 if that never happened.
         clash: called with the net when two push-pull pins disagree.
+        bends: faults that make another level of the one that is driven, in order.
     """
 
     __slots__ = (
-        "_batch", "_kernel", "changed_at", "clash", "clashing", "let_go_at", "name", "observers",
-        "pins", "previous", "rest", "value", "watchers", "width",
+        "_batch", "_kernel", "bends", "changed_at", "clash", "clashing", "let_go_at", "name",
+        "observers", "pins", "previous", "rest", "value", "watchers", "width",
     )  # fmt: skip
 
     def __init__(self, kernel: Kernel, name: str, *, rest: int = HIGH, width: int = 1) -> None:
@@ -119,6 +120,7 @@ class Net:
         self.observers: list[Observer] = []
         self.clash: Callable[[Net], None] | None = None
         self.clashing: bool = False
+        self.bends: list[Callable[[int], int]] = []
 
     @property
     def before(self) -> int:
@@ -181,6 +183,9 @@ class Net:
         if level == Z:
             self.let_go_at = self._kernel.now
             level = self.value if self.rest == Z else self.rest
+        if self.bends:
+            for bend in self.bends:
+                level = bend(level)
         if level != self.value:
             if self._batch != self._kernel.batch:
                 self._batch = self._kernel.batch

@@ -24,5 +24,8 @@ class Observer:
     def violation(self, violation: Violation) -> None:
         """A rule was broken."""
 
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        """A fault that was armed has ``"begun"``, ``"ended"`` or could not (``"failed"``)."""
+
     def settled(self, now: int) -> None:
         """Everything up to ``now`` (ps) has been reported; nothing earlier will come."""

@@ -43,6 +43,10 @@ class TraceHash(Observer):
             f"v {violation.chip} {violation.rule} {violation.measured} {violation.limit}",
         )
 
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        """Record the evidence of a fault."""
+        self._add(when, target, f"f {target} {name} {what} {text}")
+
     def settled(self, now: int) -> None:
         """Hash what is older than ``now``; what lies at ``now`` may still get company."""
         pending = self._pending

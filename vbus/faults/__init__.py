@@ -1,0 +1,1 @@
+"""Faults on schedule: what breaks, when, for how long, and the evidence of it."""

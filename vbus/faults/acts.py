@@ -1,0 +1,125 @@
+"""What the faults that act do, by what they act on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from vbus.faults import chip as chips
+from vbus.faults.armed import ACTING, Armed, LinkActs
+from vbus.faults.axis import AxisFaults
+from vbus.faults.bus import BusFault, Later
+from vbus.faults.row import AXIS, LASTS, LINK, ONCE
+from vbus.faults.table import FAULTS
+from vbus.options import Value
+
+if TYPE_CHECKING:
+    from vbus.board.board import Board
+
+
+class Acts:
+    """Begins and ends faults on axes, chips, buses and links.
+
+    Args:
+        board: the board.
+        later: sets a timer.
+
+    Attributes:
+        buses: what is wrong with buses now, by number of fault.
+        links: does the faults of links; None where nobody serves the board.
+    """
+
+    def __init__(self, board: Board, later: Later) -> None:
+        self._board: Board = board
+        self._later: Later = later
+        self._axes: dict[str, AxisFaults] = {}
+        self.buses: dict[int, BusFault] = {}
+        self.links: LinkActs | None = None
+
+    def axis(self, place: str) -> AxisFaults:
+        """Return what can be broken behind an axis, ``"x.1"``."""
+        found = self._axes.get(place)
+        if found is None:
+            chip, _, number = place.partition(".")
+            found = AxisFaults(self._board.chip(chip), int(number) - 1, self._board.axes[place])
+            self._axes[place] = found
+        return found
+
+    def begin(self, armed: Armed) -> str:
+        """Let a fault act; return what it changes.
+
+        Raises:
+            ValueError: it cannot; says why.
+        """
+        fault = armed.fault
+        if fault.target == AXIS:
+            return self.axis(armed.target).begin(armed.number, armed.name, armed.values)
+        if fault.target == LINK:
+            if self.links is None:
+                raise ValueError("no link is served: this board runs without a server")
+            once = armed.until.kind == ONCE
+            return self.links.begin(armed.number, armed.name, armed.target, once)
+        chip = self._board.chip(armed.target)
+        if fault.family == "bus":
+            bus = BusFault(chip, armed.name, armed.values, self._later)
+            self.buses[armed.number] = bus
+            return bus.begin()
+        return chips.begin(chip, armed.name, armed.values)
+
+    def end(self, armed: Armed) -> None:
+        """Let a fault act no more."""
+        fault = armed.fault
+        if fault.target == AXIS:
+            self.axis(armed.target).end(armed.number)
+        elif fault.target == LINK:
+            if self.links is not None:
+                self.links.end(armed.number)
+        elif fault.family == "bus":
+            bus = self.buses.pop(armed.number, None)
+            if bus is not None:
+                bus.end()
+        elif fault.acts == LASTS:
+            chips.end(self._board.chip(armed.target), armed.name, armed.values)
+
+    # -- state --------------------------------------------------------------------------------
+
+    def save(self) -> tuple[object, ...]:
+        """Return, of each axis, what is no part of the plant's state."""
+        return tuple(
+            (
+                place, axis.wrapper is not None,
+                0 if axis.wrapper is None else axis.wrapper.pulsed,
+                tuple((number, here) for number, (_, _, here) in axis.acting.items()),
+            )
+            for place, axis in self._axes.items()
+        )  # fmt: skip
+
+    def load(self, axes: Any, armed: list[Armed]) -> None:
+        """Break the axes as a saved state has them: before the plants take back their state."""
+        wrapped = {place: (is_wrapped, pulsed) for place, is_wrapped, pulsed, _ in axes}
+        begun = {number: here for _, _, _, heres in axes for number, here in heres}
+        for place in sorted({*wrapped, *self._axes}):
+            acting = {
+                one.number: (one.name, _values_now(one), begun.get(one.number, 0))
+                for one in armed
+                if one.target == place and one.state == ACTING
+            }
+            self.axis(place).restore(acting, *wrapped.get(place, (False, 0)))
+
+    def go_on(self, acting: list[Armed]) -> None:
+        """Everything is loaded: let what acts on chips and buses act again."""
+        for chip in self._board.chips:
+            for name in ("power_on_c4", "busy_longest"):
+                if chip.FAMILY in FAULTS[name].families:
+                    on = any(one.name == name and one.target == chip.name for one in acting)
+                    chips.restore(chip, name, on)
+        for one in acting:
+            if one.fault.family == "bus":
+                bus = BusFault(self._board.chip(one.target), one.name, one.values, self._later)
+                self.buses[one.number] = bus
+                bus.begin()
+
+
+def _values_now(armed: Armed) -> dict[str, Value]:
+    if armed.name == "limit_bouncing":
+        return {**armed.values, "state": "open" if armed.seen else "closed"}
+    return armed.values

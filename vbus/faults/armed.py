@@ -1,0 +1,104 @@
+"""A fault that is armed, and the evidence of what it did."""
+
+from dataclasses import dataclass, field
+from typing import Any, Final, Protocol
+
+from vbus.faults.row import Fault
+from vbus.faults.trigger import Until, When
+from vbus.options import Value
+
+WAITING: Final = "waiting"
+ACTING: Final = "acting"
+OVER: Final = "over"
+
+BEGUN: Final = "begun"
+ENDED: Final = "ended"
+FAILED: Final = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What a fault did, and when.
+
+    Attributes:
+        when: instant (ps).
+        number: of the fault, as :class:`Armed` has it.
+        name: the fault.
+        target: on what.
+        what: ``"begun"``, ``"ended"`` or ``"failed"``.
+        text: what it changed, or why it could not.
+    """
+
+    when: int
+    number: int
+    name: str
+    target: str
+    what: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.when / 1e9:.6f} ms #{self.number} {self.name} {self.target}: {self.told}"
+
+    @property
+    def told(self) -> str:
+        """What happened, and what it changed."""
+        return f"{self.what}; {self.text}" if self.text else self.what
+
+
+@dataclass(slots=True)
+class Armed:
+    """One fault on one target.
+
+    Attributes:
+        number: what it is cleared by; counts up from 1.
+        fault: its row.
+        target: chip, axis or link.
+        when: its trigger.
+        until: its end.
+        values: its parameters.
+        state: ``"waiting"``, ``"acting"`` or ``"over"``.
+        fired: how often it has begun.
+        seen: bus cycles seen by its trigger.
+        draws: state of its stream of instants.
+        cleared: somebody has cleared it.
+        writes: the writes its trigger waits for.
+        side: on which side of its trigger's position it was armed.
+        eyes: what its trigger looks with.
+    """
+
+    number: int
+    fault: Fault
+    target: str
+    when: When
+    until: Until
+    values: dict[str, Value]
+    state: str = WAITING
+    fired: int = 0
+    seen: int = 0
+    draws: int = 0
+    cleared: bool = False
+    writes: tuple[tuple[int, int], ...] = ()
+    side: int = 0
+    eyes: Any = field(default=None, repr=False)
+
+    @property
+    def name(self) -> str:
+        """Name of the fault."""
+        return self.fault.name
+
+    def __str__(self) -> str:
+        given = "".join(f" {key}={value}" for key, value in self.values.items())
+        return (
+            f"#{self.number} {self.name} {self.target}{given}, when {self.when.text}, until"
+            f" {self.until.text}: {self.state}, fired {self.fired} times"
+        )
+
+
+class LinkActs(Protocol):
+    """What does the faults of links: the server."""
+
+    def begin(self, number: int, name: str, target: str, once: bool) -> str:
+        """Let a fault act; return what it changes. Raises ValueError if it cannot."""
+
+    def end(self, number: int) -> None:
+        """Let it act no more."""

@@ -1,0 +1,264 @@
+"""Faults of mechanics, encoder and switches: what they do to a plant and its chip."""
+
+from typing import Any, Final
+
+from vbus.chips.base import Chip
+from vbus.faults import fitting
+from vbus.faults.plant import PLAY, SHARE, STUCK_A, STUCK_B, WHOLE, FaultyPlant
+from vbus.options import Value
+from vbus.plant.shaft import Shaft
+from vbus.signals import HIGH, LOW, Pin, Plant, Switch, Z
+
+NOWHERE: Final = 1 << 62
+
+SHAFT: Final = frozenset({"load_step", "friction", "end_stop", "supply_sag", "overheated"})
+"""Faults that change the numbers of a shaft; the others stand between it and the chip."""
+_CHANNELS: Final = {"a_stuck": STUCK_A, "a_open": STUCK_A, "b_stuck": STUCK_B, "b_open": STUCK_B}
+
+Acting = tuple[str, dict[str, Value], int]
+"""A fault that acts: its name, its parameters, and the count at which it began."""
+
+
+class AxisFaults:
+    """What is broken behind one axis.
+
+    Everything is worked out anew from the faults that act, so that they may end in any order and
+    leave nothing behind but where the encoder stands.
+
+    Args:
+        chip: the chip.
+        axis: its axis, 0-based.
+        plant: the plant behind it.
+    """
+
+    def __init__(self, chip: Chip, axis: int, plant: Plant) -> None:
+        self.chip: Chip = chip
+        self.axis: int = axis
+        self.plant: Plant = plant
+        self.wrapper: FaultyPlant | None = None
+        self.acting: dict[int, Acting] = {}
+        self._nominal: dict[str, Any] = {}
+        self._pins: dict[str, Pin] = {}
+        self._open: dict[str, tuple[int, int]] = {}
+
+    @property
+    def count(self) -> int:
+        """What the encoder shows at the end of the period under way."""
+        plant = self.wrapper if self.wrapper is not None else self.plant
+        return int(plant.count)
+
+    # -- beginning and ending -----------------------------------------------------------------
+
+    def begin(self, number: int, name: str, values: dict[str, Value]) -> str:
+        """Let a fault act; return what it changes."""
+        self.chip.advance()
+        here = int(self.plant.count)
+        text = self._describe(name, values)
+        if name == "offset_jump":
+            self._wrap().jump(int(values["counts"]))
+        else:
+            self.acting[number] = (name, values, here)
+        self._apply(name)
+        return text
+
+    def end(self, number: int) -> None:
+        """Let it act no more."""
+        acting = self.acting.pop(number, None)
+        if acting is not None:
+            self.chip.advance()
+            self._apply(acting[0])
+
+    def toggle(self, number: int, closed: bool) -> None:
+        """A switch that bounces closes or opens."""
+        name, values, _ = self.acting[number]
+        self.acting[number] = (name, {**values, "state": "closed" if closed else "open"}, 0)
+        self.chip.advance()
+        self._apply(name)
+
+    def _apply(self, name: str) -> None:
+        if name in SHAFT:
+            self._refit()
+        elif name in ("limit_stuck", "limit_bouncing", "home_never"):
+            self._switches()
+        else:
+            self._between()
+        fitting.disturb(self.chip)
+
+    def _describe(self, name: str, values: dict[str, Value]) -> str:
+        if name == "offset_jump":
+            counts = int(values["counts"])
+            return f"count {self.count} became {self.count + counts}"
+        if name == "glitch":
+            width, least = int(values["width"]), fitting.filter_ps(self.chip, self.axis)
+            if width < least:
+                return f"a pulse of {width} ps on A: the filter wants {least} ps and drops it"
+            return f"a pulse of {width} ps on A is counted until it ends"
+        if name == "end_stop":
+            return f"a stop at count {self.count + int(values['ahead'])}"
+        given = ", ".join(f"{key} {value}" for key, value in values.items())
+        return f"from count {self.count} on" + (f": {given}" if given else "")
+
+    # -- between chip and plant ---------------------------------------------------------------
+
+    def _wrap(self) -> FaultyPlant:
+        if self.wrapper is None:
+            self.wrapper = FaultyPlant(self.plant)
+            fitting.exchange(self.chip, self.axis, self.plant, self.wrapper)
+        return self.wrapper
+
+    def _between(self) -> None:
+        """Work out what stands between chip and plant; nothing, if it would do nothing."""
+        wrapper = self._wrap()
+        wrapper.take_hold()
+        self.set_up(wrapper)
+        if wrapper.plain:
+            self.wrapper = None
+            fitting.exchange(self.chip, self.axis, wrapper, self.plant)
+
+    def set_up(self, wrapper: FaultyPlant) -> None:
+        """Say what is broken; where the encoder stands is left alone."""
+        wrapper.frozen, wrapper.powered, wrapper.index = False, True, True
+        wrapper.drive_sign, wrapper.mode, wrapper.share = 1, SHARE, WHOLE
+        wrapper.lose_every = wrapper.second_index = 0
+        for name, values, _ in self.acting.values():
+            if name == "jam":
+                wrapper.frozen = True
+                if isinstance(self.plant, Shaft):
+                    self.plant.velocity = 0.0
+            elif name == "slip":
+                wrapper.share = int(wrapper.share * (1.0 - float(values["share"])))
+            elif name == "coupling_break":
+                wrapper.share = 0
+            elif name == "backlash":
+                wrapper.mode, wrapper.gap = PLAY, int(values["gap"])
+            elif name == "motor_reversed":
+                wrapper.drive_sign = -wrapper.drive_sign
+            elif name == "amplifier_off":
+                wrapper.powered = False
+            elif name == "lost_steps":
+                wrapper.lose_every = int(values["every"])
+            elif name in _CHANNELS:
+                wrapper.mode, wrapper.level = _CHANNELS[name], int(values.get("level", HIGH))
+            elif name == "ab_swapped":
+                wrapper.share = -wrapper.share
+            elif name == "index_missing":
+                wrapper.index = False
+            elif name == "index_double":
+                wrapper.second_index = int(values["distance"])
+        self._pulse(wrapper)
+
+    def _pulse(self, wrapper: FaultyPlant) -> None:
+        """A pulse on A that is longer than the filter moves the count by one, and back."""
+        least = fitting.filter_ps(self.chip, self.axis)
+        long = sum(
+            1 for name, values, _ in self.acting.values()
+            if name == "glitch" and int(values["width"]) >= least
+        )  # fmt: skip
+        if long != wrapper.pulsed:
+            wrapper.jump(long - wrapper.pulsed)
+            wrapper.pulsed = long
+
+    # -- the numbers of a shaft ---------------------------------------------------------------
+
+    def _refit(self) -> None:
+        """Give the shaft its own numbers, then those of the faults that act, oldest first."""
+        shaft: Any = self.plant
+        # The period under way keeps the course it has had.
+        shaft._course()
+        names = [
+            "_load", "_coulomb", "_static", "_viscous", "_damping", "_low", "_high", "_stopped",
+            "_supply", "_torque_constant", "_holding",
+        ]  # fmt: skip
+        if not self._nominal:
+            self._nominal = {key: getattr(shaft, key) for key in names if hasattr(shaft, key)}
+        for key, value in self._nominal.items():
+            setattr(shaft, key, value)
+        for name, values, here in self.acting.values():
+            if name == "load_step":
+                shaft._load += float(values["torque"])
+            elif name == "friction":
+                shaft._coulomb += float(values["coulomb"])
+                shaft._static += float(values["coulomb"])
+                key = "_viscous" if hasattr(shaft, "_viscous") else "_damping"
+                setattr(shaft, key, getattr(shaft, key) + float(values["viscous"]))
+            elif name == "supply_sag":
+                shaft._supply = min(shaft._supply, float(values["supply"]))
+            elif name == "overheated":
+                key = "_torque_constant" if hasattr(shaft, "_torque_constant") else "_holding"
+                setattr(shaft, key, getattr(shaft, key) * float(values["torque"]))
+            elif name == "end_stop":
+                self._stop(shaft, here, int(values["ahead"]))
+        if hasattr(shaft, "_divided"):
+            shaft._divided = 0
+        if shaft._period > 0.0 and not hasattr(shaft, "_divided"):
+            shaft._divide(shaft._substeps)
+        shaft._resting = False
+
+    @staticmethod
+    def _stop(shaft: Any, here: int, ahead: int) -> None:
+        low, high = (shaft._low, shaft._high) if shaft._stopped else (-NOWHERE, NOWHERE)
+        if ahead >= 0:
+            high = min(high, here + ahead)
+        else:
+            low = max(low, here + ahead)
+        shaft._low, shaft._high, shaft._stopped = low, high, True
+
+    # -- switches -----------------------------------------------------------------------------
+
+    def _switches(self) -> None:
+        """Closed: the input is driven. Open: the switch on the axis' way closes nowhere."""
+        closed: dict[str, int] = {}
+        opened: set[str] = set()
+        for name, values, _ in self.acting.values():
+            if name == "home_never":
+                opened.add("home")
+            elif name in ("limit_stuck", "limit_bouncing"):
+                which = str(values["switch"])
+                if values.get("state", "closed") == "closed":
+                    switch = self.plant.switches.get(which)
+                    rest = HIGH if self.chip.FAMILY == "mc1241a" else LOW
+                    closed[which] = rest if switch is None else switch.active
+                else:
+                    opened.add(which)
+        for which in ("limit+", "limit-"):
+            self._drive(which, closed.get(which, Z))
+        for which, switch in self.plant.switches.items():
+            self._break(which, switch, which in opened and which not in closed)
+
+    def _drive(self, which: str, level: int) -> None:
+        pin = self._pins.get(which)
+        if pin is None:
+            if level == Z:
+                return
+            name = fitting.LIMITS[self.chip.FAMILY][which].format(self.axis + 1)
+            pin = self._pins[which] = Pin(f"fault:{which}", self.chip.pins[name].net)
+        pin.drive(level)
+        self.chip.kernel.settle()
+        if level == Z:
+            pin.net.pins.remove(self._pins.pop(which))
+
+    def _break(self, which: str, switch: Switch, broken: bool) -> None:
+        if broken and which not in self._open:
+            self._open[which] = (switch.low, switch.high)
+            switch.low = switch.high = NOWHERE
+        elif not broken and which in self._open:
+            switch.low, switch.high = self._open.pop(which)
+
+    # -- state --------------------------------------------------------------------------------
+
+    def restore(self, acting: dict[int, Acting], wrapped: bool, pulsed: int) -> None:
+        """Let these faults act, as a saved state has it; the plant's own state comes after."""
+        self.acting = acting
+        self._refit_if_needed()
+        self._switches()
+        if wrapped or self.wrapper is not None:
+            wrapper = self._wrap()
+            wrapper.pulsed = pulsed
+            self.set_up(wrapper)
+            if not wrapped:
+                self.wrapper = None
+                fitting.exchange(self.chip, self.axis, wrapper, self.plant)
+
+    def _refit_if_needed(self) -> None:
+        if self._nominal or any(name in SHAFT for name, _, _ in self.acting.values()):
+            self._refit()

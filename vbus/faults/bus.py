@@ -1,0 +1,143 @@
+"""Faults of a host bus: what they do to data lines and strobes."""
+
+from collections.abc import Callable
+
+from vbus.chips.base import Chip
+from vbus.faults.fitting import STROBES
+from vbus.options import Value
+from vbus.signals import HIGH, LOW, Net, Observer, Pin
+
+Later = Callable[[int, Callable[[], None]], None]
+"""Calls back at an instant (ps)."""
+
+
+class BusFault(Observer):
+    """One fault of one chip's bus while it acts.
+
+    As long as it does, whole bus cycles are played as strobes on the nets, where it bends them.
+
+    Args:
+        chip: the chip.
+        name: the fault.
+        values: its parameters.
+        later: sets a timer.
+    """
+
+    def __init__(self, chip: Chip, name: str, values: dict[str, Value], later: Later) -> None:
+        self._chip: Chip = chip
+        self._name: str = name
+        self._values: dict[str, Value] = values
+        self._later: Later = later
+        self._pin: Pin | None = None
+        self._inside: bool = False
+        self._gap: bool = False
+        read, write = STROBES[chip.FAMILY]
+        way = str(values.get("cycles", "both"))
+        names = {"read": (read,), "write": (write,), "both": (read, write)}[way]
+        self._way: str = way
+        self.strobes: list[Net] = []
+        for strobe in names:
+            net = chip.pins[strobe].net
+            if net not in self.strobes:
+                self.strobes.append(net)
+
+    @staticmethod
+    def possible(chip: Chip) -> bool:
+        """Whether the chip's bus is known."""
+        return chip.FAMILY in STROBES
+
+    def begin(self) -> str:
+        """Bend the nets; return what is changed."""
+        chip, values = self._chip, self._values
+        chip.bus_net.observe(self)
+        for net in self.strobes:
+            net.observe(self)
+        text = f"{chip.bus_net.name}"
+        if self._name == "bit_stuck":
+            text = f"D{values['bit']} at {values['level']}"
+            chip.bus_net.bends.append(self._stuck)
+        elif self._name == "byte_flipped":
+            text = f"bits {int(values['mask']):02X}H of {self._way} cycles inverted"
+            chip.bus_net.bends.append(self._flip)
+        elif self._name == "contention":
+            text = f"D0-D7 driven with {int(values['data']):02X}H"
+            self._pin = Pin("fault", chip.bus_net)
+            self._pin.drive(int(values["data"]))
+        else:
+            lost = self._name == "strobe_lost"
+            text = f"{', '.join(net.name for net in self.strobes)}"
+            text += " stays high" if lost else " is broken in two"
+            for net in self.strobes:
+                net.bends.append(self._high if lost else self._broken)
+        self._work_out()
+        return text
+
+    def end(self) -> None:
+        """Let the nets be as they are driven."""
+        for bend in (self._stuck, self._flip):
+            if bend in self._chip.bus_net.bends:
+                self._chip.bus_net.bends.remove(bend)
+        for net in self.strobes:
+            for strobe_bend in (self._high, self._broken):
+                if strobe_bend in net.bends:
+                    net.bends.remove(strobe_bend)
+        if self._pin is not None:
+            self._pin.release()
+            self._chip.bus_net.pins.remove(self._pin)
+            self._pin = None
+        self._work_out()
+        self._chip.bus_net.unobserve(self)
+        for net in self.strobes:
+            net.unobserve(self)
+
+    def concerns(self, write: bool) -> bool:
+        """Whether it acts on this kind of bus cycle."""
+        return self._way == "both" or (self._way == "write") == write
+
+    def _work_out(self) -> None:
+        self._chip.bus_net.resolve()
+        for net in self.strobes:
+            net.resolve()
+        self._chip.kernel.settle()
+
+    # -- what nets show -----------------------------------------------------------------------
+
+    def _stuck(self, level: int) -> int:
+        bit = 1 << int(self._values["bit"])
+        return level | bit if self._values["level"] else level & ~bit
+
+    def _flip(self, level: int) -> int:
+        return level ^ int(self._values["mask"]) & 0xFF if self._inside else level
+
+    def _high(self, level: int) -> int:
+        return HIGH
+
+    def _broken(self, level: int) -> int:
+        return HIGH if self._gap else level
+
+    # -- strobes ------------------------------------------------------------------------------
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """A strobe falls or rises."""
+        if self._name == "byte_flipped" and net != self._chip.bus_net.name:
+            self._inside = level == LOW
+            self._chip.bus_net.resolve()
+        elif self._name == "strobe_doubled" and level == LOW and not self._gap:
+            if net in [strobe.name for strobe in self.strobes] and not self._inside:
+                self._inside = True
+                begin = when + int(self._values["at"])
+                self._later(begin, self._open)
+                self._later(begin + int(self._values["gap"]), self._close)
+
+    def _open(self) -> None:
+        self._gap = True
+        self._work_out()
+
+    def _close(self) -> None:
+        self._gap = False
+        self._work_out()
+        self._inside = False
+
+    def cancel(self) -> None:
+        """Whatever is set for later is void."""
+        self._gap = self._inside = False

@@ -1,0 +1,433 @@
+"""The faults of one board: armed, acting, over."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import deque
+from collections.abc import Callable
+from heapq import heappop, heappush
+from typing import TYPE_CHECKING, Any, Final
+
+from vbus.board.settings import listed, suggestion
+from vbus.chips.base import Chip
+from vbus.faults.acts import Acts
+from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence, LinkActs
+from vbus.faults.parameters import check_parameters
+from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault
+from vbus.faults.state import armed_of, record
+from vbus.faults.table import FAULTS
+from vbus.faults.targets import find_target
+from vbus.faults.trigger import (
+    AT,
+    COMMAND,
+    CYCLE,
+    EDGE,
+    FOR,
+    NOW,
+    POSITION,
+    RATE,
+    read_until,
+    read_when,
+)
+from vbus.faults.watch import BusEyes, EdgeEyes, write_of
+from vbus.kernel import US
+from vbus.signals import HIGH, LOW
+
+if TYPE_CHECKING:
+    from vbus.board.board import Board
+
+LOOK: Final = 100 * US
+"""How often a trigger looks at a position."""
+KEPT: Final = 1000
+"""Pieces of evidence that are kept."""
+
+_BEGIN: Final = 0
+_END: Final = 1
+_LOOK: Final = 2
+_TOGGLE: Final = 3
+_CALL: Final = 4
+_STOP: Final = 5
+
+
+class Faults:
+    """What is broken, or will be, on one board; ``board.faults``.
+
+    Everything happens at exact instants of chip time: a trigger that is met by a bus cycle or an
+    edge lets its fault begin at that same instant, after it. Mechanics feel it from their next
+    period on.
+
+    Args:
+        board: the board.
+
+    Attributes:
+        log: evidence, oldest first; the latest thousand.
+    """
+
+    def __init__(self, board: Board) -> None:
+        self._board: Board = board
+        self.log: deque[Evidence] = deque(maxlen=KEPT)
+        self._armed: dict[int, Armed] = {}
+        self._last: int = 0
+        self._acts: Acts = Acts(board, self.later)
+        self._queue: list[tuple[int, int, int, int]] = []
+        self._calls: dict[int, Callable[[], None]] = {}
+        self._serial: int = 0
+        self._timer = board.kernel.timer(self._due, saved=False)
+        self._eyes: BusEyes = BusEyes(self._cycle)
+        self._watching: bool = False
+
+    @property
+    def links(self) -> LinkActs | None:
+        """What does the faults of links; None where nobody serves the board."""
+        return self._acts.links
+
+    @links.setter
+    def links(self, links: LinkActs | None) -> None:
+        self._acts.links = links
+
+    # -- what people call ---------------------------------------------------------------------
+
+    def arm(
+        self,
+        name: str,
+        target: str = "",
+        when: str | int | None = None,
+        until: str | int | None = None,
+        **parameters: object,
+    ) -> Armed:
+        """Arm a fault.
+
+        Args:
+            name: see :data:`~vbus.faults.table.FAULTS`.
+            target: ``"x"``, ``"x.2"`` (second axis) or ``"host0"``; may be left out where there
+                is one only.
+            when: trigger as a text, or an instant (ps); now if None.
+            until: end as a text, or a duration (ps).
+            parameters: the fault's own, in SI units, times in ps; texts with a unit, as in a
+                board file, will do too.
+
+        Raises:
+            ValueError: no such fault, target, trigger or parameter, or one that does not fit;
+                the message says what there is.
+        """
+        fault = self.find(name)
+        place = find_target(self._board, fault, target)
+        trigger = read_when(when)
+        end = read_until(until, trigger, fault)
+        armed = Armed(
+            self._last + 1, fault, place, trigger, end, check_parameters(fault, parameters)
+        )
+        self._prepare(armed)
+        for port in list(self._board.ports):
+            port.end_lease()
+        self._last += 1
+        self._armed[armed.number] = armed
+        self._settle_watch()
+        self._start(armed)
+        return armed
+
+    def clear(self, which: Armed | int | str = "all") -> list[Armed]:
+        """End faults, or call them off: one, by its number, all of a name, or ``"all"``.
+
+        Returns:
+            Those that were waiting or acting.
+
+        Raises:
+            ValueError: there is none of that number or name.
+        """
+        number = which.number if isinstance(which, Armed) else which
+        live = self.live()
+        if isinstance(number, str) and number.lstrip("#").isdecimal():
+            number = int(number.lstrip("#"))
+        if number != "all":
+            known = [
+                armed for armed in self._armed.values() if number in (armed.number, armed.name)
+            ]
+            if not known:
+                names = sorted({armed.name for armed in self._armed.values()})
+                hint = suggestion(str(number), names)
+                raise ValueError(f'no fault "{number}" is armed; {hint}there are {listed(names)}')
+            live = [armed for armed in live if armed in known]
+        for port in list(self._board.ports):
+            port.end_lease()
+        for armed in live:
+            armed.cleared = True
+            if armed.state == ACTING:
+                self._end(armed, "cleared")
+            self._finish(armed)
+        return live
+
+    def live(self) -> list[Armed]:
+        """Return the faults that wait or act, oldest first."""
+        return [armed for armed in self._armed.values() if armed.state != OVER]
+
+    def all(self) -> list[Armed]:
+        """Return every fault that was ever armed, oldest first."""
+        return list(self._armed.values())
+
+    def unfired(self) -> list[Armed]:
+        """Return the faults that were armed, never began and were not called off."""
+        return [armed for armed in self._armed.values() if not armed.fired and not armed.cleared]
+
+    # -- looking up ---------------------------------------------------------------------------
+
+    @staticmethod
+    def find(name: str) -> Fault:
+        """Return the row of the fault called ``name``.
+
+        Raises:
+            ValueError: there is none.
+        """
+        fault = FAULTS.get(name)
+        if fault is None:
+            raise ValueError(
+                f'there is no fault "{name}"; {suggestion(name, FAULTS)}there are {listed(FAULTS)}'
+            )
+        return fault
+
+    def _chip_of(self, armed: Armed) -> Chip | None:
+        if armed.fault.target == LINK:
+            return self._board.chips[0] if len(self._board.chips) == 1 else None
+        return self._board.chip(armed.target.partition(".")[0])
+
+    # -- triggers -----------------------------------------------------------------------------
+
+    def _prepare(self, armed: Armed) -> None:
+        """Check that the trigger fits the board, before anything is changed."""
+        when, chip = armed.when, self._chip_of(armed)
+        if when.kind == EDGE:
+            name = when.name if "." in when.name or chip is None else f"{chip.name}.{when.name}"
+            self._board.find_pin(name)
+        if when.kind in (COMMAND, POSITION) and chip is None:
+            raise ValueError(f'when = "{when.text}": a fault of a link has no {when.kind}')
+        if when.kind == COMMAND and chip is not None:
+            armed.writes = write_of(chip, when.name)
+        if when.kind == POSITION:
+            place = armed.target if armed.fault.target == AXIS else f"{armed.target}.1"
+            if place not in self._board.axes:
+                raise ValueError(f'when = "{when.text}": no plant is behind {place}')
+        if when.kind == RATE:
+            seed = f"{self._board.seed} fault {armed.number} {armed.name} {armed.target}"
+            armed.draws = int.from_bytes(hashlib.sha256(seed.encode()).digest()[:4], "big")
+
+    def _start(self, armed: Armed) -> None:
+        """Wait for the trigger."""
+        when, now = armed.when, self._board.now
+        if when.kind == NOW or (when.kind == AT and when.number <= now):
+            self._begin(armed)
+        elif when.kind == AT:
+            self._push(when.number, _BEGIN, armed.number)
+        elif when.kind == CYCLE:
+            if armed.fault.family == "bus" and when.number == 1:
+                self._begin(armed)
+        elif when.kind == POSITION:
+            armed.side = 1 if self._position(armed) < when.number else -1
+            self._push(now + LOOK, _LOOK, armed.number)
+        elif when.kind == EDGE:
+            self._look_at_edge(armed)
+        elif when.kind == RATE:
+            if armed.until.kind == FOR and armed.fault.acts != LASTS:
+                self._push(now + armed.until.span, _STOP, armed.number)
+            self._draw(armed)
+
+    def _look_at_edge(self, armed: Armed) -> None:
+        chip, name = self._chip_of(armed), armed.when.name
+        if "." not in name and chip is not None:
+            name = f"{chip.name}.{name}"
+        number = armed.number
+        armed.eyes = EdgeEyes(
+            HIGH if armed.when.number else LOW,
+            lambda: self._push(self._board.now, _BEGIN, number),
+        )
+        self._board.find_pin(name).net.observe(armed.eyes)
+
+    def _position(self, armed: Armed) -> int:
+        place = armed.target if armed.fault.target == AXIS else f"{armed.target}.1"
+        axis = self._acts.axis(place)
+        axis.chip.advance()
+        return axis.count
+
+    def _draw(self, armed: Armed) -> None:
+        """Set the next instant of a stream: uniform, with the mean that was asked for."""
+        armed.draws = (armed.draws * 1664525 + 1013904223) & 0xFFFFFFFF
+        gap = 1 + (2 * armed.when.number * armed.draws >> 32)
+        self._push(self._board.now + gap, _BEGIN, armed.number)
+
+    def _cycle(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
+        """A bus cycle has been made: what waited for it begins, what was to last for it ends."""
+        names = chip.split("+")
+        for armed in self.live():
+            mine = self._chip_of(armed)
+            if mine is not None and mine.name not in names:
+                continue
+            if armed.state == ACTING:
+                bus = self._acts.buses.get(armed.number)
+                once = armed.until.kind == ONCE or armed.when.kind == RATE
+                if once and bus is not None and bus.concerns(write):
+                    self._push(when, _END, armed.number)
+            elif armed.when.kind == CYCLE:
+                armed.seen += 1
+                early = armed.fault.family == "bus"
+                if armed.seen == armed.when.number - early:
+                    self._push(when, _BEGIN, armed.number)
+            elif armed.when.kind == COMMAND and write:
+                if (address, data) in armed.writes or (address, -1) in armed.writes:
+                    self._push(when, _BEGIN, armed.number)
+
+    # -- time ---------------------------------------------------------------------------------
+
+    def _push(self, when: int, kind: int, number: int) -> None:
+        self._serial += 1
+        heappush(self._queue, (max(when, self._board.now), self._serial, kind, number))
+        self._timer.at(self._queue[0][0])
+
+    def later(self, when: int, call: Callable[[], None]) -> None:
+        """Call back at instant ``when`` (ps)."""
+        self._calls[self._serial + 1] = call
+        self._push(when, _CALL, self._serial + 1)
+
+    def _due(self) -> None:
+        now = self._board.now
+        while self._queue and self._queue[0][0] <= now:
+            _, _, kind, number = heappop(self._queue)
+            if kind == _CALL:
+                call = self._calls.pop(number, None)
+                if call is not None:
+                    call()
+                continue
+            armed = self._armed[number]
+            if armed.state != OVER:
+                self._happen(armed, kind)
+        if self._queue:
+            self._timer.at(self._queue[0][0])
+
+    def _happen(self, armed: Armed, kind: int) -> None:
+        if kind == _BEGIN and armed.state == WAITING:
+            self._begin(armed)
+        elif kind == _BEGIN and armed.when.kind == RATE:
+            self._draw(armed)
+        elif kind in (_END, _STOP):
+            if armed.state == ACTING:
+                self._end(armed, "")
+            if kind == _STOP or armed.when.kind != RATE:
+                self._finish(armed)
+        elif kind == _LOOK and armed.state == WAITING:
+            here = self._position(armed)
+            if (here - armed.when.number) * armed.side >= 0:
+                self._begin(armed)
+            else:
+                self._push(self._board.now + LOOK, _LOOK, armed.number)
+        elif kind == _TOGGLE and armed.state == ACTING:
+            self._toggle(armed)
+
+    def _toggle(self, armed: Armed) -> None:
+        armed.seen ^= 1
+        self._acts.axis(armed.target).toggle(armed.number, not armed.seen)
+        self._push(self._board.now + int(armed.values["period"]) // 2, _TOGGLE, armed.number)
+
+    # -- beginning and ending -----------------------------------------------------------------
+
+    def _begin(self, armed: Armed) -> None:
+        fault = armed.fault
+        armed.state = ACTING
+        try:
+            text = self._acts.begin(armed)
+        except ValueError as error:
+            self._tell(armed, FAILED, str(error))
+            self._finish(armed)
+            return
+        armed.fired += 1
+        self._tell(armed, BEGUN, text)
+        if armed.name == "limit_bouncing":
+            armed.seen = 0
+            self._push(self._board.now + int(armed.values["period"]) // 2, _TOGGLE, armed.number)
+        rated = armed.when.kind == RATE
+        if fault.acts == ONCE or (fault.target == LINK and armed.until.kind == ONCE):
+            self._after(armed)
+        elif armed.until.kind == FOR and (not rated or fault.acts == LASTS):
+            self._push(self._board.now + armed.until.span, _END, armed.number)
+        if rated:
+            self._draw(armed)
+        self._settle_watch()
+
+    def _after(self, armed: Armed) -> None:
+        """It is over as soon as it has begun; a stream goes on."""
+        if armed.when.kind == RATE:
+            armed.state = WAITING
+        else:
+            self._finish(armed)
+
+    def _end(self, armed: Armed, text: str) -> None:
+        armed.state = WAITING
+        self._acts.end(armed)
+        self._tell(armed, ENDED, text)
+
+    def _finish(self, armed: Armed) -> None:
+        armed.state = OVER
+        if armed.eyes is not None:
+            chip, name = self._chip_of(armed), armed.when.name
+            if "." not in name and chip is not None:
+                name = f"{chip.name}.{name}"
+            self._board.find_pin(name).net.unobserve(armed.eyes)
+            armed.eyes = None
+        self._settle_watch()
+
+    def _settle_watch(self) -> None:
+        """Look at bus cycles, and promise hosts nothing, only while a fault wants it."""
+        live = self.live()
+        self._board.disturbed = bool(live)
+        wanted = any(
+            armed.when.kind in (CYCLE, COMMAND) or armed.number in self._acts.buses
+            for armed in live
+        )
+        if wanted != self._watching:
+            self._watching = wanted
+            if wanted:
+                self._board.observe(self._eyes)
+            else:
+                self._board.unobserve(self._eyes)
+
+    def _tell(self, armed: Armed, what: str, text: str) -> None:
+        now = self._board.now
+        self.log.append(Evidence(now, armed.number, armed.name, armed.target, what, text))
+        for observer in (*self._board.listeners, *self._board.observers):
+            observer.fault(now, armed.name, armed.target, what, text)
+
+    # -- state --------------------------------------------------------------------------------
+
+    def save(self) -> tuple[object, ...]:
+        """Return what is armed and acts, and when something is due; the log stays out."""
+        return (
+            self._last, self._serial,
+            tuple(record(armed) for armed in self._armed.values()),
+            tuple(sorted(entry for entry in self._queue if entry[2] != _CALL)),
+            self._acts.save(),
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave, alone in a tuple; else nothing is armed.
+
+        It comes before the chips take back theirs.
+        """
+        for armed in self.live():
+            if armed.number in self._acts.buses:
+                self._acts.end(armed)
+            self._finish(armed)
+        values: Any = state[0] if state else (0, 0, (), (), ())
+        last, serial, records, queue, axes = values
+        self._last, self._serial = last, serial
+        self._armed = {row[0]: armed_of(row, self.find(row[1])) for row in records}
+        self._queue = [tuple(entry) for entry in queue]
+        self._calls = {}
+        self._timer.cancel()
+        self._acts.load(axes, list(self._armed.values()))
+
+    def go_on(self) -> None:
+        """Everything is loaded: let what acts on chips and buses act again."""
+        self._acts.go_on([a for a in self._armed.values() if a.state == ACTING])
+        for armed in self.live():
+            if armed.when.kind == EDGE and armed.state == WAITING:
+                self._look_at_edge(armed)
+        if self._queue:
+            self._timer.at(self._queue[0][0])
+        self._settle_watch()

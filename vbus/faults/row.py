@@ -1,0 +1,46 @@
+"""What the tables of faults are made of."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from vbus.options import Option
+
+AXIS: Final = "axis"
+"""Targets a chip's axis and its plant: ``"x"``, or ``"x.2"`` for the second axis."""
+CHIP: Final = "chip"
+"""Targets a chip: ``"x"``."""
+LINK: Final = "link"
+"""Targets a host's link: ``"host0"``, in the order of the board file."""
+
+ONCE: Final = "once"
+"""Begins and is over at once: a jump, a reset."""
+LASTS: Final = "lasts"
+"""Holds until its duration is over or it is cleared."""
+COUNTED: Final = "counted"
+"""Acts on one bus cycle or one answer at a time, or on all of them while it lasts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing that can break.
+
+    Attributes:
+        name: what it is armed by.
+        family: ``"mechanics"``, ``"encoder"``, ``"switches"``, ``"chip"``, ``"bus"`` or
+            ``"transport"``.
+        title: one line saying what it does.
+        target: :data:`AXIS`, :data:`CHIP` or :data:`LINK`.
+        acts: :data:`ONCE`, :data:`LASTS` or :data:`COUNTED`.
+        parameters: its settings.
+        families: chip families it exists for; all if empty.
+        shaft: it needs a plant that computes a shaft: ``dc_motor`` or ``stepper``.
+    """
+
+    name: str
+    family: str
+    title: str
+    target: str
+    acts: str
+    parameters: tuple[Option, ...] = ()
+    families: tuple[str, ...] = ()
+    shaft: bool = False

@@ -1,0 +1,26 @@
+"""The faults of a board as plain numbers and texts, and back."""
+
+from typing import Any
+
+from vbus.faults.armed import Armed
+from vbus.faults.row import Fault
+from vbus.faults.trigger import Until, When
+
+
+def record(armed: Armed) -> tuple[object, ...]:
+    """Return an armed fault as a tuple."""
+    when, until = armed.when, armed.until
+    return (
+        armed.number, armed.name, armed.target, (when.kind, when.number, when.name, when.text),
+        (until.kind, until.span, until.text), tuple(armed.values.items()), armed.state,
+        armed.fired, armed.seen, armed.draws, armed.cleared, armed.writes, armed.side,
+    )  # fmt: skip
+
+
+def armed_of(state: Any, fault: Fault) -> Armed:
+    """Return the fault that :func:`record` made a tuple of."""
+    number, _, target, when, until, values, stage, fired, seen, draws, cleared, writes, side = state
+    return Armed(
+        number, fault, target, When(*when), Until(*until), dict(values), stage, fired, seen, draws,
+        cleared, tuple(tuple(pair) for pair in writes), side,
+    )  # fmt: skip

@@ -1,0 +1,70 @@
+"""Which chip, axis or link a fault is about."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from vbus.board.settings import listed
+from vbus.chips.base import Chip
+from vbus.faults.fitting import STROBES
+from vbus.faults.row import CHIP, LINK, Fault
+from vbus.plant.shaft import Shaft
+
+if TYPE_CHECKING:
+    from vbus.board.board import Board
+
+
+def find_target(board: Board, fault: Fault, target: str) -> str:
+    """Return the full name of what ``target`` means for ``fault``: "x", "x.1", "host0".
+
+    Raises:
+        ValueError: there is no such thing, or the fault does not exist for it.
+    """
+    if fault.target == LINK:
+        name = target or "host0"
+        if not name.startswith("host") or not name[4:].isdecimal():
+            raise ValueError(
+                f'{fault.name} target "{target}": write "host0" for the first [[hosts]]'
+            )
+        return name
+    chip_name, _, number = target.partition(".")
+    if not chip_name:
+        fits = [c for c in board.chips if not fault.families or c.FAMILY in fault.families]
+        if len(fits) != 1:
+            names = listed(c.name for c in fits or board.chips)
+            raise ValueError(f"{fault.name}: say on which target; there are {names}")
+        chip_name = fits[0].name
+    chip = board.chip(chip_name)
+    if fault.families and chip.FAMILY not in fault.families:
+        raise ValueError(
+            f'{fault.name} exists for {listed(fault.families)}; "{chip.name}" is a {chip.part}'
+        )
+    if fault.target == CHIP:
+        if number:
+            raise ValueError(f'{fault.name} is a fault of the chip: write "{chip.name}"')
+        if fault.family == "bus" and chip.FAMILY not in STROBES:
+            raise ValueError(f"{fault.name}: the bus of a {chip.part} is not known here")
+        return chip.name
+    return _axis(board, fault, chip, number or "1")
+
+
+def _axis(board: Board, fault: Fault, chip: Chip, number: str) -> str:
+    if not number.isdecimal() or not 1 <= int(number) <= chip.axis_count:
+        raise ValueError(
+            f'{fault.name} target "{chip.name}.{number}": axes of "{chip.name}" are 1 to'
+            f" {chip.axis_count}"
+        )
+    place = f"{chip.name}.{int(number)}"
+    plant = board.axes.get(place)
+    if plant is None:
+        raise ValueError(f"{fault.name}: no plant is behind {place}")
+    if fault.shaft and not isinstance(plant, Shaft):
+        raise ValueError(
+            f"{fault.name} needs a plant with a shaft, dc_motor or stepper; {place} has"
+            f" {type(plant).__name__}"
+        )
+    if fault.name == "lost_steps" and "drive" in plant.TAKES and "pulses" not in plant.TAKES:
+        raise ValueError(f"lost_steps needs a stepper; {place} has {type(plant).__name__}")
+    if fault.name == "supply_sag" and not hasattr(plant, "_supply"):
+        raise ValueError(f"supply_sag needs a dc_motor; {place} has {type(plant).__name__}")
+    return place

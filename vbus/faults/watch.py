@@ -1,0 +1,73 @@
+"""What triggers look at: bus cycles, commands, edges."""
+
+import importlib
+from collections.abc import Callable
+
+from vbus.board.settings import listed, suggestion
+from vbus.chips.base import Chip
+from vbus.signals import Observer
+
+Cycle = Callable[[int, str, bool, int, int], None]
+"""Is told of a bus cycle: instant, chips, write, address, byte."""
+
+
+class BusEyes(Observer):
+    """Sees whole bus cycles, in the place of somebody who wants to hear of them."""
+
+    def __init__(self, tell: Cycle) -> None:
+        self._tell: Cycle = tell
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Pass it on."""
+        self._tell(when, chip, write, address, data)
+
+
+class EdgeEyes(Observer):
+    """Sees the edges of one net and tells of those to one level."""
+
+    def __init__(self, level: int, tell: Callable[[], None]) -> None:
+        self._level: int = level
+        self._tell: Callable[[], None] = tell
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Pass it on."""
+        if level == self._level:
+            self._tell()
+
+
+def write_of(chip: Chip, name: str) -> tuple[tuple[int, int], ...]:
+    """Return the writes that are a command's beginning, or go to a register.
+
+    Args:
+        chip: the chip.
+        name: the mnemonic, or the register's name, or its address in hexadecimal ("R05H").
+
+    Returns:
+        Addresses and bytes; byte -1 stands for any.
+
+    Raises:
+        ValueError: the chip has none of that name.
+    """
+    try:
+        sheet = importlib.import_module(f"vbus.chips.{chip.FAMILY}.datasheet")
+    except ImportError:
+        raise ValueError(f"{chip.part}: its commands have no names known here") from None
+    names: list[str] = []
+    if hasattr(sheet, "COMMANDS"):
+        for row in sheet.COMMANDS:
+            if row.name.upper() == name.upper():
+                return ((sheet.COMMAND_PORT, row.code),)
+            names.append(row.name)
+    else:
+        for row in sheet.REGISTERS:
+            places = [f"R{address:02X}H" for address in row.addresses]
+            if name.upper() == row.name:
+                return tuple((address, -1) for address in row.addresses)
+            if name.upper() in places:
+                return ((row.addresses[places.index(name.upper())], -1),)
+            names.append(row.name)
+    hint = suggestion(name.upper(), names)
+    kind = "command" if hasattr(sheet, "COMMANDS") else "register"
+    raise ValueError(f'{chip.part} has no {kind} "{name}"; {hint}it has {listed(names)}')
