@@ -17,6 +17,7 @@ from vbus.nodes.messages import Report, decode, encode
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.sync import Participant
+from vbus.nodes.trace import merged
 
 FILE, SOURCE = read_board_text(BOARD, "four.toml")
 PLAN = plan_of(FILE)
@@ -225,6 +226,28 @@ def test_a_node_that_starts_anew_lives_through_it_all_again(machine: Machine) ->
     assert made.trace_hash() == machine.trace_hash()
 
 
+@pytest.mark.parametrize("until", [3, 12, 24, 36, 48, 60, 72, 78, 80])
+def test_all_nodes_go_on_from_snapshots_taken_anywhere(machine: Machine, until: int) -> None:
+    made = Machine(FILE, SOURCE, played())
+    saved: dict[int, bytes] = {}
+    while len(saved) < len(made.conductors):
+        for rank, conductor in enumerate(made.conductors):
+            if rank not in saved:
+                made.poll(conductor)
+                if conductor.participant.reported and conductor.participant.round >= until:
+                    saved[rank] = conductor.save()
+    again = Machine(FILE, SOURCE, played())
+    for rank, conductor in enumerate(again.conductors):
+        conductor.load(saved[rank])
+    for conductor in again.conductors:
+        for other in again.conductors:
+            if other is not conductor:
+                for report in list(conductor.participant.log.values()):
+                    other.receive(report)
+    again.run()
+    assert again.trace_hash() == machine.trace_hash()
+
+
 def test_a_snapshot_of_another_node_or_of_nothing_is_refused() -> None:
     made = Machine(FILE, SOURCE, played(8))
     while not made.conductors[0].participant.reported:
@@ -298,6 +321,13 @@ def test_a_message_that_makes_no_sense_is_refused_with_its_sender(
 def test_random_bytes_are_a_message_or_an_error(data: bytes) -> None:
     with suppress(NodeMismatchError):
         assert encode(decode(b"\x01" + data, "b", 4, 4))
+
+
+def test_traces_are_merged_by_instant_then_node_then_sequence() -> None:
+    traces = [[(5, "a"), (7, "b"), (7, "c")], [(5, "d"), (6, "e"), (7, "f")]]
+    assert list(merged(traces)) == [
+        (5, 0, "a"), (5, 1, "d"), (6, 1, "e"), (7, 0, "b"), (7, 0, "c"), (7, 1, "f"),
+    ]  # fmt: skip
 
 
 def test_the_whole_trace_is_that_of_the_nodes_merged(machine: Machine) -> None:

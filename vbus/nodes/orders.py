@@ -1,7 +1,7 @@
 """Bus cycles and pins at given instants: what a host has ordered to happen."""
 
 from dataclasses import dataclass
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
 from typing import Final
 
 from vbus.board.board import Board
@@ -24,6 +24,7 @@ _BEGIN: Final = 1
 _LATCH: Final = 2
 _TAKE: Final = 3
 _DRIVE: Final = 4
+_START: Final = 5
 
 Step = tuple[int, int, int, int, int, int]
 """Instant, number of the order, number of the step, what to do, pin and level."""
@@ -129,6 +130,9 @@ class Orders:
         if action == _DRIVE:
             self._drive(pin, level)
             return
+        if action == _START:
+            self._flush(number)
+            return
         order = self._orders[number]
         chips = [board.chip(name) for name in order.chips]
         if action == _LOOK:
@@ -166,6 +170,7 @@ class Orders:
             first = self.board.chips.index(chips[0])
             earliest = min(offset for offset, *_ in strobes)
             when = max(when, now - earliest)
+            self._push(when + earliest, number, _START)
             taken = False
             for offset, pin, place, level in sorted(strobes, key=_offset):
                 if offset >= 0 and not taken:
@@ -177,6 +182,15 @@ class Orders:
         if order.kind == READ:
             self._push(max(when - chips[0].read_low_ps, now), number, _BEGIN)
         self._push(when, number, _LATCH)
+
+    def _flush(self, number: int) -> None:
+        """A cycle begins: hold edges of those before it that are still to come happen now."""
+        late = [step for step in sorted(self._steps) if step[3] == _DRIVE and step[1] < number]
+        if late:
+            self._steps[:] = [step for step in self._steps if step not in late]
+            heapify(self._steps)
+            for _, _, _, _, pin, level in late:
+                self._drive(pin, level)
 
     def _observed(self, chips: list[Chip]) -> bool:
         if not self.board.kernel.observed:

@@ -1,0 +1,163 @@
+"""Cycles ordered for an instant are the cycles a host would make at it, seen by anybody or not."""
+
+import pytest
+
+from vbus.board.board import Board
+from vbus.board.build import load_board_text
+from vbus.kernel import US
+from vbus.nodes.orders import PIN, READ, WRITE, Order, Orders
+from vbus.signals import Observer
+
+BOARD = """\
+[board]
+time = "slaved"
+power_on = "done"
+
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "x"
+
+[chips.m]
+part = "MCP-1200"
+clock = "8 MHz"
+plant = "none"
+
+[plants.x]
+model = "ideal"
+"""
+
+# Writes and polls 100 ns apart around the end of busy, 15 us after each byte: a read strobe that
+# begins before that instant and ends after it tells when the byte was taken.
+SCRIPT: list[tuple[int, str, int, int, int]] = [
+    (100 * US, "x", WRITE, 0, 0x1F),
+    *((110 * US + n * 350_000, "x", READ, 0, 0) for n in range(30)),
+    (130 * US, "x", WRITE, 1, 0x00),
+    (132 * US, "x", WRITE, 1, 0xA8),
+    (140 * US, "m", WRITE, 0x20, 0x5A),
+    *((142 * US + n * 333_333, "x", READ, 0, 0) for n in range(30)),
+    (160 * US, "m", READ, 0x20, 0),
+    (161 * US, "x", WRITE, 0, 0x0A),
+    *((200 * US + n * US, "x", READ, 1, 0) for n in range(4)),
+    (240 * US, "x", READ, 0, 0),
+    (260 * US, "m", READ, 0x14, 0),
+]
+
+
+SPACED = [row for n, row in enumerate(SCRIPT) if n % 4 == 0 or row[2] == WRITE]
+"""Without cycles that begin before the hold times of the last one are over."""
+
+
+class Seen(Observer):
+    def __init__(self) -> None:
+        self.cycles: list[tuple[int, str, bool, int, int]] = []
+        self.edges: list[tuple[int, str, int]] = []
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        self.cycles.append((when, chip, write, address, data))
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        self.edges.append((when, net, level))
+
+
+def made(strobes: bool) -> tuple[Board, Seen]:
+    board = load_board_text(BOARD)
+    seen = Seen()
+    board.observe(seen)
+    if strobes:
+        for chip in board.chips:
+            for pin in chip.bus_pins:
+                pin.net.observe(seen)
+    return board, seen
+
+
+def by_host(strobes: bool) -> tuple[Board, Seen]:
+    board, seen = made(strobes)
+    ports = {name: board.open_port(name, [name]) for name in "xm"}
+    for when, chip, kind, address, data in SPACED if strobes else SCRIPT:
+        board.run_until(max(board.now, when - 400_000))
+        ports[chip].at(when)
+        if kind == WRITE:
+            ports[chip].write(address, data)
+        else:
+            ports[chip].read(address)
+    board.run_until(300 * US)
+    return board, seen
+
+
+def by_order(strobes: bool, step: int) -> tuple[Board, Seen]:
+    board, seen = made(strobes)
+    orders = Orders(board, "host")
+    for when, chip, kind, address, data in SPACED if strobes else SCRIPT:
+        orders.give(Order(when, (chip,), kind, address, data))
+    while board.now < 300 * US:
+        board.run_until(min(board.now + step, 300 * US))
+    return board, seen
+
+
+@pytest.mark.parametrize("strobes", [False, True])
+def test_an_order_is_the_cycle_a_host_would_make_at_that_instant(strobes: bool) -> None:
+    host, seen = by_host(strobes)
+    assert len({data for _, chip, write, address, data in seen.cycles if chip == "x"}) > 3
+    for step in (300 * US, 777_777):
+        ordered, found = by_order(strobes, step)
+        assert found.cycles == seen.cycles
+        assert sorted(found.edges) == sorted(seen.edges)
+        assert [chip.save() for chip in ordered.chips] == [chip.save() for chip in host.chips]
+
+
+def test_a_cycle_that_begins_within_the_hold_time_of_the_last_one_is_whole() -> None:
+    """Its strobes end the last one's: both reach the chip, seen or not."""
+    cycles = []
+    for strobes in (False, True):
+        board, seen = made(strobes)
+        orders = Orders(board, "host")
+        for n in range(40):
+            orders.give(Order(100 * US + n * 160_000, ("x",), READ, 0))
+        board.run_until(120 * US)
+        cycles.append(seen.cycles)
+    assert len(cycles[0]) == 40
+    assert cycles[0] == cycles[1]
+
+
+def test_a_pin_is_driven_at_its_instant_and_let_go() -> None:
+    board = load_board_text(BOARD)
+    orders = Orders(board, "host")
+    net = board.find_pin("m./STOP").net
+    orders.give(Order(7 * US, ("m",), PIN, 0, 0, "/STOP"))
+    orders.give(Order(9 * US, ("m",), PIN, 0, 2, "/STOP"))
+    board.run_until(7 * US - 1)
+    assert net.value == 1
+    board.run_until(7 * US)
+    assert net.value == 0
+    board.run_until(9 * US)
+    assert net.value == 1
+
+
+def test_orders_that_wait_are_part_of_the_state() -> None:
+    _, seen = by_order(False, 300 * US)
+    first = load_board_text(BOARD)
+    orders = Orders(first, "host")
+    for when, chip, kind, address, data in SCRIPT:
+        orders.give(Order(when, (chip,), kind, address, data))
+    first.run_until(131 * US)
+    second = load_board_text(BOARD)
+    restored = Orders(second, "host")
+    second.load(first.save())
+    restored.load(orders.save())
+    found = Seen()
+    second.observe(found)
+    second.run_until(300 * US)
+    assert found.cycles == [cycle for cycle in seen.cycles if cycle[0] > 131 * US]
+
+
+def test_an_order_for_the_past_is_carried_out_at_once_and_counted() -> None:
+    board, seen = made(False)
+    board.run_until(50 * US)
+    orders = Orders(board, "host")
+    orders.give(Order(40 * US, ("x",), READ, 0))
+    board.run_until(50 * US)
+    assert orders.late == 1
+    assert [cycle[0] for cycle in seen.cycles] == [50 * US]
