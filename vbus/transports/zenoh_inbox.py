@@ -56,6 +56,11 @@ class Inbox:
         with contextlib.suppress(BlockingIOError):
             os.eventfd_read(self._fd)
         items = self._items
+        if self.dropped:
+            log.warning(
+                "%d messages of the network came faster than they were served", self.dropped
+            )
+            self.dropped = 0
         for _ in range(len(items)):
             handle, item = items.popleft()
             try:
