@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from random import Random
 
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
@@ -70,10 +71,16 @@ def both_lm629(port: object, code: int, *words: int) -> None:
         write(1, word & 0xFF)
 
 
-def play() -> tuple[str, tuple[int, ...], str, str]:
-    """Drive all chips of a board; return replies, encoder counts, trace hash and state hash."""
+def play(looks: int = -1) -> tuple[str, tuple[int, ...], str, str]:
+    """Drive all chips of a board; return replies, encoder counts, trace hash and state hash.
+
+    With ``looks`` (a seed; 0: none) there is no trace, and somebody looks at the board now and
+    then.
+    """
     board: Board = load_board_text(BOARD)
-    board.start_trace()
+    if looks < 0:
+        board.start_trace()
+    stream = Random(looks)
     port = board.open_port("host", ["x", "y", "m", "p"])
     replies = []
     port.select(0b0011)
@@ -94,9 +101,23 @@ def play() -> tuple[str, tuple[int, ...], str, str]:
     for step in range(400):
         port.select(1 << step % 4)
         replies.append(port.read((0, 0, 0x14, 1)[step % 4]))
-        port.delay(step * 60 * US)
+        if looks > 0 and stream.random() < 0.3:
+            end = board.now + step * 60 * US
+            board.run_until(stream.randint(board.now, end))
+            board.catch_up()
+            board.run_until(end)
+        else:
+            port.delay(step * 60 * US)
+    board.catch_up()
     counts = tuple(plant.count for plant in board.plants)
-    return bytes(replies).hex(), counts, board.trace_hash(), board.state_hash()
+    trace = board.trace_hash() if looks < 0 else ""
+    return bytes(replies).hex(), counts, trace, board.state_hash()
+
+
+def test_being_looked_at_changes_nothing_not_even_the_state() -> None:
+    unseen = play(0)
+    for seed in (1, 2, 3):
+        assert play(seed) == unseen
 
 
 def test_two_runs_in_one_process_are_the_same() -> None:

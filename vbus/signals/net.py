@@ -209,7 +209,14 @@ class Net:
         self.clashing = fight
 
     def save(self) -> tuple[int, ...]:
-        """Return the level and its history; what each pin drives is its owner's to save."""
+        """Return the level and its history; what each pin drives is its owner's to save.
+
+        A wire driven by chips alone, to which nobody listens, has no history: they drive it when
+        somebody looks at them, and being looked at changes nothing.
+        """
+        both_ways = self.width == 8  # D0-D7, whose changes the AC limits look at
+        if not (self.heard or both_ways) and all(pin.on_heard is not None for pin in self.pins):
+            return (self.value, self.value, 0, -1)
         return (self.value, self.previous, self.changed_at, self.let_go_at)
 
     def load(self, state: tuple[int, ...]) -> None:
