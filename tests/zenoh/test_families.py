@@ -1,5 +1,7 @@
 """Every family's own client works over the network."""
 
+from pathlib import Path
+
 import pytest
 
 from tests.e2e.serving import served
@@ -29,17 +31,21 @@ clock = "{}"
         ("MCP-1200", "2 MHz", 'plant = "none"'),
     ],
 )
-def test_the_clients_of_the_other_families_work_over_the_network(
-    part: str, clock: str, plants: str
+def test_the_clients_of_the_other_families_hear_what_they_hear_on_a_terminal(
+    part: str, clock: str, plants: str, runtime: Path
 ) -> None:
-    made = build(*read_board_text(BOARD.format(part, clock, plants)))
-    with served(made, LinkSpec("zenoh:")), connect("zenoh:bench/x") as bus:
-        if part == "MC1241A":
-            pmd = Mc1241a(bus, "x")
-            pmd.set_pos(123456)
-            assert pmd.get_pos() == 123456
-        else:
-            mcp = Mcp1200(bus, "x")
-            mcp.idle()
-            mcp.write_command_position(0x1234)
-            assert mcp.read_command_position() == 0x1234
+    heard = []
+    for entry, link in (("zenoh:", "zenoh:bench/x"), (f"pty:{runtime}/p", f"pty:{runtime}/p")):
+        made = build(*read_board_text(BOARD.format(part, clock, plants)))
+        with served(made, LinkSpec(entry)), connect(link) as bus:
+            if part == "MC1241A":
+                pmd = Mc1241a(bus, "x")
+                pmd.set_pos(123456)
+                assert pmd.get_pos() == 123456
+                heard.append((pmd.get_pos(), bus.now()))
+            else:
+                mcp = Mcp1200(bus, "x")
+                mcp.idle()
+                mcp.write_command_position(0x1234)
+                heard.append((mcp.read_command_position(), mcp.read_flag(), bus.now()))
+    assert heard[0] == heard[1]
