@@ -14,7 +14,7 @@ from vbus.errors import NodeMismatchError, SnapshotError
 from vbus.kernel import NEVER, US
 from vbus.nodes.machine import Machine, conductor_of, trace_hash
 from vbus.nodes.messages import Report, decode, encode
-from vbus.nodes.plan import pins_of, plan_of
+from vbus.nodes.plan import build_nodes, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.sync import Participant
 from vbus.nodes.trace import merged
@@ -87,6 +87,28 @@ def test_the_hash_sees_an_instant_that_differs_by_a_picosecond(machine: Machine)
     other = Machine(FILE, SOURCE, read_scenario(text, "f", pins_of(FILE), US))
     other.run()
     assert other.trace_hash() != machine.trace_hash()
+
+
+def test_edges_of_one_instant_are_taken_in_order_of_node_and_number() -> None:
+    _, second, third, _ = build_nodes(FILE, SOURCE)
+    trig = next(rank for rank, wire in enumerate(PLAN.wires) if wire.name == "TRIG")
+    second.start_trace()
+    # They come out of order: node 2 lets go before it pulls again, node 3 lets go last.
+    came = [(10, 3, 5, trig, -1, False), (10, 2, 8, trig, 0, True), (10, 2, 7, trig, -1, False)]
+    second.accept(came)
+    second.board.run_until(250 * US + 9)
+    assert second.board.nets["TRIG"].value == 1
+    second.board.run_until(250 * US + 10)
+    assert second.board.nets["TRIG"].value == 0
+    # What a node sends is numbered without gaps.
+    port = third.board.open_port("host", ["m"])
+    number = port.pin_number("m.TRIG")
+    third.take_edges()
+    for level in (0, 2, 0, 2):
+        port.pin(number, level)
+    sent = third.take_edges()
+    assert [edge[4] for edge in sent] == [0, -1, 0, -1]
+    assert [edge[2] for edge in sent] == list(range(sent[0][2], sent[0][2] + 4))
 
 
 # -- any network ----------------------------------------------------------------------------------
