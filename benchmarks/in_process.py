@@ -27,10 +27,11 @@ CHIPS = {
 }
 
 
-def board(chip: str) -> Board:
+def board(chip: str, violations: str = "warn") -> Board:
     rows, plant, _ = CHIPS[chip]
     return load_board_text(
         f'[board]\nname = "bench"\ntime = "lockstep"\npower_on = "done"\n'
+        f'[violations]\ndefault = "{violations}"\n'
         f"[chips.x]\n{rows}\n[plants.m]\n{plant}\n"
     )
 

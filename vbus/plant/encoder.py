@@ -93,6 +93,8 @@ class EncodedPlant(Plant):
         # At power-on the shaft stands in the middle of count 0.
         self._first: float = 0.5
         self._last: float = 0.5
+        self._part: float = 0.5
+        """The position at the end, counted from the count there: 0.0 to below 1.0."""
         self._points: list[float] = [0.5, 0.5]
         self._untraced: bool = False
         """The pieces of the last period have not been written down: _trace() does."""
@@ -102,19 +104,22 @@ class EncodedPlant(Plant):
 
     def _depart(self) -> float:
         """Begin a period where the last one has ended; return that position."""
-        count: i64 = self.count
-        part = self._last - float(count - self._base)
-        # A position just below a count may round up to it.
-        if part >= 1.0:
-            part = _ALMOST_ONE
-        self._base = count
-        self._first = part
-        return part
+        self._base = self.count
+        self._first = self._part
+        return self._part
 
     def _arrive(self, position: float) -> i64:
         """End the period at ``position``; return the count there."""
         self._last = position
-        count = self._base + _floor(position)
+        whole: i64 = int(position)
+        back = float(whole)
+        if position < back:
+            whole -= 1
+            back -= 1.0
+        # A position just below a count may round up to it.
+        part = position - back
+        self._part = part if part < 1.0 else _ALMOST_ONE
+        count = self._base + whole
         self.count = count
         return count
 
@@ -213,6 +218,8 @@ class EncodedPlant(Plant):
         self._points = list(state[3:])
         self._first = self._points[0]
         self._last = self._points[self._pieces]
+        part = self._last - float(self.count - self._base)
+        self._part = part if part < 1.0 else _ALMOST_ONE
         self._untraced = False
 
 

@@ -75,7 +75,7 @@ class Output:
             if magnitude > 127:
                 magnitude = 127
             self._sign = SIGN if value < 0 else 0
-            self._high_clk = magnitude * self._frame_clk // 128
+            self._high_clk = magnitude * self._frame_clk >> 7
             self.command = float(-magnitude if value < 0 else magnitude) / 128.0
         elif port8:
             self._mode = DAC8

@@ -1,0 +1,307 @@
+"""How fast the core is: one table, each row with its limit beside it.
+
+    python benchmarks/core.py            the table, for the core that is installed
+    python benchmarks/core.py --check    exit code 1 if a ratio has gone beyond its limit and slack
+
+Ratios are within one run: to C compiled on the spot, to the interpreted core, to real time. Times
+are of this machine and this moment. ``--check`` looks at ratios only, and wants the compiled core.
+"""
+
+import argparse
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from in_process import CHIPS, board, moving_lm629, moving_mc1241a, moving_mcp1200
+
+from vbus.bits import clamp
+from vbus.compiled import core, is_compiled
+from vbus.kernel import SECOND
+from vbus.protocols.byte import ByteProtocol
+
+STEP = Path(__file__).with_name("lm629_step.c")
+FLAGS = ("-O2", "-ffp-contract=off")
+SAMPLE_NS = 256_000
+"""An LM629's sample at 8 MHz."""
+BATCH = 64
+ROUNDS = 5
+
+
+@dataclass
+class Row:
+    """One line of the table.
+
+    Attributes:
+        work: what was done.
+        measured: what came out, for people.
+        limit: what is wanted, for people.
+        value: the number compared by ``--check``; None if it is a time.
+        most: largest value that passes, slack included.
+    """
+
+    work: str
+    measured: str
+    limit: str
+    value: float | None = None
+    most: float = 0.0
+
+
+def fastest(measure: Callable[[], float], rounds: int = ROUNDS) -> float:
+    """Return the shortest of several times: what the machine does when it is left alone."""
+    return min(measure() for _ in range(rounds))
+
+
+def per_call(function: Callable[[], object], count: int) -> float:
+    """Return nanoseconds per call."""
+    start = time.perf_counter_ns()
+    for _ in range(count):
+        function()
+    return (time.perf_counter_ns() - start) / count
+
+
+def inside(function: Callable[..., object], *arguments: object, count: int = 50_000) -> float:
+    """Return nanoseconds a call takes beyond a call of the same core that does next to nothing."""
+    called = fastest(lambda: per_call(partial(clamp, 1, 0, 2), count))
+    return fastest(lambda: per_call(partial(function, *arguments), count)) - called
+
+
+# -- samples ----------------------------------------------------------------------------------
+
+
+def lm629_sample(samples: int) -> float:
+    """Return nanoseconds per sample of a moving LM629 with its motor."""
+    made = moving_lm629()
+    made.run_for(SECOND)
+    made.catch_up()
+    start = time.perf_counter_ns()
+    made.run_for(SAMPLE_NS * 1000 * samples)
+    made.catch_up()
+    return (time.perf_counter_ns() - start) / samples
+
+
+def c_step(folder: Path) -> Path | None:
+    """Compile the same step in C; None if there is no compiler."""
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        return None
+    program = folder / "step"
+    subprocess.run([compiler, *FLAGS, "-o", program, STEP], check=True)
+    return program
+
+
+def c_sample(program: Path) -> float:
+    """Return nanoseconds per sample of the C version."""
+    done = subprocess.run([program, "1000000"], check=True, capture_output=True, text=True)
+    return float(done.stdout.split()[0])
+
+
+def samples() -> Iterator[Row]:
+    """The chips' own work."""
+    count = 50_000 if is_compiled() else 5_000
+    with tempfile.TemporaryDirectory() as folder:
+        program = c_step(Path(folder))
+        # One after the other, so that both meet the same machine.
+        ours, theirs = [], []
+        for _ in range(2 * ROUNDS):
+            ours.append(lm629_sample(count))
+            if program is not None:
+                theirs.append(c_sample(program))
+    sample = min(ours)
+    if theirs:
+        ratio = sample / min(theirs)
+        yield Row(
+            "LM629 sample, moving, with its motor in 4 sub-steps",
+            f"{sample:.0f} ns, {ratio:.2f} x C ({min(theirs):.0f} ns)",
+            "1.2 x C", ratio, 1.6,
+        )  # fmt: skip
+        in_c = f" (C: {SAMPLE_NS / min(theirs):.0f})"
+    else:
+        yield Row("LM629 sample, moving, with its motor", f"{sample:.0f} ns, no C compiler", "-")
+        in_c = ""
+    yield Row(
+        "moving LM629 axes in real time on one core", f"{SAMPLE_NS / sample:.0f}{in_c}", "10000"
+    )
+    yield Row("one moving axis against real time", f"{SAMPLE_NS / sample:.0f} x", "10000 x")
+
+    pid = moving_mcp1200().chips[0].works.core.pid  # type: ignore[attr-defined]
+    image = bytearray(128)
+    image[0x61:0x6B] = bytes(range(10, 20))
+    took = inside(pid.step, bytes(image), 5, 512)
+    yield Row("MCP-1200 PID, beyond a call", f"{took:.0f} ns", "30 ns")
+    chip = moving_mc1241a()
+    chip.run_for(SECOND)
+    chip.catch_up()
+    axis = chip.chips[0].axes[0]  # type: ignore[attr-defined]
+    took = inside(axis.cycle, 5, 1, False, False, True)
+    yield Row("MC1241A axis in a cycle, beyond a call", f"{took:.0f} ns", "90 ns")
+    yield from whole_boards()
+
+    rest = board("LM629")
+    rest.run_for(SECOND)
+    rest.catch_up()
+    start = time.perf_counter()
+    rest.run_for(3600 * SECOND)
+    rest.catch_up()
+    took = (time.perf_counter() - start) * 1000
+    yield Row("one idle hour of an LM629", f"{took:.2f} ms", "1 ms")
+
+
+def whole_boards() -> Iterator[Row]:
+    """Moving axes of the other families, with everything around them."""
+    for name, made, period in (
+        ("MCP-1200", moving_mcp1200(), 520_000_000),
+        ("MC1241A, 8 slots", moving_mc1241a(), 542_720_000),
+    ):
+        count = 5_000 if is_compiled() else 500
+
+        def run(made=made, period=period, count=count) -> float:  # type: ignore[no-untyped-def]
+            start = time.perf_counter_ns()
+            made.run_for(period * count)
+            made.catch_up()
+            return (time.perf_counter_ns() - start) / count
+
+        took = fastest(run)
+        yield Row(
+            f"{name}: sample, moving, with its motor",
+            f"{took:.0f} ns, {period / took / 1000:.0f} axes in real time", "-",
+        )  # fmt: skip
+
+
+# -- the bus ----------------------------------------------------------------------------------
+
+
+def bus_cycle(chip: str) -> float:
+    """Return nanoseconds for a status read through parser, front end and reply."""
+    status = CHIPS[chip][2]
+    wire = ByteProtocol(board(chip).open_port("bench"))
+    request = bytes((0x10 | status,)) * BATCH
+
+    def batch() -> None:
+        wire.receive(request)
+        wire.take()
+
+    return fastest(lambda: per_call(batch, 500) / BATCH)
+
+
+def interpreted_bus_cycle(chip: str) -> float:
+    """Return the same for the interpreted core, measured in a process of its own."""
+    code = f"import core; print(core.bus_cycle({chip!r}))"
+    path = os.pathsep.join((str(Path(__file__).parent), *sys.path))
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "VBUS_PURE": "1", "PYTHONPATH": path},
+        check=True, capture_output=True, text=True,
+    )  # fmt: skip
+    return float(done.stdout)
+
+
+def pin_read(policy: str) -> float:
+    """Return nanoseconds for a status read by strobes, each with its own instant."""
+    made = board("LM629", violations=policy)
+    port = made.open_port("bench")
+    names = port.info().lines
+    select, strobe = (1 << names.index(f"x.{name}") for name in ("/CS", "/RD"))
+    every = (1 << len(names)) - 1
+    port.lines(every, every & ~(1 << names.index("x./PS")))
+
+    def read() -> None:
+        port.delay(500_000)
+        port.lines(select, 0)
+        port.delay(100_000)
+        port.lines(strobe, 0)
+        port.delay(200_000)
+        port.sample()
+        port.lines(strobe, strobe)
+        port.delay(100_000)
+        port.lines(select, select)
+
+    count = 3_000 if is_compiled() else 500
+    took = fastest(lambda: per_call(read, count))
+    assert made.counters["violations"] == 0
+    return took
+
+
+def bus() -> Iterator[Row]:
+    """What a host waits for, without the link."""
+    for chip in ("LM629", "MC1241A"):
+        took = bus_cycle(chip)
+        if is_compiled():
+            slow = interpreted_bus_cycle(chip)
+            yield Row(
+                f"{chip} status read, {BATCH} in one feed",
+                f"{took:.0f} ns, {slow / took:.1f} x faster than interpreted ({slow:.0f} ns)",
+                "4 x; aim 60 ns", took / slow, 1 / 3,
+            )  # fmt: skip
+        else:
+            yield Row(f"{chip} status read, {BATCH} in one feed", f"{took:.0f} ns", "aim 60 ns")
+    off, warn = [], []
+    for _ in range(3):
+        off.append(pin_read("off"))
+        warn.append(pin_read("warn"))
+    ratio = min(warn) / min(off)
+    yield Row(
+        "status read by strobes, every AC limit judged",
+        f"{min(warn):.0f} ns, {ratio:.2f} x unjudged", "1.15 x", ratio, 1.4,
+    )  # fmt: skip
+
+
+# -- the table --------------------------------------------------------------------------------
+
+
+def table(rows: list[Row]) -> str:
+    """Return the rows as Markdown."""
+    lines = [("work", "measured", "limit"), *((r.work, r.measured, r.limit) for r in rows)]
+    widths = [max(len(line[n]) for line in lines) for n in range(3)]
+    texts = [
+        "| " + " | ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)) + " |"
+        for line in lines
+    ]
+    texts.insert(1, "|" + "|".join("-" * (width + 2) for width in widths) + "|")
+    return "\n".join(texts)
+
+
+def machine() -> str:
+    """Say what was measured, where and when."""
+    name = platform.processor() or platform.machine()
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                name = line.partition(": ")[2]
+                break
+    except OSError:
+        pass
+    now = datetime.now(UTC).strftime("%Y-%m-%d")
+    return f"{core()} core, Python {platform.python_version()}, {name}, {now}"
+
+
+def main() -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--check", action="store_true", help="fail if a ratio is beyond its limit")
+    options = parser.parse_args()
+    if options.check and not is_compiled():
+        parser.error("the core is interpreted; --check wants the compiled one")
+    print(machine())
+    rows = [*samples(), *bus()]
+    print(table(rows))
+    if not options.check:
+        return 0
+    worse = [row for row in rows if row.value is not None and row.value > row.most]
+    for row in worse:
+        print(f"beyond its limit: {row.work}: {row.measured}; wanted {row.limit}")
+    return 1 if worse else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
