@@ -260,7 +260,9 @@ class Cycles:
             return NEVER
         slot = -(-self._slot // SLOTS) * SLOTS
         idle = self._idle() if slot else 0
-        return NEVER if idle == FOR_EVER else self.ps_of((slot + idle * SLOTS) * SLOT_CLK)
+        if idle >= FOR_EVER:
+            return NEVER
+        return self.ps_of((slot + idle * SLOTS) * SLOT_CLK)
 
     # -- state --------------------------------------------------------------------------------
 
