@@ -16,7 +16,7 @@ def wrap(value: int, bits: int) -> int:
 
 
 def wrap_word(value: i64, bits: i64) -> i64:
-    """Do what :func:`wrap` does with a value that fits 62 bits, to fewer bits than that."""
+    """Do what :func:`wrap` does with a value from -2^62 to 2^62, to at most 61 bits."""
     half: i64 = 1 << (bits - 1)
     return ((value + half) & ((half << 1) - 1)) - half
 

@@ -146,12 +146,19 @@ def literal_step(remaining: int, v: int, top: int, a: int, vs: int) -> int:
     return u * d
 
 
-WIDE = st.integers(0, (1 << 30) - 1)
+# The bounds within which every number of the step fits a machine word.
+WIDE = st.one_of(st.integers(0, (1 << 31) - 1), st.just((1 << 31) - 1))
+FARTHEST = 1 << 61
 NARROW = st.integers(0, 40)
 STARTS = st.one_of(st.just(0), NARROW, WIDE)
 SPEEDS = st.one_of(NARROW, WIDE)
-SIGNED = st.one_of(st.integers(-60, 60), st.integers(-(1 << 30), 1 << 30))
-DISTANCES = st.one_of(st.integers(-400, 400), st.integers(-(1 << 48), 1 << 48))
+SIGNED = st.one_of(st.integers(-60, 60), WIDE, WIDE.map(int.__neg__))
+DISTANCES = st.one_of(
+    st.integers(-400, 400),
+    st.integers(-(1 << 48), 1 << 48),
+    st.integers(-FARTHEST, FARTHEST),
+    st.sampled_from((-FARTHEST, FARTHEST)),
+)
 
 
 @pytest.mark.spec("LM-TRJ-12", "PMD-TRJ-2")

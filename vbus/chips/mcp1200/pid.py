@@ -48,7 +48,7 @@ class PidFilter:
         self._saturated = False
 
     def step(self, image: bytes, error: i64, velocity: i64) -> i64:
-        """Return the motor command, not limited; it and all on the way to it fit 32 bits.
+        """Return the motor command, not limited. All on the way to it fits 48 bits.
 
         Args:
             image: the registers at the sample's start.

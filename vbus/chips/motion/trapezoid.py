@@ -11,8 +11,8 @@ With a *start velocity* (PMD START_VEL) a move begins and ends at that velocity 
 The square root of ``8 * accel * remaining`` (to 2^80) is never needed here: whether a velocity can
 still be stopped from is a question about one product, and where the stopping distance decides, the
 answer lies within one acceleration of the present velocity. With velocity, top, accel and start
-below 2^30 and the distance below 2^61 every number in here fits 62 bits, so a compiled build keeps
-them in machine words. :func:`fastest` is the closed form, exact at any size.
+below 2^31 and the distance up to 2^61 every number in here fits 63 bits and a sign, so a compiled
+build keeps them in machine words. :func:`fastest` is the closed form, exact at any size.
 """
 
 from math import isqrt
