@@ -116,7 +116,7 @@ class Acts:
             if one.fault.family == "bus":
                 bus = BusFault(self._board.chip(one.target), one.name, one.values, self._later)
                 self.buses[one.number] = bus
-                bus.begin()
+                bus.begin(again=True)
 
 
 def _values_now(armed: Armed) -> dict[str, Value]:

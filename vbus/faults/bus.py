@@ -46,8 +46,12 @@ class BusFault(Observer):
         """Whether the chip's bus is known."""
         return chip.FAMILY in STROBES
 
-    def begin(self) -> str:
-        """Bend the nets; return what is changed."""
+    def begin(self, again: bool = False) -> str:
+        """Bend the nets; return what is changed.
+
+        Args:
+            again: a saved state has it, with the levels of the nets as they are.
+        """
         chip, values = self._chip, self._values
         chip.bus_net.observe(self)
         for net in self.strobes:
@@ -62,14 +66,15 @@ class BusFault(Observer):
         elif self._name == "contention":
             text = f"D0-D7 driven with {int(values['data']):02X}H"
             self._pin = Pin("fault", chip.bus_net)
-            self._pin.drive(int(values["data"]))
+            self._pin.level = int(values["data"])
         else:
             lost = self._name == "strobe_lost"
             text = f"{', '.join(net.name for net in self.strobes)}"
             text += " stays high" if lost else " is broken in two"
             for net in self.strobes:
                 net.bends.append(self._high if lost else self._broken)
-        self._work_out()
+        if not again:
+            self._work_out()
         return text
 
     def end(self) -> None:

@@ -196,8 +196,7 @@ class Faults:
         """Check that the trigger fits the board, before anything is changed."""
         when, chip = armed.when, self._chip_of(armed)
         if when.kind == EDGE:
-            name = when.name if "." in when.name or chip is None else f"{chip.name}.{when.name}"
-            self._board.find_pin(name)
+            self._board.find_pin(self._pin_of(armed))
         if when.kind in (COMMAND, POSITION) and chip is None:
             raise ValueError(f'when = "{when.text}": a fault of a link has no {when.kind}')
         if when.kind == COMMAND and chip is not None:
@@ -231,15 +230,21 @@ class Faults:
             self._draw(armed)
 
     def _look_at_edge(self, armed: Armed) -> None:
-        chip, name = self._chip_of(armed), armed.when.name
-        if "." not in name and chip is not None:
-            name = f"{chip.name}.{name}"
         number = armed.number
         armed.eyes = EdgeEyes(
             HIGH if armed.when.number else LOW,
             lambda: self._push(self._board.now, _BEGIN, number),
         )
-        self._board.find_pin(name).net.observe(armed.eyes)
+        self._board.find_pin(self._pin_of(armed)).net.observe(armed.eyes)
+
+    def _look_away(self, armed: Armed) -> None:
+        if armed.eyes is not None:
+            self._board.find_pin(self._pin_of(armed)).net.unobserve(armed.eyes)
+            armed.eyes = None
+
+    def _pin_of(self, armed: Armed) -> str:
+        chip, name = self._chip_of(armed), armed.when.name
+        return f"{chip.name}.{name}" if "." not in name and chip is not None else name
 
     def _position(self, armed: Armed) -> int:
         place = armed.target if armed.fault.target == AXIS else f"{armed.target}.1"
@@ -269,10 +274,17 @@ class Faults:
                 armed.seen += 1
                 early = armed.fault.family == "bus"
                 if armed.seen == armed.when.number - early:
-                    self._push(when, _BEGIN, armed.number)
+                    self._met(armed)
             elif armed.when.kind == COMMAND and write:
                 if (address, data) in armed.writes or (address, -1) in armed.writes:
-                    self._push(when, _BEGIN, armed.number)
+                    self._met(armed)
+
+    def _met(self, armed: Armed) -> None:
+        """A bus cycle has met a trigger. A fault of the bus must be there for the next one."""
+        if armed.fault.family == "bus":
+            self._begin(armed)
+        else:
+            self._push(self._board.now, _BEGIN, armed.number)
 
     # -- time ---------------------------------------------------------------------------------
 
@@ -337,6 +349,7 @@ class Faults:
             self._finish(armed)
             return
         armed.fired += 1
+        self._look_away(armed)
         self._tell(armed, BEGUN, text)
         if armed.name == "limit_bouncing":
             armed.seen = 0
@@ -364,12 +377,7 @@ class Faults:
 
     def _finish(self, armed: Armed) -> None:
         armed.state = OVER
-        if armed.eyes is not None:
-            chip, name = self._chip_of(armed), armed.when.name
-            if "." not in name and chip is not None:
-                name = f"{chip.name}.{name}"
-            self._board.find_pin(name).net.unobserve(armed.eyes)
-            armed.eyes = None
+        self._look_away(armed)
         self._settle_watch()
 
     def _settle_watch(self) -> None:

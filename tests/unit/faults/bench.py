@@ -11,7 +11,7 @@ MC = '[chips.x]\npart = "MC1241A"\nclock = "25 MHz"\nplants = ["m"]\n'
 DC = '[plants.m]\nmodel = "dc_motor"\n'
 IDEAL = '[plants.m]\nmodel = "ideal"\n'
 STEPPER = '[plants.m]\nmodel = "stepper"\n'
-LIMIT = "[plants.m.switches.\"limit+\"]\nfirst = 500\nlast = 100000\n"
+LIMIT = '[plants.m.switches."limit+"]\nfirst = 500\nlast = 100000\n'
 
 SAMPLE = 256 * US
 
@@ -19,8 +19,7 @@ SAMPLE = 256 * US
 def build(chip: str = LM, plant: str = DC, extra: str = "", power_on: str = "done") -> Board:
     """Return a lockstep board."""
     board = load_board_text(
-        f'[board]\nname = "bench"\ntime = "lockstep"\npower_on = "{power_on}"\n'
-        f"{chip}{plant}{extra}"
+        f'[board]\nname = "bench"\ntime = "lockstep"\npower_on = "{power_on}"\n{chip}{plant}{extra}'
     )
     return board
 
@@ -90,3 +89,65 @@ def telemetry(board: Board) -> dict[str, int | float | str]:
 def settle(board: Board, ms: int) -> None:
     board.run_for(ms * MS)
     board.catch_up()
+
+
+class Mc:
+    """A host of an MC1241A on a card with an adapter's status byte."""
+
+    def __init__(self, board: Board, polls: int = 2000) -> None:
+        self.board: Board = board
+        self.port: HostBus = board.open_port("host0")
+        self._polls: int = polls
+
+    def ready(self) -> None:
+        for _ in range(self._polls):
+            if self.port.read(1) & 0x80:
+                return
+        raise TimeoutError("HostRdy stays low")
+
+    def command(self, code: int, *words: int) -> None:
+        self.ready()
+        self.port.write(1, code)
+        for word in words:
+            self.ready()
+            self.port.write(0, word >> 8)
+            self.port.write(0, word & 0xFF)
+        self.ready()
+
+    def ask(self, code: int, words: int = 1) -> int:
+        self.command(code)
+        value = 0
+        for _ in range(words):
+            self.ready()
+            value = value << 16 | self.port.read(0) << 8 | self.port.read(0)
+        return value
+
+    def status(self) -> int:
+        return self.ask(0x31)
+
+    def spin(self) -> None:
+        """Velocity mode, slowly."""
+        self.command(0x62, 24000)
+        self.command(0x0A)
+        self.command(0x12, 0, 0x2000)
+        self.command(0x11, 0x0004, 0)
+        self.command(0x1A)
+        self.command(0x62, 24000)
+
+
+class Mcp:
+    """A host of an MCP-1200 in integral velocity mode."""
+
+    def __init__(self, board: Board) -> None:
+        self.board: Board = board
+        self.port: HostBus = board.open_port("host0")
+
+    def write(self, register: int, value: int) -> None:
+        self.port.write(register, value)
+
+    def read(self, register: int) -> int:
+        return self.port.read(register)
+
+    def spin(self) -> None:
+        for register, value in ((0x01, 0x08), (0x26, 0x10), (0x3C, 2), (0x05, 3), (0x00, 0x0D)):
+            self.write(register, value)

@@ -1,0 +1,308 @@
+"""When faults begin and end, what they leave behind, and what is refused."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.unit.faults.bench import DC, IDEAL, LM, MC, MCP, STEPPER, Lm, Mc, Mcp, build, settle
+from vbus.board.board import Board
+from vbus.faults.row import LINK
+from vbus.faults.table import FAULTS
+from vbus.kernel import MS, US
+from vbus.signals import Observer
+
+
+def test_there_are_at_least_thirty_faults_and_each_says_what_it_does() -> None:
+    assert len(FAULTS) >= 30
+    for name, fault in FAULTS.items():
+        assert name == fault.name
+        assert fault.title.endswith(".")
+        for row in fault.parameters:
+            assert row.title and row.default is not None
+
+
+def test_a_fault_at_an_instant_acts_from_that_instant_on() -> None:
+    board = build()
+    fault = board.faults.arm("jam", when="at 5 ms", until="for 2 ms")
+    board.run_until(5 * MS - 1)
+    assert fault.state == "waiting"
+    board.run_until(5 * MS)
+    assert fault.state == "acting"
+    board.run_until(7 * MS - 1)
+    assert fault.state == "acting"
+    board.run_until(7 * MS)
+    assert fault.state == "over"
+    assert [(e.when, e.what) for e in board.faults.log] == [(5 * MS, "begun"), (7 * MS, "ended")]
+
+
+def test_the_nth_bus_cycle_is_counted_from_arming() -> None:
+    board = build()
+    host = Lm(board)
+    host.status()
+    fault = board.faults.arm("offset_jump", when="cycle 3")
+    host.status()
+    host.status()
+    assert not fault.fired
+    host.status()
+    host.status()
+    assert [e.when for e in board.faults.log] == [4 * US]
+
+
+@pytest.mark.parametrize(("chip", "plant", "name"), [(LM, DC, "ltrj"), (MC, STEPPER, "SET_VEL")])
+def test_a_command_is_seen_in_its_first_byte(chip: str, plant: str, name: str) -> None:
+    board = build(chip, plant)
+    fault = board.faults.arm("offset_jump", when=f"command {name}")
+    host = Lm(board) if chip == LM else Mc(board)
+    code = 0x1F if chip == LM else 0x11
+    host.ready()
+    host.port.write(1 if chip == LM else 0, code)
+    host.ready()
+    assert not fault.fired
+    host.port.write(0 if chip == LM else 1, code)
+    assert board.now and not board.faults.log
+    board.run_for(0)
+    assert board.faults.log[0].when == board.now
+
+
+@pytest.mark.parametrize("name", ["KP", "R26H"])
+def test_a_register_write_is_seen_by_name_or_address(name: str) -> None:
+    board = build(MCP, DC)
+    fault = board.faults.arm("offset_jump", when="command FLAG")
+    Mcp(board).write(0x00, 1)
+    board.run_for(US)
+    assert fault.fired == 1
+    board.faults.arm("offset_jump", when=f"command {name}")
+
+
+def test_an_edge_begins_it_at_its_own_instant() -> None:
+    board = build()
+    host = Lm(board)
+    fault = board.faults.arm("jam", when="edge /RST low")
+    pin = host.port.pin_number("x./RST")
+    board.run_until(3 * MS)
+    host.port.pin(pin, 0)
+    board.run_for(US)
+    assert fault.state == "acting"
+    assert board.faults.log[0].when == 3 * MS
+    assert not board.find_pin("x./RST").net.observers
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_position_begins_it_when_the_shaft_comes_there(direction: int) -> None:
+    board = build()
+    host = Lm(board)
+    board.faults.arm("jam", when=f"position {500 * direction}")
+    host.move(2000 * direction)
+    settle(board, 800)
+    assert abs(host.position() - 500 * direction) < 20
+
+
+def test_a_stream_is_repeatable_and_has_the_rate_asked_for() -> None:
+    instants = []
+    for _ in range(2):
+        board = build()
+        board.faults.arm("offset_jump", when="rate 1 kHz", until="for 400 ms", counts=1)
+        settle(board, 600)
+        instants.append([e.when for e in board.faults.log])
+        assert board.faults.all()[0].state == "over"
+    assert instants[0] == instants[1]
+    assert 300 < len(instants[0]) < 500
+    assert len(set(instants[0])) > 290
+
+
+def test_a_stream_of_lasting_faults_comes_and_goes() -> None:
+    board = build()
+    board.faults.arm("jam", when="rate 200 Hz", until="for 1 ms")
+    settle(board, 200)
+    kinds = [e.what for e in board.faults.log]
+    assert 20 < kinds.count("begun") < 60
+    assert abs(kinds.count("begun") - kinds.count("ended")) <= 1
+    board.faults.clear()
+    assert type(board.chips[0].encoder.plant).__name__ == "DcMotor"
+
+
+def test_unfired_tells_what_never_began_and_was_not_called_off() -> None:
+    board = build()
+    kept = board.faults.arm("jam", when="at 1 s")
+    board.faults.clear(board.faults.arm("slip", when="at 1 s"))
+    board.faults.arm("offset_jump")
+    assert board.faults.unfired() == [kept]
+
+
+def test_without_faults_nothing_is_put_in_between() -> None:
+    board = build()
+    host = Lm(board)
+    host.tune()
+    assert board._faults is None
+    plant = board.chips[0].encoder.plant
+    for name in ("jam", "slip", "load_step", "bit_stuck", "ab_swapped"):
+        board.faults.arm(name, until="for 1 ms")
+    assert board.disturbed
+    assert board.chips[0].encoder.plant is not plant
+    settle(board, 5)
+    board.faults.clear("ab_swapped")
+    mine = board.chips[0].encoder.plant
+    assert mine is plant or mine.inner is plant
+    assert not board.disturbed and not board.observers and not board.kernel.observed
+    assert not any(net.bends for net in board._all_nets())
+
+
+def test_no_lease_is_given_while_a_fault_waits() -> None:
+    board = build()
+    host = Lm(board)
+    host.status()
+    assert host.port.lease(0) is not None
+    fault = board.faults.arm("byte_flipped", when="cycle 40")
+    host.status()
+    assert host.port.lease(0) is None
+    board.faults.clear(fault)
+    host.status()
+    assert host.port.lease(0) is not None
+
+
+class Faulty(Observer):
+    def __init__(self) -> None:
+        self.told: list[tuple[int, str, str, str]] = []
+
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        self.told.append((when, name, target, what))
+
+
+def test_evidence_goes_to_observers_and_into_the_trace_hash() -> None:
+    hashes = []
+    for when in (None, "at 2 ms", "at 3 ms"):
+        board = build()
+        board.start_trace()
+        seen = Faulty()
+        board.listen(seen)
+        if when:
+            board.faults.arm("index_missing", when=when)
+        settle(board, 5)
+        assert len(seen.told) == (when is not None)
+        hashes.append(board.trace_hash())
+    assert len(set(hashes)) == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("jamm",), 'there is no fault "jamm"; did you mean "jam"?'),
+        (("jam", "y"), "no chip called 'y'"),
+        (("jam", "x.2"), 'axes of "x" are 1 to 1'),
+        (("ready_stuck",), "say on which target; there are x"),
+        (("ready_stuck", "x"), 'ready_stuck exists for mc1241a; "x" is a LM629N-8'),
+        (("bit_stuck", "x.1"), 'bit_stuck is a fault of the chip: write "x"'),
+        (("link_dead", "x"), 'write "host0" for the first'),
+        (("jam", "x", "soon"), 'when = "soon": write "now", "at 5 ms"'),
+        (("jam", "x", "at 5"), "it has no unit"),
+        (("jam", "x", "cycle 0"), "1 or more"),
+        (("jam", "x", "command LTRI"), 'has no command "LTRI"; did you mean "LTRJ"?'),
+        (("jam", "x", "edge x./RTS low"), "LM629N-8 has no pin '/RTS'"),
+        (("jam", "x", "now", "once"), 'jam lasts; write "for 5 ms", or "cleared"'),
+        (("jam", "x", "now", "for 0 s"), "lasts longer than that"),
+        (("jam", "x", "rate 5 Hz"), "say how long each time"),
+        (("offset_jump", "x", "now", "for 1 ms"), "is over at once"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_a_sentence(arguments: tuple, message: str) -> None:
+    board = build()
+    with pytest.raises(ValueError) as error:
+        board.faults.arm(*arguments)
+    assert message in str(error.value)
+    assert not board.faults.all()
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "message"),
+    [
+        ("slip", {"shar": 0.5}, 'slip has no "shar"; did you mean "share"?'),
+        ("slip", {"share": 2.0}, "share = 2.0: out of range: from 0.0 to 1.0"),
+        ("load_step", {"torque": "5 V"}, '"V" is the unit of a voltage'),
+        ("bit_stuck", {"bit": "D0"}, "write a whole number without unit, from 0 to 7"),
+        ("index_double", {"distance": 41}, "a multiple of 4"),
+    ],
+)
+def test_wrong_parameters_are_refused(name: str, parameters: dict, message: str) -> None:
+    with pytest.raises(ValueError) as error:
+        build().faults.arm(name, **parameters)
+    assert message in str(error.value)
+
+
+def test_a_shaft_is_needed_for_torques() -> None:
+    with pytest.raises(ValueError, match="load_step needs a plant with a shaft, dc_motor or"):
+        build(LM, IDEAL).faults.arm("load_step")
+
+
+def test_texts_with_units_are_taken_as_in_a_board_file() -> None:
+    fault = build().faults.arm("load_step", torque="20 mN*m")
+    assert fault.values == {"torque": 0.02}
+
+
+def test_clearing_what_is_not_there_says_what_is() -> None:
+    board = build()
+    board.faults.arm("jam")
+    with pytest.raises(ValueError, match='no fault "slip" is armed; there are jam'):
+        board.faults.clear("slip")
+    assert [armed.number for armed in board.faults.clear("#1")] == [1]
+
+
+def test_a_link_fault_without_a_server_fails_and_says_so() -> None:
+    board = build()
+    fault = board.faults.arm("link_closed")
+    assert fault in board.faults.unfired()
+    assert board.faults.log[-1].text == "no link is served: this board runs without a server"
+
+
+NAMES = sorted(name for name, fault in FAULTS.items() if fault.target != LINK)
+
+
+def moving(kind: str) -> Board:
+    board = {
+        "lm": lambda: build(LM, DC),
+        "mcp": lambda: build(MCP, DC),
+        "mc": lambda: build(MC, STEPPER),
+    }[kind]()
+    host = {"lm": Lm, "mcp": Mcp, "mc": Mc}[kind](board)
+    host.spin()
+    settle(board, 10)
+    return board
+
+
+WHENS = st.sampled_from([None, "at 12 ms", "rate 400 Hz", "position 3", "cycle 2"])
+
+
+def but_ports(state: tuple) -> tuple:
+    """Leave out what a host has soldered: strobes that were looked at leave their traces."""
+    return (*state[:5], *state[6:])
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.sampled_from(["lm", "mcp", "mc"]),
+    st.lists(st.tuples(st.sampled_from(NAMES), WHENS), min_size=1, max_size=4),
+    st.integers(0, 6 * MS),
+    st.integers(0, 6 * MS),
+)
+def test_a_run_goes_on_from_a_saved_state_as_it_would_have(kind, wanted, first, second) -> None:
+    board = moving(kind)
+    for name, when in wanted:
+        fault = FAULTS[name]
+        if fault.families and board.chips[0].FAMILY not in fault.families:
+            continue
+        until = "for 2 ms" if fault.acts == "lasts" or when == "rate 400 Hz" else None
+        try:
+            board.faults.arm(name, when=when, until=until)
+        except ValueError as error:
+            assert "needs a" in str(error)
+    board.run_for(first)
+    state = board.save()
+    board.run_for(second)
+    board.ports[0].read(0)
+    ends = board.save()
+    other = moving(kind)
+    for target in (other, board):
+        target.load(state)
+        assert but_ports(target.save()) == but_ports(state)
+        target.run_for(second)
+        target.ports[0].read(0)
+        assert but_ports(target.save()) == but_ports(ends)
