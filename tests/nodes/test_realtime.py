@@ -96,9 +96,9 @@ def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
             bench.start(nodes, "--trace", str(bench.trace(nodes)), script=False)
             for nodes in ("a", "b", "cd")
         ]
-        bench.until(lambda: all(bench.node(n).get("skew", {}).get("marks", 0) > 2 for n in "abcd"))
+        bench.until(lambda: all(bench.node(n).get("skew", {}).get("marks", 0) > 0 for n in "abcd"))
 
-        done = order(bench, "0us x+y w 0 1\n5us m pin /SYNC 0\n9us m pin /SYNC 1", "--ahead", "1s")
+        done = order(bench, "0us x+y w 0 1\n5us m pin /SYNC 0\n9us m pin /SYNC 1", "--ahead", "500ms")
 
         assert done.returncode == 0, done.stderr
         assert "node a: 1 requests" in done.stdout
@@ -117,7 +117,7 @@ def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
         assert state["clock_uncertainty_ns"] >= 0
         assert state["skew"]["p50_ns"] <= state["skew"]["p99_ns"] <= state["skew"]["max_ns"]
         marks = state["skew"]["marks"]
-        bench.until(lambda: bench.node("d")["skew"]["marks"] > marks + 12)
+        bench.until(lambda: bench.node("d")["skew"]["marks"] > marks + 6)
         for process in processes:
             process.terminate()
             ended(process)
@@ -132,7 +132,7 @@ def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
 def test_a_node_that_dies_in_real_time_is_named(bench: Bench) -> None:
     bench.script.write_text(SCRIPT.replace("end 250ms", "end 60s"))
     processes = {nodes: bench.start(nodes) for nodes in ("a", "b", "cd")}
-    bench.until(lambda: bench.node("d").get("skew", {}).get("marks", 0) > 1)
+    bench.until(lambda: bench.node("d").get("skew", {}).get("marks", 0) > 0)
     processes["b"].kill()
     for nodes in ("a", "cd"):
         code, out = ended(processes[nodes])

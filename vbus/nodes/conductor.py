@@ -69,8 +69,13 @@ class Conductor:
         self._cap = NEVER
 
     def wants(self) -> int:
-        """Return how far this node wants time to run (ps); -1 if its hosts want nothing."""
-        return max([self.until, *(port.hold_until for port in self._hosts() if port.wants_time)])
+        """Return how far this node wants time to run (ps); -1 if its hosts want nothing.
+
+        For a host it is a quantum beyond its wish: what it does next is within the same grant.
+        """
+        beyond = self.participant.lookahead - 1
+        wishes = [min(port.hold_until + beyond, NEVER) for port in self._hosts() if port.wants_time]
+        return max([self.until, *wishes])
 
     def _hosts(self) -> list[NodeBus]:
         return [port for port in self.node.board.ports if isinstance(port, NodeBus)]
