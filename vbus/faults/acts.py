@@ -90,7 +90,8 @@ class Acts:
                 0 if axis.wrapper is None else axis.wrapper.pulsed,
                 tuple((number, here) for number, (_, _, here) in axis.acting.items()),
             )
-            for place, axis in self._axes.items()
+            for place, axis in sorted(self._axes.items())
+            if axis.acting or axis.wrapper is not None
         )  # fmt: skip
 
     def load(self, axes: Any, armed: list[Armed]) -> None:

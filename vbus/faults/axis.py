@@ -124,6 +124,8 @@ class AxisFaults:
             if name == "jam":
                 wrapper.frozen = True
                 if isinstance(self.plant, Shaft):
+                    # The period under way keeps the course it has had.
+                    self.plant._course()
                     self.plant.velocity = 0.0
             elif name == "slip":
                 wrapper.share = int(wrapper.share * (1.0 - float(values["share"])))

@@ -18,10 +18,9 @@ SAMPLE = 256 * US
 
 def build(chip: str = LM, plant: str = DC, extra: str = "", power_on: str = "done") -> Board:
     """Return a lockstep board."""
-    board = load_board_text(
+    return load_board_text(
         f'[board]\nname = "bench"\ntime = "lockstep"\npower_on = "{power_on}"\n{chip}{plant}{extra}'
     )
-    return board
 
 
 class Lm:

