@@ -96,6 +96,12 @@ def assemble(
     source.finish()
     if wires is not None:
         wires(board)
+    for place, fault in enumerate(file.faults):
+        with _refusals(source, ("faults", place)):
+            board.faults.arm(
+                fault.fault, fault.target, fault.when or None, fault.until or None, **fault.settings
+            )
+    source.finish()
     board.power_on(done=file.board.power_on == "done")
     return board
 

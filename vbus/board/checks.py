@@ -57,6 +57,8 @@ class _Checks:
         self._hosts()
         NodeChecks(self._file, self._known, self._source).run()
         check_network(self._file, self._source)
+        if self._file.nodes and self._file.faults:
+            self._source.fail(("faults",), "faults are for boards without nodes; take them out")
         check_metrics(self._file, self._source)
         self._violations()
 

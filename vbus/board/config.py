@@ -9,18 +9,21 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from vbus.board import checks, plugins, sections
+from vbus.board.fault_checks import check_fault
 from vbus.board.network_checks import check_zenoh
 from vbus.board.settings import check_table, listed, quoted, suggestion
 from vbus.board.source import BoardFileError, Problem, Source
 from vbus.board.toml_lines import Path
 from vbus.errors import PluginError
+from vbus.faults.table import FAULTS
 from vbus.options import Option, Value
 from vbus.signals.axis import SWITCHES
 
 _Section = TypeVar("_Section", bound=sections.Section)
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _NAMED: Final = ("chips", "plants", "nets", "buses", "cards", "pinmaps", "nodes")
-_SECTIONS: Final = ("board", "violations", *_NAMED, "hosts", "record", "waves", "zenoh", "metrics")
+_SECTIONS: Final = ("board", "violations", *_NAMED, "hosts", "record", "waves", "zenoh", "metrics",
+                    "faults")  # fmt: skip
 
 
 def read_board_file(path: str | FilePath) -> tuple[sections.BoardFile, Source]:
@@ -115,6 +118,7 @@ class _Reader:
             nodes=tuple(self._plain("nodes", sections.NodeSection)),
             zenoh=self.zenoh(),
             metrics=self._metrics(),
+            faults=tuple(self._faults()),
         )
         known = {kind: list(self._table((kind,), self._data) or ()) for kind in _NAMED}
         checks.check(file, known, self._source)
@@ -389,3 +393,28 @@ class _Reader:
     def _hosts(self) -> Iterator[sections.HostSection]:
         hosts = self._array(sections.HostSection, ("hosts",), self._data.get("hosts", []))
         return (host or sections.NO_HOST for host in hosts)
+
+    def _faults(self) -> Iterator[sections.FaultSection]:
+        value = self._data.get("faults", [])
+        if not isinstance(value, list):
+            self._source.fail(("faults",), f"found {quoted(value)}; this is a list of tables")
+            return
+        for place, table in enumerate(value):
+            where: Path = ("faults", place)
+            if not isinstance(table, dict):
+                self._source.fail(where, f"found {quoted(table)}; this is a table")
+                continue
+            name = table.get("fault", "")
+            row = FAULTS.get(name) if isinstance(name, str) else None
+            if row is None and isinstance(name, str) and name:
+                self._source.fail(
+                    (*where, "fault"),
+                    f"there is no fault {quoted(name)}; {suggestion(name, FAULTS)}known are"
+                    f" {listed(FAULTS)}",
+                )
+                continue
+            own = row.parameters if row is not None else ()
+            read = self._keys(sections.FaultSection, table, where, own)
+            if read is not None and row is not None:
+                check_fault(read, row, self._source, where)
+                yield read

@@ -322,6 +322,18 @@ class WaveSection(Section, frozen=True, kw_only=True):
     ] = 1_000_000_000
 
 
+class FaultSection(Section, frozen=True, kw_only=True):
+    """``[[faults]]``: a fault that is armed from the beginning; it adds keys of its own."""
+
+    fault: Annotated[str, _key("text", "which one, such as jam")]
+    target: Annotated[
+        str, _key("text", 'chip "x", axis "x.2" or link "host0"; may be left out if there is one')
+    ] = ""
+    when: Annotated[str, _key("text", 'what it begins with, such as "at 5 ms"; else now')] = ""
+    until: Annotated[str, _key("text", 'when it ends, such as "for 2 ms"; else as is usual')] = ""
+    settings: dict[str, Value] = {}
+
+
 NO_HOST: Final = HostSection(transport="")
 """Stands for a host that could not be read, so that the others keep their places."""
 
@@ -344,3 +356,4 @@ class BoardFile(Section, frozen=True, kw_only=True):
     nodes: tuple[NodeSection, ...] = ()
     zenoh: ZenohSection = ZenohSection()
     metrics: MetricsSection = MetricsSection()
+    faults: tuple[FaultSection, ...] = ()

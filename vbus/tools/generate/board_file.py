@@ -28,6 +28,7 @@ _SECTIONS: Final[dict[str, type[Struct]]] = {
     "waves": sections.WaveSection,
     "zenoh": sections.ZenohSection,
     "metrics": sections.MetricsSection,
+    "faults": sections.FaultSection,
 }
 
 
