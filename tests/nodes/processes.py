@@ -94,7 +94,8 @@ class Bench:
         """Wait for a condition."""
         end = time.monotonic() + PATIENCE
         while not condition():
-            assert time.monotonic() < end, self.outputs()
+            failed = any((process.poll() or 0) > 0 for process in self.started)
+            assert not failed and time.monotonic() < end, self.outputs()
             time.sleep(0.01)
 
     def outputs(self) -> list[str]:

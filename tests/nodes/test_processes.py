@@ -122,23 +122,25 @@ def test_nodes_that_are_there_wait_for_one_that_comes_late(bench: Bench, referen
     assert bench.merged(["a", "b", "cd"]) == reference
 
 
+@pytest.mark.parametrize("killed", ["c", "a"])
 def test_a_killed_node_rejoins_from_its_snapshot_and_the_hash_stays(
-    bench: Bench, reference: str
+    bench: Bench, reference: str, killed: str
 ) -> None:
-    file = bench.folder / "c.snap"
-    others = {
-        nodes: bench.start(nodes, "--patience", "60", disturb="1:20") for nodes in ("a", "bd")
-    }
-    first = bench.start("c", "--snapshot", str(file), disturb="2:20")
-    bench.until(lambda: file.exists() and bench.node("c").get("round", 0) > 20)
+    """Also the one in the middle of the star, with whom all others lose each other."""
+    file = bench.folder / "node.snap"
+    groups = ["ac".replace(killed, ""), "bd"]
+    others = {nodes: bench.start(nodes, "--patience", "60", disturb="1:20") for nodes in groups}
+    options = ("--patience", "60")
+    first = bench.start(killed, "--snapshot", str(file), *options, disturb="2:20")
+    bench.until(lambda: file.exists() and bench.node(killed).get("round", 0) > 20)
     first.kill()
     first.wait()
-    bench.until(lambda: bench.node("a").get("others", {}).get("c") == "lost")
-    again = bench.start("c", "--rejoin", str(file), disturb="3:20")
+    bench.until(lambda: bench.node("b").get("others", {}).get(killed) == "lost")
+    again = bench.start(killed, "--rejoin", str(file), *options, disturb="3:20")
     for process in (again, *others.values()):
         code, out = ended(process)
         assert code == 0, out
-    assert bench.merged(["a", "bd", "c"]) == reference
+    assert bench.merged([*groups, killed]) == reference
 
 
 def test_a_node_with_another_board_file_is_sent_away_and_the_right_one_waited_for(

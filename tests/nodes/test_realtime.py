@@ -98,7 +98,9 @@ def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
         ]
         bench.until(lambda: all(bench.node(n).get("skew", {}).get("marks", 0) > 0 for n in "abcd"))
 
-        done = order(bench, "0us x+y w 0 1\n5us m pin /SYNC 0\n9us m pin /SYNC 1", "--ahead", "500ms")
+        done = order(
+            bench, "0us x+y w 0 1\n5us m pin /SYNC 0\n9us m pin /SYNC 1", "--ahead", "500ms"
+        )
 
         assert done.returncode == 0, done.stderr
         assert "node a: 1 requests" in done.stdout

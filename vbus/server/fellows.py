@@ -164,8 +164,10 @@ class Fellowship:
                 return
             self._heard(rank)
             if isinstance(message, Alive):
-                other.state = message.state
-                other.round = message.round
+                # What a lost node said before may come late.
+                if rank not in self._lost or message.state.startswith(GAVE_UP):
+                    other.state = message.state
+                    other.round = message.round
                 if other.state.startswith(GAVE_UP):
                     self._follow(rank, other.state.removeprefix(GAVE_UP))
             else:
