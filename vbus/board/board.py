@@ -340,7 +340,7 @@ class Board:
             tuple(net.save() for net in self._all_nets()),
             tuple(pin.level for chip in self.chips for pin in chip.pins.values()),
             tuple(port.save() for port in self.ports),
-            *(() if self._faults is None else (self._faults.save(),)),
+            *(() if self._faults is None or not self._faults.all() else (self._faults.save(),)),
         )
 
     def load(self, state: tuple[object, ...]) -> None:

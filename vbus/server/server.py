@@ -17,6 +17,7 @@ from vbus.errors import NameInUseError, PluginError, TransportError
 from vbus.network.session import Network
 from vbus.protocols.base import Protocol
 from vbus.server.control import Control
+from vbus.server.fault_orders import FaultOrders
 from vbus.server.loop import HostLoop
 from vbus.server.message_session import MessageSession
 from vbus.server.metrics import MetricsPort
@@ -96,6 +97,7 @@ class Server:
         stall: what happens after a stall of the machine; see :class:`Pacer`.
         report: takes sentences about what happens to links (a device was unplugged).
         metrics: host and port on which Prometheus may ask for numbers, if any.
+        pacer: what moves the board's time; else a pacer of its own.
 
     Raises:
         PluginError: a transport or protocol is missing, or prometheus-client for ``metrics``.
@@ -108,15 +110,17 @@ class Server:
         stall: str = "catch_up",
         report: Callable[[str], None] | None = None,
         metrics: tuple[str, int] | None = None,
+        pacer: Pacer | None = None,
     ) -> None:
         self.board: Board = board
-        self.pacer: Pacer = Pacer(board, stall)
+        self.pacer: Pacer = pacer if pacer is not None else Pacer(board, stall)
         self._report: Callable[[str], None] = report if report is not None else log.warning
         self._hosts: list[_Host] = [self._host(spec) for spec in links]
         self._status: UnixTransport | None = None
         self._watching: Watching = Watching(board, self.statistics)
         self.control: Control = Control(board.name, self.pacer.catch_up)
         SnapshotOrders(self)
+        self.faults: FaultOrders = FaultOrders(self)
         self._loop: asyncio.AbstractEventLoop | None = None
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
         self._metrics: MetricsPort | None = None
@@ -201,8 +205,19 @@ class Server:
             port.on_resume = session.resume_soon
             port.on_events = session.events_soon
             host.sessions.append(session)
+            if self.faults.acting:
+                self.faults.joined(self._hosts.index(host), session)
 
         return linked
+
+    def sessions_of(self, place: int) -> list[Session] | None:
+        """Return the sessions of the host entry at ``place``; None if there is no such entry."""
+        return list(self._hosts[place].sessions) if place < len(self._hosts) else None
+
+    def soon(self, session: Session, reason: str) -> None:
+        """End a session when what it does now is done."""
+        if self._loop is not None:
+            self._loop.call_soon(session.end, reason)
 
     def stop(self) -> None:
         """End every session and remove every name; may be called again."""

@@ -21,6 +21,7 @@ _COMMANDS: Final = {
     "doctor": "Look for what is missing or broken on this machine.",
     "exec": "Run a program or AVR firmware on a board of its own.",
     "explain": "Explain bytes on a bus, a status value, a rule, or a journal.",
+    "fault": "Break a running board on schedule; show what came of it.",
     "ls": "List the boards that run on this machine.",
     "monitor": "Watch the buses of a running board in the manual's words.",
     "order": "Order bus cycles on several nodes for one coming instant.",

@@ -1,0 +1,166 @@
+"""Faults of a running board: ordered (see :mod:`vbus.server.control`), and those of its links."""
+
+from typing import TYPE_CHECKING, Any, Final
+
+from vbus.faults.armed import Armed
+from vbus.server.message_session import MessageSession
+from vbus.server.session import Session
+
+if TYPE_CHECKING:
+    from vbus.server.server import Server
+
+_KEYS: Final = ("name", "target", "when", "until", "parameters")
+
+
+class _Meddler:
+    """One fault on one session: stands where the session sends and reads.
+
+    Nothing of it is there while no fault acts; see :meth:`undo`.
+    """
+
+    def __init__(self, session: Session, name: str, once: bool) -> None:
+        self.session: Session = session
+        self._name: str = name
+        self._once: bool = once
+        self._kept: bytearray = bytearray()
+        self._silent: bool = False
+        inside: Any = session
+        inside._send = self._send
+        if name == "link_dead":
+            inside._read_off()
+            inside._read_on = self._read_nothing
+            inside._listen_for_the_end()
+
+    def _read_nothing(self) -> None:
+        """Nobody reads."""
+
+    def _send(self) -> None:
+        out = self.session.protocol.out
+        if self._name == "answers_late":
+            self._kept += out
+            out.clear()
+        elif self._name == "half_answer" and not self._silent:
+            self._silent = True
+            del out[max(1, len(out) // 2) :]
+            Session._send(self.session)
+        else:
+            out.clear()
+            if self._name == "answer_lost" and self._once:
+                self.undo()
+
+    def undo(self) -> None:
+        """Let the session send and read as ever; what was kept is sent now."""
+        inside: Any = self.session
+        vars(inside).pop("_send", None)
+        vars(inside).pop("_read_on", None)
+        if not inside._open:
+            return
+        if self._kept:
+            self.session.protocol.out[:0] = self._kept
+            self._kept.clear()
+            inside._send()
+        if self._name == "link_dead" and not inside.port.held:
+            inside._listen_no_more()
+            inside._read_on()
+
+
+class FaultOrders:
+    """``fault.arm``, ``fault.clear``, ``fault.list`` and ``fault.log``; and faults of links.
+
+    Args:
+        server: the board's server.
+    """
+
+    def __init__(self, server: "Server") -> None:
+        self._server: Server = server
+        self.acting: dict[int, tuple[int, str, list[_Meddler]]] = {}
+        """Faults that act on links, by number: place of the host, name, sessions."""
+        server.board.faults.links = self
+        orders = server.control.orders
+        orders["fault.arm"] = self._arm
+        orders["fault.clear"] = self._clear
+        orders["fault.list"] = self._list
+        orders["fault.log"] = self._log
+
+    # -- orders -------------------------------------------------------------------------------
+
+    def _arm(self, request: dict[str, Any]) -> dict[str, Any]:
+        given = {key: request.get(key) for key in _KEYS}
+        parameters = given["parameters"] or {}
+        if not isinstance(parameters, dict):
+            raise ValueError("parameters are a JSON object")
+        armed = self._server.board.faults.arm(
+            str(request["name"]), given["target"] or "", given["when"], given["until"], **parameters
+        )
+        return _told(armed)
+
+    def _clear(self, request: dict[str, Any]) -> list[dict[str, Any]]:
+        which = request.get("which", "all")
+        return [_told(armed) for armed in self._server.board.faults.clear(which)]
+
+    def _list(self, request: dict[str, Any]) -> list[dict[str, Any]]:
+        return [_told(armed) for armed in self._server.board.faults.all()]
+
+    def _log(self, request: dict[str, Any]) -> list[dict[str, Any]]:
+        return [
+            {
+                "when_ps": evidence.when,
+                "number": evidence.number,
+                "name": evidence.name,
+                "target": evidence.target,
+                "what": evidence.what,
+                "text": evidence.text,
+            }
+            for evidence in self._server.board.faults.log
+        ]
+
+    # -- links --------------------------------------------------------------------------------
+
+    def begin(self, number: int, name: str, target: str, once: bool) -> str:
+        """Let a fault act on a link.
+
+        Raises:
+            ValueError: there is no such link, nobody is connected, or it carries messages.
+        """
+        place = int(target[4:])
+        sessions = self._server.sessions_of(place)
+        if sessions is None:
+            raise ValueError(f"there is no link {target}: count the [[hosts]] from 0")
+        if any(isinstance(session, MessageSession) for session in sessions):
+            raise ValueError(f"{target} carries whole messages (Zenoh); its faults are its own")
+        if not sessions and name != "link_dead":
+            raise ValueError(f"nobody is connected to {target}")
+        if name == "link_closed":
+            for session in sessions:
+                self._server.soon(session, "closed by a fault")
+            return f"{len(sessions)} sessions closed"
+        meddlers = [_Meddler(session, name, once) for session in sessions]
+        if not once:
+            self.acting[number] = (place, name, meddlers)
+        return f"{len(sessions)} sessions"
+
+    def end(self, number: int) -> None:
+        """Let it act no more."""
+        _, _, meddlers = self.acting.pop(number, (0, "", []))
+        for meddler in meddlers:
+            meddler.undo()
+
+    def joined(self, place: int, session: Session) -> None:
+        """A host has connected while faults act: they act on it too."""
+        for where, name, meddlers in self.acting.values():
+            if where == place and not isinstance(session, MessageSession):
+                meddlers.append(_Meddler(session, name, False))
+
+
+def _told(armed: Armed) -> dict[str, Any]:
+    return {
+        "number": armed.number,
+        "name": armed.name,
+        "target": armed.target,
+        "when": armed.when.text,
+        "until": armed.until.text,
+        "parameters": armed.values,
+        "state": armed.state,
+        "fired": armed.fired,
+        "text": str(armed),
+    }

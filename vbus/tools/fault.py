@@ -1,0 +1,123 @@
+"""``vbus fault``: break a running board, on schedule, and look at the evidence."""
+
+import json
+
+import click
+
+from vbus.tools import exit_codes
+
+
+@click.group("fault")
+def command() -> None:
+    """Arm and clear faults of a running board; show what they did.
+
+    BOARD is the name "vbus ls" shows.
+    """
+
+
+@command.command("list")
+@click.argument("board", required=False)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON; times in ps.")
+def listing(board: str | None, as_json: bool) -> int:
+    """List the faults there are, or those that were armed on BOARD."""
+    if board is None:
+        _table(as_json)
+        return exit_codes.OK
+    from vbus.server.registry import order
+
+    armed = order(board, "fault.list")
+    if as_json:
+        click.echo(json.dumps(armed))
+    else:
+        click.echo("\n".join(one["text"] for one in armed) or "no fault was armed")
+    return exit_codes.OK
+
+
+def _table(as_json: bool) -> None:
+    from vbus.faults.table import FAULTS
+
+    if as_json:
+        rows = [
+            {
+                "name": fault.name,
+                "family": fault.family,
+                "title": fault.title,
+                "target": fault.target,
+                "parameters": {row.name: row.default for row in fault.parameters},
+            }
+            for fault in FAULTS.values()
+        ]
+        click.echo(json.dumps(rows))
+        return
+    family = ""
+    for fault in FAULTS.values():
+        if fault.family != family:
+            family = fault.family
+            click.echo(f"{family}:")
+        keys = "".join(f" {row.name}" for row in fault.parameters)
+        click.echo(f"  {fault.name + keys:34} {fault.title}")
+
+
+@command.command("arm")
+@click.argument("board")
+@click.argument("fault")
+@click.argument("parameters", nargs=-1, metavar="[NAME=VALUE]...")
+@click.option("--target", default="", help='Chip "x", axis "x.2" or link "host0".')
+@click.option("--when", help='"at 5 ms", "cycle 12", "position 1000", "command LTRJ", '
+              '"edge x./RST low" or "rate 10 Hz"; now if not given.')  # fmt: skip
+@click.option("--until", help='"once", "for 5 ms" or "cleared".')
+def arm(
+    board: str,
+    fault: str,
+    parameters: tuple[str, ...],
+    target: str,
+    when: str | None,
+    until: str | None,
+) -> int:
+    """Arm a FAULT on a running BOARD; "vbus fault list" shows which there are."""
+    from vbus.server.registry import order
+
+    given: dict[str, str] = {}
+    for parameter in parameters:
+        key, equals, value = parameter.partition("=")
+        if not equals:
+            raise click.UsageError(f'found "{parameter}"; write a parameter as NAME=VALUE')
+        given[key] = value
+    armed = order(
+        board, "fault.arm", name=fault, target=target, when=when, until=until, parameters=given
+    )
+    click.echo(armed["text"])
+    return exit_codes.OK
+
+
+@command.command("clear")
+@click.argument("board")
+@click.argument("which", default="all")
+def clear(board: str, which: str) -> int:
+    """End faults of a running BOARD, or call them off: a number, a name, or all."""
+    from vbus.server.registry import order
+
+    cleared = order(board, "fault.clear", which=which)
+    click.echo("\n".join(one["text"] for one in cleared) or "nothing waited or acted")
+    return exit_codes.OK
+
+
+@command.command("log")
+@click.argument("board")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
+def log(board: str, as_json: bool) -> int:
+    """Show when faults of a running BOARD began and ended, and what they changed."""
+    from vbus.server.registry import order
+
+    evidence = order(board, "fault.log")
+    if as_json:
+        click.echo(json.dumps(evidence))
+        return exit_codes.OK
+    for one in evidence:
+        click.echo(
+            f"{one['when_ps'] / 1e9:.6f} ms #{one['number']} {one['name']} {one['target']}:"
+            f" {one['what']}" + (f"; {one['text']}" if one["text"] else "")
+        )
+    if not evidence:
+        click.echo("nothing has happened")
+    return exit_codes.OK
