@@ -15,10 +15,13 @@ def wrap(value: int, bits: int) -> int:
     return ((value + half) & ((1 << bits) - 1)) - half
 
 
-def wrap_word(value: i64, bits: i64) -> i64:
-    """Do what :func:`wrap` does with a value from -2^62 to 2^62, to at most 61 bits."""
-    half: i64 = 1 << (bits - 1)
-    return ((value + half) & ((half << 1) - 1)) - half
+def wrap_word(value: i64, half: i64) -> i64:
+    """Wrap ``value`` into ``-half..half - 1``, in machine words; ``half`` is a power of two.
+
+    Good for values from -2^62 to 2^62 and for ``half`` up to 2^60. Not the number of bits: a
+    compiled core would shift a literal 1 in 32 bits.
+    """
+    return ((value + half) & (half + half - 1)) - half
 
 
 def saturate(value: int, bits: int) -> int:

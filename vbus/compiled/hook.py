@@ -26,23 +26,16 @@ from typing import Any, Final
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-FOLDERS: Final = ("bits.py", "kernel", "signals", "chips", "plant", "protocols", "board")
-"""What is compiled, but for :data:`COLD`."""
-
-COLD: Final = frozenset(
-    {
-        # Tables, and what reads them once.
-        "__init__.py", "datasheet.py", "tables.py", "requests.py", "quantities.py", "hello.py",
-        "info.py",
-        # What happens once, before time starts.
-        "build.py", "cards.py", "checks.py", "config.py", "node_checks.py", "pin_map_checks.py",
-        "pin_maps.py", "plugins.py", "sections.py", "settings.py", "source.py", "toml_lines.py",
-        "units.py",
-        # A person types it.
-        "text.py",
-    }
+COMPILED: Final = (
+    "bits.py", "kernel/*.py", "signals/*.py", "chips/**/*.py", "plant/*.py",
+    "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
+    "protocols/port.py",
+    "board/board.py", "board/host_*.py", "board/strobe_player.py",
 )  # fmt: skip
-"""Modules that would gain nothing, by the names of their files."""
+"""What is compiled, but for :data:`COLD`: what works in every sample or bus cycle."""
+
+COLD: Final = frozenset({"__init__.py", "datasheet.py", "tables.py"})
+"""Tables, and what reads them once; by the names of their files."""
 
 OPTIMIZE: Final = "2"
 """-O3 takes as long and gains nothing here; -O1 loses a few per cent."""
@@ -113,12 +106,13 @@ def _set(name: str) -> bool:
 
 def core_files(root: Path) -> list[str]:
     """Return the files of the core that are compiled, relative to ``root``."""
-    files: list[str] = []
-    for name in FOLDERS:
-        place = root / "vbus" / name
-        found = sorted(place.rglob("*.py")) if place.is_dir() else [place]
-        files += [str(path.relative_to(root)) for path in found if path.name not in COLD]
-    return files
+    files = {
+        path
+        for pattern in COMPILED
+        for path in (root / "vbus").glob(pattern)
+        if path.name not in COLD
+    }
+    return sorted(str(path.relative_to(root)) for path in files)
 
 
 class Compiler:

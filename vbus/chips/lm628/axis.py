@@ -13,6 +13,7 @@ START_NONE: Final = 0
 START_STOP: Final = 1
 START_FULL: Final = 2
 
+_HALF: Final = ds.POSITION_MAX + 1
 _VELOCITY_MIN: Final = -0x4000
 _VELOCITY_MAX: Final = 0x3FFF
 
@@ -187,7 +188,7 @@ class Axis:
         self.real_change = change
         real = self.real + change
         if real < ds.POSITION_MIN or real > ds.POSITION_MAX:
-            real = wrap_word(real, ds.POSITION_BITS)
+            real = wrap_word(real, _HALF)
             self.flags |= ds.WRAPAROUND
         self.real = real
 
@@ -216,7 +217,7 @@ class Axis:
     def _servo(self) -> None:
         error = (self.profile.position >> 16) - self.real
         if error < ds.POSITION_MIN or error > ds.POSITION_MAX:
-            error = wrap_word(error, ds.POSITION_BITS)
+            error = wrap_word(error, _HALF)
         self.following = error
         if error > 32767:
             error = 32767

@@ -4,10 +4,11 @@ from typing import Final
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap_word as wrap
+from vbus.bits import wrap_word
 from vbus.chips.lm628.datasheet import COEFFICIENT_MAX
 
 _SUM_MAX: Final = 0x7FFFFF
+_HALF: Final = 0x8000
 
 
 def _sat16(value: i64) -> i64:
@@ -88,7 +89,7 @@ class Pid:
         wraps = self._wraps
         if self.phase == 0:
             change = self.kd * (error - self.last_error)
-            self.derivative = wrap(change, 16) if wraps else _sat16(change)
+            self.derivative = wrap_word(change, _HALF) if wraps else _sat16(change)
             self.last_error = error
         self.phase += 1
         if self.phase > self.ds:
@@ -101,7 +102,7 @@ class Pid:
         elif total < -_SUM_MAX:
             total = -_SUM_MAX
         term = self.ki * (total >> 8)
-        term = wrap(term, 16) if wraps else _sat16(term)
+        term = wrap_word(term, _HALF) if wraps else _sat16(term)
         if term > self.il or term < -self.il:
             term = self.il if term > 0 else -self.il
             # Nearer to zero.
@@ -113,7 +114,7 @@ class Pid:
 
         product = self.kp * error
         if wraps:
-            return wrap(wrap(product, 16) + term + self.derivative, 16)
+            return wrap_word(wrap_word(product, _HALF) + term + self.derivative, _HALF)
         return _sat16(_sat16(product) + term + self.derivative)
 
     def steady(self, error: i64) -> bool:

@@ -156,7 +156,7 @@ class Profile:
     def _move(self) -> None:
         position = self.position + self.velocity
         if position < _LOW or position >= _HIGH:
-            position = wrap_word(position, _WRAPPED)
+            position = wrap_word(position, _HIGH)
             self.wrapped = True
         self.position = position
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 FAR: Final = (1 << 62) - 1
 """Beyond every count."""
+_HALF: Final = 1 << POSITION_BITS - 1
 
 
 def falls_between(switch: Switch, start: int, end: int) -> tuple[bool, int]:
@@ -193,7 +194,7 @@ class Encoder:
         turn = self.counted + (1 << POSITION_BITS - 1) >> POSITION_BITS
         self.wrapped = turn != self._turn
         self._turn = turn
-        self.actual = wrap_word(self.counted, POSITION_BITS)
+        self.actual = wrap_word(self.counted, _HALF)
         return moved
 
     def set_position(self, value: int) -> None:

@@ -28,6 +28,7 @@ HALTED: Final = 2
 MAGNITUDE_MASK: Final = (1 << MAGNITUDE_BITS) - 1
 WORD_BITS: Final = POSITION_BITS + 32
 """A position with its 32 fraction bits (PMD-TRJ-1)."""
+_HALF_ACCELERATION: Final = 1 << ACCELERATION_BITS - 1
 _FAR_INSIDE: Final = 1 << 61
 """Positions nearer to 0 are far from the ends of their range, and fit a machine word."""
 
@@ -228,7 +229,7 @@ class Profile:
 
     def _contour(self, active: Registers, start_velocity: int) -> bool:
         """PMD-TRJ-6: toward +V or -V, as the acceleration's sign says."""
-        acceleration: int = wrap_word(active.acceleration, ACCELERATION_BITS)
+        acceleration: int = wrap_word(active.acceleration, _HALF_ACCELERATION)
         if self._smooth:
             return self._slow_down(abs(acceleration), start_velocity)
         before = self.velocity >> 16
