@@ -98,9 +98,17 @@ class NodeChecks:
             )
 
     def _recordings(self) -> None:
-        if self._file.record.journal:
+        record = self._file.record
+        if record.journal:
             self._source.fail(
                 ("record", "journal"),
                 "a journal holds a board without nodes; keep a trace of each node instead:"
                 " vbus run --trace FILE",
             )
+        for key in ("report", "suppress", "coverage"):
+            if getattr(record, key):
+                self._source.fail(("record", key), "this is for boards without nodes")
+        for wave in self._file.waves:
+            self._source.fail(("waves", wave.name), "waveforms are of boards without nodes")
+        if self._file.metrics.listen:
+            self._source.fail(("metrics", "listen"), "this is for boards without nodes")

@@ -75,12 +75,11 @@ class NodeServer(Server):
         status: Callable[[int], dict[str, Any]],
         report: Callable[[str], None],
     ) -> None:
-        limit = node.board.limit
-        super().__init__(node.board, links, report=report)
-        node.board.limit = limit
+        super().__init__(node.board, links, report=report, pacer=pacer)
         self._rank: int = node.rank
         self._status_of: Callable[[int], dict[str, Any]] = status
-        self.pacer = pacer
+        # What is ordered from outside, such as another state, would leave the other nodes behind.
+        self.control.orders.clear()
 
     def statistics(self) -> dict[str, Any]:
         """Return what ``vbus ls --json`` shows of this node."""
