@@ -1,0 +1,85 @@
+"""Which core runs, how to choose it, and wheels built with and without a compiler."""
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import vbus
+from vbus.compiled import is_compiled
+
+HOME = Path(next(iter(vbus.__path__))).parent
+ROOT = Path(__file__).parents[2]
+
+
+def command(*arguments: str, pure: str = "") -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(HOME), "VBUS_PURE": pure}
+    return subprocess.run(
+        [sys.executable, "-m", "vbus", *arguments],
+        cwd=HOME, env=environment, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+
+
+def test_doctor_says_which_core_runs_and_why() -> None:
+    core = command("doctor").stdout.partition("core: ")[2].splitlines()[0]
+    assert core == ("compiled" if is_compiled() else "interpreted: it runs from its source tree")
+
+
+@pytest.mark.skipif(not is_compiled(), reason="there is no other core here")
+def test_vbus_pure_chooses_the_interpreted_core() -> None:
+    assert command("--version", pure="0").stdout.endswith("(compiled core)\n")
+    assert command("--version", pure="1").stdout.endswith("(interpreted core)\n")
+    assert "core: interpreted: VBUS_PURE asks for it" in command("doctor", pure="1").stdout
+    where = (
+        "import vbus.kernel.kernel as k, vbus.chips.lm628.pid as p; print(k.__file__, p.__file__)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", where],
+        cwd=HOME, env={**os.environ, "PYTHONPATH": str(HOME), "VBUS_PURE": "1"},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert [Path(file).suffix for file in done.stdout.split()] == [".py", ".py"]
+
+
+def build(folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    clean = {name: text for name, text in os.environ.items() if not name.startswith("VBUS_")}
+    return subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", "-v", "--no-deps", "-w", folder, ROOT],
+        env={**clean, **environment}, cwd=folder, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not is_compiled() or os.environ.get("VBUS_REQUIRE_ALL") != "1",
+    reason="builds wheels, with build tools from a package index; VBUS_REQUIRE_ALL=1 does it",
+)
+def test_without_a_compiler_a_pure_wheel_results_and_says_so(tmp_path: Path) -> None:
+    done = build(tmp_path, CC="/nowhere/cc")
+    assert done.returncode == 0, done.stderr
+    [wheel] = tmp_path.glob("*.whl")
+    assert wheel.name == f"vbus-{vbus.__version__}-py3-none-any.whl"
+    reason = "there was no C compiler (/nowhere/cc)"
+    assert f"the core of this wheel is interpreted, some ten times slower: {reason}" in (
+        done.stdout + done.stderr
+    )
+    with zipfile.ZipFile(wheel) as content:
+        assert content.read("vbus/compiled/reason.txt").decode() == f"{reason}\n"
+        content.extractall(tmp_path / "installed")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "installed")}
+    shown = subprocess.run(
+        [sys.executable, "-m", "vbus", "doctor"],
+        cwd=tmp_path / "installed", env=environment, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert f"warn  core: interpreted: {reason}\n      it is some ten times slower: install gcc" in (
+        shown.stdout
+    )
+
+    done = build(tmp_path, CC="/nowhere/cc", VBUS_NEED_COMPILED="1")
+    assert done.returncode != 0
+    assert f"vbus: no compiled core: {reason}. VBUS_NEED_COMPILED makes that an error" in (
+        done.stdout + done.stderr
+    )
