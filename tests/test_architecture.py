@@ -43,7 +43,7 @@ MAY_IMPORT = {
     "transports": EDGE,
     "server": EDGE,
     "client": NETWORK | {"chips", "client", "kernel", "protocols"},
-    "testing": EDGE | {"client", "testing", "tools"},
+    "testing": EDGE | {"client", "native", "testing", "tools"},
     "tools": EDGE | {"client", "compiled", "native", "tools"},
     "__main__": {"tools"},
     "compiled": set(),

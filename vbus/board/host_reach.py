@@ -57,6 +57,13 @@ class HostReach(HostClock):
     def _default_cycle(self, chip: Chip) -> int:
         return chip.cycle_ps if self.board.policy == "realtime" else LOCKSTEP_CYCLE
 
+    def cost(self, *cycles: int) -> list[int]:
+        """Set what a whole cycle costs (ps), for all chips or for each; return what it did."""
+        before = self._cycles
+        self._cycles = list(cycles) if len(cycles) > 1 else [cycles[0]] * len(self.chips)
+        self._cycle = max((c for n, c in enumerate(self._cycles) if self._mask >> n & 1), default=0)
+        return before
+
     def info(self) -> PortInfo:
         """Return what HELLO tells."""
         board = self.board

@@ -29,6 +29,7 @@ from vbus.client.bus import Bus
 from vbus.errors import ConfigError
 from vbus.kernel import US
 from vbus.options import Value
+from vbus.testing.boards import section_line
 from vbus.testing.in_process import HostStuck, connect_in_process
 from vbus.testing.limits import Limits, Watch
 from vbus.testing.programs import Outcome, run_program
@@ -124,23 +125,15 @@ def with_extremes(text: str, scenario: Scenario) -> str:
     for chip, key, value in reversed(scenario.extremes):
         _insert(lines, rf"chips\.[\"']?{re.escape(chip)}[\"']?", f"{key} = {_toml(value)}", chip)
     if scenario.seed:
-        place = _section(lines, "board")
+        place = section_line(lines, "board")
         end = next((i for i in range(place, len(lines)) if lines[i].startswith("[")), len(lines))
         lines[place:end] = [x for x in lines[place:end] if not re.match(r"\s*seed\s*=", x)]
         _insert(lines, "board", f"seed = {scenario.seed}", "board")
     return "\n".join(lines) + "\n"
 
 
-def _section(lines: list[str], pattern: str) -> int:
-    """Return the number of the line after a section's heading; 0 if it has none."""
-    for number, line in enumerate(lines):
-        if re.match(rf"\s*\[\s*{pattern}\s*\]", line):
-            return number + 1
-    return 0
-
-
 def _insert(lines: list[str], pattern: str, line: str, name: str) -> None:
-    place = _section(lines, pattern)
+    place = section_line(lines, pattern)
     if not place:
         raise ConfigError(f"the board file has no section for {name} into which {line} could go")
     lines.insert(place, line)

@@ -7,6 +7,7 @@ from typing import Final
 
 from vbus.board.board import Board
 from vbus.kernel import SECOND
+from vbus.protocols.quantities import format_instant
 from vbus.signals import Observer, Violation
 from vbus.trace.decode import BoardPackets
 from vbus.trace.packets import Packet
@@ -37,10 +38,15 @@ class Watch(Observer):
         board: the board; the watch observes it from now on.
         limits: the bounds.
         over: is called once, with a sentence, when a bound is passed.
+        times: begin each line with the instant of its first packet's end.
     """
 
     def __init__(
-        self, board: Board, limits: Limits, over: Callable[[str], None] | None = None
+        self,
+        board: Board,
+        limits: Limits,
+        over: Callable[[str], None] | None = None,
+        times: bool = False,
     ) -> None:
         self.cycles: int = 0
         self.stuck: str = ""
@@ -49,18 +55,26 @@ class Watch(Observer):
         self.lines: deque[str] = deque(maxlen=KEPT)
         self._limits: Limits = limits
         self._over: Callable[[str], None] | None = over
+        self._times: bool = times
+        self._latest: str = ""
+        self._begun: str = ""
+        self._count: int = 0
         self._packets: BoardPackets = BoardPackets(
             {chip.name: chip.FAMILY for chip in board.chips}, self._packet
         )
         board.observe(self)
 
     def _packet(self, chip: str, packet: Packet) -> None:
-        line = f"{chip} {packet.text}"
-        if self.lines and self.lines[-1].partition(" x")[0] == line:
-            before = self.lines.pop().rpartition(" x")[2]
-            self.lines.append(f"{line} x{int(before) + 1 if before.isdecimal() else 2}")
-        else:
-            self.lines.append(line)
+        self._note(packet.end, f"{chip} {packet.text}")
+
+    def _note(self, when: int, line: str) -> None:
+        if line == self._latest:
+            self._count += 1
+            self.lines[-1] = f"{self._begun} x{self._count}"
+            return
+        self._latest, self._count = line, 1
+        self._begun = f"{format_instant(when)} {line}" if self._times else line
+        self.lines.append(self._begun)
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
@@ -79,7 +93,7 @@ class Watch(Observer):
         """Keep a violation."""
         self._packets.violation(violation)
         self.violations.append(violation)
-        self.lines.append(f"{violation.chip} ! {violation.rule}: {violation.detail}")
+        self._note(violation.when, f"{violation.chip} ! {violation.rule}: {violation.detail}")
 
     def pass_bound(self, sentence: str) -> None:
         """Say that the host hangs, if nothing has said so before."""

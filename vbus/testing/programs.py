@@ -1,23 +1,23 @@
 """A host program on a board of its own, with bounds, and what came of it."""
 
-import asyncio
 import os
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
-from vbus.server.server import LinkSpec, Server
+from vbus.server.server import LinkSpec
 from vbus.server.serving import links_of
 from vbus.signals import Violation
 from vbus.testing.limits import Limits, Watch
+from vbus.testing.serving import ServedBoard, private_runtime
 from vbus.tools import preload
 
 
@@ -58,67 +58,32 @@ class Outcome:
         self.transcript = list(watch.lines)
 
 
-class _Run:
-    """The board's side of one run; lives in a thread with an event loop of its own.
-
-    So it works from ordinary tests and from tests that are coroutines alike.
-    """
+class _Run(ServedBoard):
+    """The board's side of one run."""
 
     def __init__(
-        self, file: BoardFile, source: Source, limits: Limits, folder: Path, start: int
+        self, file: BoardFile, board: Board, limits: Limits, folder: Path, start: int
     ) -> None:
-        self.board = build(file, source)
-        self.board.run_for(start)
+        board.run_for(start)
         self.link: str = f"unix:{folder / 'host.sock'}"
         self.environment: dict[str, str] = {"VBUS_LINK": self.link, "VBUS_RUNTIME": str(folder)}
         described = [host for host in file.hosts if host.pinmap or host.card] or list(file.hosts)
         host = described[0] if described else HostSection(transport="")
         card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
         if card is not None:
-            port = self.board.open_port("program", host.chips or None, host.cycle, card)
+            port = board.open_port("program", host.chips or None, host.cycle, card)
             self.environment |= preload.environment(port.info(), self.link)
             port.close()
         mine = LinkSpec(self.link, "byte", list(host.chips), host.cycle, card, pin_map)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host or not section.card]
-        self.server = Server(self.board, [mine, *others], file.board.stall)
-        self.watch = Watch(self.board, limits, self._kill)
+        super().__init__(board, [mine, *others], file.board.stall)
+        self.watch = Watch(board, limits, self._kill)
         self.process: subprocess.Popen[str] | None = None
-        self.error: BaseException | None = None
-        self._ready = threading.Event()
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._stop: asyncio.Event | None = None
-        self._thread = threading.Thread(target=self._serve, name="vbus board", daemon=True)
 
     def _kill(self, sentence: str) -> None:
         if self.process is not None:
             self.process.kill()
-
-    def _serve(self) -> None:
-        async def main() -> None:
-            self._loop = asyncio.get_running_loop()
-            self._stop = asyncio.Event()
-            await self.server.serve(self._stop, self._ready.set)
-            self.board.catch_up()
-
-        try:
-            asyncio.run(main())
-        except BaseException as error:
-            self.error = error
-        finally:
-            self._ready.set()
-
-    def __enter__(self) -> "_Run":
-        self._thread.start()
-        self._ready.wait()
-        if self.error is not None:
-            raise self.error
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        if self._loop is not None and self._stop is not None and self._thread.is_alive():
-            self._loop.call_soon_threadsafe(self._stop.set)
-        self._thread.join()
 
 
 _runtime = threading.Lock()
@@ -132,6 +97,7 @@ def run_program(
     environment: Mapping[str, str] | None = None,
     folder: Path | None = None,
     start: int = 0,
+    board: Board | None = None,
 ) -> Outcome:
     """Run a program on a board that lives as long as the program does.
 
@@ -147,23 +113,24 @@ def run_program(
         environment: variables that are added to those of this process.
         folder: where it runs; the present directory if None.
         start: instant at which it may make its first bus cycle (ps).
+        board: the board of that file, if it is there already; it goes on from where it stands.
 
     Raises:
         ConfigError: the board cannot be built.
         VbusError: the program cannot be started.
     """
     bounds = limits if limits is not None else Limits()
-    with tempfile.TemporaryDirectory(prefix="vbus-") as own, _runtime:
-        before = os.environ.get("VBUS_RUNTIME")
-        os.environ["VBUS_RUNTIME"] = own
+    if board is None:
+        board = build(file, source)
+    else:
+        bounds = replace(bounds, chip_time=board.now + bounds.chip_time)
+    with _runtime, private_runtime() as own:
+        run = _Run(file, board, bounds, own, start)
         try:
-            with _Run(file, source, bounds, Path(own), start) as run:
+            with run:
                 outcome = _beside(run, command, bounds, environment or {}, folder)
         finally:
-            if before is None:
-                del os.environ["VBUS_RUNTIME"]
-            else:
-                os.environ["VBUS_RUNTIME"] = before
+            board.unobserve(run.watch)
     if run.error is not None:
         raise run.error
     outcome.take(run.watch)

@@ -1,0 +1,113 @@
+"""Host programs on a test's board: vbus_exec, seen from the suites that use it."""
+
+import os
+import shutil
+
+import pytest
+
+pytest_plugins = "pytester"
+
+HOST = """
+#include "vbus.h"
+#include <stdio.h>
+#include <stdlib.h>
+#ifndef EXTRA
+#define EXTRA 0
+#endif
+int main(int argc, char **argv)
+{
+    struct vbus bus;
+    int status;
+    if (vbus_open(&bus, getenv("VBUS_LINK")) < 0)
+        return 3;
+    status = vbus_read(&bus, 0);
+    printf("status %02X %d\\n", status, argc);
+    vbus_close(&bus);
+    return status == 0x84 ? EXTRA : 2;
+}
+"""
+
+
+@pytest.fixture
+def suite(pytester: pytest.Pytester) -> pytest.Pytester:
+    pytester.makeini(
+        "[pytest]\nfilterwarnings = error\nasyncio_default_fixture_loop_scope = function\n"
+    )
+    return pytester
+
+
+def test_a_c_program_is_compiled_and_runs_on_the_board_of_the_test(suite: pytest.Pytester) -> None:
+    if shutil.which("cc") is None and os.environ.get("VBUS_REQUIRE_ALL") != "1":
+        pytest.skip("needs cc")
+    suite.path.joinpath("host.c").write_text(HOST)
+    suite.path.joinpath("wrong.c").write_text("int main(void) { return nothing; }\n")
+    suite.makepyfile(
+        """
+        import pytest
+        from vbus import VbusError
+
+        def test_it(vbus_exec, vbus_clock, vbus_lm629, vbus_board):
+            vbus_clock.advance("5ms")
+            done = vbus_exec("host.c", "-v")
+            assert (done.code, done.output) == (0, "status 84 2\\n"), done
+            assert done.transcript == ["x RDSTAT 84H MOTOR_OFF TRAJECTORY_COMPLETE"]
+            assert done.cycles == 1
+            assert vbus_clock.now == 6_001_000_000
+            assert vbus_lm629.bus.read(0) == 0x84
+            again = vbus_exec("host.c", flags="-DEXTRA=7")
+            assert (again.code, again.ok) == (7, False)
+
+        def test_compiler(vbus_exec):
+            with pytest.raises(VbusError, match="(?s)wrong.c: the compiler refuses it.*nothing"):
+                vbus_exec("wrong.c")
+            with pytest.raises(VbusError, match="there is no shim 'arm'"):
+                vbus_exec("host.c", shim="arm")
+
+        def test_failing(vbus_exec):
+            assert vbus_exec("host.c").code == 0
+        """
+    )
+    result = suite.runpytest("-q", "-x")
+    result.assert_outcomes(passed=2, failed=1)
+    result.stdout.fnmatch_lines(["*x RDSTAT 00H*", "replay:  vbus replay *"])
+
+
+def test_a_python_program_and_one_that_hangs(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        driver="""
+        import os, sys
+        from vbus import connect
+
+        with connect(os.environ["VBUS_LINK"]) as bus:
+            while sys.argv[1] == "hang" or not bus.read(0) & 0x84 == 0x84:
+                bus.read(0)
+        print("done", sys.argv[1] == os.environ["VBUS_LINK"])
+        """,
+        test_it="""
+        def test_python(vbus_exec, vbus_board):
+            done = vbus_exec("driver.py", "{link}")
+            assert done.output == "done True\\n", done.errors
+            assert vbus_board.now == done.now > 1_000_000_000
+
+        def test_hang(vbus_exec):
+            done = vbus_exec("driver.py", "hang", longest=5_000_000_000)
+            assert done.stuck == "it was not done after 0.005 s of chip time"
+            assert not done.ok
+
+        def test_served(vbus_pty, vbus_exec):
+            import pytest
+            with pytest.raises(Exception, match="served on .* already, by vbus_pty"):
+                vbus_exec("driver.py", "")
+
+        def test_no_program(vbus_exec):
+            import pytest
+            with pytest.raises(Exception, match="nothing: cannot be run: No such file"):
+                vbus_exec("nothing")
+
+        def test_avr(vbus_exec):
+            import pytest
+            with pytest.raises(Exception, match="chip time must follow the AVR"):
+                vbus_exec("firmware.elf", avr="mmcu=atmega328p")
+        """,
+    )
+    suite.runpytest("-q", "test_it.py").assert_outcomes(passed=5)

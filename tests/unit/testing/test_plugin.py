@@ -1,0 +1,318 @@
+"""The pytest plug-in, seen from the suites that use it."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+pytest_plugins = "pytester"
+
+BOARD = """
+[board]
+name = "bench"
+
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "motor"
+
+[plants.motor]
+model = "dc_motor"
+"""
+
+
+@pytest.fixture
+def suite(pytester: pytest.Pytester) -> pytest.Pytester:
+    pytester.makeini(
+        "[pytest]\nfilterwarnings = error\nasyncio_mode = strict\n"
+        "asyncio_default_fixture_loop_scope = function\n"
+    )
+    pytester.makefile(".toml", board=BOARD)
+    return pytester
+
+
+def vbus(line: str) -> subprocess.CompletedProcess[str]:
+    program, *arguments = shlex.split(line)
+    assert program == "vbus"
+    return subprocess.run(
+        [sys.executable, "-m", "vbus", *arguments], capture_output=True, text=True, timeout=60
+    )
+
+
+def test_each_chip_is_ready_to_use(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+        import pytest
+
+        @pytest.mark.parametrize("part", ["vbus_lm628", "vbus_lm629"])
+        def test_servo(part, request):
+            axis = request.getfixturevalue(part)
+            assert axis.chip.part[:5] == part[5:].upper()
+            axis.host.check_reset()
+            axis.host.load_filter(kp=300, kd=2000)
+            assert abs(axis.host.move(2000, acc=20, vel=3 << 16) - 2000) < 10
+            assert abs(axis.plant.count - 2000) < 10
+
+        def test_mcp1200(vbus_mcp1200):
+            vbus_mcp1200.host.reset()
+            assert vbus_mcp1200.board.chips[0].part == "MCP-1200"
+
+        def test_mc1241a(vbus_mc1241a):
+            assert len(vbus_mc1241a.plants) == 2
+            assert vbus_mc1241a.host.select(2) >= 0
+        """
+    )
+    suite.runpytest("-q").assert_outcomes(passed=4)
+
+
+def test_the_marker_names_the_board_and_what_is_special_about_it(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+        import pytest
+
+        @pytest.mark.vbus(board="board.toml", seed=7)
+        def test_file(vbus_board):
+            assert (vbus_board.name, vbus_board.seed) == ("bench", 7)
+            assert vbus_board.policy == "lockstep"
+
+        @pytest.mark.vbus("MC1141A", plant="ideal", clock="20 MHz")
+        def test_keywords(vbus_board, vbus_make_board):
+            assert type(vbus_board.plants[0]).__name__ == "IdealPlant"
+            assert vbus_make_board("MCP-1200", plant="dc_motor", seed=3).seed == 3
+
+        @pytest.mark.vbus(board="[board]\\nname='t'\\n[chips.q]\\npart='LM628N-6'\\n"
+                                "clock='6 MHz'\\nplant='none'\\n", rate=50, strict=True)
+        def test_text(vbus_board):
+            assert (vbus_board.policy, vbus_board.rate) == ("realtime", 50.0)
+            assert vbus_board.violation_policy.default == 2
+
+        def test_default(vbus_board):
+            assert vbus_board.chips[0].part == "LM629N-8"
+        """
+    )
+    suite.runpytest("-q").assert_outcomes(passed=4)
+
+
+@pytest.mark.parametrize(
+    ("mark", "message"),
+    [
+        ('board="nowhere.toml"', "*nowhere.toml: there is no such board file*"),
+        ("bord=1", "*unknown keyword 'bord'; allowed are board, plant*"),
+        ("rate=-1", "*rate=-1: it is chip seconds per second*"),
+        ('board="LM999"', "*LM999*"),
+    ],
+)
+def test_a_board_that_makes_no_sense_is_said_in_one_sentence(
+    suite: pytest.Pytester, mark: str, message: str
+) -> None:
+    suite.makepyfile(f"import pytest\n@pytest.mark.vbus({mark})\ndef test_it(vbus_board): pass\n")
+    result = suite.runpytest("-q")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines([message])
+
+
+def test_the_clock_moves_time_exactly_and_refuses_what_cannot_be(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+        import pytest
+        from vbus import VbusError
+
+        def test_lockstep(vbus_clock, vbus_board):
+            vbus_clock.advance("10ms")
+            vbus_clock.advance(5)
+            vbus_clock.run_until("20ms")
+            assert vbus_clock.now == vbus_board.now == 20_000_000_000
+            with pytest.raises(VbusError, match="already"):
+                vbus_clock.run_until("1ms")
+            with pytest.raises(VbusError, match="backwards"):
+                vbus_clock.advance(-1)
+            with pytest.raises(VbusError):
+                vbus_clock.advance("soon")
+
+        def test_freeze(vbus_lm629):
+            bus, clock = vbus_lm629.bus, vbus_lm629.clock
+            before = clock.now
+            with clock.freeze():
+                bus.write(0, 0x1E)
+                assert set(bus.reads(0, 50)) == {bus.read(0)}
+                assert bus.read(0) & 1
+                assert clock.now == before
+                with pytest.raises(VbusError, match="frozen"):
+                    clock.advance("1us")
+            clock.advance("1ms")
+            assert not bus.read(0) & 1
+            assert clock.now == before + 1_000_000_000 + 1_000_000
+
+        @pytest.mark.vbus(rate=1)
+        def test_real_time_is_the_wall_clocks(vbus_clock):
+            with pytest.raises(VbusError, match="wall clock"):
+                vbus_clock.advance(1)
+        """
+    )
+    suite.runpytest("-q").assert_outcomes(passed=3)
+
+
+FAILING = """
+    def test_stall(vbus_lm629):
+        vbus_lm629.host.check_reset()
+        vbus_lm629.bus.write(0, 0x1E)
+        vbus_lm629.bus.write(0, 0x1E)
+        vbus_lm629.clock.advance("3ms")
+        assert vbus_lm629.bus.read(0) == 0x55
+"""
+
+
+def test_a_failing_test_tells_what_was_on_the_bus_and_its_line_replays_it(
+    suite: pytest.Pytester,
+) -> None:
+    suite.makepyfile(test_it=FAILING)
+    result = suite.runpytest("-q", "--junitxml=out.xml", "--vbus-seed=9", "--vbus-wave=on-failure")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "*- vbus -*",
+            'board "lm629n-8" at *us, seed 9, lockstep; * bus cycles',
+            "*x RSTI resets *",
+            "*x RDSTAT 80H MOTOR_OFF",
+            "violations: 1",
+            "*lm628.busy-write: *",
+            "journal: *",
+            "replay:  vbus replay *",
+            "wave:    *.vcd",
+            "again:   pytest *test_it.py::test_stall --vbus-seed=9",
+        ]
+    )
+    text = result.stdout.str()
+    replay = re.search(r"^replay:  (.*)$", text, re.MULTILINE)
+    again = re.search(r"^again:   pytest (.*)$", text, re.MULTILINE)
+    assert replay is not None
+    assert again is not None
+    done = vbus(replay[1])
+    assert done.returncode == 0, done.stdout
+    assert re.fullmatch(r"no difference in \d+ entries, \d+ bus cycles\n", done.stdout)
+    case = ElementTree.parse(suite.path / "out.xml").find(".//testcase")
+    assert case is not None
+    told = {p.get("name"): p.get("value") for p in case.iterfind(".//property")}
+    assert told["vbus.seed"] == "9"
+    assert told["vbus.replay"] == replay[1]
+    assert "RSTI" in str(told["vbus.transcript"])
+    assert "lm628.busy-write" in str(told["vbus.violations"])
+    assert Path(str(told["vbus.journal"])).stat().st_size > 0
+    assert "$enddefinitions" in Path(str(told["vbus.wave"])).read_text()
+
+    repeated = suite.runpytest("-q", *shlex.split(again[1]))
+    repeated.assert_outcomes(failed=1)
+    transcript = re.findall(r"^    [\d.]+us .*$", text, re.MULTILINE)
+    assert transcript == re.findall(r"^    [\d.]+us .*$", repeated.stdout.str(), re.MULTILINE)
+
+
+def test_files_are_kept_of_failing_tests_only_unless_asked_for(suite: pytest.Pytester) -> None:
+    suite.makepyfile("def test_it(vbus_lm629): vbus_lm629.bus.read(0)")
+    suite.runpytest("-q", "--vbus-dir=kept", "--vbus-wave=on-failure").assert_outcomes(passed=1)
+    assert not (suite.path / "kept").exists()
+    suite.runpytest("-q", "--vbus-dir=kept", "--vbus-wave=always").assert_outcomes(passed=1)
+    assert [path.suffix for path in (suite.path / "kept").iterdir()] == [".vcd"]
+
+
+def test_strict_fails_a_test_whose_host_breaks_the_datasheet(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+        import pytest
+
+        def test_it(vbus_lm629):
+            vbus_lm629.bus.write(0, 0x1E)
+            vbus_lm629.bus.write(0, 0x1E)
+
+        @pytest.mark.vbus(strict=False)
+        def test_tolerant(vbus_lm629):
+            test_it(vbus_lm629)
+        """
+    )
+    suite.runpytest("-q").assert_outcomes(passed=2)
+    result = suite.runpytest("-q", "--vbus-strict")
+    result.assert_outcomes(failed=1, passed=1)
+    result.stdout.fnmatch_lines(["*x broke lm628.busy-write*", "again: *--vbus-strict"])
+
+
+def test_a_fault_that_never_fired_fails_its_test(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+        def test_never(vbus_board):
+            vbus_board.faults.arm("jam", when="at 10 s")
+
+        def test_fires(vbus_board, vbus_clock):
+            vbus_board.faults.arm("jam", when="at 10 ms")
+            vbus_clock.advance("11ms")
+
+        def test_called_off(vbus_board):
+            vbus_board.faults.arm("jam", when="at 10 s")
+            vbus_board.faults.clear()
+        """
+    )
+    result = suite.runpytest("-q")
+    result.assert_outcomes(failed=1, passed=2)
+    result.stdout.fnmatch_lines(
+        ['fault #1 jam*of board "lm629n-8" never fired*', "*run the test again to replay it"]
+    )
+
+
+def test_a_terminal_serves_the_board_while_the_test_holds_its_clock(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+        import serial
+        from vbus import connect
+
+        def test_bytes(vbus_pty, vbus_clock):
+            vbus_clock.advance("5ms")
+            with serial.Serial(vbus_pty, timeout=20) as port:
+                port.write(bytes([0x10]))
+                assert port.read(2) == bytes([0x44, 0x84])
+            assert vbus_clock.now == 5_001_000_000
+
+        def test_client(vbus_pty, vbus_board, vbus_clock):
+            vbus_clock.advance("5ms")
+            with connect(f"pty:{vbus_pty}") as bus:
+                assert bus.read(0) == 0x84
+            assert bus.info.board == vbus_board.name
+        """
+    )
+    suite.runpytest("-q").assert_outcomes(passed=2)
+
+
+def test_it_works_beside_asyncio_and_with_workers(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+        import pytest
+
+        @pytest.mark.asyncio
+        @pytest.mark.parametrize("turn", range(3))
+        async def test_coroutine(turn, vbus_pty):
+            from vbus.client.aio import connect
+            async with await connect(f"pty:{vbus_pty}") as bus:
+                assert await bus.read(0) in (0x00, 0x84)
+
+        @pytest.mark.parametrize("turn", range(3))
+        def test_plain(turn, vbus_pty):
+            assert turn != 1, "on purpose"
+        """
+    )
+    result = suite.runpytest_subprocess("-q", "-n2")
+    result.assert_outcomes(passed=5, failed=1)
+    result.stdout.fnmatch_lines(["replay:  vbus replay *"])
+
+
+def test_a_run_that_does_not_use_it_does_not_pay_for_it(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+        import sys
+
+        def test_nothing():
+            loaded = {name for name in sys.modules if name.startswith("vbus.")}
+            assert loaded <= {"vbus.compiled", "vbus.testing", "vbus.testing.plugin"}
+        """
+    )
+    suite.runpytest_subprocess("-q").assert_outcomes(passed=1)

@@ -1,0 +1,126 @@
+"""Board files as tests want them: found, put together from a part number, and adapted."""
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Final
+
+from vbus.board.config import read_board_text
+from vbus.board.plugins import chip_class
+from vbus.board.sections import BoardFile
+from vbus.board.source import Source
+from vbus.errors import ConfigError
+
+CLOCKS: Final = {"mc1241a": "25 MHz"}
+"""Usual clocks by chip family; 8 MHz for the others."""
+
+MODELS: Final = {"mc1241a": "stepper"}
+"""Usual plants by chip family; a brushed motor for the others."""
+
+
+def section_line(lines: list[str], pattern: str) -> int:
+    """Return the number of the line after a section's heading; 0 if it has none."""
+    for number, line in enumerate(lines):
+        if re.match(rf"\s*\[\s*{pattern}\s*\]", line):
+            return number + 1
+    return 0
+
+
+def with_keys(text: str, section: str, keys: Mapping[str, str]) -> str:
+    """Return a board file whose ``[section]`` has ``keys`` (TOML values) in place of its own."""
+    if not keys:
+        return text
+    lines = text.splitlines()
+    place = section_line(lines, re.escape(section))
+    if not place:
+        lines += ["", f"[{section}]"]
+        place = len(lines)
+    end = next((i for i in range(place, len(lines)) if lines[i].lstrip().startswith("[")), None)
+    kept = [
+        line
+        for line in lines[place:end]
+        if (key := re.match(r"\s*[\"']?([\w-]+)[\"']?\s*=", line)) is None or key[1] not in keys
+    ]
+    lines[place:end] = [*(f"{key} = {value}" for key, value in keys.items()), *kept]
+    return "\n".join(lines) + "\n"
+
+
+def of_part(part: str, plant: str = "", clock: str = "") -> str:
+    """Return a board file with one chip, called ``x``, and a plant on each axis.
+
+    Args:
+        part: part number as ordered.
+        plant: plant model; "" for the usual one of the family.
+        clock: frequency at CLK; "" for the usual one.
+
+    Raises:
+        PluginError: no such part.
+    """
+    cls = chip_class(part)
+    axes = cls.AXES if part.upper() != "MC1141A" else 1
+    names = [f"motor{axis + 1}" for axis in range(axes)] if axes > 1 else ["motor"]
+    fitted = f'plant = "{names[0]}"' if axes == 1 else f"plants = {names}".replace("'", '"')
+    model = plant or MODELS.get(cls.FAMILY, "dc_motor")
+    motors = "".join(f'\n[plants.{name}]\nmodel = "{model}"\n' for name in names)
+    return (
+        f'[board]\nname = "{part.lower()}"\n\n[chips.x]\npart = "{part}"\n'
+        f'clock = "{clock or CLOCKS.get(cls.FAMILY, "8 MHz")}"\n{fitted}\n{motors}'
+    )
+
+
+def board_text(
+    board: str | Path, near: Iterable[Path], plant: str = "", clock: str = ""
+) -> tuple[str, str]:
+    """Return a board file's text and its name.
+
+    Args:
+        board: path of a board file, its text, or a part number.
+        near: folders a relative path is looked for in.
+        plant: with a part number: the plant model.
+        clock: with a part number: the clock.
+
+    Raises:
+        ConfigError: there is no such file.
+        PluginError: there is no such part.
+    """
+    named = str(board)
+    if "\n" in named:
+        return named, "board.toml"
+    if isinstance(board, str) and not named.endswith(".toml"):
+        return of_part(named, plant, clock), f"{named.lower()}.toml"
+    folders = list(near)
+    for folder in folders:
+        path = folder / named
+        if path.is_file():
+            return path.read_text(), str(path)
+    looked = ", ".join(str(folder) for folder in folders)
+    raise ConfigError(f"{named}: there is no such board file; looked for it in {looked}")
+
+
+def for_test(
+    text: str, name: str, seed: int | None = None, rate: float | None = None, strict: bool = False
+) -> tuple[BoardFile, Source]:
+    """Return a board file as a test runs it: repeatable, unless it wants real time.
+
+    Args:
+        text: the file.
+        name: its name.
+        seed: replaces the file's; None keeps it.
+        rate: chip seconds per second of wall time; None makes real time lockstep.
+        strict: let a bus cycle that breaks a datasheet be lost.
+
+    Raises:
+        ConfigError: the file has mistakes; their lines are those of the file.
+    """
+    file, source = read_board_text(text, name)
+    keys: dict[str, str] = {}
+    if rate is not None:
+        keys |= {"time": '"realtime"', "rate": str(rate)}
+    elif file.board.time == "realtime":
+        keys["time"] = '"lockstep"'
+    if seed is not None and seed != file.board.seed:
+        keys["seed"] = str(seed)
+    changed = with_keys(text, "board", keys)
+    if strict:
+        changed = with_keys(changed, "violations", {"default": '"strict"'})
+    return (file, source) if changed == text else read_board_text(changed, name)

@@ -1,0 +1,105 @@
+"""Chip time in the hands of a test."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final
+
+from vbus.board.board import Board
+from vbus.errors import VbusError
+from vbus.protocols.quantities import format_instant, parse_duration
+
+Call = Callable[[Callable[[], Any]], Any]
+
+
+class BoardClock:
+    """Moves a board's time.
+
+    Durations and instants are picoseconds, or texts with a unit: ``"10ms"``, ``"341.5us"``.
+
+    Args:
+        board: the board.
+        call: carries something out while no host acts on the board.
+    """
+
+    def __init__(self, board: Board, call: Call) -> None:
+        self.board: Final = board
+        self._call: Final = call
+        self._frozen = False
+
+    @property
+    def now(self) -> int:
+        """Chip time (ps)."""
+        instant: int = self._call(lambda: self.board.now)
+        return instant
+
+    def advance(self, duration: int | str) -> None:
+        """Let ``duration`` pass.
+
+        Raises:
+            VbusError: time is the wall clock's, or frozen; or the duration is negative.
+        """
+        length = _ps(duration)
+        if length < 0:
+            raise VbusError(f"advance by {duration}: time does not run backwards")
+        self._move(lambda: self.board.now + length)
+
+    def run_until(self, instant: int | str) -> None:
+        """Let time pass to ``instant``, inclusive of what happens at it.
+
+        Raises:
+            VbusError: time is the wall clock's, or frozen; or that instant is over.
+        """
+        when = _ps(instant)
+        if when < self.now:
+            raise VbusError(
+                f"run_until {format_instant(when)}: it is {format_instant(self.now)} already"
+            )
+        self._move(lambda: when)
+
+    @contextmanager
+    def freeze(self) -> Iterator[None]:
+        """Let bus cycles take no time while this lasts: everything happens at one instant.
+
+        A chip that is busy stays busy, so a host that polls it polls in vain. Pauses a host asks
+        for still pass.
+
+        Raises:
+            VbusError: time is the wall clock's or the host's own.
+        """
+        self._master("freeze")
+        board = self.board
+        frozen = self._call(lambda: [(port, port.cost(0)) for port in board.ports])
+        self._frozen = True
+        try:
+            yield
+        finally:
+            self._frozen = False
+            self._call(lambda: [port.cost(*costs) for port, costs in frozen])
+
+    def _move(self, until: Callable[[], int]) -> None:
+        self._master("move")
+        if self._frozen:
+            raise VbusError("time is frozen: let the freeze() block end first")
+
+        def work() -> None:
+            self.board.run_until(until())
+            self.board.catch_up()
+
+        self._call(work)
+
+    def _master(self, what: str) -> None:
+        if self.board.policy != "lockstep":
+            owner = {"realtime": "the wall clock's", "slaved": "the host's own"}
+            raise VbusError(
+                f'{what}: the time of board "{self.board.name}" is {owner[self.board.policy]};'
+                " a test can do so on a lockstep board (leave out rate=)"
+            )
+
+
+def _ps(quantity: int | str) -> int:
+    if isinstance(quantity, int):
+        return quantity
+    try:
+        return parse_duration(quantity)
+    except ValueError as error:
+        raise VbusError(str(error)) from None

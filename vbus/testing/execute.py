@@ -1,0 +1,143 @@
+"""Host programs of a test: compiled if need be, and run on the test's board."""
+
+import hashlib
+import os
+import shlex
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from vbus.errors import VbusError
+from vbus.testing.bench import Bench, Fitted
+from vbus.testing.limits import Limits
+from vbus.testing.programs import Outcome, run_program
+
+_SOURCES: Final = (".c", ".cpp", ".cc", ".cxx")
+
+
+class Execute:
+    """Runs host programs on the board of a test.
+
+    Args:
+        bench: the test's boards.
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench: Final = bench
+
+    def __call__(
+        self,
+        program: str | Path,
+        *arguments: str | Path,
+        sources: Sequence[str | Path] = (),
+        shim: str = "",
+        flags: str = "",
+        avr: str = "",
+        timeout: float = 60.0,
+        longest: int | None = None,
+        environment: Mapping[str, str] | None = None,
+    ) -> Outcome:
+        """Run a program on the test's board and wait for its end.
+
+        Paths are looked for beside the test first. ``{link}`` in an argument, and ``$VBUS_LINK``,
+        is the address of the board.
+
+        Args:
+            program: a C or C++ file (compiled first), a Python file, AVR firmware (with ``avr``)
+                or any other program.
+            arguments: what it is given.
+            sources: further files to compile.
+            shim: headers for sources of other machines; see ``vbus cflags``.
+            flags: further options of the compiler.
+            avr: what ``vbus exec --avr`` takes, such as ``"mmcu=atmega328p,f=16000000"``.
+            timeout: seconds of wall time after which it counts as hanging.
+            longest: chip time (ps) after which it counts as hanging; None: a minute.
+            environment: variables to add.
+
+        Raises:
+            VbusError: it cannot be compiled or started.
+        """
+        fitted = self._bench.main()
+        if fitted.served is not None:
+            raise VbusError(
+                f"vbus_exec: the board is served on {fitted.address} already, by vbus_pty; give"
+                " the program that path with subprocess, or leave vbus_pty out of this test"
+            )
+        path = self._bench.find(program)
+        if path.suffix in _SOURCES:
+            command = [str(self.compile(program, *sources, shim=shim, flags=flags))]
+        elif avr:
+            command = _avr_command(fitted, avr, path)
+        elif path.suffix == ".py":
+            command = ["python", str(path)]
+        else:
+            command = [str(path)]
+        limits = Limits(wall=timeout) if longest is None else Limits(1 << 62, longest, timeout)
+        return run_program(
+            fitted.file,
+            fitted.source,
+            [*command, *map(str, arguments)],
+            limits,
+            environment,
+            board=fitted.board,
+        )
+
+    def compile(self, *sources: str | Path, shim: str = "", flags: str = "") -> Path:
+        """Compile C or C++ sources against the C client; return the program.
+
+        Raises:
+            VbusError: there is no compiler, or it complains; its words are in the message.
+        """
+        files = [self._bench.find(source) for source in sources]
+        plus = shim in ("avr", "arduino", "pic") or any(file.suffix != ".c" for file in files)
+        compiler = os.environ.get("CXX" if plus else "CC") or ("g++" if plus else "cc")
+        if shutil.which(shlex.split(compiler)[0]) is None:
+            raise VbusError(f"{compiler}: there is no such compiler; install gcc, or set CC or CXX")
+        asked = " ".join(str(file.resolve()) for file in files) + shim + flags
+        digest = hashlib.sha256(asked.encode()).hexdigest()[:8]
+        output = self._bench.folder() / f"{files[0].stem}-{digest}"
+        done = subprocess.run(
+            [*shlex.split(compiler), "-o", str(output), *shlex.split(flags), *cflags(shim),
+             *map(str, files)],
+            capture_output=True,
+            text=True,
+        )  # fmt: skip
+        if done.returncode:
+            names = ", ".join(map(str, sources))
+            raise VbusError(f"{names}: the compiler refuses it:\n{done.stderr.strip()}")
+        return output
+
+
+def cflags(shim: str = "") -> list[str]:
+    """Return what ``vbus cflags`` prints.
+
+    Raises:
+        VbusError: there is no such shim.
+    """
+    from vbus.native import include_dir
+    from vbus.tools.cflags import SHIMS, Shim
+
+    if shim and shim not in SHIMS:
+        raise VbusError(f"there is no shim {shim!r}; there are {', '.join(SHIMS)}")
+    folder = Path(include_dir())
+    chosen = SHIMS[shim] if shim else Shim((), ("vbus.c",))
+    includes = [folder / "shims" / name for name in chosen.folders] + [folder]
+    sources = [str(folder / source) for source in chosen.sources]
+    return [*(f"-I{include}" for include in includes), *chosen.options, *sources]
+
+
+def _avr_command(fitted: Fitted, avr: str, path: Path) -> list[str]:
+    from vbus.tools.exec_avr import parse, simulator
+
+    if fitted.board.policy != "slaved":
+        raise VbusError(
+            f"{fitted.file.path}: chip time must follow the AVR, and this board is"
+            f' {fitted.board.policy}; write time = "slaved" in [board]'
+        )
+    try:
+        options = parse(avr)
+    except ValueError as error:
+        raise VbusError(f"avr={avr!r}: {error}") from None
+    return [simulator(), "--link", "{link}", *options, str(path)]

@@ -1,0 +1,196 @@
+"""The pytest plug-in: boards, chips, time and host programs as fixtures.
+
+Importing it costs next to nothing: vbus itself is loaded by the first fixture that is used.
+"""
+
+from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from vbus.board.board import Board
+    from vbus.testing.bench import Bench
+    from vbus.testing.chips import ChipBench
+    from vbus.testing.clock import BoardClock
+    from vbus.testing.execute import Execute
+
+BENCH: pytest.StashKey["Bench"] = pytest.StashKey()
+FOLDER: pytest.StashKey[Path] = pytest.StashKey()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add what can be said on the command line."""
+    group = parser.getgroup("vbus", "virtual chips (vbus)")
+    group.addoption(
+        "--vbus-strict",
+        action="store_true",
+        help="bus cycles that break a datasheet are lost, and fail the test",
+    )
+    group.addoption(
+        "--vbus-seed", type=int, metavar="N", help="seed of boards that are given no other"
+    )
+    group.addoption(
+        "--vbus-wave",
+        choices=("never", "on-failure", "always"),
+        default="never",
+        help="of which tests to keep a waveform (VCD)",
+    )
+    group.addoption(
+        "--vbus-dir",
+        type=Path,
+        metavar="DIR",
+        help="where journals and waveforms are kept (pytest's temporary folder)",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Declare the marker."""
+    config.addinivalue_line(
+        "markers",
+        "vbus(board, plant, clock, seed, rate, strict): the board of a test: a board file's path,"
+        " its text, or a part number; its seed; chip seconds per second, for real time; whether"
+        " breaking a datasheet fails the test",
+    )
+
+
+def _folder(item: pytest.Item, factory: pytest.TempPathFactory) -> Path:
+    found = item.stash.get(FOLDER, None)
+    if found is None:
+        asked: Path | None = item.config.getoption("--vbus-dir")
+        if asked is None:
+            found = factory.mktemp("vbus")
+        else:
+            found = asked
+            found.mkdir(parents=True, exist_ok=True)
+        item.stash[FOLDER] = found
+    return found
+
+
+@pytest.fixture
+def vbus_bench(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> "Iterator[Bench]":
+    """Everything the plug-in keeps for this test; the other fixtures are made from it."""
+    from vbus.errors import VbusError
+    from vbus.testing.bench import Bench
+
+    item = request.node
+    wishes: dict[str, Any] = {}
+    for mark in reversed(list(item.iter_markers("vbus"))):
+        if len(mark.args) > 1:
+            raise pytest.UsageError(f"{item.nodeid}: @pytest.mark.vbus takes one board")
+        wishes |= {"board": mark.args[0]} if mark.args else {}
+        wishes |= mark.kwargs
+    option = item.config.getoption
+    try:
+        bench = Bench(
+            item.nodeid,
+            wishes,
+            [item.path.parent, item.config.rootpath, Path.cwd()],
+            lambda: _folder(item, tmp_path_factory),
+            option("--vbus-seed"),
+            option("--vbus-strict"),
+            option("--vbus-wave"),
+        )
+    except VbusError as error:
+        raise pytest.UsageError(f"{item.nodeid}: @pytest.mark.vbus: {error}") from None
+    item.stash[BENCH] = bench
+    try:
+        yield bench
+    finally:
+        bench.close()
+
+
+@pytest.fixture
+def vbus_board(vbus_bench: "Bench") -> "Board":
+    """The board of ``@pytest.mark.vbus``; without a marker, an LM629 with a motor."""
+    return vbus_bench.main().board
+
+
+@pytest.fixture
+def vbus_make_board(vbus_bench: "Bench") -> "Callable[..., Board]":
+    """Further boards: ``vbus_make_board("MCP-1200", plant="ideal", seed=3)``."""
+    return lambda board="", **keywords: vbus_bench.make(board, **keywords).board
+
+
+@pytest.fixture
+def vbus_clock(vbus_bench: "Bench") -> "BoardClock":
+    """Time of the test's board: ``advance``, ``run_until``, ``freeze``, ``now``."""
+    return vbus_bench.main().clock
+
+
+@pytest.fixture
+def vbus_exec(vbus_bench: "Bench") -> "Execute":
+    """Run a host program on the test's board: ``vbus_exec("driver.c", "--home").code``."""
+    from vbus.testing.execute import Execute
+
+    return Execute(vbus_bench)
+
+
+@pytest.fixture
+def vbus_pty(vbus_bench: "Bench") -> str:
+    """Path of a terminal on which the test's board is served, by a thread of its own."""
+    return vbus_bench.terminal()
+
+
+def _chip(bench: "Bench", family: str, part: str) -> "Iterator[ChipBench]":
+    from vbus.testing.chips import chip_bench
+
+    made = chip_bench(bench, family, part)
+    try:
+        yield made
+    finally:
+        made.bus.close()
+
+
+@pytest.fixture
+def vbus_lm628(vbus_bench: "Bench") -> "Iterator[ChipBench]":
+    """An LM628 with a motor, its host client and its clock."""
+    yield from _chip(vbus_bench, "lm628", "LM628N-8")
+
+
+@pytest.fixture
+def vbus_lm629(vbus_bench: "Bench") -> "Iterator[ChipBench]":
+    """An LM629 with a motor, its host client and its clock."""
+    yield from _chip(vbus_bench, "lm628", "LM629N-8")
+
+
+@pytest.fixture
+def vbus_mcp1200(vbus_bench: "Bench") -> "Iterator[ChipBench]":
+    """An MCP-1200 with a motor, its host client and its clock."""
+    yield from _chip(vbus_bench, "mcp1200", "MCP-1200")
+
+
+@pytest.fixture
+def vbus_mc1241a(vbus_bench: "Bench") -> "Iterator[ChipBench]":
+    """An MC1241A with two stepper motors, its host client and its clock."""
+    yield from _chip(vbus_bench, "mc1241a", "MC1241A")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    """Fail a test whose armed fault never fired, or, if strict, whose host broke a datasheet."""
+    result = yield
+    bench = item.stash.get(BENCH, None)
+    if bench is not None:
+        complaints = bench.complaints()
+        if complaints:
+            pytest.fail("\n".join(complaints), pytrace=False)
+    return result
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Let the report of a failing test carry what its boards saw."""
+    report = yield
+    bench = item.stash.get(BENCH, None)
+    if bench is not None and report.failed and bench.fitted and call.when != "teardown":
+        told = bench.tell()
+        report.sections.append(("vbus", "\n".join(told.lines)))
+        report.user_properties += told.properties
+        item.user_properties += told.properties
+    return report

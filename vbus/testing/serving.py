@@ -1,0 +1,110 @@
+"""A board served in a thread of this process: for programs and terminals beside a test."""
+
+import asyncio
+import os
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+from vbus.board.board import Board
+from vbus.errors import VbusError
+from vbus.kernel import NEVER
+from vbus.server.server import LinkSpec, Server
+
+_T = TypeVar("_T")
+
+
+@contextmanager
+def private_runtime() -> Iterator[Path]:
+    """Let names of links and status files lie in a folder nobody else has, while this lasts."""
+    before = os.environ.get("VBUS_RUNTIME")
+    with tempfile.TemporaryDirectory(prefix="vbus-") as folder:
+        os.environ["VBUS_RUNTIME"] = folder
+        try:
+            yield Path(folder)
+        finally:
+            if before is None:
+                del os.environ["VBUS_RUNTIME"]
+            else:
+                os.environ["VBUS_RUNTIME"] = before
+
+
+class ServedBoard:
+    """Serves a board on its links, from entering the block to leaving it.
+
+    The thread has an event loop of its own, so it works from ordinary tests and from tests that
+    are coroutines alike.
+
+    Args:
+        board: the board; between enter and exit it belongs to the thread, see :meth:`call`.
+        links: what hosts may attach to.
+        stall: what real time does after the machine was too slow.
+    """
+
+    def __init__(self, board: Board, links: Sequence[LinkSpec], stall: str = "catch_up") -> None:
+        self.board = board
+        self.server = Server(board, list(links), stall)
+        self.error: BaseException | None = None
+        self._ready = threading.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._stop: asyncio.Event | None = None
+        self._thread = threading.Thread(target=self._serve, name="vbus board", daemon=True)
+
+    def _serve(self) -> None:
+        async def main() -> None:
+            self._loop = asyncio.get_running_loop()
+            self._stop = asyncio.Event()
+            await self.server.serve(self._stop, self._ready.set)
+            self.board.catch_up()
+
+        try:
+            asyncio.run(main())
+        except BaseException as error:
+            self.error = error
+        finally:
+            self._ready.set()
+
+    def __enter__(self) -> "ServedBoard":
+        self._thread.start()
+        self._ready.wait()
+        if self.error is not None:
+            self._thread.join()
+            raise self.error
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        if self._loop is not None and self._stop is not None and self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join()
+        self.board.limit = NEVER - 1
+
+    def call(self, what: Callable[[], _T]) -> _T:
+        """Do something to the board while no host does; return or raise what it does.
+
+        Raises:
+            VbusError: the board is served no more.
+        """
+        done = threading.Event()
+        results: list[_T] = []
+        errors: list[BaseException] = []
+
+        def work() -> None:
+            try:
+                results.append(what())
+            except BaseException as error:
+                errors.append(error)
+            finally:
+                done.set()
+
+        if self._loop is None or not self._thread.is_alive():
+            return what()
+        self._loop.call_soon_threadsafe(work)
+        while not done.wait(1.0):
+            if not self._thread.is_alive() and not done.is_set():
+                raise VbusError(f"the board is served no more: {self.error}")
+        if errors:
+            raise errors[0]
+        return results[0]
