@@ -122,6 +122,7 @@ class Faults:
             port.end_lease()
         self._last += 1
         self._armed[armed.number] = armed
+        self._note("arm", [name, place, trigger.text, end.text, armed.values])
         self._settle_watch()
         self._start(armed)
         return armed
@@ -151,6 +152,7 @@ class Faults:
         for port in list(self._board.ports):
             port.end_lease()
         for armed in live:
+            self._note("clear", [armed.number])
             armed.cleared = True
             if armed.state == ACTING:
                 self._end(armed, "cleared")
@@ -346,11 +348,13 @@ class Faults:
             text = self._acts.begin(armed)
         except ValueError as error:
             self._tell(armed, FAILED, str(error))
-            self._finish(armed)
-            return
-        armed.fired += 1
+            if fault.target != LINK:
+                self._finish(armed)
+                return
+        else:
+            armed.fired += 1
+            self._tell(armed, BEGUN, text)
         self._look_away(armed)
-        self._tell(armed, BEGUN, text)
         if armed.name == "limit_bouncing":
             armed.seen = 0
             self._push(self._board.now + int(armed.values["period"]) // 2, _TOGGLE, armed.number)
@@ -373,7 +377,8 @@ class Faults:
     def _end(self, armed: Armed, text: str) -> None:
         armed.state = WAITING
         self._acts.end(armed)
-        self._tell(armed, ENDED, text)
+        if armed.fired:
+            self._tell(armed, ENDED, text)
 
     def _finish(self, armed: Armed) -> None:
         armed.state = OVER
@@ -394,6 +399,10 @@ class Faults:
                 self._board.observe(self._eyes)
             else:
                 self._board.unobserve(self._eyes)
+
+    def _note(self, order: str, values: list[object]) -> None:
+        for observer in (*self._board.listeners, *self._board.observers):
+            observer.fault_order(order, values)
 
     def _tell(self, armed: Armed, what: str, text: str) -> None:
         now = self._board.now

@@ -3,17 +3,21 @@
 from typing import Any
 
 from vbus.faults.armed import Armed
-from vbus.faults.row import Fault
+from vbus.faults.row import LINK, Fault
 from vbus.faults.trigger import Until, When
 
 
 def record(armed: Armed) -> tuple[object, ...]:
-    """Return an armed fault as a tuple."""
+    """Return an armed fault as a tuple.
+
+    Whether somebody was on a link when its fault began is no part of the board.
+    """
     when, until = armed.when, armed.until
     return (
         armed.number, armed.name, armed.target, (when.kind, when.number, when.name, when.text),
         (until.kind, until.span, until.text), tuple(armed.values.items()), armed.state,
-        armed.fired, armed.seen, armed.draws, armed.cleared, armed.writes, armed.side,
+        0 if armed.fault.target == LINK else armed.fired, armed.seen, armed.draws,
+        armed.cleared, armed.writes, armed.side,
     )  # fmt: skip
 
 

@@ -27,5 +27,8 @@ class Observer:
     def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
         """A fault that was armed has ``"begun"``, ``"ended"`` or could not (``"failed"``)."""
 
+    def fault_order(self, order: str, values: list[object]) -> None:
+        """Somebody has armed a fault (``"arm"``) or cleared one (``"clear"``) while time runs."""
+
     def settled(self, now: int) -> None:
         """Everything up to ``now`` (ps) has been reported; nothing earlier will come."""

@@ -159,6 +159,15 @@ def line(entry: Entry, sessions: Sessions) -> str:
     if entry.op == "violation":
         violation = violation_of(entry)
         return f"{place} ! {violation.chip} {violation.rule}: {violation.detail}"
+    if entry.op == "fault":
+        _, name, target, what, text = entry.args
+        return f"{place} fault {name} {target}: {what}" + (f"; {text}" if text else "")
+    if entry.op == "arm":
+        name, target, when, until, values = entry.args
+        given = "".join(f" {key}={value}" for key, value in values.items())
+        return f"{place} arm {name} {target}{given}, when {when}, until {until}"
+    if entry.op == "clear":
+        return f"{place} clear fault #{entry.args[0]}"
     if entry.op == "cycle":
         chips, write, address, data = entry.args
         host = sessions.host(entry)

@@ -98,6 +98,16 @@ class Journal(Observer):
         row = [v.when, v.chip, v.rule, v.clause, v.severity, v.measured, v.limit, v.detail]
         self.rows += (now, CODE["violation"], row, now)
 
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        """Write the evidence of a fault down."""
+        now = self.board.now
+        self.rows += (now, CODE["fault"], [when, name, target, what, text], now)
+
+    def fault_order(self, order: str, values: list[object]) -> None:
+        """Write down that a fault was armed or cleared by hand."""
+        now = self.board.now
+        self.rows += (now, CODE[order], values, now)
+
     def settled(self, now: int) -> None:
         """The board has caught up: write what there is."""
         self.flush()

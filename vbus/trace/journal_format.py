@@ -23,10 +23,11 @@ LARGEST: Final = 1 << 26
 OPERATIONS: Final = (
     "read", "write", "open", "close", "select", "claim", "unclaim", "wait", "lines", "drive",
     "release", "sample", "pin", "getpin", "delay", "at", "now", "sync", "events", "edges",
-    "violation", "end", "cycle",
+    "violation", "end", "cycle", "fault", "arm", "clear",
 )  # fmt: skip
-"""Operations by number. Their order is part of the format. All but the last three are calls of a
-host; ``cycle`` is a bus cycle that its strobes made: chips, write, address, byte."""
+"""Operations by number. Their order is part of the format. All up to ``edges`` are calls of a host;
+``cycle`` is a bus cycle that its strobes made: chips, write, address, byte; ``fault`` is evidence:
+instant, name, target, what, text; ``arm`` and ``clear`` are faults armed and cleared by hand."""
 READ: Final = 0
 WRITE: Final = 1
 CODE: Final = {name: number for number, name in enumerate(OPERATIONS)}
@@ -199,7 +200,7 @@ def _entry(number: int, when: int, after: int, key: int, value: Any) -> Entry:
         return Entry(number, when, after, port, op, (value >> 8,), value & 0xFF)
     if code == WRITE and isinstance(value, int):
         return Entry(number, when, after, port, op, (value >> 8, value & 0xFF))
-    if op in ("violation", "end"):
+    if op in ("violation", "end", "fault", "arm", "clear"):
         return Entry(number, when, after, -1, op, tuple(value))
     args, reply, error, limit = value
     reply = tuple(reply) if op in ("wait", "sample", "sync") and reply is not None else reply

@@ -76,6 +76,8 @@ def show(entry: Entry, sessions: Sessions, observer: Observer) -> None:
         observer.bus_cycle(entry.when, sessions.host(entry), chips, write, address, data)
     elif entry.op == "violation":
         observer.violation(violation_of(entry))
+    elif entry.op == "fault":
+        observer.fault(*entry.args)
     else:
         sessions.follow(entry)
 

@@ -8,7 +8,7 @@ from vbus.kernel import NEVER
 from vbus.protocols.port import PortError
 from vbus.trace.journal_format import Entry
 
-FINDINGS = frozenset(("violation", "cycle", "end"))
+FINDINGS = frozenset(("violation", "cycle", "end", "fault"))
 """Entries that tell what happened and are no calls."""
 
 
@@ -36,6 +36,14 @@ class Player:
             label, chips, cycle_ps = entry.args
             self.ports[entry.port] = self.board.open_port(label, chips, cycle_ps)
             return None, 0
+        if entry.op == "arm":
+            name, target, when, until, values = entry.args
+            self.board.faults.links = _NoLinks()
+            self.board.faults.arm(name, target, when, until, **values)
+            return None, 0
+        if entry.op == "clear":
+            self.board.faults.clear(*entry.args)
+            return None, 0
         port = self.ports[entry.port]
         name = "take_events" if entry.op == "edges" else entry.op
         try:
@@ -48,3 +56,14 @@ class Player:
         if entry.op not in FINDINGS:
             self.come(entry)
             self.call(entry)
+
+
+class _NoLinks:
+    """Stands for the links of the recorded run: their faults changed nothing on the board."""
+
+    def begin(self, number: int, name: str, target: str, once: bool) -> str:
+        """Do nothing."""
+        return ""
+
+    def end(self, number: int) -> None:
+        """Do nothing."""

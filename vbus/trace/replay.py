@@ -173,6 +173,8 @@ class Replay:
             if entry.op == "violation":
                 self._findings.expect(entry)
                 continue
+            if entry.op == "fault":
+                continue
             if entry.op == "cycle":
                 self._strobed.append(entry)
                 continue

@@ -75,6 +75,8 @@ class Report(Observer):
         self.counts: dict[tuple[str, str], int] = {}
         """Violations by chip and rule, also of those not kept whole."""
         self.cycles: int = 0
+        self.faults: list[tuple[int, str, str, str, str]] = []
+        """Evidence of faults: instant, name, target, what happened, what it changed."""
         self._ring: deque[Line] = deque(maxlen=AROUND)
         self._open: list[Finding] = []
         self._packets: BoardPackets = BoardPackets(families, self._packet)
@@ -115,6 +117,10 @@ class Report(Observer):
             finding = Finding(violation, list(self._ring), [], reason)
             self.findings.append(finding)
             self._open.append(finding)
+
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        """Take down the evidence of a fault."""
+        self.faults.append((when, name, target, what, text))
 
     def left_out(self) -> int:
         """Return how many violations are counted only."""

@@ -55,6 +55,9 @@ def text(report: Report) -> str:
         else:
             lines.extend(_transcript(finding))
         lines.append("")
+    for when, name, target, what, changed in report.faults:
+        more = f"; {changed}" if changed else ""
+        lines.append(f"fault: {name} {target} at {format_instant(when)}: {what}{more}")
     total = sum(report.counts.values())
     accepted = sum(1 for finding in report.findings if finding.reason)
     lines.append(
@@ -102,6 +105,10 @@ def as_json(report: Report) -> str:
         "cycles": report.cycles,
         "violations": findings,
         "counts": counts,
+        "faults": [
+            dict(zip(("when_ps", "name", "target", "what", "text"), evidence, strict=True))
+            for evidence in report.faults
+        ],
         "unused_suppressions": [suppression.rule for suppression in report.unused()],
     }
     return json.dumps(value, indent=1) + "\n"

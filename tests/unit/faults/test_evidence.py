@@ -1,0 +1,84 @@
+"""Evidence in journals and reports, and runs with faults played again."""
+
+import io
+
+from tests.unit.faults.bench import DC, LM, Lm, settle
+from vbus.board.build import load_board_text
+from vbus.kernel import MS
+from vbus.tools.journal_lines import line
+from vbus.trace.journal import Journal
+from vbus.trace.journal_format import Entry, JournalReader
+from vbus.trace.journal_view import Sessions, play
+from vbus.trace.replay import Replay
+from vbus.trace.report import Report
+from vbus.trace.report_formats import text
+
+BOARD = (
+    f'[board]\nname = "bench"\ntime = "lockstep"\npower_on = "done"\n{LM}{DC}'
+    '[[faults]]\nfault = "load_step"\nwhen = "at 2 ms"\nuntil = "for 1 ms"\n'
+)
+
+
+def recorded() -> tuple[str, list[Entry]]:
+    board = load_board_text(BOARD)
+    board.start_trace()
+    file = io.BytesIO()
+    journal = Journal(board, file, BOARD)
+    host = Lm(board)
+    host.spin()
+    settle(board, 10)
+    jam = board.faults.arm("jam", when="position 40")
+    board.faults.arm("answer_lost", when="at 15 ms")
+    board.faults.arm("byte_flipped", when="cycle 2", mask=0x10)
+    host.status()
+    host.status()
+    settle(board, 20)
+    board.faults.clear(jam)
+    settle(board, 5)
+    host.status()
+    host.port.close()
+    journal.close()
+    return board.trace_hash(), list(JournalReader(io.BytesIO(file.getvalue())))
+
+
+def test_a_run_with_faults_is_played_again_bit_for_bit() -> None:
+    told, entries = recorded()
+    board = load_board_text(BOARD)
+    board.start_trace()
+    outcome = Replay(board, entries, {"x": "lm628"}).run()
+    assert outcome.divergence is None
+    assert outcome.ended
+    assert [e.name for e in board.faults.log if e.what == "begun"] == [
+        "load_step", "byte_flipped", "answer_lost", "jam",
+    ]  # fmt: skip
+    assert told
+
+
+def test_a_journal_says_what_was_armed_and_what_came_of_it() -> None:
+    _, entries = recorded()
+    lines = [line(entry, Sessions()) for entry in entries if entry.op in ("arm", "clear", "fault")]
+    assert [one.split(" ", 2)[2].split(";")[0] for one in lines] == [
+        "fault load_step x.1: begun",
+        "fault load_step x.1: ended",
+        "arm jam x.1, when position 40, until cleared",
+        "arm answer_lost host0, when at 15 ms, until once",
+        "arm byte_flipped x mask=16 cycles=both, when cycle 2, until once",
+        "fault byte_flipped x: begun",
+        "fault byte_flipped x: ended",
+        "fault answer_lost host0: failed",
+        "fault jam x.1: begun",
+        "clear fault #2",
+        "fault jam x.1: ended",
+    ]
+
+
+def test_a_report_shows_the_evidence() -> None:
+    _, entries = recorded()
+    report = Report("bench", {"x": "lm628"}, [])
+    play(entries, report)
+    assert [row[1:4] for row in report.faults][:2] == [
+        ("load_step", "x.1", "begun"),
+        ("load_step", "x.1", "ended"),
+    ]
+    assert report.faults[0][0] == 2 * MS
+    assert "fault: load_step x.1 at " in text(report)
