@@ -41,7 +41,7 @@ MAY_IMPORT = {
     "network": NETWORK,
     "runtime": LEAVES,
     "transports": EDGE,
-    "server": EDGE,
+    "server": EDGE | {"compiled"},
     "client": NETWORK | {"chips", "client", "kernel", "protocols"},
     "testing": EDGE | {"client", "native", "testing", "tools"},
     "tools": EDGE | {"client", "compiled", "native", "tools"},

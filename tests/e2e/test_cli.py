@@ -172,6 +172,7 @@ def test_run_with_json_gives_one_line_when_ready(board: Path) -> None:
         [line] = lines
         status = json.loads(line)
         assert (status["board"], status["pid"], status["rate"]) == ("bench", process.pid, "max")
+        assert status["core"] == core()
 
 
 def test_a_host_reaches_the_chip_through_a_running_board(board: Path, runtime: Path) -> None:

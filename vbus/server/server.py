@@ -13,6 +13,7 @@ from vbus.board import plugins
 from vbus.board.board import Board
 from vbus.board.cards import Card
 from vbus.board.pin_maps import PinMap
+from vbus.compiled import core
 from vbus.errors import NameInUseError, PluginError, TransportError
 from vbus.network.session import Network
 from vbus.protocols.base import Protocol
@@ -276,6 +277,7 @@ class Server:
         return {
             "board": board.name,
             "pid": os.getpid(),
+            "core": core(),
             "policy": board.policy,
             "rate": "max" if self.pacer.free else board.rate,
             "time_ps": board.now,
