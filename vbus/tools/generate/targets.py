@@ -5,7 +5,16 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from vbus.tools.generate import board_file, chip_pages, documents, lm628, mc1241a, mcp1200, sigrok
+from vbus.tools.generate import (
+    board_file,
+    chip_pages,
+    documents,
+    faults,
+    lm628,
+    mc1241a,
+    mcp1200,
+    sigrok,
+)
 from vbus.tools.generate.layout import ROOT
 from vbus.tools.generate.twins import blocking
 
@@ -24,6 +33,7 @@ FAMILIES: Final[list[Target]] = [
 DOCUMENTS: Final[list[Target]] = [
     ("docs/board-file.md", board_file.board_file),
     ("docs/byte-protocol.md", documents.byte_protocol),
+    ("docs/faults.md", faults.faults),
     ("docs/text-protocol.md", documents.text_protocol),
 ]
 """Pages with tables in them."""

@@ -1,0 +1,101 @@
+"""What faults cost: nothing where none is armed, and how much while one acts.
+
+Rounds alternate between the boards, so that both see the same machine. Ratios are to a board that
+has never heard of faults.
+"""
+
+import statistics
+import time
+
+from vbus.board.board import Board
+from vbus.board.build import load_board_text
+
+ROUNDS = 21
+READS = 4000
+SAMPLES = 400
+
+TEXT = """\
+[board]
+name = "bench"
+time = "lockstep"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "m"
+[plants.m]
+model = "dc_motor"
+"""
+
+
+def moving() -> Board:
+    """An LM629 in velocity mode."""
+    board = load_board_text(TEXT)
+    port = board.open_port("bench")
+    for code, words in (
+        (0x1E, (0x000A, 60, 600)), (0x04, ()), (0x1F, (0x1828, 0, 2000, 4, 0)), (0x01, ()),
+    ):  # fmt: skip
+        port.wait(10**9)
+        port.write(0, code)
+        for word in words:
+            port.wait(10**9)
+            port.write(1, word >> 8)
+            port.write(1, word & 0xFF)
+        port.wait(10**9)
+    return board
+
+
+def cleared() -> Board:
+    """The same after faults of every kind have come and gone."""
+    board = moving()
+    for name in ("jam", "slip", "friction", "bit_stuck", "strobe_lost", "busy_longest"):
+        board.faults.clear(board.faults.arm(name))
+    board.faults.clear(board.faults.arm("byte_flipped", when="cycle 1000"))
+    return board
+
+
+def acting(name: str) -> Board:
+    """The same while a fault acts."""
+    board = moving()
+    board.faults.arm(name, until="cleared")
+    return board
+
+
+def cycles(board: Board) -> float:
+    """Return nanoseconds per status read."""
+    read = board.ports[0].read
+    start = time.perf_counter_ns()
+    for _ in range(READS):
+        read(0)
+    return (time.perf_counter_ns() - start) / READS
+
+
+def samples(board: Board) -> float:
+    """Return nanoseconds per sample with its plant."""
+    start = time.perf_counter_ns()
+    board.run_for(SAMPLES * 256_000_000)
+    board.catch_up()
+    return (time.perf_counter_ns() - start) / SAMPLES
+
+
+def main() -> None:
+    """Print a table."""
+    boards = {
+        "never armed": moving(), "all cleared": cleared(), "backlash acts": acting("backlash"),
+        "bit_stuck acts": acting("bit_stuck"),
+    }  # fmt: skip
+    for what, measure in (("bus cycle", cycles), ("sample", samples)):
+        times: dict[str, list[float]] = {name: [] for name in boards}
+        for _ in range(ROUNDS):
+            for name, board in boards.items():
+                times[name].append(measure(board))
+        base = statistics.median(times["never armed"])
+        noise = (max(times["never armed"]) - min(times["never armed"])) / base
+        for name in boards:
+            here = statistics.median(times[name])
+            print(f"{what:10} {name:15} {here:9.0f} ns   ratio {here / base:.3f}")
+        print(f"{what:10} spread of the rounds {noise:.2f}")
+
+
+if __name__ == "__main__":
+    main()
