@@ -191,7 +191,7 @@ class HostPort:
             return
         if code == RESERVED_CODE:
             self._open(None, 0, 0)  # PMD-PKT-5
-            self._chip.report(RESERVED, code)
+            self._chip.report(RESERVED, code, when=self._chip.instant)
             return
         family = FAMILY_CODES.get(code)
         if family is not None and self._noop_codes:
@@ -200,7 +200,8 @@ class HostPort:
         self._open(None, 0, 0)
         self._illegal = True  # PMD-PKT-4
         self._checksum = 0
-        self._chip.report(ILLEGAL, code, detail=f"{code:02X}H is not a command of this chip set")
+        detail = f"{code:02X}H is not a command of this chip set"
+        self._chip.report(ILLEGAL, code, detail=detail, when=self._chip.instant)
 
     def _take_word(self, word: int) -> None:
         if self._given >= self._writes:

@@ -209,9 +209,9 @@ class Clockwork:
         elif self.state < STANDING:
             self._request = NO_REQUEST
 
-    def report(self, rule: Rule, measured: int = 0, limit: int = 0, detail: str = "") -> None:
-        """File a violation that was found just now."""
-        self._report(rule, measured, limit, detail, -1)
+    def report(self, rule: Rule, cycle: int = -1, measured: int = 0, detail: str = "") -> None:
+        """File a violation of clock cycle ``cycle``, or of just now."""
+        self._report(rule, measured, 0, detail, -1 if cycle < 0 else self._clock.ps(cycle))
 
     # -- what the inputs do -------------------------------------------------------------------
 

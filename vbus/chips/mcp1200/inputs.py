@@ -84,7 +84,7 @@ class EncoderPins:
             if found & COUNTED:
                 works.counter.count_external(decoder.direction, decoder.at)
             if found & SKIPPED:
-                works.report(ds.DOUBLE_EDGE)
+                works.report(ds.DOUBLE_EDGE, decoder.at)
             if found & (INDEX_FELL | INDEX_ROSE):
                 works.counter.index_external(bool(found & INDEX_ROSE), decoder.at)
         self._look()

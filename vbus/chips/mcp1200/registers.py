@@ -85,13 +85,13 @@ class HostRegisters:
             self._bytes[ds.ACTUAL_CSB] = position >> 8 & 0xFF
             self._bytes[ds.ACTUAL_MSB] = position >> 16 & 0xFF
         elif _KINDS[address] == _UNLISTED:
-            self._note(address)
+            self._note(address, -1)
 
-    def _note(self, address: int) -> None:
+    def _note(self, address: int, cycle: int) -> None:
         if address not in self._noted:
             self._noted.add(address)
             self._works.report(
-                ds.RESERVED, address, 0, f"address {address:02X}H is not in the register table"
+                ds.RESERVED, cycle, address, f"address {address:02X}H is not in the register table"
             )
 
     # -- writing ------------------------------------------------------------------------------
@@ -104,7 +104,7 @@ class HostRegisters:
         elif kind == _HOOKED:
             self._hook(address, data, cycle)
         elif kind == _UNLISTED:
-            self._note(address)
+            self._note(address, cycle)
 
     def _hook(self, address: int, data: int, cycle: int) -> None:
         stored = self._bytes
