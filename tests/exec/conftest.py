@@ -3,10 +3,12 @@
 import os
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+PROGRAMS = Path(__file__).parent / "programs"
 ALL = os.environ.get("VBUS_REQUIRE_ALL") == "1"
 
 
@@ -41,3 +43,17 @@ def compile_c(output: Path, *arguments: str | Path) -> Path:
     done = subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return output
+
+
+@pytest.fixture(scope="session")
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, int], Path]:
+    """Programs by name and width, compiled once."""
+    folder = tmp_path_factory.mktemp("programs")
+
+    def program(name: str, bits: int) -> Path:
+        path = folder / f"{name}{bits}"
+        if not path.exists():
+            compile_c(path, f"-m{bits}", "-O2", "-D_FORTIFY_SOURCE=2", PROGRAMS / f"{name}.c")
+        return path
+
+    return program

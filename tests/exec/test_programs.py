@@ -11,11 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.exec.conftest import ALL, compile_c, require
+from tests.exec.conftest import ALL, PROGRAMS, compile_c, require
 from tests.unit.board.test_leases import Leasing, reset_and_move
 from vbus.board.build import load_board
-
-HERE = Path(__file__).parent / "programs"
 
 REGISTERS = """
 [board]
@@ -62,20 +60,6 @@ card = "slot"
 """
 
 Done = subprocess.CompletedProcess[str]
-
-
-@pytest.fixture(scope="session")
-def programs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, int], Path]:
-    """Programs by name and width, compiled once."""
-    folder = tmp_path_factory.mktemp("programs")
-
-    def program(name: str, bits: int) -> Path:
-        path = folder / f"{name}{bits}"
-        if not path.exists():
-            compile_c(path, f"-m{bits}", "-O2", "-D_FORTIFY_SOURCE=2", HERE / f"{name}.c")
-        return path
-
-    return program
 
 
 def execute(
@@ -448,7 +432,7 @@ def test_with_address_sanitizer_the_bus_sees_the_same(
 ) -> None:  # fmt: skip
     sanitized = tmp_path / "asan"
     command = [require("gcc"), "-O2", "-fsanitize=address", "-o", str(sanitized)]
-    if subprocess.run([*command, str(HERE / "probe.c")], capture_output=True).returncode:
+    if subprocess.run([*command, str(PROGRAMS / "probe.c")], capture_output=True).returncode:
         assert not ALL, "the address sanitizer's library is required"
         pytest.skip("needs the address sanitizer's library")
     monkeypatch.setenv("ASAN_OPTIONS", "handle_segv=0:verify_asan_link_order=0:detect_leaks=0")

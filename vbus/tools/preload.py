@@ -14,7 +14,9 @@ from vbus.native import include_dir
 from vbus.protocols.port import PortInfo
 
 NAME: Final = "libvbus-exec.so"
-_SOURCES: Final = ("x86.c", "client.c", "card.c", "trap.c", "files.c", "clock.c")
+_SOURCES: Final = (
+    "x86.c", "client.c", "card.c", "trap.c", "files.c", "descriptors.c", "programs.c", "clock.c",
+)  # fmt: skip
 _FLAGS: Final = (
     "-shared", "-fPIC", "-std=gnu11", "-O2", "-mno-red-zone", "-fvisibility=hidden",
     "-U_FORTIFY_SOURCE", "-w",

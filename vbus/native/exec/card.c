@@ -4,6 +4,7 @@
 
 #include "../vbus.h"
 #include "sys.h"
+#include "trap.h"
 
 #include <dlfcn.h>
 #include <sched.h>
@@ -16,6 +17,7 @@
 #define MOST_REPORTS 16
 #define NO_LINK 4
 #define REPLY_MS 60000
+#define LAST_TRIES 1000 /* another thread may be in the middle of a cycle */
 #define PS_PER_NS 1000u
 #define FLOATING 0xFF
 
@@ -306,6 +308,7 @@ static void open_card(void)
         board_at = now - begun_ps;
         owed = elapsed - begun_ps;
         begun_ps = elapsed;
+        trap_last_words();
     }
     if (watching || card.signal) {
         watching = 0;
@@ -332,6 +335,27 @@ int card_owns(int fd)
     return open_session && fd == bus.fd && fd >= 0;
 }
 
+int card_descriptor(void)
+{
+    return open_session ? bus.fd : -1;
+}
+
+void card_step_aside(int fd)
+{
+    sigset_t before;
+    int other;
+
+    if (!card_owns(fd))
+        return;
+    card_enter(&before);
+    other = (int)syscall(SYS_fcntl, fd, F_DUPFD_CLOEXEC, fd + 1);
+    if (other < 0)
+        other = (int)syscall(SYS_fcntl, fd, F_DUPFD_CLOEXEC, 3);
+    if (other >= 0)
+        bus.fd = other;
+    card_leave(&before);
+}
+
 void card_send(void)
 {
     if (open_session)
@@ -341,11 +365,16 @@ void card_send(void)
 void card_send_last(void)
 {
     sigset_t before;
+    unsigned turn;
 
     sys_block(&before);
-    if (open_session && !__atomic_exchange_n(&lock, 1, __ATOMIC_ACQUIRE)) {
-        vbus_send(&bus); /* a board that is gone is no news now */
-        __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
+    for (turn = 0; open_session && turn < LAST_TRIES; turn++) {
+        if (!__atomic_exchange_n(&lock, 1, __ATOMIC_ACQUIRE)) {
+            vbus_send(&bus); /* a board that is gone is no news now */
+            __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
+            break;
+        }
+        sched_yield();
     }
     sys_restore(&before);
 }

@@ -36,7 +36,7 @@ void card_store(uintptr_t address, const unsigned char *data, unsigned size, uin
 /* Send what is kept back. */
 void card_send(void);
 
-/* The same before the program dies: never waits for the lock, never ends the program itself. */
+/* The same before the program dies: hardly waits for the lock, never ends the program itself. */
 void card_send_last(void);
 
 /* The child of a fork opens a session of its own when it needs one. */
@@ -45,8 +45,12 @@ void card_forget(void);
 /* Whether this process has touched the card. */
 int card_in_use(void);
 
-/* Whether `fd` is the session's descriptor. */
+/* Whether `fd` is the session's descriptor; and which that is, or -1. */
 int card_owns(int fd);
+int card_descriptor(void);
+
+/* The program takes the number `fd` for itself: the session moves to another. */
+void card_step_aside(int fd);
 
 /* --- time, where it is virtual ---------------------------------------------------------------- */
 

@@ -1,5 +1,5 @@
 /* files.c - /dev/port, /dev/mem and /dev/uio0 as the program opens, reads, writes and maps them;
- * ioperm and iopl; fork and the library's start and end. License: Apache-2.0.
+ * ioperm and iopl; fork and the library's start and end. Descriptors: descriptors.c. License: Apache-2.0.
  */
 #define _GNU_SOURCE
 #include "files.h"
@@ -22,7 +22,11 @@
 #define MOST_FILES 1024
 #define PAGE 4096u
 
+#define INHERITED 64 /* descriptors looked at when a program starts */
+
 enum kind { NONE, PORTS, MEMORY, UIO };
+
+static const char *const device_names[] = {"", "vbus-port", "vbus-mem", "vbus-uio0"};
 
 static unsigned char kinds[MOST_FILES];
 static uint32_t uio_seen;
@@ -60,11 +64,25 @@ static void begin(void)
     card_leave(&before);
 }
 
+static void adopt_device(int fd, enum kind kind)
+{
+    sigset_t before;
+
+    kinds[fd] = (unsigned char)kind;
+    begin();
+    if (kind == UIO && card.line >= 0) {
+        card_enter(&before);
+        card_watch();
+        uio_seen = 0;
+        card_leave(&before);
+    }
+}
+
 /* A descriptor of the program's own stands for the device: it has a position, can be copied and
  * closed, and means nothing to anybody else. */
 static int open_device(enum kind kind, int flags)
 {
-    int fd = (int)syscall(SYS_memfd_create, "vbus", flags & O_CLOEXEC ? 1 : 0);
+    int fd = (int)syscall(SYS_memfd_create, device_names[kind], flags & O_CLOEXEC ? 1 : 0);
 
     if (fd < 0)
         return -1;
@@ -75,16 +93,7 @@ static int open_device(enum kind kind, int flags)
     }
     if (flags & O_NONBLOCK)
         fcntl(fd, F_SETFL, O_NONBLOCK);
-    kinds[fd] = (unsigned char)kind;
-    begin();
-    if (kind == UIO && card.line >= 0) {
-        sigset_t before;
-
-        card_enter(&before);
-        card_watch();
-        uio_seen = 0;
-        card_leave(&before);
-    }
+    adopt_device(fd, kind);
     return fd;
 }
 
@@ -360,43 +369,41 @@ static FILE *open_stream(enum kind kind, const char *mode)
 FOPEN(fopen)
 FOPEN(fopen64)
 
-/* --- descriptors ------------------------------------------------------------------------------ */
+/* --- which descriptors stand for devices ------------------------------------------------------- */
 
-PUBLIC int close(int fd)
+void files_closed(unsigned first, unsigned last)
 {
-    REAL(close);
-    if (card_owns(fd)) { /* programs that close everything they may have inherited */
-        errno = EBADF;
-        return -1;
-    }
-    if (kind_of(fd) != NONE)
-        kinds[fd] = NONE;
-    return real(fd);
+    for (; first <= last && first < MOST_FILES; first++)
+        kinds[first] = NONE;
 }
 
-static int copied(int from, int to)
+int files_copied(int from, int to)
 {
     if (to >= 0 && to < MOST_FILES)
         kinds[to] = (unsigned char)kind_of(from);
     return to;
 }
 
-PUBLIC int dup(int fd)
+/* Descriptors that another program opened before it became this one, as shells do for `<`. */
+static void inherit_devices(void)
 {
-    REAL(dup);
-    return copied(fd, real(fd));
-}
+    int fd;
 
-PUBLIC int dup2(int fd, int to)
-{
-    REAL(dup2);
-    return copied(fd, real(fd, to));
-}
+    for (fd = 0; fd < INHERITED; fd++) {
+        char link[32] = "/proc/self/fd/", path[48] = "";
+        unsigned kind;
 
-PUBLIC int dup3(int fd, int to, int flags)
-{
-    REAL(dup3);
-    return copied(fd, real(fd, to, flags));
+        link[14] = (char)('0' + fd / 10);
+        link[15] = (char)('0' + fd % 10);
+        if (fd < 10)
+            link[14] = link[15], link[15] = '\0';
+        if (syscall(SYS_readlinkat, AT_FDCWD, link, path, sizeof path - 1) <= 0)
+            continue;
+        for (kind = PORTS; kind <= UIO; kind++)
+            if (strncmp(path, "/memfd:", 7) == 0
+                && strncmp(path + 7, device_names[kind], strlen(device_names[kind])) == 0)
+                adopt_device(fd, (enum kind)kind);
+    }
 }
 
 /* --- memory ----------------------------------------------------------------------------------- */
@@ -490,7 +497,9 @@ __attribute__((constructor(101))) static void start(void)
     card_read_settings();
     if (!card.present)
         return;
+    sys_find_clock();
     trap_install();
+    inherit_devices();
     pthread_atfork(before_fork, after_fork_in_parent, after_fork_in_child);
     if (card.memory && card.fixed != 0) {
         uintptr_t first = card.first & ~(uintptr_t)(PAGE - 1);

@@ -6,4 +6,8 @@
 int files_uio(int fd);
 int files_uio_ready(void);
 
+/* Descriptors have been closed, or one copied (returns `to`). */
+void files_closed(unsigned first, unsigned last);
+int files_copied(int from, int to);
+
 #endif

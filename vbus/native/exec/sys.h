@@ -38,10 +38,10 @@ static inline int sys_poll(struct pollfd *set, nfds_t count, int timeout_ms)
     return (int)syscall(SYS_poll, set, count, timeout_ms);
 }
 
-static inline int sys_clock_gettime(clockid_t clock, struct timespec *when)
-{
-    return (int)syscall(SYS_clock_gettime, clock, when);
-}
+/* The real clocks, once sys_find_clock has been called without a system call (where the kernel gives
+ * its vDSO page). */
+void sys_find_clock(void);
+int sys_clock_gettime(clockid_t clock, struct timespec *when);
 
 /* Block every signal, and put the old mask back. */
 static inline void sys_block(sigset_t *before)

@@ -302,6 +302,64 @@ void trap_install(void)
     syscall(SYS_rt_sigprocmask, SIG_UNBLOCK, &mask, NULL, 8);
 }
 
+/* --- signals that end the program ------------------------------------------------------------- */
+
+static unsigned char ours[65]; /* where the program has the default action, and we a handler */
+
+static int ends_by_default(int number)
+{
+    switch (number) {
+    case SIGKILL: case SIGSTOP: case SIGTSTP: case SIGTTIN: case SIGTTOU: case SIGCHLD:
+    case SIGCONT: case SIGURG: case SIGWINCH: case SIGSEGV:
+    case 32: case 33: /* the C library's own */
+        return 0;
+    default:
+        return number > 0 && number < 65;
+    }
+}
+
+static void on_end(int number, siginfo_t *info, void *data)
+{
+    int by_instruction = info->si_code > 0 && info->si_code != SI_KERNEL
+                         && (number == SIGFPE || number == SIGILL || number == SIGBUS);
+    struct sigaction action;
+
+    (void)data;
+    card_send_last();
+    memset(&action, 0, sizeof action);
+    action.sa_handler = SIG_DFL;
+    real_sigaction(number, &action, NULL);
+    if (!by_instruction) /* else it comes again by itself, at the right place */
+        syscall(SYS_tgkill, getpid(), syscall(SYS_gettid), number);
+}
+
+static int take_over(int number)
+{
+    struct sigaction action;
+
+    memset(&action, 0, sizeof action);
+    action.sa_sigaction = on_end;
+    action.sa_flags = SA_SIGINFO | SA_ONSTACK | SA_RESTART;
+    sigfillset(&action.sa_mask);
+    sigdelset(&action.sa_mask, SIGSEGV);
+    ours[number] = 1;
+    return real_sigaction(number, &action, NULL);
+}
+
+void trap_last_words(void)
+{
+    int number;
+
+    find_real();
+    for (number = 1; number < 65; number++) {
+        struct sigaction now;
+
+        if (ends_by_default(number) && !ours[number] && real_sigaction(number, NULL, &now) == 0
+            && !(now.sa_flags & SA_SIGINFO) && now.sa_handler == SIG_DFL)
+            take_over(number);
+    }
+}
+
 /* Trapped instructions need the signal even where the program has none blocked but this. */
 static const sigset_t *without(const sigset_t *set, sigset_t *copy)
 {
@@ -315,6 +373,7 @@ static const sigset_t *without(const sigset_t *set, sigset_t *copy)
 PUBLIC int sigaction(int number, const struct sigaction *action, struct sigaction *before)
 {
     struct sigaction copy;
+    int ended, result;
 
     find_real();
     if (!card.present)
@@ -328,11 +387,25 @@ PUBLIC int sigaction(int number, const struct sigaction *action, struct sigactio
             *before = old;
         return 0;
     }
-    if (action == NULL)
-        return real_sigaction(number, NULL, before);
-    copy = *action;
-    sigdelset(&copy.sa_mask, SIGSEGV);
-    return real_sigaction(number, &copy, before);
+    ended = number > 0 && number < 65 && ours[number];
+    if (action == NULL) {
+        result = real_sigaction(number, NULL, before);
+    } else if (card_in_use() && card.virtual_time && ends_by_default(number)
+               && !(action->sa_flags & SA_SIGINFO) && action->sa_handler == SIG_DFL) {
+        result = before == NULL ? 0 : real_sigaction(number, NULL, before);
+        take_over(number);
+    } else {
+        copy = *action;
+        sigdelset(&copy.sa_mask, SIGSEGV);
+        result = real_sigaction(number, &copy, before);
+        if (result == 0 && number > 0 && number < 65)
+            ours[number] = 0;
+    }
+    if (result == 0 && ended && before != NULL) {
+        memset(before, 0, sizeof *before);
+        before->sa_handler = SIG_DFL;
+    }
+    return result;
 }
 
 PUBLIC sighandler_t signal(int number, sighandler_t handler)

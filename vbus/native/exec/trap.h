@@ -10,6 +10,9 @@
 /* Handle SIGSEGV from now on. */
 void trap_install(void);
 
+/* From now on signals that end the program by default let it send what it has kept back first. */
+void trap_last_words(void);
+
 /* What ioperm and iopl ask for: 0, or -1 and errno. */
 int trap_allow(unsigned long from, unsigned long count, int on);
 int trap_level(int level);
