@@ -271,7 +271,8 @@ class MC1241A(Chip):
                 self._held = True
                 self.restart(when)
             elif self.cycles.boundary == when:
-                self.cycles.run(now)
+                # A command that is being taken in may change what the next cycles do.
+                self.cycles.run(min(now, self.port.due(), self._hold_at))
             else:
                 self.output.run(when)
             self._reckon()
