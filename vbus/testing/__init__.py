@@ -1,4 +1,41 @@
 """What test suites of firmware, drivers, and new chips use.
 
 Nothing here is imported by the server; some of it wants ``vbus[test]`` (pytest, Hypothesis).
+Importing this package costs nothing: its names are loaded when first used.
 """
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from vbus.testing.chip_checks import check_chip as check_chip
+    from vbus.testing.finding import Nonconformance as Nonconformance
+    from vbus.testing.in_process import connect_in_process as connect_in_process
+    from vbus.testing.plant_checks import check_plant as check_plant
+    from vbus.testing.wire_checks import check_protocol as check_protocol
+    from vbus.testing.wire_checks import check_transport as check_transport
+
+_HOMES = {
+    "Nonconformance": "vbus.testing.finding",
+    "check_chip": "vbus.testing.chip_checks",
+    "check_plant": "vbus.testing.plant_checks",
+    "check_protocol": "vbus.testing.wire_checks",
+    "check_transport": "vbus.testing.wire_checks",
+    "connect_in_process": "vbus.testing.in_process",
+}
+
+__all__ = [
+    "Nonconformance",
+    "check_chip",
+    "check_plant",
+    "check_protocol",
+    "check_transport",
+    "connect_in_process",
+]
+
+
+def __getattr__(name: str) -> object:
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'vbus.testing' has no attribute {name!r}")
+    return getattr(import_module(home), name)

@@ -1,0 +1,35 @@
+"""How the conformance kit says what a part does wrong."""
+
+import msgpack
+
+
+class Nonconformance(AssertionError):
+    """A chip, plant, protocol or transport breaks the contract of its base class."""
+
+
+def demand(holds: bool, sentence: str) -> None:
+    """Raise :class:`Nonconformance` with ``sentence`` unless it ``holds``."""
+    if not holds:
+        raise Nonconformance(sentence)
+
+
+def packed(part: str, state: object) -> bytes:
+    """Return a saved state as bytes.
+
+    Raises:
+        Nonconformance: it cannot be written to a snapshot.
+    """
+    try:
+        data: bytes = msgpack.packb(state)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise Nonconformance(
+            f"{part}: save() gave what a snapshot cannot hold ({error}); allowed are tuples of"
+            " int (64 bits), float, str, bytes, bool and None"
+        ) from error
+    return data
+
+
+def unpacked(data: bytes) -> tuple[object, ...]:
+    """Return a state as it comes back from a snapshot."""
+    state: tuple[object, ...] = msgpack.unpackb(data, use_list=False, strict_map_key=False)
+    return state

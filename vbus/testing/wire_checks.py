@@ -1,0 +1,221 @@
+"""The conformance suites of protocols and transports."""
+
+import asyncio
+import os
+import select
+import threading
+from collections.abc import Callable
+from random import Random
+from typing import Final
+
+from vbus.board.board import Board
+from vbus.board.build import load_board_text
+from vbus.errors import TransportError
+from vbus.kernel import NEVER
+from vbus.protocols.base import Protocol
+from vbus.protocols.port import HostPort
+from vbus.testing.boards import for_test, of_part
+from vbus.testing.finding import Nonconformance, demand, packed, unpacked
+from vbus.transports.base import Link, Transport
+
+ALL_BYTES: Final = bytes(range(256))
+_PATIENCE: Final = 20.0
+
+
+class _Wire:
+    """A protocol on a port of a board of its own."""
+
+    def __init__(self, factory: Callable[[HostPort], Protocol]) -> None:
+        file, source = for_test(of_part("LM629N-8"), "board.toml")
+        self.board: Board = load_board_text(source.text, file.path)
+        self.board.run_until(self.board.chips[0].ready_at())
+        self.port = self.board.open_port("host")
+        self.factory = factory
+        self.protocol: Protocol = factory(self.port)
+
+    def give(self, data: bytes) -> bytes:
+        try:
+            self.protocol.receive(data)
+            while self.port.held and self.port.hold_until < NEVER:
+                self.board.run_until(max(self.port.hold_until, self.board.now))
+                if self.port.go_on():
+                    self.protocol.resume()
+            self.protocol.report_events()
+        except Exception as error:
+            raise Nonconformance(
+                f"{type(self.protocol).__name__}: the bytes {data[:32].hex(' ')} raised"
+                f" {type(error).__name__}: {error}; a host must get an answer, whatever it sends"
+            ) from error
+        return self.protocol.take()
+
+    def hand_over(self) -> None:
+        """Let another protocol of the same kind go on in this one's place."""
+        name = type(self.protocol).__name__
+        state = packed(name, self.protocol.save())
+        self.protocol = self.factory(self.port)
+        self.protocol.load(unpacked(state))
+        demand(
+            packed(name, self.protocol.save()) == state,
+            f"{name}: what load() took is not what save() gave",
+        )
+
+
+def check_protocol(
+    factory: Callable[[HostPort], Protocol], requests: bytes, seed: int = 0, rounds: int = 40
+) -> None:
+    """Check that a protocol keeps the contract of :class:`~vbus.protocols.base.Protocol`.
+
+    Args:
+        factory: makes the protocol on a port; the class itself will do.
+        requests: a host's bytes that use what the protocol can, on a board with one LM629.
+        seed: of cuts and garbage.
+        rounds: how many of either.
+
+    Raises:
+        Nonconformance: it does not; says what differs.
+    """
+    random = Random(seed)
+    whole = _Wire(factory)
+    name = type(whole.protocol).__name__
+    expected, state = whole.give(requests), whole.board.state_hash()
+    demand(bool(expected), f"{name}: no answer to {requests[:32].hex(' ')}")
+    for turn in range(rounds):
+        wire = _Wire(factory)
+        cuts = sorted(random.sample(range(len(requests) + 1), min(turn % 6, len(requests))))
+        pieces = [requests[a:b] for a, b in zip([0, *cuts], [*cuts, len(requests)], strict=True)]
+        if turn == 1:
+            pieces = [bytes([byte]) for byte in requests]
+        answer = b""
+        for piece in pieces:
+            answer += wire.give(piece)
+            if turn % 2:
+                wire.hand_over()
+        where = f"cut at {cuts}" if turn != 1 else "byte by byte"
+        kept = ", with save() and load() at the cuts" if turn % 2 else ""
+        demand(
+            answer == expected,
+            f"{name}: {where}{kept}, the same bytes give {answer[:48].hex(' ')}…, not"
+            f" {expected[:48].hex(' ')}…",
+        )
+        demand(
+            wire.board.state_hash() == state,
+            f"{name}: {where}{kept}, the same bytes leave the board in another state",
+        )
+    for _ in range(rounds):
+        wire = _Wire(factory)
+        wire.give(random.randbytes(random.randint(1, 200)))
+        wire.protocol.reset()
+        wire.protocol.take()
+        fresh = wire.factory(wire.port)
+        demand(
+            packed(name, wire.protocol.save()) == packed(name, fresh.save()),
+            f"{name}: reset() after garbage keeps something of it: save() is not that of a new one",
+        )
+
+
+class _Ends:
+    """A transport in an event loop of its own thread."""
+
+    def __init__(self, transport: Transport) -> None:
+        self.transport = transport
+        self.links: list[Link] = []
+        self._came = threading.Event()
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+
+    def _do(self, what: Callable[[], None]) -> None:
+        async def work() -> None:
+            what()
+
+        asyncio.run_coroutine_threadsafe(work(), self._loop).result(_PATIENCE)
+
+    def open(self) -> None:
+        self._do(lambda: self.transport.open(self._loop, self._link))
+
+    def _link(self, link: Link) -> None:
+        self.links.append(link)
+        self._came.set()
+
+    def link(self) -> Link:
+        name = type(self.transport).__name__
+        demand(self._came.wait(_PATIENCE), f"{name}: a host has come, and on_link was not called")
+        self._came.clear()
+        return self.links[-1]
+
+    def end(self, link: Link) -> None:
+        self._do(link.close)
+
+    def close(self) -> None:
+        self._do(self.transport.close)
+
+    def stop(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+
+def _read(fd: int, count: int) -> bytes:
+    data = b""
+    while len(data) < count and select.select([fd], [], [], _PATIENCE)[0]:
+        piece = os.read(fd, count - len(data))
+        if not piece:
+            break
+        data += piece
+    return data
+
+
+def check_transport(factory: Callable[[], Transport], dial: Callable[[str], int]) -> None:
+    """Check that a transport that gives descriptors keeps the contract of its base class.
+
+    Args:
+        factory: makes the transport, always with the same address.
+        dial: attaches a host to the transport's ``url``; returns its descriptor, which reads and
+            writes raw bytes. Raises OSError if nobody is there.
+
+    Raises:
+        Nonconformance: it does not; says what differs.
+    """
+    for turn in ("", " opened a second time at the same address"):
+        ends = _Ends(factory())
+        name = f"{type(ends.transport).__name__}{turn}"
+        try:
+            try:
+                ends.open()
+            except TransportError as error:
+                raise Nonconformance(f"{name}: it cannot be opened: {error}") from error
+            for guest in ("a host", "the next host"):
+                _visit(ends, dial, name, guest)
+            url = ends.transport.url
+            ends.close()
+            ends.close()
+        finally:
+            ends.stop()
+        try:
+            os.close(dial(url))
+        except OSError:
+            continue
+        raise Nonconformance(f"{name}: a host can still attach to {url} after close()")
+
+
+def _visit(ends: _Ends, dial: Callable[[str], int], name: str, guest: str) -> None:
+    """Let a host come, exchange every byte there is, and go."""
+    host = dial(ends.transport.url)
+    try:
+        link = ends.link()
+        demand(not os.get_blocking(link.fd), f"{name}: the link's descriptor blocks")
+        try:
+            early = os.read(link.fd, 1)
+        except BlockingIOError:
+            early = b""
+        demand(not early, f"{name}: bytes come that {guest} has not sent: {early.hex(' ')}")
+        for data in (ALL_BYTES, b"\x03\x04\r\n\x11\x13\x7f"):
+            os.write(host, data)
+            found = _read(link.fd, len(data))
+            demand(found == data, f"{name}: {guest} sent {data.hex()}, here is {found.hex()}")
+            os.write(link.fd, data)
+            found = _read(host, len(data))
+            demand(found == data, f"{name}: {guest} was sent {data.hex()} and got {found.hex()}")
+    finally:
+        os.close(host)
+    ends.end(link)
