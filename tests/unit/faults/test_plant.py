@@ -74,8 +74,11 @@ def test_a_jam_takes_the_speed_away() -> None:
     assert board.plants[0].velocity == 0.0
 
 
-@pytest.mark.parametrize("name", ["jam", "friction", "overheated"])
-def test_the_period_under_way_keeps_its_course(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [("jam", {}), ("friction", {"coulomb": 5.0}), ("overheated", {"torque": 0.0})],
+)
+def test_the_period_under_way_keeps_its_course(name: str, parameters: dict) -> None:
     courses = []
     for armed in (False, True):
         board = build()
@@ -83,7 +86,7 @@ def test_the_period_under_way_keeps_its_course(name: str) -> None:
         settle(board, 50)
         board.run_for(SAMPLE // 2)
         if armed:
-            board.faults.arm(name)
+            board.faults.arm(name, **parameters)
         courses.append([board.plants[0].count_at(part / 16) for part in range(17)])
     assert courses[0] == courses[1]
     assert len(set(courses[0])) > 2
