@@ -127,3 +127,45 @@ def test_a_board_that_dies_ends_a_program_that_uses_it(board: Path, tmp_path: Pa
     _, errors = host.communicate(timeout=60)
     assert host.returncode == 1
     assert "closed" in errors
+
+
+def test_a_running_board_is_joined_by_its_name(board: Path) -> None:
+    """Of its links the one with the card is taken: there is something to trap."""
+    server = start("run", board, "--json")
+    assert server.stdout is not None
+    server.stdout.readline()
+    try:
+        done = vbus("exec", "--join", "bench", "--", sys.executable, "-c", HELLO)
+        card = vbus("exec", "--join", "bench", "--", "sh", "-c", "echo $VBUS_LINK; env")
+        none = vbus("exec", "--join", "other", "--", "true")
+    finally:
+        server.terminate()
+        server.communicate()
+    assert (done.returncode, done.stdout) == (0, "00\n")
+    assert card.stdout.splitlines()[0].endswith("/x.sock")
+    assert "VBUS_EXEC=policy=lockstep" in card.stdout
+    assert none.returncode == 4
+    assert 'no board called "other" runs on this machine; running are: bench' in none.stderr
+
+
+def test_a_board_without_a_byte_link_cannot_be_joined(board: Path) -> None:
+    board.write_text(BOARD.replace("[[hosts]]\n", '[[hosts]]\nprotocol = "text"\n'))
+    server = start("run", board, "--json")
+    assert server.stdout is not None
+    server.stdout.readline()
+    try:
+        done = vbus("exec", "--join", "bench", "--", "true")
+    finally:
+        server.terminate()
+        server.communicate()
+    assert done.returncode == 4
+    assert "bench has no link a program could join by" in done.stderr
+    assert "other.sock (text)" in done.stderr
+
+
+def test_the_summary_of_broken_rules_can_be_left_out(board: Path) -> None:
+    program = ["--", sys.executable, "-c", HELLO]
+    told = vbus("exec", "--board", board, *program)
+    quiet = vbus("exec", "--board", board, "--no-summary", *program)
+    assert "vbus: error: x: " in told.stderr
+    assert (told.returncode, quiet.returncode, quiet.stderr) == (0, 0, "")

@@ -71,11 +71,12 @@ def run_on_board(
     host: HostSection,
     command: Callable[[str], list[str]],
     transcript: str | None = None,
+    summary: bool = True,
 ) -> int:
     """Run a program on a board that lives as long as the program; return its exit code.
 
     The program's link is a socket of its own; it is in ``$VBUS_LINK``. The file's other hosts are
-    served as well. What was broken is told at the end.
+    served as well. What was broken is told at the end, on stderr.
 
     Args:
         file: the board.
@@ -83,6 +84,7 @@ def run_on_board(
         host: what the program reaches: chips, card, pin map.
         command: gives program and arguments, for the address of the link.
         transcript: file that takes the bus cycles.
+        summary: whether what was broken is told.
 
     Raises:
         ConfigError: the board cannot be built.
@@ -115,7 +117,7 @@ def run_on_board(
         code = asyncio.run(_run_beside(server, command(link), environment))
         if written is not None:
             written.flush()
-    for line in findings.lines():
+    for line in findings.lines() if summary else ():
         click.echo(f"vbus: {line}", err=True)
     return code
 

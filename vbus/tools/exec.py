@@ -6,43 +6,66 @@ import click
 @click.command("exec", context_settings={"ignore_unknown_options": True})
 @click.option("--board", metavar="FILE", help="The board file; served while the program runs.")
 @click.option("--link", metavar="WHERE", help="In place of --board: a link of a running board.")
+@click.option(
+    "--join", metavar="NAME", help="In place of --board: a running board, as vbus ls has it."
+)
 @click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware; mmcu=atmega328p,f=16000000.")
 @click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
 @click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
+@click.option(
+    "--summary/--no-summary",
+    default=True,
+    help="Tell the rules that were broken at the end (of a board of its own).",
+)
 @click.argument("program", nargs=-1, required=True, type=click.UNPROCESSED)
 def command(
     board: str | None,
     link: str | None,
+    join: str | None,
     avr: str | None,
     pinmap: str | None,
     transcript: str | None,
+    summary: bool,
     program: tuple[str, ...],
 ) -> int:
     r"""Run a program on a board of its own; the exit code is the program's.
 
     \b
     vbus exec --board board.toml -- ./host          finds the board's link in $VBUS_LINK
+    vbus exec --join bench -- ./host                on the board that vbus ls calls bench
     vbus exec --board board.toml --avr mmcu=atmega328p,f=16000000 firmware.elf
 
     SPEC is a list of mmcu=, f= (clock in Hz), cycles= (end after so many), until= (end when the
     firmware has sent this text), pin= (end when it drives a pin, PB5=1), uart=, pty= (a terminal
     in place of stdout), pace (no faster than real time), gdb= (port for avr-gdb), stats.
     """
-    if (board is None) == (link is None):
-        raise click.UsageError("name either a board file with --board or a link with --link")
+    if sum(way is not None for way in (board, link, join)) != 1:
+        raise click.UsageError(
+            "name either a board file with --board or a link with --link, or a running board with"
+            " --join"
+        )
+    if board is None and transcript is not None:
+        raise click.UsageError(
+            "--transcript goes with --board; a running board keeps its cycles if it was started"
+            " with vbus run --journal"
+        )
+    if join is not None:
+        from vbus.tools.joining import link_of
+
+        link = link_of(join, firmware=avr is not None)
     if avr is not None:
         from vbus.tools.exec_avr import run_avr
 
         if len(program) != 1:
             raise click.UsageError("--avr takes one firmware file and no arguments")
         try:
-            return run_avr(avr, program[0], board, link, pinmap, transcript)
+            return run_avr(avr, program[0], board, link, pinmap, transcript, summary)
         except ValueError as error:
             raise click.BadParameter(str(error), param_hint="--avr") from None
     if board is None:
         assert link is not None
         return _join(link, list(program))
-    return _run(board, pinmap, transcript, list(program))
+    return _run(board, pinmap, transcript, summary, list(program))
 
 
 def _join(link: str, program: list[str]) -> int:
@@ -66,7 +89,9 @@ def _join(link: str, program: list[str]) -> int:
     return code if code >= 0 else 128 - code
 
 
-def _run(board: str, pinmap: str | None, transcript: str | None, program: list[str]) -> int:
+def _run(
+    board: str, pinmap: str | None, transcript: str | None, summary: bool, program: list[str]
+) -> int:
     from vbus.board.config import read_board_file
     from vbus.board.sections import HostSection
     from vbus.errors import ConfigError
@@ -78,4 +103,4 @@ def _run(board: str, pinmap: str | None, transcript: str | None, program: list[s
     wanted = [host for host in file.hosts if pinmap is None or host.pinmap == pinmap]
     described = [host for host in wanted if host.pinmap or host.card] or wanted
     host = described[0] if described else HostSection(transport="", pinmap=pinmap or "")
-    return run_on_board(file, source, host, lambda _: program, transcript)
+    return run_on_board(file, source, host, lambda _: program, transcript, summary)

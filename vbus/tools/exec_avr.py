@@ -111,6 +111,7 @@ def run_avr(
     link: str | None = None,
     pinmap: str | None = None,
     transcript: str | None = None,
+    summary: bool = True,
 ) -> int:
     """Run firmware on a board of its own, or on one that runs already; return its exit code.
 
@@ -121,6 +122,7 @@ def run_avr(
         link: in place of ``board``: address of a link that has a pin map.
         pinmap: which pin map of the board file; else its only one.
         transcript: file that takes the bus cycles (with ``board`` only).
+        summary: whether the rules that were broken are told (with ``board`` only).
 
     Raises:
         ValueError: the specification is wrong, or neither or both of board and link are given.
@@ -142,6 +144,7 @@ def run_avr(
         _host(file, pinmap),
         lambda address: [program, "--link", address, *options, elf],
         transcript,
+        summary,
     )
 
 
