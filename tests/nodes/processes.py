@@ -95,7 +95,8 @@ class Bench:
         end = time.monotonic() + PATIENCE
         while not condition():
             failed = any((process.poll() or 0) > 0 for process in self.started)
-            assert not failed and time.monotonic() < end, self.outputs()
+            assert not failed, self.outputs()
+            assert time.monotonic() < end, self.outputs()
             time.sleep(0.01)
 
     def outputs(self) -> list[str]:

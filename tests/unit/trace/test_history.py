@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.unit.trace.conftest import LM629, lm629_command, lm629_move, read, record
+from tests.unit.trace.conftest import LM629, lm629_move, read, record
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.checks import all_rules
