@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from vbus.errors import VbusError
+from vbus.kernel import SECOND
 from vbus.testing.bench import Bench, Fitted
 from vbus.testing.limits import Limits
 from vbus.testing.programs import Outcome, run_program
@@ -74,7 +75,7 @@ class Execute:
             command = ["python", str(path)]
         else:
             command = [str(path)]
-        limits = Limits(wall=timeout) if longest is None else Limits(1 << 62, longest, timeout)
+        limits = Limits(1 << 62, 60 * SECOND if longest is None else longest, timeout)
         return run_program(
             fitted.file,
             fitted.source,

@@ -153,7 +153,7 @@ class Odd(IdealPlant):
         (WrongCourse, "count_at\\(0.0\\) is"),
         (FalseRest, "resting\\(\\) after period .* another period .* changes it"),
         (LostState, "load"),
-        (LookedAt, "differs"),
+        (LookedAt, "LookedAt"),
         (Shy, "TAKES leaves out pulses, and pulses\\(\\) works"),
         (Odd, "TAKES is \\('torque',\\); it holds some of drive, pulses, phases"),
     ],
