@@ -1,0 +1,57 @@
+"""The keywords of Robot Framework, in a suite of its own."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+SUITE = """\
+*** Settings ***
+Library    vbus.testing.robot
+
+*** Test Cases ***
+Reset Is Shown
+    Open Board    LM629N-8    seed=4
+    Bus Should Read    0    0x00
+    Advance Time    5ms
+    Bus Should Read    0    0x84
+    Position Should Be    x.1    0    within=2
+
+Wrong Byte
+    Open Board    LM629N-8
+    Run Time Until    5ms
+    Bus Should Read    0    0x55
+
+Fault That Never Fires
+    Open Board    LM629N-8
+    Arm Fault    jam    when=at 10 s
+
+No Board
+    Read Bus    0
+"""
+
+
+def test_keywords_do_what_the_fixtures_do(tmp_path: Path) -> None:
+    (tmp_path / "suite.robot").write_text(SUITE)
+    done = subprocess.run(
+        [sys.executable, "-m", "robot", "--output", "NONE", "--log", "NONE", "--report", "NONE",
+         "--consolewidth", "200", "suite.robot"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )  # fmt: skip
+    printed = done.stdout
+    assert done.returncode == 3, printed + done.stderr
+    assert re.search(r"Reset Is Shown +\| PASS", printed), printed
+    assert "a read at 0H gave 84h, not 55h" in printed
+    assert "x RDSTAT 84H MOTOR_OFF TRAJECTORY_COMPLETE" in printed
+    assert "never fired" in printed
+    assert "there is no board yet: begin with Open Board" in printed
+    replay = re.search(r"^replay:  vbus (replay .*)$", printed, re.MULTILINE)
+    assert replay is not None
+    again = subprocess.run(
+        [sys.executable, "-m", "vbus", *shlex.split(replay[1])], capture_output=True, text=True
+    )
+    assert "no difference in" in again.stdout
