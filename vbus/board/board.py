@@ -221,9 +221,13 @@ class Board:
         """Bring every lazy chip up to now, so that no look at it later takes long."""
         for chip in self.chips:
             chip.advance()
+        self.settled(self.kernel.now)
+
+    def settled(self, when: int) -> None:
+        """Every chip has been brought up to instant ``when``: tell the observers."""
         self.kernel.settle()
         for observer in (*self.listeners, *self.observers):
-            observer.settled(self.kernel.now)
+            observer.settled(when)
 
     def next_due(self) -> int:
         """Return the next instant at which something watched may happen (ps)."""

@@ -10,6 +10,7 @@ from typing import Final
 
 from vbus.board.board import Board
 from vbus.kernel import MS, NEVER
+from vbus.server.slices import SLICE_NS, Slices
 from vbus.server.statistics import LAG_PS, Histogram
 from vbus.transports.linux import TimerFd
 
@@ -19,8 +20,11 @@ TICK: Final = 10 * MS
 """How much chip time a lazy chip may owe before it is brought up to date (ps), at rate 1."""
 SHORTEST_TICK: Final = 5 * MS
 LONGEST_TICK: Final = 50 * MS
+RESTING_TICK: Final = 1_000 * MS
+"""The longest tick while nothing moves, nobody looks on and no host asks."""
 CHEAP_NS: Final = 50_000
 DEAR_NS: Final = 200_000
+RESTING_NS: Final = 20_000
 """Bringing chips up to date that takes less or more than this is done less or more often: boards
 at rest are left alone, and no host waits long for what others owe."""
 STALL: Final = 100 * MS
@@ -29,8 +33,6 @@ SLICE: Final = 10 * MS
 """Chip time computed in one go; between slices the event loop answers others."""
 LEASE: Final = 20 * MS
 """Chip time by which a host that is master of time may move it in one go; more is sliced."""
-SLICE_NS: Final = 20_000_000
-"""Wall time that a slice for such a host should not exceed."""
 
 
 class Pacer:
@@ -80,13 +82,16 @@ class Pacer:
         self._stalled: int = STALL * scale
         self._scale: int = scale
         self._tick: int = TICK * scale
+        self._longest: int = LONGEST_TICK * scale
         self._slice: int = SLICE
         self._slicing: bool = False
+        self._slices: Slices = Slices(board, clock)
         self._anchor_ns: int = clock()
         self._anchor_ps: int = board.now
         self._loop: asyncio.AbstractEventLoop | None = None
         self._timer: TimerFd | None = None
         self._armed: int = NEVER
+        self._asleep: int = 0
         self._tick_at: int = 0
         self._wakes: list[tuple[int, int, Callable[[], None]]] = []
         self._wake_number: int = 0
@@ -113,28 +118,34 @@ class Pacer:
             return True
         numerator, denominator = self._ps_per_ns
         target = self._anchor_ps + (self._clock() - self._anchor_ns) * numerator // denominator
-        if target - kernel.now > self._stalled:
+        if target - kernel.now > self._stalled and target - self._asleep > self._stalled:
             return self._recover(target)
+        if self._slices.open:
+            return False  # more moves than the machine can follow: time waits for the chips
         board.limit = target + AHEAD
         if kernel.next_due > target >= kernel.now:
             kernel.now = target
-        elif target > kernel.now:
-            board.run_until(target)
+        elif target > kernel.now and not self._slices.run(target):
+            board.limit = kernel.now + AHEAD
+            return False
         return True
 
     def _recover(self, wall: int) -> bool:
         """Go on after a stall; tell whether the board is at the present."""
         board = self.board
+        if self._slices.open:
+            return False
         now = board.kernel.now
         if self.stall == "slip":
+            now = max(now, self._asleep)
             behind = wall - now
             self._anchor_ps -= behind
             self.slipped += behind
             self._note_lag(behind)
             board.limit = now + AHEAD
             return True
-        board.limit = now + SLICE + AHEAD
-        board.run_until(now + SLICE)
+        self._slices.run(now + SLICE)
+        board.limit = board.kernel.now + AHEAD
         self._note_lag(wall - board.kernel.now)
         return False
 
@@ -151,6 +162,8 @@ class Pacer:
         """
         self._anchor_ns = self._clock()
         self._anchor_ps = self.board.now
+        self._slices.forget()
+        self._asleep = 0
         self._tick_at = self.board.now + self._tick
         self._armed = NEVER
         self.board.limit = self.board.now + (AHEAD if self._paced else LEASE)
@@ -198,12 +211,13 @@ class Pacer:
 
     def arm(self) -> None:
         """Set the timer to the earliest of: next watched edge, next wake-up, next tick."""
-        if self._timer is None:
+        if not self._paced:
             return
         due = min(self.board.next_due(), self._tick_at)
         if self._wakes:
             due = min(due, self._wakes[0][0])
-        if due != self._armed:
+        self._asleep = due
+        if due != self._armed and self._timer is not None:
             self._armed = due
             numerator, denominator = self._ps_per_ns
             wait = -(-(due - self.wall()) * denominator // numerator) if numerator else 10**9
@@ -211,7 +225,11 @@ class Pacer:
 
     def touched(self) -> None:
         """A host has been served: an edge may be due earlier now."""
-        if self.board.kernel.next_due < self._armed:
+        if self._tick > self._longest:
+            self._tick = TICK * self._scale
+            self._tick_at = min(self._tick_at, self.board.now + self._tick)
+            self.arm()
+        elif self.board.kernel.next_due < self._armed:
             self.arm()
 
     def _woken(self) -> None:
@@ -225,9 +243,10 @@ class Pacer:
         # Not at `now`: hosts may have run ahead of the wall clock.
         self._wake(self.board.limit - AHEAD)
         if now >= self._tick_at or not there:
-            started = self._clock()
-            self.board.catch_up()
-            self._adapt_tick(self._clock() - started)
+            if self._slices.catch_up():
+                self._adapt_tick(self._slices.took)
+            else:
+                there = False
             self._tick_at = now + (self._tick if there else 0)
         self.arm()
 
@@ -237,7 +256,9 @@ class Pacer:
 
     def _adapt_tick(self, took: int) -> None:
         if took < CHEAP_NS:
-            self._tick = min(self._tick * 2, LONGEST_TICK * self._scale)
+            watched = self.board.observers or self.board.listeners
+            most = LONGEST_TICK if watched or took >= RESTING_NS else RESTING_TICK
+            self._tick = min(self._tick * 2, most * self._scale)
         elif took > DEAR_NS:
             self._tick = max(self._tick // 2, SHORTEST_TICK * self._scale)
 
@@ -260,14 +281,17 @@ class Pacer:
         target = min(board.now + self._slice, NEVER - 1)
         if not self.free:
             target = min(target, self._wakes[0][0])
-        started = self._clock()
-        if target > board.now:
-            board.run_until(target)
-            board.catch_up()
-        board.limit = min(board.now + LEASE, NEVER - 1)
-        if not self.free:
-            self._adapt_slice(self._clock() - started)
-        self._wake(board.now)
+        slices = self._slices
+        began = self._clock()
+        there = True
+        if target > board.now and not slices.open:
+            there = slices.run(target)
+        ran = self._clock() - began
+        if slices.catch_up():
+            board.limit = min(board.now + LEASE, NEVER - 1)
+            if not self.free and there:
+                self._adapt_slice(ran + slices.took)
+            self._wake(board.now)
         if self.free or self._wakes:
             self._slice_soon()
 

@@ -7,8 +7,10 @@ import pytest
 
 from tests.unit.board.toy import Toy
 from vbus.board.board import Board
-from vbus.kernel import MS, NEVER, SECOND
-from vbus.server.pacer import AHEAD, LEASE, SLICE, SLICE_NS, Pacer
+from vbus.board.build import load_board_text
+from vbus.kernel import MS, NEVER, SECOND, US
+from vbus.server.pacer import AHEAD, LEASE, SLICE, Pacer
+from vbus.server.slices import SLICE_NS
 
 
 class WallClock:
@@ -260,7 +262,12 @@ def test_a_stall_is_a_gap_in_wall_time_at_any_rate() -> None:
 
 @pytest.mark.parametrize(
     ("cost_ns", "ticks"),
-    [(0, [20, 40, 50, 50]), (100_000, [10, 10, 10, 10]), (300_000, [5, 5, 5, 5])],
+    [
+        (0, [20, 40, 80, 160, 320, 640, 1000, 1000]),
+        (30_000, [20, 40, 50, 50]),
+        (100_000, [10, 10, 10, 10]),
+        (300_000, [5, 5, 5, 5]),
+    ],
 )
 def test_chips_that_owe_little_are_brought_up_to_date_less_often(
     cost_ns: int, ticks: list[int]
@@ -273,8 +280,143 @@ def test_chips_that_owe_little_are_brought_up_to_date_less_often(
 
     found = []
     for _ in ticks:
-        chip.wall.ns += 60_000_000
+        chip.wall.ns += max(10 * MS, pacer._tick_at - pacer.wall()) // 1000
         pacer._woken()
         found.append((pacer._tick_at - board.now) // MS)
 
     assert found == ticks
+    assert pacer.worst_lag < MS, "sleeping is no stall"
+
+
+def resting() -> tuple[Board, Pacer, WallClock]:
+    """A real-time board that has been left alone for a minute."""
+    board = load_board_text(
+        '[board]\nname = "b"\ntime = "realtime"\npower_on = "done"\n'
+        + "".join(
+            f'[chips.{chip}]\npart = "{part}"\nclock = "8 MHz"\nplant = "{chip}"\n'
+            f'[plants.{chip}]\nmodel = "dc_motor"\n'
+            for chip, part in (("x", "LM629N-8"), ("y", "MCP-1200"))
+        )
+    )
+    wall = WallClock()
+    pacer = Pacer(board, clock=wall)
+    pacer.arm()
+    sleep(pacer, wall, 60 * SECOND)
+    return board, pacer, wall
+
+
+def sleep(pacer: Pacer, wall: WallClock, duration: int) -> int:
+    """Let wall time pass; return how often the pacer woke up."""
+    end, wakes = wall.ns + duration // 1000, 0
+    while True:
+        due = wall.ns + max(0, pacer._asleep - pacer.wall()) // 1000
+        if due > end:
+            wall.ns = end
+            return wakes
+        wall.ns = due
+        pacer._woken()
+        wakes += 1
+
+
+def test_a_board_at_rest_wakes_the_machine_once_a_second() -> None:
+    board, pacer, wall = resting()
+
+    assert sleep(pacer, wall, 600 * SECOND) in (600, 601)
+    assert pacer.worst_lag == 0
+    assert board.next_due() == NEVER, "no chip has set a timer"
+
+
+def test_a_host_that_asks_finds_a_resting_board_at_the_present_and_awake() -> None:
+    board, pacer, wall = resting()
+    port = board.open_port("host")
+
+    wall.ns += (pacer._asleep - pacer.wall()) // 1000 - 1
+    assert pacer.catch_up()
+    assert board.now == pacer.wall()
+    port.write(0, 0x1F)
+    pacer.touched()
+
+    assert pacer._asleep <= board.now + 10 * MS
+    assert pacer.lag == 0
+
+
+def test_a_stall_while_the_board_rests_is_seen_and_what_it_slept_is_no_part_of_it() -> None:
+    for stall, slipped in (("catch_up", 0), ("slip", 2 * SECOND)):
+        _, pacer, wall = resting()
+        pacer.stall = stall
+        due = pacer._asleep
+        wall.ns += (due - pacer.wall() + 2 * SECOND) // 1000
+
+        pacer._woken()
+
+        assert pacer.slipped == slipped
+        assert pacer.worst_lag >= 2 * SECOND - SLICE
+
+
+def many(count: int, cost_ns: int, policy: str, rate: float = 1.0) -> tuple[
+    Board, Pacer, WallClock
+]:  # fmt: skip
+    """A board of many chips that each take a while to bring up to date."""
+    wall = WallClock()
+    board = Board("bench", policy, rate=rate)
+    for number in range(count):
+        chip = board.add_chip(Labour, f"t{number}", "TOY", 8_000_000)
+        assert isinstance(chip, Labour)
+        chip.wall, chip.cost_ns = wall, cost_ns
+    return board, Pacer(board, clock=wall), wall
+
+
+@pytest.mark.parametrize("rate", [1.0, float("inf")])
+def test_no_slice_takes_longer_than_its_time_and_one_chip(rate: float) -> None:
+    """A thousand chips, each slower than real time: whoever waits for the loop waits 20 ms."""
+    cost = 700_000
+    board, pacer, wall = many(1000, cost, "realtime", rate)
+    loop: Any = Loop()
+    if rate != 1.0:
+        pacer.start(loop)
+
+    for _ in range(200):
+        begun = wall.ns
+        if rate == 1.0:
+            wall.ns += 1
+            pacer._woken()
+            assert pacer._asleep <= pacer.wall()
+        else:
+            loop.step()
+        assert wall.ns - begun <= SLICE_NS + cost + 1
+
+    assert board.now > 4 * SLICE - 1, "and yet time goes on"
+
+
+class Ticking(Labour):
+    """A chip whose every edge is listened to, and takes a while."""
+
+    def ticks(self) -> None:
+        self.beat = self.kernel.timer(self._beat, saved=False)
+        self.beat.at(US)
+
+    def _beat(self) -> None:
+        self.wall.ns += self.cost_ns
+        self.beat.at(self.kernel.now + US)
+
+
+def test_edges_that_are_listened_to_come_in_slices_too() -> None:
+    wall = WallClock()
+    board = Board("bench", "realtime", rate=float("inf"))
+    chip = board.add_chip(Ticking, "t", "TOY", 8_000_000)
+    assert isinstance(chip, Ticking)
+    chip.wall, chip.cost_ns = wall, 500_000
+    pacer = Pacer(board, clock=wall)
+    loop: Any = Loop()
+    pacer.start(loop)
+    chip.ticks()
+
+    longest = []
+    for _ in range(100):
+        begun, then = wall.ns, board.now
+        loop.step()
+        longest.append(wall.ns - begun)
+        assert board.now > then
+
+    # Only the first one does not know yet how long a stretch takes.
+    assert max(longest[12:]) <= SLICE_NS + 20 * 500_000

@@ -1,0 +1,80 @@
+"""A board computed in slices of wall time, however many chips move on it."""
+
+from collections.abc import Callable
+from typing import Final
+
+from vbus.board.board import Board
+from vbus.kernel import MS, NEVER, US
+
+SLICE_NS: Final = 20_000_000
+"""Wall time of a slice; between two of them hosts are served and Ctrl-C is heard. What is begun is
+finished: one chip brought up to date, or one stretch of :data:`SHORTEST`."""
+FIRST: Final = 10 * MS
+"""Chip time run in one go on a board nothing is known of yet."""
+SHORTEST: Final = 20 * US
+LONG_NS: Final = 5_000_000
+SHORT_NS: Final = 1_000_000
+"""Stretches that take longer are halved, shorter ones doubled."""
+
+
+class Slices:
+    """Moves a board and brings its lazy chips up to date, a slice at a time.
+
+    Args:
+        board: the board.
+        clock: wall time (ns).
+    """
+
+    def __init__(self, board: Board, clock: Callable[[], int]) -> None:
+        self._board: Board = board
+        self._clock: Callable[[], int] = clock
+        self.open: bool = False
+        """Whether some chips have been brought up to date and others have not."""
+        self.took: int = 0
+        """Wall time of the round of chips under way, or of the one before (ns)."""
+        self._begun: int = 0
+        self._next: int = 0
+        self._stretch: int = FIRST
+
+    def run(self, target: int) -> bool:
+        """Let time pass to ``target`` (ps); return whether it got there within the slice."""
+        board, clock = self._board, self._clock
+        began = now = clock()
+        while True:
+            end = min(target, board.now + self._stretch)
+            board.run_until(end)
+            before, now = now, clock()
+            if now - before > LONG_NS:
+                self._stretch = max(self._stretch // 2, SHORTEST)
+            elif now - before < SHORT_NS:
+                self._stretch = min(self._stretch * 2, NEVER // 4)
+            if end == target:
+                return True
+            if now - began >= SLICE_NS:
+                return False
+
+    def catch_up(self) -> bool:
+        """Bring lazy chips up to now, beginning where the last slice ended.
+
+        Returns:
+            Whether all chips have been brought up to where time was when the round began.
+        """
+        board, clock = self._board, self._clock
+        chips = board.chips
+        began = clock()
+        if not self.open:
+            self.open, self.took, self._next, self._begun = True, 0, 0, board.now
+        while self._next < len(chips):
+            chips[self._next].advance()
+            self._next += 1
+            if clock() - began >= SLICE_NS and self._next < len(chips):
+                self.took += clock() - began
+                return False
+        self.open = False
+        board.settled(self._begun)
+        self.took += clock() - began
+        return True
+
+    def forget(self) -> None:
+        """The board's time has been set: what was under way is so no more."""
+        self.open = False
