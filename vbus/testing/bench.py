@@ -282,19 +282,15 @@ class Bench:
             told.lines.append("faults:")
             told.lines += [f"    {armed}" for armed in faults]
         told.lines.append(f"journal: {journal}")
-        if faults:
-            told.lines.append("         faults are no part of it: run the test again to replay it")
-        else:
-            told.lines.append(f"replay:  {replay}")
+        told.lines.append(f"replay:  {replay}")
         told.properties += [
             ("vbus.board", board.name),
             ("vbus.seed", str(board.seed)),
             ("vbus.journal", str(journal)),
+            ("vbus.replay", replay),
             ("vbus.transcript", "\n".join(lines)),
             ("vbus.violations", "\n".join(f"{v.rule} {v.detail}" for v in fitted.watch.violations)),
         ]
-        if not faults:
-            told.properties.append(("vbus.replay", replay))
         wave = fitted.wave()
         if wave:
             path = self._keep(fitted, "vcd", wave.encode())

@@ -256,8 +256,30 @@ def test_a_fault_that_never_fired_fails_its_test(suite: pytest.Pytester) -> None
     result = suite.runpytest("-q")
     result.assert_outcomes(failed=1, passed=2)
     result.stdout.fnmatch_lines(
-        ['fault #1 jam*of board "lm629n-8" never fired*', "*run the test again to replay it"]
+        ['fault #1 jam*of board "lm629n-8" never fired*', "faults:", "*#1 jam*", "replay: *"]
     )
+
+
+def test_a_failing_test_with_a_fault_replays_with_the_fault(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+        def test_it(vbus_lm629):
+            axis = vbus_lm629.host
+            axis.check_reset()
+            axis.load_filter(kp=300, kd=2000)
+            vbus_lm629.board.faults.arm("jam", when="at 20 ms")
+            axis.load_trajectory(acc=400, vel=4 << 16, pos=5000, start=True)
+            vbus_lm629.clock.advance("1 s")
+            assert axis.rdrp() == 5000
+        """
+    )
+    result = suite.runpytest("-q")
+    result.assert_outcomes(failed=1)
+    replay = re.search(r"^replay:  (.*)$", result.stdout.str(), re.MULTILINE)
+    assert replay is not None
+    done = vbus(replay[1])
+    assert done.returncode == 0, done.stdout
+    assert "no difference in" in done.stdout
 
 
 def test_a_terminal_serves_the_board_while_the_test_holds_its_clock(suite: pytest.Pytester) -> None:
