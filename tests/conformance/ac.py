@@ -1,0 +1,70 @@
+"""Rows of AC tables as cases: on the limit nothing is reported, one step inside this row is."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+import pytest
+
+from vbus.chips.strobes import AcTable
+from vbus.signals import Violation
+
+Play = Callable[[int], list[Violation]]
+"""Runs one fresh bench with an interval (ps); returns what was reported."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One way to break one row.
+
+    Attributes:
+        symbol: the row.
+        limit: what the manual says (ps), written here by hand.
+        play: what puts the interval on the pins.
+        name: which edge, grade, supply or pin.
+        step: from the limit to the nearest interval that breaks it (ps).
+        beside: rules that no sequence can keep while it breaks this one.
+    """
+
+    symbol: str
+    limit: int
+    play: Play
+    name: str = ""
+    step: int = -1
+    beside: frozenset[str] = frozenset()
+
+
+def parameters(table: AcTable, cases: Iterable[Case]) -> list[object]:
+    """Return the cases for ``pytest.mark.parametrize``, each marked with the clause of its row."""
+    return [
+        pytest.param(
+            case,
+            id=f"{case.symbol} {case.name}".rstrip(),
+            marks=pytest.mark.spec(table[case.symbol].clause),
+        )
+        for case in cases
+    ]
+
+
+def check(table: AcTable, case: Case) -> None:
+    """Assert that the row is kept on its limit and reported one step inside it."""
+    rule = f"{table.family}.{case.symbol}"
+    kept = {violation.rule for violation in case.play(case.limit)}
+    assert rule not in kept, "on the limit"
+    assert kept <= {f"{table.family}.{other}" for other in case.beside}
+
+    broken = case.play(case.limit + case.step)
+    of_row = [violation for violation in broken if violation.rule == rule]
+    assert [(v.clause, v.measured, v.limit) for v in of_row] == [
+        (table[case.symbol].clause, case.limit + case.step, case.limit)
+    ]
+    others = {violation.rule for violation in broken} - {rule}
+    assert others <= {f"{table.family}.{other}" for other in case.beside}
+
+
+def check_complete(table: AcTable, cases: Iterable[Case], promises: Mapping[str, str]) -> None:
+    """Assert that each row has a case, or stands among the chip's own promises; none in both."""
+    tried = {case.symbol for case in cases}
+    rows = {row.symbol for row in table}
+    assert tried | set(promises) == rows
+    assert not tried & set(promises)
+    assert all(table[symbol].output for symbol in promises), "only the chip's own outputs"
