@@ -492,6 +492,11 @@ static void spend(uint64_t ps)
         owed += ps;
 }
 
+uint64_t card_elapsed(void)
+{
+    return elapsed / PS_PER_NS;
+}
+
 uint64_t card_look(void)
 {
     spend(clock_step);

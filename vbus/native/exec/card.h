@@ -64,6 +64,9 @@ void card_set_clocks(void);
 /* Nanoseconds of the virtual clock since card_begin_time; each look costs the board's clock_step. */
 uint64_t card_look(void);
 
+/* The same without a look's cost: for comparing only. */
+uint64_t card_elapsed(void);
+
 /* Let time pass (ns); returns what is left because an interrupt came, or 0. */
 uint64_t card_pass(uint64_t duration);
 

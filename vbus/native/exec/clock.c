@@ -5,6 +5,7 @@
  */
 #define _GNU_SOURCE
 #include "card.h"
+#include "clock.h"
 #include "files.h"
 #include "sys.h"
 #include "trap.h"
@@ -12,12 +13,8 @@
 #include <dlfcn.h>
 #include <errno.h>
 #include <pthread.h>
-#include <semaphore.h>
 #include <sys/select.h>
 #include <sys/time.h>
-
-#define NS 1000000000u
-#define GRACE_MS 1 /* of wall time, for what other processes send */
 
 
 #define REAL(name)                                                                                 \
@@ -39,17 +36,17 @@ int sys_clock_gettime(clockid_t clock, struct timespec *when)
     return (int)syscall(SYS_clock_gettime, clock, when);
 }
 
-static int follows(void)
+int clock_follows(void)
 {
     return card.virtual_time && card_time_begun();
 }
 
-static int follows_clock(clockid_t clock)
+int clock_is_ours(clockid_t clock)
 {
     switch (clock) {
     case CLOCK_REALTIME: case CLOCK_MONOTONIC: case CLOCK_MONOTONIC_RAW: case CLOCK_BOOTTIME:
     case CLOCK_REALTIME_COARSE: case CLOCK_MONOTONIC_COARSE: case CLOCK_TAI:
-        return follows();
+        return clock_follows();
     default:
         return 0;
     }
@@ -82,7 +79,7 @@ void card_set_clocks(void)
     base_of(CLOCK_TAI);
 }
 
-static int64_t look(clockid_t clock)
+int64_t clock_look(clockid_t clock)
 {
     sigset_t before;
     uint64_t now;
@@ -94,7 +91,7 @@ static int64_t look(clockid_t clock)
 }
 
 /* Let time pass; what is left if an interrupt's signal came. */
-static uint64_t pass(uint64_t duration)
+uint64_t clock_pass(uint64_t duration)
 {
     sigset_t before;
     uint64_t left;
@@ -123,9 +120,9 @@ static int64_t join(const struct timespec *when)
 PUBLIC int clock_gettime(clockid_t clock, struct timespec *when)
 {
     REAL(clock_gettime);
-    if (!follows_clock(clock))
+    if (!clock_is_ours(clock))
         return real(clock, when);
-    split(look(clock), when);
+    split(clock_look(clock), when);
     return 0;
 }
 
@@ -134,9 +131,9 @@ PUBLIC int gettimeofday(struct timeval *restrict when, void *restrict zone)
     struct timespec now;
     REAL(gettimeofday);
 
-    if (!follows())
+    if (!clock_follows())
         return real(when, zone);
-    split(look(CLOCK_REALTIME), &now);
+    split(clock_look(CLOCK_REALTIME), &now);
     when->tv_sec = now.tv_sec;
     when->tv_usec = now.tv_nsec / 1000;
     return 0;
@@ -147,9 +144,9 @@ PUBLIC time_t time(time_t *when)
     time_t now;
     REAL(time);
 
-    if (!follows())
+    if (!clock_follows())
         return real(when);
-    now = (time_t)(look(CLOCK_REALTIME) / NS);
+    now = (time_t)(clock_look(CLOCK_REALTIME) / NS);
     if (when != NULL)
         *when = now;
     return now;
@@ -162,13 +159,13 @@ PUBLIC int nanosleep(const struct timespec *wanted, struct timespec *rest)
     uint64_t left;
     REAL(nanosleep);
 
-    if (!follows())
+    if (!clock_follows())
         return real(wanted, rest);
     if (wanted->tv_sec < 0 || wanted->tv_nsec < 0 || wanted->tv_nsec >= (long)NS) {
         errno = EINVAL;
         return -1;
     }
-    left = pass((uint64_t)join(wanted));
+    left = clock_pass((uint64_t)join(wanted));
     if (left == 0)
         return 0;
     if (rest != NULL)
@@ -183,12 +180,12 @@ PUBLIC int clock_nanosleep(clockid_t clock, int flags, const struct timespec *wa
     int64_t left;
     REAL(clock_nanosleep);
 
-    if (!follows_clock(clock))
+    if (!clock_is_ours(clock))
         return real(clock, flags, wanted, rest);
     if (wanted->tv_sec < 0 || wanted->tv_nsec < 0 || wanted->tv_nsec >= (long)NS)
         return EINVAL;
-    left = join(wanted) - (flags & TIMER_ABSTIME ? look(clock) : 0);
-    left = left > 0 ? (int64_t)pass((uint64_t)left) : 0;
+    left = join(wanted) - (flags & TIMER_ABSTIME ? clock_look(clock) : 0);
+    left = left > 0 ? (int64_t)clock_pass((uint64_t)left) : 0;
     if (left > 0 && rest != NULL && !(flags & TIMER_ABSTIME))
         split(left, rest);
     return left > 0 ? EINTR : 0;
@@ -197,9 +194,9 @@ PUBLIC int clock_nanosleep(clockid_t clock, int flags, const struct timespec *wa
 PUBLIC int usleep(useconds_t us)
 {
     REAL(usleep);
-    if (!follows())
+    if (!clock_follows())
         return real(us);
-    if (pass((uint64_t)us * 1000) == 0)
+    if (clock_pass((uint64_t)us * 1000) == 0)
         return 0;
     errno = EINTR;
     return -1;
@@ -208,7 +205,7 @@ PUBLIC int usleep(useconds_t us)
 PUBLIC unsigned sleep(unsigned seconds)
 {
     REAL(sleep);
-    return follows() ? (unsigned)((pass((uint64_t)seconds * NS) + NS / 2) / NS) : real(seconds);
+    return clock_follows() ? (unsigned)((clock_pass((uint64_t)seconds * NS) + NS / 2) / NS) : real(seconds);
 }
 
 /* --- waiting for descriptors ------------------------------------------------------------------ */
@@ -261,11 +258,14 @@ static int poll_until(struct pollfd *set, nfds_t count, int64_t ns)
     for (;;) {
         int found = 0;
 
+        timers_fire();
         for (turn = 0; turn < count; turn++) { /* what stands for the device is always readable */
             if (files_uio(set[turn].fd))
                 set[turn].fd = ~set[turn].fd;
         }
-        found = sys_poll(set, count, others == 0 || uio > 0 ? 0 : ns < 0 ? -1 : ns > 0 ? GRACE_MS : 0);
+        found = sys_poll(set, count, others == 0 || uio > 0 ? 0
+                                         : ns < 0 && timers_next() < 0 ? -1
+                                         : ns != 0 ? GRACE_MS : 0);
         for (turn = 0; turn < count; turn++) {
             if (set[turn].fd < -1 && files_uio(~set[turn].fd)) {
                 set[turn].fd = ~set[turn].fd;
@@ -279,24 +279,32 @@ static int poll_until(struct pollfd *set, nfds_t count, int64_t ns)
         if (found != 0 || ns == 0)
             return found;
         if (uio == 0) {
-            if (ns < 0)
+            int64_t timer = timers_next();
+
+            if (ns < 0 && timer < 0)
                 continue;
-            if (pass((uint64_t)ns) == 0)
+            if (timer >= 0 && (ns < 0 || timer < ns)) {
+                if (clock_pass((uint64_t)timer) == 0) {
+                    ns = ns < 0 ? ns : ns - timer;
+                    continue;
+                }
+            } else if (clock_pass((uint64_t)ns) == 0) {
                 return 0;
+            }
             errno = EINTR;
             return -1;
         }
         if (!card.virtual_time) {
             ns = nap(ns);
         } else {
-            int64_t before = look(CLOCK_MONOTONIC), step = ns < 0 || ns > 10000000 ? 10000000 : ns;
+            int64_t before = clock_look(CLOCK_MONOTONIC), step = ns < 0 || ns > 10000000 ? 10000000 : ns;
             sigset_t mask;
 
             card_enter(&mask);
             card_approach_interrupt((uint64_t)step);
             card_leave(&mask);
             if (ns > 0) {
-                ns -= look(CLOCK_MONOTONIC) - before;
+                ns -= clock_look(CLOCK_MONOTONIC) - before;
                 ns = ns < 0 ? 0 : ns;
             }
         }
@@ -306,7 +314,7 @@ static int poll_until(struct pollfd *set, nfds_t count, int64_t ns)
 PUBLIC int poll(struct pollfd *set, nfds_t count, int timeout_ms)
 {
     REAL(poll);
-    if (!follows() && !has_uio(set, count))
+    if (!clock_follows() && !has_uio(set, count))
         return real(set, count, timeout_ms);
     return poll_until(set, count, timeout_ms < 0 ? -1 : (int64_t)timeout_ms * 1000000);
 }
@@ -326,7 +334,7 @@ PUBLIC int ppoll(struct pollfd *set, nfds_t count, const struct timespec *timeou
     int found;
     REAL(ppoll);
 
-    if (!follows() && !has_uio(set, count))
+    if (!clock_follows() && !has_uio(set, count))
         return real(set, count, timeout, mask);
     if (mask != NULL)
         pthread_sigmask(SIG_SETMASK, mask, &before);
@@ -393,7 +401,7 @@ PUBLIC int select(int count, fd_set *in, fd_set *out, fd_set *except, struct tim
     int found;
     REAL(select);
 
-    if (!follows() && !selects_uio(count, in))
+    if (!clock_follows() && !selects_uio(count, in))
         return real(count, in, out, except, timeout);
     found = select_until(count, in, out, except, ns);
     if (timeout != NULL && found == 0)
@@ -408,7 +416,7 @@ PUBLIC int pselect(int count, fd_set *in, fd_set *out, fd_set *except,
     int found;
     REAL(pselect);
 
-    if (!follows() && !selects_uio(count, in))
+    if (!clock_follows() && !selects_uio(count, in))
         return real(count, in, out, except, timeout, mask);
     if (mask != NULL)
         pthread_sigmask(SIG_SETMASK, mask, &before);
@@ -416,54 +424,6 @@ PUBLIC int pselect(int count, fd_set *in, fd_set *out, fd_set *except,
     if (mask != NULL)
         pthread_sigmask(SIG_SETMASK, &before, NULL);
     return found;
-}
-
-/* --- waiting for other threads, until an instant ---------------------------------------------- */
-
-/* Other threads run in wall time: wait as long by that, and let the chips' time pass if in vain. */
-static int64_t translate(clockid_t clock, const struct timespec *when, struct timespec *real_when)
-{
-    int64_t left = join(when) - look(clock);
-    struct timespec now;
-
-    sys_clock_gettime(clock, &now);
-    split(join(&now) + (left > 0 ? left : 0), real_when);
-    return left;
-}
-
-PUBLIC int pthread_cond_timedwait(pthread_cond_t *condition, pthread_mutex_t *mutex,
-                                  const struct timespec *when)
-{
-    struct timespec real_when;
-    int64_t left;
-    int result;
-    REAL(pthread_cond_timedwait);
-
-    if (!follows())
-        return real(condition, mutex, when);
-    left = translate(CLOCK_REALTIME, when, &real_when);
-    result = real(condition, mutex, &real_when);
-    if (result == ETIMEDOUT && left > 0)
-        pass((uint64_t)left);
-    return result;
-}
-
-PUBLIC int sem_timedwait(sem_t *semaphore, const struct timespec *when)
-{
-    struct timespec real_when;
-    int64_t left;
-    int result;
-    REAL(sem_timedwait);
-
-    if (!follows())
-        return real(semaphore, when);
-    left = translate(CLOCK_REALTIME, when, &real_when);
-    result = real(semaphore, &real_when);
-    if (result < 0 && errno == ETIMEDOUT && left > 0) {
-        pass((uint64_t)left);
-        errno = ETIMEDOUT;
-    }
-    return result;
 }
 
 /* --- waiting for a signal --------------------------------------------------------------------- */

@@ -5,6 +5,7 @@
 #include "files.h"
 
 #include "card.h"
+#include "clock.h"
 #include "sys.h"
 #include "trap.h"
 
@@ -15,6 +16,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <sys/mman.h>
+#include <sys/uio.h>
 
 #undef open
 #undef open64
@@ -271,6 +273,8 @@ int files_uio_ready(void)
 PUBLIC ssize_t read(int fd, void *data, size_t size)
 {
     REAL(read);
+    if (timers_has(fd) && timers_wait(fd) < 0)
+        return -1;
     switch (kind_of(fd)) {
     case NONE: return real(fd, data, size);
     case UIO: return read_uio(fd, data, size);
@@ -326,6 +330,48 @@ PUBLIC ssize_t __pread64_chk(int fd, void *data, size_t size, off64_t place, siz
     return pread64(fd, data, size, place);
 }
 
+/* --- several buffers at once ------------------------------------------------------------------ */
+
+#define VECTOR(name, one)                                                                          \
+    PUBLIC ssize_t name(int fd, const struct iovec *parts, int count)                              \
+    {                                                                                              \
+        ssize_t all = 0;                                                                           \
+        int turn;                                                                                  \
+        REAL(name);                                                                                \
+        if (kind_of(fd) == NONE && !timers_has(fd))                                                \
+            return real(fd, parts, count);                                                         \
+        for (turn = 0; turn < count; turn++) {                                                     \
+            ssize_t done = one(fd, parts[turn].iov_base, parts[turn].iov_len);                     \
+                                                                                                   \
+            if (done < 0)                                                                          \
+                return all > 0 ? all : done;                                                       \
+            all += done;                                                                           \
+            if ((size_t)done < parts[turn].iov_len)                                                \
+                break;                                                                             \
+        }                                                                                          \
+        return all;                                                                                \
+    }
+
+#define POSITIONED_VECTOR(name, one, offset)                                                       \
+    PUBLIC ssize_t name(int fd, const struct iovec *parts, int count, offset place)                \
+    {                                                                                              \
+        ssize_t all = 0;                                                                           \
+        int turn;                                                                                  \
+        REAL(name);                                                                                \
+        if (kind_of(fd) == NONE || kind_of(fd) == UIO)                                             \
+            return real(fd, parts, count, place);                                                  \
+        for (turn = 0; turn < count; turn++)                                                       \
+            all += one(fd, parts[turn].iov_base, parts[turn].iov_len, place + all);                \
+        return all;                                                                                \
+    }
+
+VECTOR(readv, read)
+VECTOR(writev, write)
+POSITIONED_VECTOR(preadv, pread, off_t)
+POSITIONED_VECTOR(preadv64, pread64, off64_t)
+POSITIONED_VECTOR(pwritev, pwrite, off_t)
+POSITIONED_VECTOR(pwritev64, pwrite64, off64_t)
+
 /* --- streams: their reads do not pass through read -------------------------------------------- */
 
 static ssize_t stream_read(void *cookie, char *data, size_t size)
@@ -373,6 +419,7 @@ FOPEN(fopen64)
 
 void files_closed(unsigned first, unsigned last)
 {
+    timers_closed(first, last);
     for (; first <= last && first < MOST_FILES; first++)
         kinds[first] = NONE;
 }

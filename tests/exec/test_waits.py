@@ -1,0 +1,53 @@
+"""Waits with a time-out follow chip time, cost no wall time, and repeat exactly."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.exec.conftest import PROGRAMS, compile_c
+from tests.exec.test_programs import PORTS, REGISTERS, execute, said
+
+EXPECTED = [
+    "nanosleep 0 600000", "absolute 0 1200000", "gettimeofday 5, time 5",
+    "timedwait 1 1000000", "monotonic 1 2000000", "clockwait 1 3000000", "semaphore 1 4000000",
+    "sem_clockwait 1 5000000", "posted 0 55", "mutex 1 7000000",
+    "settime 0 0", "timer 1 200000", "missed 2 450000", "again 1 500000", "left 9 of 10",
+    "poll 1 100000", "select 1 100000", "epoll 1 100000", "epoll short 0 40000",
+    "epoll empty 0 9000000", "ppoll 0 8000000", "pselect 0 8000000", "ready 1 8000000",
+    "writev 3 readv 3 616263", "pwritev 3 preadv 3 716263",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved"])
+def test_every_wait_takes_chip_time_only_and_repeats_exactly(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path, policy: str
+) -> None:
+    """The program waits for more than an hour of its time."""
+    board, transcript = REGISTERS.format(time=policy, card=PORTS), tmp_path / "bus.txt"
+    runs = []
+    for _ in range(2):
+        before = time.monotonic()
+        done = execute(
+            tmp_path, board, programs("waits", bits), options=("--transcript", transcript)
+        )
+        assert time.monotonic() - before < 30
+        runs.append((said(done), transcript.read_text()))
+    assert runs[0] == runs[1]
+    assert runs[0][0] == EXPECTED
+
+
+def test_32_bit_programs_with_a_wide_time_t_follow_chip_time_too(
+    can_32_bits: bool, tmp_path: Path
+) -> None:
+    if not can_32_bits:
+        pytest.skip("needs a 32-bit compiler (gcc-multilib)")
+    program = compile_c(
+        tmp_path / "waits", "-m32", "-O2", "-D_TIME_BITS=64", "-D_FILE_OFFSET_BITS=64",
+        PROGRAMS / "waits.c",
+    )  # fmt: skip
+    before = time.monotonic()
+    done = execute(tmp_path, REGISTERS.format(time="lockstep", card=PORTS), program)
+    assert time.monotonic() - before < 30
+    assert said(done) == EXPECTED
