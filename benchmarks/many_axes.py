@@ -1,0 +1,185 @@
+"""Machines of many axes: what moves costs, what rests does not.
+
+    python benchmarks/many_axes.py
+
+Each row has its goal beside it. Times are of this machine and this moment; the share of a core and
+the multiples of real time are what to look at.
+"""
+
+import argparse
+import json
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from core import Row, machine, table
+from in_process import command
+
+from vbus.board.board import Board
+from vbus.board.build import load_board_text
+from vbus.compiled import is_compiled
+from vbus.kernel import MS, SECOND
+
+FEW = 64
+
+
+def text(count: int, policy: str) -> str:
+    """Return a board of LM629s with motors, of which a host reaches those it asks for."""
+    axes = "".join(
+        f'[chips.x{n}]\npart = "LM629N-8"\nclock = "8 MHz"\nplant = "m{n}"\n'
+        f'[plants.m{n}]\nmodel = "dc_motor"\n'
+        for n in range(count)
+    )
+    return f'[board]\nname = "many"\ntime = "{policy}"\npower_on = "done"\n{axes}'
+
+
+def moving(count: int) -> Board:
+    """Return a board on which every axis turns."""
+    made = load_board_text(text(count, "lockstep"))
+    for chip in made.chips:
+        port = made.open_port(f"h {chip.name}", [chip.name])
+        command(port, 0x1E, 0x000A, 300, 2000)
+        command(port, 0x04)
+        command(port, 0x1F, 0x1828, 0, 1000, 1, 0)
+        command(port, 0x01)
+    made.run_for(100 * MS)
+    made.catch_up()
+    return made
+
+
+def ran(made: Board, duration: int) -> float:
+    """Return seconds of computing per second of chip time."""
+    begun = time.process_time()
+    for _ in range(10):
+        made.run_for(duration // 10)
+        made.catch_up()
+    return (time.process_time() - begun) * SECOND / duration
+
+
+def in_process() -> list[Row]:
+    """Rows without a server."""
+    count = 500 if is_compiled() else 50
+    begun = time.perf_counter()
+    board = load_board_text(text(2000, "lockstep"))
+    started = time.perf_counter() - begun
+    board.run_for(SECOND)
+    board.catch_up()
+    rest = ran(board, 600 * SECOND)
+    share = ran(moving(count), SECOND)
+    one = ran(moving(1), 10 * SECOND)
+    idle = load_board_text(text(1, "lockstep"))
+    idle.run_for(SECOND)
+    idle.catch_up()
+    hour = ran(idle, 3600 * SECOND) * 3600
+    return [
+        Row("a board of 2000 LM629s with motors starts", f"{started:.1f} s", "seconds"),
+        Row("2000 resting axes, ten minutes", f"{rest * 600 * 1000:.0f} ms", "-"),
+        Row("moving LM629 axes in real time on one core", f"{count / share:.0f}", "10000"),
+        Row("one moving axis against real time", f"{1 / one:.0f} x", "10000 x"),
+        Row("one idle hour of an LM629", f"{hour * 1000:.2f} ms", "1 ms"),
+    ]
+
+
+def cpu_seconds(pid: int) -> float:
+    """Return the processor time a process has had."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def hosts(count: int) -> str:
+    """Return a host entry for every 16 axes: as many as SELECT reaches."""
+    return "".join(
+        f'[[hosts]]\ntransport = "unix:$VBUS_RUNTIME/{first}.sock"\nprotocol = "byte"\n'
+        f"chips = {[f'x{n}' for n in range(first, min(first + 16, count))]}\n"
+        for first in range(0, count, 16)
+    ).replace("'", '"')
+
+
+def turn() -> bytes:
+    """Return what makes all chips of a session turn for ever, and an ECHO behind it."""
+    wait = b"\x34" + (5 * MS).to_bytes(8, "big")
+    out = b"\x03\xff\xff"
+    for code, *words in ((0x1E, 0x000A, 300, 2000), (4,), (0x1F, 0x1828, 0, 1000, 1, 0), (1,)):
+        out += wait + bytes((0x20, code))
+        for word in words:
+            out += wait + bytes((0x21, word >> 8, 0x21, word & 0xFF))
+    return out + b"\x02\x77"
+
+
+def start_axes(folder: Path, count: int) -> None:
+    """Have hosts start every axis of a served board."""
+    for first in range(0, count, 16):
+        with socket.socket(socket.AF_UNIX) as host:
+            host.settimeout(60)
+            host.connect(str(folder / f"{first}.sock"))
+            host.sendall(turn())
+            got = b""
+            while not got.endswith(b"E\x77"):
+                more = host.recv(4096)
+                assert more, "the server has gone"
+                got += more
+
+
+def served(count: int, turning: bool, seconds: float) -> tuple[float, float]:
+    """Return the share of a core ``vbus run`` takes in real time, and its worst lag (ms)."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "many.toml"
+        file.write_text(text(count, "realtime") + hosts(count))
+        environment = {**os.environ, "VBUS_RUNTIME": folder}
+        server = subprocess.Popen(
+            [sys.executable, "-m", "vbus", "run", "--json", file],
+            stdout=subprocess.PIPE, env=environment,
+        )  # fmt: skip
+        try:
+            assert server.stdout is not None
+            server.stdout.readline()
+            if turning:
+                start_axes(Path(folder), count)
+            time.sleep(0.5)
+            begun, wall = cpu_seconds(server.pid), time.perf_counter()
+            time.sleep(seconds)
+            share = (cpu_seconds(server.pid) - begun) / (time.perf_counter() - wall)
+            told = subprocess.run(
+                [sys.executable, "-m", "vbus", "ls", "--json"],
+                env=environment, check=True, capture_output=True, text=True,
+            )  # fmt: skip
+            lag = json.loads(told.stdout)[0]["worst_lag_ps"] / 1e9
+        finally:
+            server.terminate()
+            server.wait()
+            server.stdout.close()
+    return share, lag
+
+
+def in_real_time(seconds: float) -> list[Row]:
+    """Rows of ``vbus run``."""
+    rows = []
+    for count, turning in ((FEW, True), (FEW, False), (2000, False)):
+        share, lag = served(count, turning, seconds)
+        rows.append(
+            Row(
+                f"vbus run, {count} axes {'moving' if turning else 'at rest'}, real time",
+                f"{share * 100:.1f} % of a core, worst lag {lag:.1f} ms",
+                "well under a core" if turning else "-",
+            )
+        )
+    return rows
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--seconds", type=float, default=2.0, help="how long to watch each server")
+    options = parser.parse_args()
+    print(machine())
+    print(table([*in_process(), *in_real_time(options.seconds)]))
+
+
+if __name__ == "__main__":
+    main()
