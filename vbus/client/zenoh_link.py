@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qsl
 from weakref import WeakSet
 
-from vbus.client.links import Link
+from vbus.client.link import Link
 from vbus.errors import TransportError
 from vbus.network import envelope, keys, places
 from vbus.network.security import Security

@@ -6,7 +6,7 @@ from typing import Final
 from vbus.board.board import Board
 from vbus.board.cards import Card
 from vbus.client.bus import Bus
-from vbus.client.links import Link
+from vbus.client.link import Link
 from vbus.errors import TransportError
 from vbus.kernel import NEVER
 from vbus.protocols.byte import ByteProtocol

@@ -7,7 +7,8 @@ from types import TracebackType
 from typing import Concatenate, Final, ParamSpec, Self, TypeVar
 
 from vbus.client.aio.ready import Lock, opened, until_ready
-from vbus.client.links import Link, open_link
+from vbus.client.link import Link
+from vbus.client.links import open_link
 from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
 from vbus.client.wire import Wire
 from vbus.errors import TransportError, VbusError

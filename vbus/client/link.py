@@ -1,0 +1,79 @@
+"""A link to a board: an open, non-blocking descriptor."""
+
+import contextlib
+import errno
+import os
+import socket
+from typing import Final
+
+from vbus.errors import TransportError
+
+_READ: Final = 65536
+_GONE: Final = (errno.EIO, errno.EPIPE, errno.ECONNRESET, errno.ENXIO, errno.EBADF)
+
+
+class Link:
+    """An open link to a board.
+
+    Args:
+        where: how it was asked for, for messages.
+        fd: the descriptor; it is made non-blocking and belongs to the link from now on.
+    """
+
+    by_descriptor: bool = True
+    """Whether the descriptor tells when the link takes more bytes; else it takes more when some
+    have been read."""
+
+    def __init__(self, where: str, fd: int) -> None:
+        self.where: str = where
+        self.fd: int = fd
+        os.set_blocking(fd, False)
+
+    def write(self, data: memoryview) -> int:
+        """Send as much of ``data`` as the link takes now; return how much that was."""
+        try:
+            return os.write(self.fd, data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise self._lost(error) from error
+
+    def read(self) -> bytes:
+        """Return the bytes that are here; none if there are none."""
+        try:
+            data = os.read(self.fd, _READ)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise self._lost(error) from error
+        if not data:
+            raise TransportError(f"{self.where}: closed by the other end")
+        return data
+
+    def until(self, deadline: float) -> float:
+        """Return when to read although nothing has come, at the latest at ``deadline``."""
+        return deadline
+
+    def check(self) -> None:
+        """Tell whether a link that was being opened is open.
+
+        Raises:
+            TransportError: it is not; says why.
+        """
+        if self.where.startswith("tcp:"):
+            with socket.socket(fileno=os.dup(self.fd)) as connected:
+                code = connected.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+            if code:
+                raise TransportError(f"{self.where} cannot be opened: {os.strerror(code)}")
+
+    def close(self) -> None:
+        """Close the descriptor; again is harmless."""
+        if self.fd >= 0:
+            with contextlib.suppress(OSError):
+                os.close(self.fd)
+            self.fd = -1
+
+    def _lost(self, error: OSError) -> TransportError:
+        if error.errno in _GONE:
+            return TransportError(f"{self.where}: closed by the other end")
+        return TransportError(f"{self.where}: {error.strerror}")
