@@ -327,6 +327,52 @@ def test_it_works_beside_asyncio_and_with_workers(suite: pytest.Pytester) -> Non
     result.stdout.fnmatch_lines(["replay:  vbus replay *"])
 
 
+def test_workers_share_a_folder_and_nothing_else(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        test_one="""
+        import pytest
+
+        HOST = "import os, vbus\\nwith vbus.connect(os.environ['VBUS_LINK']) as bus: bus.read(0)"
+
+        @pytest.mark.parametrize("turn", range(4))
+        @pytest.mark.vbus(board="board.toml")
+        def test_it(turn, vbus_board, vbus_clock, vbus_exec, tmp_path):
+            host = tmp_path / "host.py"
+            host.write_text(HOST)
+            assert vbus_exec(str(host)).code == 0
+            vbus_board.faults.arm("jam")
+            vbus_clock.advance(f"{turn + 1} ms")
+            assert turn % 2, "on purpose"
+        """,
+        test_two="""
+        import pytest
+
+        @pytest.mark.asyncio
+        @pytest.mark.vbus(board="board.toml", seed=3)
+        async def test_it(vbus_board, vbus_pty):
+            from vbus.client.aio import connect
+            vbus_board.faults.arm("jam")
+            async with await connect(f"pty:{vbus_pty}") as bus:
+                await bus.read(0)
+            assert False, "on purpose"
+        """,
+    )
+    alone = suite.runpytest_subprocess("-q", "--vbus-dir=alone", "-p", "no:xdist")
+    alone.assert_outcomes(passed=2, failed=3)
+    shared = suite.runpytest_subprocess("-q", "-n2", "--vbus-dir=kept", "--vbus-wave=on-failure")
+    shared.assert_outcomes(passed=2, failed=3)
+    lines = [line for line in shared.outlines if line.startswith("replay:")]
+    journals = {re.findall(r"\S+\.vbj", line)[0] for line in lines}
+    assert len(journals) == 3
+    assert len(list((suite.path / "kept").glob("*.vcd"))) == 3
+    for journal in journals:
+        # What a worker saw is what one process sees.
+        here = vbus(f"vbus replay {journal}")
+        there = vbus(f"vbus replay {suite.path / 'alone' / Path(journal).name}")
+        assert here.returncode == there.returncode == 0, here.stdout + here.stderr
+        assert here.stdout == there.stdout
+
+
 def test_a_run_that_does_not_use_it_does_not_pay_for_it(suite: pytest.Pytester) -> None:
     suite.makepyfile(
         """
