@@ -56,6 +56,7 @@ class PtyTransport(Transport):
         self._poll: select.poll = select.poll()
         self._hangups: select.epoll | None = None
         self._clients: int = 0
+        self._owed: bool = False
         self._turned: bool = False
         self._link: PtyLink | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -158,6 +159,10 @@ class PtyTransport(Transport):
         for opened in events:
             if not opened:
                 self._clients = max(0, self._clients - 1)
+                self._owed = False
+            elif self._owed:
+                # The terminal was seen open before the report came: this client is counted.
+                self._owed = False
             else:
                 turned = turned or not self._clients
                 self._clients += 1
@@ -170,6 +175,7 @@ class PtyTransport(Transport):
     def _begin(self) -> PtyLink:
         assert self._watch is not None
         assert self._on_link is not None
+        self._owed = not self._clients
         self._clients = max(1, self._clients)
         self._turned = False
         link = self._link = PtyLink(self, self._master, self._name)

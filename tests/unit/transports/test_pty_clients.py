@@ -1,0 +1,63 @@
+"""How a terminal tells one client from the next when the system's reports come late."""
+
+import asyncio
+import os
+from pathlib import Path
+
+import pytest
+
+from vbus.transports import pty
+from vbus.transports.base import Link
+from vbus.transports.linux import OpenWatch
+
+
+class SlowWatch(OpenWatch):
+    """A watch whose reports can be held back, as a busy machine does."""
+
+    late = False
+
+    def read(self) -> list[bool]:
+        return [] if self.late else super().read()
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_the_next_client_is_told_from_the_last_although_the_report_of_an_open_came_late(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, late: bool
+) -> None:
+    monkeypatch.setattr(pty, "OpenWatch", SlowWatch)
+    seen: list[str] = []
+
+    def on_link(link: Link) -> None:
+        number = len([line for line in seen if line.startswith("begin")])
+        seen.append(f"begin {number}")
+        link.on_data = lambda data: seen.append(f"data {number} {data.hex()}")
+
+        def ended(carry_out: bool) -> None:
+            seen.append(f"end {number}")
+            link.close()
+
+        link.on_end = ended
+
+    loop = asyncio.new_event_loop()
+    transport = pty.PtyTransport(str(tmp_path / "x"), {})
+    transport.open(loop, on_link)
+    watch, link = transport._watch, lambda: transport._link
+    assert isinstance(watch, SlowWatch)
+    try:
+        watch.late = late
+        first = os.open(tmp_path / "x", os.O_RDWR | os.O_NOCTTY)
+        transport._notice()
+        watch.late = False
+        os.close(first)
+        second = os.open(tmp_path / "x", os.O_RDWR | os.O_NOCTTY)
+        os.write(second, b"\x31")
+        current = link()
+        assert current is not None
+        transport._notice(os.read(current.fd, 10))
+        loop.run_until_complete(asyncio.sleep(0))
+        os.close(second)
+    finally:
+        transport.close()
+        loop.close()
+    assert seen[:3] == ["begin 0", "end 0", "begin 1"]
+    assert seen[3:4] == ["data 1 31"]
