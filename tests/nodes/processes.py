@@ -18,12 +18,17 @@ class Bench:
     """A folder with a board file and a scenario, and the processes started in it."""
 
     def __init__(
-        self, folder: Path, board: str = BOARD, script: str = "", make: bool = False
+        self,
+        folder: Path,
+        board: str = BOARD,
+        script: str = "",
+        make: bool = False,
+        endpoint: str = "",
     ) -> None:
         self.folder = folder
         if make:
             folder.mkdir()
-        self.endpoint = free_endpoint()
+        self.endpoint = endpoint or free_endpoint()
         text = board.replace("[nodes.a]", f'[nodes.a]\nlisten = "{self.endpoint}"')
         self.board = folder / "four.toml"
         self.board.write_text(text)
@@ -39,13 +44,18 @@ class Bench:
         hash_seed: int = 0,
         script: bool = True,
         board: Path | None = None,
+        inside: Sequence[str] = (),
     ) -> subprocess.Popen[str]:
-        """Start the nodes with these one-letter names in one process."""
+        """Start the nodes with these one-letter names in one process.
+
+        ``inside`` stands before the command: what runs it on another computer.
+        """
         arguments = [word for node in nodes for word in ("--node", node)]
         if script:
             arguments += ["--scenario", str(self.script), "--trace", str(self.trace(nodes))]
+        file = str(board or self.board)
         process = subprocess.Popen(
-            [sys.executable, "-m", "vbus", "run", str(board or self.board), *arguments, *options],
+            [*inside, sys.executable, "-m", "vbus", "run", file, *arguments, *options],
             cwd=self.folder,
             env={
                 **os.environ,

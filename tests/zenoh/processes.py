@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from vbus.network.session import free_endpoint
@@ -44,14 +44,23 @@ def until(condition: Callable[[], object], what: str) -> None:
 
 
 class Process:
-    """One ``vbus`` command that runs until it is stopped."""
+    """One ``vbus`` command that runs until it is stopped.
 
-    def __init__(self, arguments: list[str], folder: Path, runtime: str = "") -> None:
+    ``inside`` stands before the command: what runs it on another computer.
+    """
+
+    def __init__(
+        self,
+        arguments: list[str],
+        folder: Path,
+        runtime: str = "",
+        inside: Sequence[str] = (),
+    ) -> None:
         environment = {**os.environ, "VBUS_RUNTIME": runtime or os.environ["VBUS_RUNTIME"]}
         self.errors = folder / f"errors-{time.monotonic_ns()}"
         with self.errors.open("w") as errors:
             self.popen = subprocess.Popen(
-                [sys.executable, "-m", "vbus", *arguments],
+                [*inside, sys.executable, "-m", "vbus", *arguments],
                 stdout=subprocess.PIPE,
                 stderr=errors,
                 text=True,

@@ -333,7 +333,7 @@ class Bus(Cycles):
         passing = self._passing * 1e-12
         if self._info is not None and self._info.rate > 0:
             passing /= self._info.rate
-        return min(self.timeout + passing, _LONGEST_WAIT)
+        return min(self.timeout + passing + self.link.patience, _LONGEST_WAIT)
 
     def _late(self, message: Message) -> TransportError:
         for name, later in message.requests:

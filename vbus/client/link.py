@@ -23,6 +23,8 @@ class Link:
     by_descriptor: bool = True
     """Whether the descriptor tells when the link takes more bytes; else it takes more when some
     have been read."""
+    patience: float = 0.0
+    """Seconds the link may be out of order and mend itself: replies may take so much longer."""
 
     def __init__(self, where: str, fd: int) -> None:
         self.where: str = where

@@ -38,7 +38,8 @@ TICK_SECONDS: Final = 0.1
 """How often is looked after messages without an answer."""
 LONGEST_SECONDS: Final = 86400.0
 """How long the board may take over a message: as long as its delays say."""
-_OPTIONS: Final = ("connect", "certificate", "key", "authority")
+LONGEST_PATIENCE: Final = 86400.0
+_OPTIONS: Final = ("connect", "certificate", "key", "authority", "patience")
 
 
 _open: WeakSet[ZenohLink] = WeakSet()
@@ -95,6 +96,7 @@ class ZenohLink(Link):
         session: an open Zenoh session, which belongs to the link from now on.
         endpoints: where it is connected to, for messages.
         security: its certificates, if any.
+        patience: seconds that a board which has answered before may be out of reach; None: 3.
     """
 
     by_descriptor = False
@@ -106,6 +108,7 @@ class ZenohLink(Link):
         session: zenoh.Session,
         endpoints: tuple[str, ...],
         security: Security | None = None,
+        patience: float | None = None,
     ) -> None:
         import zenoh
 
@@ -113,6 +116,9 @@ class ZenohLink(Link):
         self._bus_key: str = bus_key
         self._endpoints: tuple[str, ...] = endpoints
         self._security: Security | None = security
+        if patience is not None:
+            self.patience = patience
+        self._recovery: float = RECOVERY_SECONDS if patience is None else patience
         self._network: zenoh.Session = session
         self._name: bytes = envelope.new_session()
         self._number: int = 0
@@ -182,7 +188,7 @@ class ZenohLink(Link):
         now = monotonic()
         if query is None or self._searching:
             return
-        patience = RECOVERY_SECONDS if self._given else FIRST_SECONDS
+        patience = self._recovery if self._given else FIRST_SECONDS
         if query.silent_since and now - query.silent_since > patience:
             self._searching = True
             threading.Thread(target=self._search, daemon=True).start()
@@ -304,7 +310,7 @@ def open_zenoh(rest: str) -> ZenohLink:
         ValueError: this is no such link.
     """
     path, _, query = rest.partition("?")
-    options = dict(parse_qsl(query))
+    options = dict(parse_qsl(query, keep_blank_values=True))
     chunks = path.split("/")
     if len(chunks) > 2 or not all(chunks) or set("*$#?") & set(path):
         raise ValueError(f"'zenoh:{rest}' is no link; allowed is {FORM}, or zenoh:BOARD for all")
@@ -314,14 +320,28 @@ def open_zenoh(rest: str) -> ZenohLink:
             f"'zenoh:{rest}': unknown option {unknown[0]}; allowed are {', '.join(_OPTIONS)}"
         )
     where = f"zenoh:{path}"
+    patience = _seconds(where, options["patience"]) if "patience" in options else None
     endpoints = _endpoints(chunks[0], options.get("connect", ""))
     security = places.security_of(options, where)
     session = open_session(connect=endpoints, mode="client", security=security)
     try:
-        return ZenohLink(where, keys.bus(*chunks), session, endpoints, security)
+        return ZenohLink(where, keys.bus(*chunks), session, endpoints, security, patience)
     except BaseException:
         close_session(session)
         raise
+
+
+def _seconds(where: str, text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not 0 <= seconds <= LONGEST_PATIENCE:
+        raise ValueError(
+            f"'{where}': patience={text} is no time; write seconds from 0 to {LONGEST_PATIENCE:g},"
+            " such as patience=30"
+        )
+    return seconds
 
 
 def _endpoints(board: str, given: str) -> tuple[str, ...]:
