@@ -5,6 +5,7 @@ import os
 import select
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from random import Random
 from typing import Final
 
@@ -144,12 +145,17 @@ class _Ends:
         return self.links[-1]
 
     def end(self, link: Link) -> None:
+        self.links.remove(link)
         self._do(link.close)
 
     def close(self) -> None:
         self._do(self.transport.close)
 
     def stop(self) -> None:
+        """Leave nothing open, as far as the transport can."""
+        for close in [link.close for link in self.links] + [self.transport.close]:
+            with suppress(Exception):  # what it does wrong has been said
+                self._do(close)
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()

@@ -235,3 +235,5 @@ def test_a_broken_transport_is_found(
         check_transport(factory, unix)
     for one in made:
         UnixTransport.close(one)
+    open_sockets = Path("/proc/net/unix").read_text()
+    assert str(tmp_path) not in open_sockets, "the kit closes what the transport has handed over"
