@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -28,6 +29,8 @@ def pytest_configure(config: pytest.Config) -> None:
         raise pytest.UsageError(f"VBUS_NEED_COMPILED is set, and the core is interpreted: {why()}")
     config.stash[CLAUSES] = read_clauses(Path(__file__).parent / "conformance")
     config.stash[MARKED] = set()
+    if config.pluginmanager.hasplugin("xdist"):
+        config.pluginmanager.register(_Workers())
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -48,8 +51,18 @@ def _whole(config: pytest.Config) -> bool:
     ] in ([Path(__file__).parent], [config.rootpath])
 
 
+class _Workers:
+    """Of pytest-xdist: the tests were collected there, so the clauses they mark come from there."""
+
+    def pytest_testnodedown(self, node: Any) -> None:
+        node.config.stash[MARKED].update(getattr(node, "workeroutput", {}).get("clauses", ()))
+
+
 def pytest_sessionfinish(session: pytest.Session) -> None:
     config = session.config
+    if (output := getattr(config, "workeroutput", None)) is not None:
+        output["clauses"] = sorted(config.stash[MARKED])
+        return
     if session.exitstatus == pytest.ExitCode.OK and _problems(config):
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
