@@ -7,6 +7,8 @@ memory: bx, si, di (and r8, r13 with 64 bits); cx is a small count; bp is an odd
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 BINARY = ("add", "or", "adc", "sbb", "and", "sub", "xor", "cmp")
 SHIFTS = ("rol", "ror", "rcl", "rcr", "shl", "shr", "sar")
@@ -83,8 +85,6 @@ def operations(bits: int) -> Iterator[Form]:
         for op in SHIFTS:
             for count in ("$1", "$3", "%cl"):
                 yield Form(f"{op}{size} {count}, %M")
-        for op in ("div", "idiv"):
-            yield Form(f"{op}{size} %M", refused=True)
     for size in wide:
         first = REGISTERS[size].split()[0]
         for op in ("bt", "bts", "btr", "btc"):
@@ -99,7 +99,15 @@ def operations(bits: int) -> Iterator[Form]:
         yield Form(f"bsr{size} %M, {first}")
         yield Form(f"movbe{size} %M, {first}")
         yield Form(f"movbe{size} {first}, %M")
-        yield Form(f"tzcnt{size} %M, {first}", refused=True)
+        for count in ("$5", "$40", "%cl"):
+            yield Form(f"shld{size} {count}, {first}, %M")
+            yield Form(f"shrd{size} {count}, {first}, %M")
+        if "bmi1" in processor():
+            yield Form(f"tzcnt{size} %M, {first}")
+        if "abm" in processor():
+            yield Form(f"lzcnt{size} %M, {first}")
+        if "popcnt" in processor():
+            yield Form(f"popcnt{size} %M, {first}")
         for condition in ("e", "ne", "l", "a"):
             yield Form(f"cmov{condition} %M, {first}")
         yield Form(f"movzb{size} %M, {first}")
@@ -120,8 +128,114 @@ def operations(bits: int) -> Iterator[Form]:
     yield Form("movnti %eax, %M")
     yield Form("lock addl %eax, %M")
     yield Form("lock xaddb %al, %M")
+    yield Form("lock cmpxchg8b %M")
+    pointer = "%rdi" if bits == 64 else "%edi"
+    same = f"movl ({pointer}), %eax; movl 4({pointer}), %edx; movl $0x1234567, %ebx"
+    yield Form(f"{same}; cmpxchg8b ({pointer})")
+    if bits == 64:
+        yield Form("lock cmpxchg16b %M")
+        same = "movq (%rdi), %rax; movq 8(%rdi), %rdx; movl $0x1234567, %ebx"
+        yield Form(f"{same}; lock cmpxchg16b (%rdi)")
+        yield Form("leaq %M, %rbx; xlatb")
+    else:
+        yield Form("leal %M, %ebx; xlatb")
     yield Form("jmp *%M", refused=True)
     yield Form("call *%M", refused=True)
+
+
+def divisions(bits: int) -> Iterator[Form]:
+    """By divisors that fit, of either sign; and by 0, which the processor refuses."""
+    extensions = {"b": "cbtw", "w": "cwtd", "l": "cltd", "q": "cqto"}
+    for size in sizes(bits):
+        wide = 8 << "bwlq".index(size)
+        high = "movb $0, %ah" if size == "b" else "xorl %edx, %edx"
+        sign = (1 << wide - 1) - (1 << wide)
+        odd, even = f"or{size} $1, %M", f"and{size} $-3, %M"
+        if size == "q":
+            top, bottom = "btsq $63, %M", "btrq $63, %M"
+        else:
+            top, bottom = f"or{size} ${sign}, %M", f"and{size} ${~sign}, %M"
+        yield Form(f"{high}; {odd}; div{size} %M")
+        yield Form(f"{extensions[size]}; {odd}; {bottom}; idiv{size} %M")
+        yield Form(f"{extensions[size]}; {odd}; {even}; {top}; idiv{size} %M")
+        yield Form(f"mov{size} $0, %M; div{size} %M", refused=True)
+        yield Form(f"mov{size} $0, %M; idiv{size} %M", refused=True)
+        most = {"b": "%al, %dl; movb $-128, %al; cbtw", "w": "%ax, %cx; movw $-32768, %ax; cwtd"}
+        if size in most:
+            yield Form(f"mov{size} {most[size]}; mov{size} $-1, %M; idiv{size} %M", refused=True)
+    yield Form("movl $1, %M; movl $1, %edx; divl %M", refused=True)
+    yield Form("movl $-1, %M; movl $0x80000000, %eax; cltd; idivl %M", refused=True)
+    yield Form("movl $1, %M; movl $0x80000000, %eax; xorl %edx, %edx; idivl %M", refused=True)
+    if bits == 64:
+        yield Form("movq $-1, %M; xorl %eax, %eax; movabs $1 << 63, %rdx; idivq %M", refused=True)
+
+
+def floats(bits: int) -> Iterator[Form]:
+    """Moves and arithmetic of the x87; results go to memory, where they can be compared."""
+    del bits
+    for size, store in (("s", "fstpt"), ("l", "fstpt"), ("t", "fstpt")):
+        yield Form(f"fninit; fld{size} %M; {store} 64+%M")
+    for size in ("s", "l"):
+        yield Form(f"fninit; fildl %M; fst{size} 64+%M; fstp{size} 80+%M")
+        for op in ("fadd", "fmul", "fsub", "fsubr", "fdiv", "fdivr"):
+            yield Form(f"fninit; fildl 96+%M; {op}{size} %M; fstpt 64+%M")
+        yield Form(f"fninit; fildl 96+%M; fcom{size} %M; fnstsw 64+%M; fninit")
+        yield Form(f"fninit; fildl 96+%M; fcomp{size} %M; fnstsw %ax; fninit")
+    for size in ("s", "l", "q"):  # words of 2, 4 and 8 bytes
+        load = {"s": "filds", "l": "fildl", "q": "fildll"}[size]
+        yield Form(f"fninit; {load} %M; fistp{size.replace('q', 'll')} 64+%M")
+        yield Form(f"fninit; {load} %M; fisttp{size.replace('q', 'll')} 64+%M")
+    for size in ("s", "l"):
+        yield Form(f"fninit; fildl 96+%M; fist{size} 64+%M; fiadd{size} %M; fstpt 64+%M")
+        yield Form(f"fninit; fildl 96+%M; fimul{size} %M; fidiv{size} 8+%M; fstpt 64+%M")
+        yield Form(f"fninit; fildl 96+%M; ficom{size} %M; fnstsw %ax; fninit")
+    yield Form("fninit; fildl %M; fildl 4+%M; fbstp 64+%M; fbstp 80+%M")
+    yield Form("fninit; fildl %M; fbstp 64+%M; fbld 64+%M; fstpt 80+%M")
+    yield Form("fninit; fnstcw %M; andw $0x0F00, 2+%M; orw $0x7F, 2+%M; fldcw 2+%M; fnstcw 8+%M")
+    yield Form("fninit; fildl %M; fildl 8+%M; fnstsw 16+%M; fstpt 64+%M; fstpt 80+%M")
+    yield Form("fnstenv %M", refused=True)
+    yield Form("fnsave %M", refused=True)
+
+
+def avx(bits: int) -> Iterator[Form]:
+    """Moves with a VEX prefix, and what they leave in upper halves."""
+    show = "vmovdqu %ymm1, 96+%M; vzeroupper"
+    fill = "vmovdqu 160+%M, %ymm1"
+    for op in ("vmovups", "vmovupd", "vmovdqu"):
+        yield Form(f"{op} %M, %ymm1; {op} %ymm1, 96+%M; vzeroupper")
+        yield Form(f"{fill}; {op} %M, %xmm1; {show}")
+        yield Form(f"{fill}; {op} %xmm1, 32+%M; vzeroupper")
+    for op in ("vmovaps", "vmovapd", "vmovdqa"):  # the memory of the forms is aligned to 32 bytes
+        yield Form(f"{op} %M, %ymm1; {op} %ymm1, 96+%M; vzeroupper")
+        yield Form(f"{op} %M, %xmm1; {op} %xmm1, 96+%M")
+    for op in ("vmovntps", "vmovntpd", "vmovntdq"):
+        yield Form(f"{fill}; {op} %ymm1, %M; vzeroupper")
+        yield Form(f"{op} %xmm1, %M")
+    for op in ("vmovss", "vmovsd", "vmovd", "vmovq"):
+        yield Form(f"{fill}; {op} %M, %xmm1; {show}")
+        yield Form(f"{op} %xmm1, %M")
+    for op in ("vmovlps", "vmovhps", "vmovlpd", "vmovhpd"):
+        yield Form(f"{fill}; {op} %M, %xmm3, %xmm1; {show}")
+        yield Form(f"{op} %xmm1, %M")
+    yield Form(f"vlddqu %M, %ymm1; {show}")
+    yield Form(f"{fill}; vmovntdqa %M, %xmm1; {show}")
+    yield Form(f"{fill}; movups %M, %xmm1; {show}")
+    yield Form(f"vzeroupper; movups %M, %xmm1; {show}")
+    yield Form("vpaddb %M, %xmm1, %xmm2", refused=True)
+    yield Form("vbroadcastss %M, %ymm1; vzeroupper", refused=True)
+    if bits == 64:
+        yield Form("vmovdqu %M, %ymm9; vmovdqu %ymm9, 96+%M; vzeroupper")
+        yield Form("leaq 32+%M, %r9; vmovdqu (%r9), %xmm12; vmovdqu %xmm12, (%r9,%rcx,8)")
+    if "avx512vl" in processor():
+        yield Form("vmovdqu32 %M, %ymm1; vzeroupper", refused=True)
+
+
+@cache
+def processor() -> frozenset[str]:
+    """Return what the processor can do."""
+    text = Path("/proc/cpuinfo").read_text()
+    line = next(line for line in text.splitlines() if line.startswith("flags"))
+    return frozenset(line.split(":")[1].split())
 
 
 def vectors(bits: int) -> Iterator[Form]:
@@ -136,10 +250,13 @@ def vectors(bits: int) -> Iterator[Form]:
         yield Form(f"{op} %xmm1, %M")
     yield Form("paddb %M, %xmm1", refused=True)
     yield Form("movq %M, %mm1; emms", refused=True)
-    yield Form("fldl %M; fstp %st(0)", refused=True)
+    yield Form("movdqu %M, %xmm7")
+    yield Form("lddqu %M, %xmm1")
+    yield Form("cvtsi2sd %M, %xmm1", refused=True)
+    if "sse4_1" in processor():
+        yield Form("movntdqa %M, %xmm1")
     if bits == 64:
-        yield Form("movdqu %M, %xmm7")
-        yield Form("vmovdqu %M, %ymm1; vzeroupper", refused=True)
+        yield Form("movdqu %M, %xmm11; movdqu %xmm11, 64+%M")
 
 
 def addresses(bits: int) -> Iterator[str]:
@@ -191,7 +308,8 @@ def strings(bits: int) -> Iterator[Form]:
 def forms(bits: int) -> list[Form]:
     result = []
     base = "%rbx" if bits == 64 else "%ebx"
-    for form in (*operations(bits), *vectors(bits)):
+    wide = (*vectors(bits), *floats(bits), *(avx(bits) if "avx" in processor() else ()))
+    for form in (*operations(bits), *divisions(bits), *wide):
         result.append(Form(form.text.replace("%M", f"32({base})"), refused=form.refused))
     for address in addresses(bits):
         result.extend(

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.exec.conftest import ALL, PROGRAMS, compile_c, require
+from tests.exec.forms import processor
 from tests.unit.board.test_leases import Leasing, reset_and_move
 from vbus.board.build import load_board
 
@@ -171,8 +172,43 @@ def test_an_instruction_of_an_unknown_kind_is_refused_by_its_bytes(
 ) -> None:
     done = probe("unsupported", card=MEMORY)
     assert (done.returncode, done.stdout) == (1, "")
-    assert "an instruction of a kind that is not supported touches the card" in done.stderr
-    assert "the instruction's bytes (and what follows it): D9 " in done.stderr
+    assert "an SSE or MMX instruction that is no plain move touches the card" in done.stderr
+    assert "the instruction's bytes (and what follows it): 0F FC " in done.stderr
+    assert "access the card through volatile integers" in done.stderr
+
+
+WIDE = [
+    "structure 03020100 0b0a0908", "fild 0706050403020100", "fld 0b0a090807060504",
+    "quotient 233", "quotient 0",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("level", ["-O0", "-O2", "-O3", "-O3 -mavx", "-Os -mno-sse"])
+def test_structures_are_copied_and_divisors_read_as_compilers_do_it(
+    bits: int, tmp_path: Path, level: str
+) -> None:
+    """A byte cycle for each byte of the structure, in the order of addresses."""
+    if "avx" in level and "avx" not in processor():
+        pytest.skip("the processor has no AVX")
+    if bits == 64 and "no-sse" in level:
+        level = "-Os"
+    program = compile_c(tmp_path / "wide", f"-m{bits}", *level.split(), PROGRAMS / "wide.c")
+    transcript = tmp_path / "bus.txt"
+    board = REGISTERS.format(time="lockstep", card=MEMORY)
+    done = execute(tmp_path, board, program, "handled", options=("--transcript", transcript))
+    assert done.stdout.splitlines() == [*WIDE, "signal 8, code 1, at the instruction 1"]
+    cycles = [line for line in transcript.read_text().splitlines() if not line.startswith("!")]
+    assert cycles[:32] == [f"x w {0x20 + turn:02X} {turn:02X}" for turn in range(32)]
+    assert [line[:6] for line in cycles[32:64]] == [f"x r {0x20 + n:02X}" for n in range(32)]
+
+
+@pytest.mark.parametrize("ignores", [(), ("ignored",)])
+def test_a_division_by_what_is_0_ends_the_program_as_ever(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path, ignores: tuple[str, ...]
+) -> None:
+    board = REGISTERS.format(time="lockstep", card=MEMORY)
+    done = execute(tmp_path, board, programs("wide", bits), *ignores)
+    assert (done.returncode, done.stdout.splitlines()) == (128 + signal.SIGFPE, WIDE)
 
 
 # -- the program's own affairs ---------------------------------------------------------------------

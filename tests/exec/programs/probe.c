@@ -182,9 +182,8 @@ static void strided(void)
 static void unsupported(void)
 {
     volatile unsigned char *card = map("/dev/mem", 0x40000000);
-    float value;
 
-    __asm__ volatile("flds (%1); fstps %0" : "=m"(value) : "r"(card + 0x20));
+    __asm__ volatile("paddb (%0), %%mm0" : : "r"(card + 0x20));
     printf("not reached\n");
 }
 

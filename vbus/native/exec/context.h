@@ -5,6 +5,7 @@
 #include "x86.h"
 
 #include <stddef.h>
+#include <string.h>
 #include <ucontext.h>
 
 #if X86_BITS == 64
@@ -16,9 +17,39 @@ static const int context_order[X86_REGISTERS] = {
 static const int context_order[X86_REGISTERS] = {REG_EAX, REG_ECX, REG_EDX, REG_EBX,
                                                  REG_ESP, REG_EBP, REG_ESI, REG_EDI};
 #define CONTEXT_IP REG_EIP
-/* Behind the old FPU state of 112 bytes comes what FXSAVE stores; XMM0 is at 160 in it. */
-#define CONTEXT_XMM (112 + 160)
+/* Behind the old FPU state of 112 bytes comes what FXSAVE stores. */
+#define CONTEXT_FX 112
 #endif
+
+/* Offsets in what FXSAVE stores, and in what XSAVE appends to it. */
+#define FX_XMM 160
+#define FX_MAGIC 464
+#define FX_FEATURES 472
+#define FX_STATE 512
+#define FX_YMM 576
+#define MAGIC 0x46505853u
+
+static void context_get_wide(unsigned char *fpu, struct x86 *cpu)
+{
+    unsigned char *fx = fpu;
+    uint32_t magic;
+    uint64_t features;
+
+    cpu->xmm = cpu->ymm = NULL;
+    cpu->fpu = fpu;
+    if (fpu == NULL)
+        return;
+#if X86_BITS == 32
+    fx = fpu + CONTEXT_FX;
+#endif
+    cpu->xmm = (unsigned char(*)[16])(void *)(fx + FX_XMM);
+    memcpy(&magic, fx + FX_MAGIC, sizeof magic);
+    memcpy(&features, fx + FX_FEATURES, sizeof features);
+    if (magic == MAGIC && features & 4) {
+        cpu->ymm = (unsigned char(*)[16])(void *)(fx + FX_YMM);
+        cpu->state = (uint64_t *)(void *)(fx + FX_STATE);
+    }
+}
 
 static void context_get(const ucontext_t *context, struct x86 *cpu)
 {
@@ -28,15 +59,7 @@ static void context_get(const ucontext_t *context, struct x86 *cpu)
         cpu->regs[turn] = (uintptr_t)context->uc_mcontext.gregs[context_order[turn]];
     cpu->ip = (uintptr_t)context->uc_mcontext.gregs[CONTEXT_IP];
     cpu->flags = (uintptr_t)context->uc_mcontext.gregs[REG_EFL];
-    cpu->xmm = NULL;
-    if (context->uc_mcontext.fpregs != NULL) {
-#if X86_BITS == 64
-        cpu->xmm = (unsigned char(*)[16])(void *)context->uc_mcontext.fpregs->_xmm;
-#else
-        cpu->xmm =
-            (unsigned char(*)[16])(void *)((char *)context->uc_mcontext.fpregs + CONTEXT_XMM);
-#endif
-    }
+    context_get_wide((unsigned char *)context->uc_mcontext.fpregs, cpu);
 }
 
 static void context_put(ucontext_t *context, const struct x86 *cpu)

@@ -209,9 +209,11 @@ static void say_bytes(uintptr_t ip)
 
 static _Noreturn void refuse(uintptr_t ip, uintptr_t address)
 {
-    card_say("an instruction of a kind that is not supported touches the card at 0x%x", address);
+    card_say("%s touches the card at 0x%x, which is not supported", x86_kind(ip), address);
     card_say_place("it is the", ip, "");
     say_bytes(ip);
+    card_say("supported are moves of up to 32 bytes and integer instructions: access the card through"
+             " volatile integers, or compile without -O3 and -march");
     card_end(1);
 }
 
@@ -251,6 +253,26 @@ static void pass_on(int number, siginfo_t *info, void *data, uintptr_t ip)
         action.sa_handler(number);
 }
 
+/* A division error happens at the instruction, as on the processor. */
+static void raise_division(ucontext_t *context, uintptr_t ip)
+{
+    struct sigaction action;
+    siginfo_t info;
+
+    if (real_sigaction(SIGFPE, NULL, &action) == 0
+        && (action.sa_handler == SIG_IGN || sigismember(&context->uc_sigmask, SIGFPE) == 1)) {
+        memset(&action, 0, sizeof action);
+        action.sa_handler = SIG_DFL; /* it cannot be put off */
+        real_sigaction(SIGFPE, &action, NULL);
+        sigdelset(&context->uc_sigmask, SIGFPE);
+    }
+    memset(&info, 0, sizeof info);
+    info.si_signo = SIGFPE;
+    info.si_code = FPE_INTDIV;
+    info.si_addr = (void *)ip;
+    syscall(SYS_rt_tgsigqueueinfo, getpid(), syscall(SYS_gettid), SIGFPE, &info);
+}
+
 static void on_fault(int number, siginfo_t *info, void *data)
 {
     int saved = errno, result = X86_FOREIGN;
@@ -270,6 +292,8 @@ static void on_fault(int number, siginfo_t *info, void *data)
     if (result == X86_DONE) {
         context_put(data, &cpu);
         card_raise();
+    } else if (result == X86_DIVISION) {
+        raise_division(data, cpu.ip);
     } else if (by_window) {
         refuse(cpu.ip, address);
     } else {

@@ -2,173 +2,9 @@
 #include "x86.h"
 
 #include "x86_alu.h"
+#include "x86_decode.h"
 
 #include <string.h>
-
-#define CARRY 0x001u
-#define ZERO 0x040u
-#define DIRECTION 0x400u
-#define MASK(size) ((size) >= sizeof(word) ? ~(word)0 : ((word)1 << 8 * (size)) - 1)
-
-/* An instruction being taken apart. */
-struct decoder {
-    struct x86 *cpu;
-    const struct x86_bus *bus;
-    const unsigned char *next;
-    word flags;
-    unsigned rex, size, segment, address_size;
-    int operand16, repeat; /* repeat: 0, F2h or F3h */
-    unsigned mod, reg, rm;
-    int has_address, ip_relative;
-    word address;
-};
-
-#define REX_W 8u
-#define REX_R 4u
-#define REX_X 2u
-#define REX_B 1u
-
-/* --- registers and memory --------------------------------------------------------------------- */
-
-static int high_byte(const struct decoder *d, unsigned number, unsigned size)
-{
-    return size == 1 && d->rex == 0 && number >= 4 && number < 8;
-}
-
-static word get(const struct decoder *d, unsigned number, unsigned size)
-{
-    if (high_byte(d, number, size))
-        return d->cpu->regs[number - 4] >> 8 & 0xFF;
-    return d->cpu->regs[number] & MASK(size);
-}
-
-static void set(struct decoder *d, unsigned number, word value, unsigned size)
-{
-    word *reg = &d->cpu->regs[number];
-
-    if (high_byte(d, number, size)) {
-        reg = &d->cpu->regs[number - 4];
-        *reg = (*reg & ~(word)0xFF00) | (value & 0xFF) << 8;
-    } else if (size >= 4)
-        *reg = value & MASK(size); /* 32-bit results clear the upper half */
-    else
-        *reg = (*reg & ~MASK(size)) | (value & MASK(size));
-}
-
-static void load_bytes(const struct decoder *d, word address, unsigned char *data, unsigned size)
-{
-    if (d->bus->covers(address, size))
-        d->bus->load(address, data, size);
-    else
-        memcpy(data, (const void *)address, size);
-}
-
-static void store_bytes(const struct decoder *d, word address, const unsigned char *data,
-                        unsigned size)
-{
-    if (d->bus->covers(address, size))
-        d->bus->store(address, data, size);
-    else
-        memcpy((void *)address, data, size);
-}
-
-static word load(const struct decoder *d, word address, unsigned size)
-{
-    word value = 0;
-
-    load_bytes(d, address, (unsigned char *)&value, size);
-    return value;
-}
-
-static void store(const struct decoder *d, word address, word value, unsigned size)
-{
-    store_bytes(d, address, (const unsigned char *)&value, size);
-}
-
-static word get_rm(const struct decoder *d, unsigned size)
-{
-    return d->has_address ? load(d, d->address, size) : get(d, d->rm, size);
-}
-
-static void set_rm(struct decoder *d, word value, unsigned size)
-{
-    if (d->has_address)
-        store(d, d->address, value, size);
-    else
-        set(d, d->rm, value, size);
-}
-
-static word sign_extend(word value, unsigned from)
-{
-    word sign = (word)1 << (8 * from - 1);
-
-    return from >= sizeof(word) ? value : ((value & MASK(from)) ^ sign) - sign;
-}
-
-/* --- operands --------------------------------------------------------------------------------- */
-
-/* Take an immediate of up to 4 bytes, sign-extended. */
-static word immediate(struct decoder *d, unsigned size)
-{
-    word value = 0;
-
-    memcpy(&value, d->next, size);
-    d->next += size;
-    return sign_extend(value, size);
-}
-
-static unsigned immediate_size(const struct decoder *d)
-{
-    return d->size == 2 ? 2 : 4;
-}
-
-/* Take the ModRM byte and what belongs to it. */
-static void operands(struct decoder *d)
-{
-    unsigned char modrm = *d->next++;
-    word address = 0;
-
-    d->mod = modrm >> 6;
-    d->reg = (modrm >> 3 & 7) | (d->rex & REX_R ? 8 : 0);
-    d->rm = (modrm & 7) | (d->rex & REX_B ? 8 : 0);
-    d->has_address = d->mod != 3;
-    if (!d->has_address)
-        return;
-    if ((modrm & 7) == 4) {
-        unsigned char sib = *d->next++;
-        unsigned index = (sib >> 3 & 7) | (d->rex & REX_X ? 8 : 0);
-        unsigned base = (sib & 7) | (d->rex & REX_B ? 8 : 0);
-
-        if (index != 4)
-            address = d->cpu->regs[index] << (sib >> 6);
-        if ((sib & 7) == 5 && d->mod == 0)
-            address += immediate(d, 4);
-        else
-            address += d->cpu->regs[base];
-    } else if ((modrm & 7) == 5 && d->mod == 0) {
-        address = immediate(d, 4);
-        d->ip_relative = X86_BITS == 64;
-    } else {
-        address = d->cpu->regs[d->rm];
-    }
-    if (d->mod == 1)
-        address += immediate(d, 1);
-    else if (d->mod == 2)
-        address += immediate(d, 4);
-    d->address = address & MASK(d->address_size);
-}
-
-/* The operand in memory, once `rest` bytes of immediates are known to follow. */
-static void settle_address(struct decoder *d, unsigned rest)
-{
-    if (d->has_address && d->ip_relative)
-        d->address = (d->address + (word)d->next + rest) & MASK(d->address_size);
-}
-
-static int in_window(const struct decoder *d, unsigned size)
-{
-    return d->has_address && d->bus->covers(d->address, size);
-}
 
 /* --- string instructions ---------------------------------------------------------------------- */
 
@@ -424,6 +260,79 @@ static void multiply(struct decoder *d, word value, unsigned size, int with_sign
     }
 }
 
+#if X86_BITS == 64
+typedef __int128 wide;
+typedef unsigned __int128 wide_natural;
+#else
+typedef int64_t wide;
+typedef uint64_t wide_natural;
+#endif
+
+/* Whether the quotient of `high`:`low` by what was read can be had. */
+static int divides(word low, word high, word value, unsigned size, int with_sign)
+{
+    unsigned bits = 8 * size;
+    wide_natural whole;
+    wide dividend, divisor, quotient, most;
+
+    if ((value & MASK(size)) == 0)
+        return 0;
+    if (!with_sign)
+        return (high & MASK(size)) < (value & MASK(size));
+    whole = (wide_natural)(high & MASK(size)) << bits | (low & MASK(size));
+    dividend = (wide)(whole << (8 * sizeof whole - 2 * bits)) >> (8 * sizeof whole - 2 * bits);
+    divisor = (intptr_t)sign_extend(value, size);
+    if (divisor == -1 && whole << (8 * sizeof whole - 2 * bits)
+                             == (wide_natural)1 << (8 * sizeof whole - 1))
+        return 0;
+    quotient = dividend / divisor;
+    most = (wide)1 << (bits - 1);
+    return quotient >= -most && quotient < most;
+}
+
+/* div and idiv by what was read */
+static int divide(struct decoder *d, word value, unsigned size, int with_sign)
+{
+    word low = get(d, X86_AX, size);
+    word high = size == 1 ? get(d, X86_AX, 2) >> 8 : get(d, X86_DX, size);
+    word bits = (d->flags & ARITHMETIC) | 0x202;
+
+    if (!divides(low, high, value, size, with_sign))
+        return X86_DIVISION;
+    if (size == 1)
+        low |= high << 8;
+#define DIVIDE(op, type)                                                                           \
+    {                                                                                              \
+        type divisor = (type)value;                                                                \
+        __asm__ volatile("push %[f]\n\tpopf\n\t" op " %[v]\n\tpushf\n\tpop %[f]"                   \
+                         : "+a"(low), "+d"(high), [f] "+r"(bits)                                   \
+                         : [v] "q"(divisor)                                                        \
+                         : "cc", "memory");                                                        \
+    }
+#define EITHER_DIVIDE(suffix, type)                                                                \
+    if (with_sign)                                                                                 \
+        DIVIDE("idiv" suffix, type)                                                                \
+    else                                                                                           \
+        DIVIDE("div" suffix, type)
+
+    switch (size) {
+    case 1: EITHER_DIVIDE("b", uint8_t) break;
+    case 2: EITHER_DIVIDE("w", uint16_t) break;
+    case 4: EITHER_DIVIDE("l", uint32_t) break;
+#if X86_BITS == 64
+    case 8: EITHER_DIVIDE("q", uint64_t) break;
+#endif
+    }
+    d->flags = (d->flags & ~(word)ARITHMETIC) | (bits & ARITHMETIC);
+    if (size == 1) {
+        set(d, X86_AX, low, 2);
+    } else {
+        set(d, X86_AX, low, size);
+        set(d, X86_DX, high, size);
+    }
+    return X86_DONE;
+}
+
 static int unary(struct decoder *d, unsigned op)
 {
     unsigned size = op & 1 ? d->size : 1, bytes;
@@ -445,9 +354,9 @@ static int unary(struct decoder *d, unsigned op)
     case 5:
         multiply(d, get_rm(d, size), size, (d->reg & 7) == 5);
         return X86_DONE;
-    case 6: /* div and idiv may trap */
+    case 6:
     case 7:
-        return X86_UNKNOWN;
+        return divide(d, get_rm(d, size), size, (d->reg & 7) == 7);
     default:
         value = immediate(d, bytes);
         alu_test(get_rm(d, size), value, size, &d->flags);
@@ -495,268 +404,15 @@ static int pop(struct decoder *d)
     return X86_DONE;
 }
 
-/* --- two-byte opcodes ------------------------------------------------------------------------- */
-
-static int condition(word flags, unsigned code)
+/* xlat: a byte of a table */
+static int translate(struct decoder *d)
 {
-    int carry = (flags & CARRY) != 0, zero = (flags & ZERO) != 0;
-    int sign = (flags >> 7 & 1) != 0, overflow = (flags >> 11 & 1) != 0, found;
+    word address = (d->cpu->regs[X86_BX] + get(d, X86_AX, 1)) & MASK(d->address_size);
 
-    switch (code >> 1) {
-    case 0: found = overflow; break;
-    case 1: found = carry; break;
-    case 2: found = zero; break;
-    case 3: found = carry || zero; break;
-    case 4: found = sign; break;
-    case 5: found = (flags >> 2 & 1) != 0; break;
-    case 6: found = sign != overflow; break;
-    default: found = zero || sign != overflow;
-    }
-    return found != (int)(code & 1);
-}
-
-static int set_or_move_if(struct decoder *d, unsigned op)
-{
-    int yes = condition(d->flags, op & 15);
-    unsigned size = op < 0x50 ? d->size : 1;
-
-    operands(d);
-    settle_address(d, 0);
-    if (!in_window(d, size))
+    if (!d->bus->covers(address, 1))
         return X86_FOREIGN;
-    if (op < 0x50) {
-        word value = get_rm(d, size); /* read in any case */
-
-        set(d, d->reg, yes ? value : get(d, d->reg, size), size);
-    } else {
-        set_rm(d, (word)yes, 1);
-    }
+    set(d, X86_AX, load(d, address, 1), 1);
     return X86_DONE;
-}
-
-static int bit(struct decoder *d, unsigned op)
-{
-    int by_immediate = op == 0xBA;
-    alu *action;
-    word place, value, result;
-
-    operands(d);
-    settle_address(d, by_immediate ? 1 : 0);
-    if (by_immediate) {
-        place = *d->next++;
-        if ((d->reg & 7) < 4)
-            return X86_UNKNOWN;
-        action = bit_group[d->reg & 3];
-    } else {
-        word offset = sign_extend(get(d, d->reg, d->size), d->size);
-        intptr_t words = (intptr_t)offset >> (d->size == 2 ? 4 : d->size == 4 ? 5 : 6);
-
-        place = offset;
-        d->address = (d->address + (word)words * d->size) & MASK(d->address_size);
-        action = bit_group[op >> 3 & 3];
-    }
-    if (!in_window(d, d->size))
-        return X86_FOREIGN;
-    place &= 8 * d->size - 1;
-    value = get_rm(d, d->size);
-    result = action(value, place, d->size, &d->flags);
-    if (action != alu_bt)
-        set_rm(d, result, d->size);
-    return X86_DONE;
-}
-
-static int exchange(struct decoder *d, unsigned op)
-{
-    unsigned size = op & 1 ? d->size : 1;
-    word value, other;
-
-    operands(d);
-    settle_address(d, 0);
-    if (!in_window(d, size))
-        return X86_FOREIGN;
-    value = get_rm(d, size);
-    if (op < 0xC0) { /* cmpxchg */
-        alu_cmp(get(d, X86_AX, size), value, size, &d->flags);
-        set_rm(d, d->flags & ZERO ? get(d, d->reg, size) : value, size);
-        if (!(d->flags & ZERO))
-            set(d, X86_AX, value, size);
-    } else { /* xadd */
-        other = alu_add(value, get(d, d->reg, size), size, &d->flags);
-        set(d, d->reg, value, size);
-        set_rm(d, other, size);
-    }
-    return X86_DONE;
-}
-
-static int extend(struct decoder *d, unsigned op)
-{
-    unsigned from = op & 1 ? 2 : 1;
-    word value;
-
-    operands(d);
-    settle_address(d, 0);
-    if (!in_window(d, from))
-        return X86_FOREIGN;
-    value = get_rm(d, from);
-    set(d, d->reg, op & 8 ? sign_extend(value, from) : value, d->size);
-    return X86_DONE;
-}
-
-/* imul, bsf, bsr, popcnt: a register and what was read */
-static int combine(struct decoder *d, unsigned op)
-{
-    word value, flags = d->flags;
-
-    operands(d);
-    settle_address(d, 0);
-    if (!in_window(d, d->size))
-        return X86_FOREIGN;
-    if (d->repeat)
-        return X86_UNKNOWN; /* tzcnt, lzcnt, popcnt: not on every processor */
-    value = get_rm(d, d->size);
-    if (op == 0xAF) {
-        set(d, d->reg, alu_imul(get(d, d->reg, d->size), value, d->size, &d->flags), d->size);
-        return X86_DONE;
-    }
-    value = (op == 0xBC ? alu_bsf : alu_bsr)(get(d, d->reg, d->size), value, d->size, &flags);
-    d->flags = flags;
-    if (!(flags & ZERO))
-        set(d, d->reg, value, d->size);
-    return X86_DONE;
-}
-
-static int swap_move(struct decoder *d, unsigned op)
-{
-    unsigned turn, size = d->size;
-    unsigned char bytes[8], turned[8];
-    word value = 0;
-
-    operands(d);
-    settle_address(d, 0);
-    if (!in_window(d, size) || d->repeat)
-        return d->repeat ? X86_UNKNOWN : X86_FOREIGN;
-    if (op == 0xF0) {
-        load_bytes(d, d->address, bytes, size);
-    } else {
-        value = get(d, d->reg, size);
-        memcpy(bytes, &value, size);
-    }
-    for (turn = 0; turn < size; turn++)
-        turned[turn] = bytes[size - 1 - turn];
-    if (op == 0xF0) {
-        memcpy(&value, turned, size);
-        set(d, d->reg, value, size);
-    } else {
-        store_bytes(d, d->address, turned, size);
-    }
-    return X86_DONE;
-}
-
-/* Moves between memory and an XMM register: what compilers and string functions use. */
-static int xmm_move(struct decoder *d, unsigned op)
-{
-    unsigned size = 16, place = 0;
-    int stores = 0, clears = 1;
-    unsigned char *reg;
-
-    operands(d);
-    settle_address(d, 0);
-    switch (op) {
-    case 0x10: /* movups movupd movss movsd */
-    case 0x11:
-        size = d->repeat == 0xF3 ? 4 : d->repeat == 0xF2 ? 8 : 16;
-        stores = op == 0x11;
-        break;
-    case 0x12: /* movlps movlpd */
-    case 0x13:
-    case 0x16: /* movhps movhpd */
-    case 0x17:
-        if (d->repeat)
-            return X86_UNKNOWN;
-        size = 8;
-        place = op & 4 ? 8 : 0;
-        clears = 0;
-        stores = op & 1;
-        break;
-    case 0x28: /* movaps movapd */
-    case 0x29:
-    case 0x2B: /* movntps movntpd */
-        stores = op != 0x28;
-        break;
-    case 0x6E: /* movd movq */
-        if (!d->operand16)
-            return X86_UNKNOWN;
-        size = d->rex & REX_W ? 8 : 4;
-        break;
-    case 0x7E:
-        if (d->repeat == 0xF3) {
-            size = 8;
-        } else if (d->operand16) {
-            size = d->rex & REX_W ? 8 : 4;
-            stores = 1;
-        } else {
-            return X86_UNKNOWN;
-        }
-        break;
-    case 0x6F: /* movdqa movdqu */
-    case 0x7F:
-        if (!d->operand16 && d->repeat != 0xF3)
-            return X86_UNKNOWN;
-        stores = op == 0x7F;
-        break;
-    case 0xD6: /* movq */
-        if (!d->operand16)
-            return X86_UNKNOWN;
-        size = 8;
-        stores = 1;
-        break;
-    default: /* E7h: movntdq */
-        if (!d->operand16)
-            return X86_UNKNOWN;
-        stores = 1;
-    }
-    if (!in_window(d, size))
-        return X86_FOREIGN;
-    if (d->cpu->xmm == NULL)
-        return X86_UNKNOWN;
-    reg = d->cpu->xmm[d->reg];
-    if (stores) {
-        store_bytes(d, d->address, reg + place, size);
-    } else {
-        load_bytes(d, d->address, reg + place, size);
-        if (clears)
-            memset(reg + size, 0, 16 - size);
-    }
-    return X86_DONE;
-}
-
-static int two_bytes(struct decoder *d)
-{
-    unsigned op = *d->next++;
-
-    if ((op >= 0x40 && op < 0x50) || (op >= 0x90 && op < 0xA0))
-        return set_or_move_if(d, op);
-    switch (op) {
-    case 0x10: case 0x11: case 0x12: case 0x13: case 0x16: case 0x17:
-    case 0x28: case 0x29: case 0x2B: case 0x6E: case 0x6F: case 0x7E: case 0x7F:
-    case 0xD6: case 0xE7:
-        return xmm_move(d, op);
-    case 0xA3: case 0xAB: case 0xB3: case 0xBB: case 0xBA:
-        return bit(d, op);
-    case 0xAF: case 0xBC: case 0xBD:
-        return combine(d, op);
-    case 0xB0: case 0xB1: case 0xC0: case 0xC1:
-        return exchange(d, op);
-    case 0xB6: case 0xB7: case 0xBE: case 0xBF:
-        return extend(d, op);
-    case 0xC3: /* movnti */
-        return move(d, 0x89);
-    case 0x38:
-        op = *d->next++;
-        return op == 0xF0 || op == 0xF1 ? swap_move(d, op) : X86_UNKNOWN;
-    default:
-        return X86_UNKNOWN;
-    }
 }
 
 static int one_byte(struct decoder *d, unsigned op)
@@ -765,7 +421,7 @@ static int one_byte(struct decoder *d, unsigned op)
         return arithmetic(d, op);
     switch (op) {
     case 0x0F:
-        return two_bytes(d);
+        return x86_two_bytes(d);
 #if X86_BITS == 64
     case 0x63: /* movslq */
         operands(d);
@@ -793,6 +449,12 @@ static int one_byte(struct decoder *d, unsigned op)
         return shift(d, op);
     case 0xC6: case 0xC7:
         return move_immediate(d, op);
+    case 0xC4: case 0xC5:
+        return wide_avx(d, op);
+    case 0xD7:
+        return translate(d);
+    case 0xD8: case 0xD9: case 0xDA: case 0xDB: case 0xDC: case 0xDD: case 0xDE: case 0xDF:
+        return wide_x87(d, op);
     case 0xE4: case 0xE5: case 0xE6: case 0xE7:
     case 0xEC: case 0xED: case 0xEE: case 0xEF:
         return port(d, op);

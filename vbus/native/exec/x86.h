@@ -24,6 +24,9 @@ struct x86 {
     uintptr_t ip;
     uintptr_t flags;
     unsigned char (*xmm)[16]; /* as many as registers, or NULL */
+    unsigned char (*ymm)[16]; /* upper halves of the same, or NULL where the processor has none */
+    uint64_t *state;          /* XSTATE_BV: which of them are in use; with `ymm` only */
+    unsigned char *fpu;       /* x87 registers: as FXSAVE stores them (64 bits), as FNSAVE (32) */
 };
 
 /* What the instruction reaches. Addresses grow by successive bytes; `size` is 1 to 16. */
@@ -39,9 +42,13 @@ struct x86_bus {
 enum {
     X86_DONE,    /* carried out; registers, flags and ip are those after it */
     X86_FOREIGN, /* it touches no port and nothing of the window, or a port it may not */
-    X86_UNKNOWN  /* it touches the window and is not known here */
+    X86_UNKNOWN, /* it touches the window and is not known here */
+    X86_DIVISION /* it divides by 0, or the quotient is too large: nothing has changed */
 };
 
 int x86_step(struct x86 *cpu, const struct x86_bus *bus);
+
+/* What kind of instruction it is that is not known. */
+const char *x86_kind(uintptr_t ip);
 
 #endif

@@ -6,11 +6,9 @@
 #ifndef VBUS_EXEC_X86_ALU_H
 #define VBUS_EXEC_X86_ALU_H
 
-#include <stdint.h>
+#include "x86_decode.h"
 
 #define ARITHMETIC 0x8D5u /* OF SF ZF AF PF CF */
-
-typedef uintptr_t word;
 
 #define RUN_BINARY(op, type, constraint)                                                           \
     {                                                                                              \
@@ -44,12 +42,14 @@ typedef uintptr_t word;
 
 #if defined(__x86_64__)
 #define CASE_8(run, op) case 8: run(op "q", uint64_t, "r") break;
+#define CASE_8_SHIFT_IN(op) case 8: RUN_SHIFT_IN(op "q", uint64_t) break;
 #else
 #define CASE_8(run, op)
+#define CASE_8_SHIFT_IN(op)
 #endif
 
 #define FUNCTION(name, run, op)                                                                    \
-    static word name(word a, word b, unsigned size, word *flags)                                   \
+    static inline word name(word a, word b, unsigned size, word *flags)                                   \
     {                                                                                              \
         word bits = (*flags & ARITHMETIC) | 0x202, result = 0;                                     \
                                                                                                    \
@@ -64,9 +64,33 @@ typedef uintptr_t word;
         return result;                                                                             \
     }
 
+#define RUN_SHIFT_IN(op, type)                                                                     \
+    {                                                                                              \
+        type left = (type)a, right = (type)b;                                                      \
+        __asm__ volatile("push %[f]\n\tpopf\n\t" op " %%cl, %[b], %[a]\n\tpushf\n\tpop %[f]"       \
+                         : [a] "+r"(left), [f] "+r"(bits)                                          \
+                         : [b] "r"(right), "c"((unsigned char)count)                               \
+                         : "cc", "memory");                                                        \
+        result = left;                                                                             \
+    }
+
 /* Operands of 2 bytes and more only. */
+#define SHIFT_IN_FUNCTION(name, op)                                                                \
+    static inline word name(word a, word b, word count, unsigned size, word *flags)                \
+    {                                                                                              \
+        word bits = (*flags & ARITHMETIC) | 0x202, result = 0;                                     \
+                                                                                                   \
+        switch (size) {                                                                            \
+        case 2: RUN_SHIFT_IN(op "w", uint16_t) break;                                              \
+        case 4: RUN_SHIFT_IN(op "l", uint32_t) break;                                              \
+            CASE_8_SHIFT_IN(op)                                                                    \
+        }                                                                                          \
+        *flags = (*flags & ~(word)ARITHMETIC) | (bits & ARITHMETIC);                               \
+        return result;                                                                             \
+    }
+
 #define WIDE_FUNCTION(name, op)                                                                    \
-    static word name(word a, word b, unsigned size, word *flags)                                   \
+    static inline word name(word a, word b, unsigned size, word *flags)                                   \
     {                                                                                              \
         word bits = (*flags & ARITHMETIC) | 0x202, result = 0;                                     \
                                                                                                    \
@@ -105,6 +129,11 @@ WIDE_FUNCTION(alu_btr, "btr")
 WIDE_FUNCTION(alu_btc, "btc")
 WIDE_FUNCTION(alu_bsf, "bsf")
 WIDE_FUNCTION(alu_bsr, "bsr")
+WIDE_FUNCTION(alu_popcnt, "popcnt")
+WIDE_FUNCTION(alu_tzcnt, "rep bsf")
+WIDE_FUNCTION(alu_lzcnt, "rep bsr")
+SHIFT_IN_FUNCTION(alu_shld, "shld")
+SHIFT_IN_FUNCTION(alu_shrd, "shrd")
 
 typedef word alu(word a, word b, unsigned size, word *flags);
 
