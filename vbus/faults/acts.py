@@ -8,6 +8,7 @@ from vbus.faults import chip as chips
 from vbus.faults.armed import ACTING, Armed, LinkActs
 from vbus.faults.axis import AxisFaults
 from vbus.faults.bus import BusFault, Later
+from vbus.faults.clock import CLOCKS, ClockFaults
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE
 from vbus.faults.table import FAULTS
 from vbus.options import Value
@@ -32,6 +33,7 @@ class Acts:
         self._board: Board = board
         self._later: Later = later
         self._axes: dict[str, AxisFaults] = {}
+        self._clocks: dict[str, ClockFaults] = {}
         self.buses: dict[int, BusFault] = {}
         self.links: LinkActs | None = None
 
@@ -42,6 +44,16 @@ class Acts:
             chip, _, number = place.partition(".")
             found = AxisFaults(self._board.chip(chip), int(number) - 1, self._board.axes[place])
             self._axes[place] = found
+        return found
+
+    def clock(self, name: str) -> ClockFaults:
+        """Return what can be wrong with the clock of the chip ``name``."""
+        found = self._clocks.get(name)
+        if found is None:
+            chip = self._board.chip(name)
+            places = [f"{name}.{axis + 1}" for axis in range(chip.axis_count)]
+            plants = [self._board.axes[place] for place in places if place in self._board.axes]
+            found = self._clocks[name] = ClockFaults(chip, plants)
         return found
 
     def begin(self, armed: Armed) -> str:
@@ -63,10 +75,12 @@ class Acts:
             bus = BusFault(chip, armed.name, armed.values, self._later)
             self.buses[armed.number] = bus
             return bus.begin()
+        if armed.name in CLOCKS:
+            return self.clock(armed.target).begin(armed.number, armed.name, armed.values)
         return chips.begin(chip, armed.name, armed.values)
 
-    def end(self, armed: Armed) -> None:
-        """Let a fault act no more."""
+    def end(self, armed: Armed) -> str:
+        """Let a fault act no more; return what there is to say about it."""
         fault = armed.fault
         if fault.target == AXIS:
             self.axis(armed.target).end(armed.number)
@@ -77,14 +91,17 @@ class Acts:
             bus = self.buses.pop(armed.number, None)
             if bus is not None:
                 bus.end()
+        elif armed.name in CLOCKS:
+            return self.clock(armed.target).end(armed.number)
         elif fault.acts == LASTS:
             chips.end(self._board.chip(armed.target), armed.name, armed.values)
+        return ""
 
     # -- state --------------------------------------------------------------------------------
 
     def save(self) -> tuple[object, ...]:
-        """Return, of each axis, what is no part of the plant's state."""
-        return tuple(
+        """Return, of each axis, what is no part of the plant's state; and the clocks' courses."""
+        axes = tuple(
             (
                 place, axis.wrapper is not None,
                 0 if axis.wrapper is None else axis.wrapper.pulsed,
@@ -93,9 +110,21 @@ class Acts:
             for place, axis in sorted(self._axes.items())
             if axis.acting or axis.wrapper is not None
         )  # fmt: skip
+        return axes, tuple(
+            (name, clock.chip.clock.save()) for name, clock in sorted(self._clocks.items())
+        )
 
-    def load(self, axes: Any, armed: list[Armed]) -> None:
-        """Break the axes as a saved state has them: before the plants take back their state."""
+    def load(self, state: Any, armed: list[Armed]) -> None:
+        """Break axes and clocks as a saved state has them: before chips take back theirs."""
+        axes, clocks = state
+        courses = dict(clocks)
+        for name in sorted({*courses, *self._clocks}):
+            off = {
+                one.number: (one.name, one.values)
+                for one in armed
+                if one.target == name and one.state == ACTING and one.name in CLOCKS
+            }
+            self.clock(name).restore(off, courses.get(name, ()))
         wrapped = {place: (is_wrapped, pulsed) for place, is_wrapped, pulsed, _ in axes}
         begun = {number: here for _, _, _, heres in axes for number, here in heres}
         for place in sorted({*wrapped, *self._axes}):

@@ -376,9 +376,9 @@ class Faults:
 
     def _end(self, armed: Armed, text: str) -> None:
         armed.state = WAITING
-        self._acts.end(armed)
+        told = self._acts.end(armed)
         if armed.fired:
-            self._tell(armed, ENDED, text)
+            self._tell(armed, ENDED, ", ".join(filter(None, (text, told))))
 
     def _finish(self, armed: Armed) -> None:
         armed.state = OVER
@@ -430,7 +430,7 @@ class Faults:
             if armed.number in self._acts.buses:
                 self._acts.end(armed)
             self._finish(armed)
-        values: Any = state[0] if state else (0, 0, (), (), ())
+        values: Any = state[0] if state else (0, 0, (), (), ((), ()))
         last, serial, records, queue, axes = values
         self._last, self._serial = last, serial
         self._armed = {row[0]: armed_of(row, self.find(row[1])) for row in records}

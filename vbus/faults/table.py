@@ -79,6 +79,11 @@ CHIP_FAULTS: Final = (
           (Option("extra", "s", 500_000_000, "added to each busy time (MC1241A)", low=0),),
           ("lm628", "mc1241a")),
     Fault("ready_stuck", "chip", "HostRdy stays low.", CHIP, LASTS, (), ("mc1241a",)),
+    Fault("clock_stopped", "chip", "CLK stands: nothing inside goes on, and the motor stands with"
+          " it.", CHIP, LASTS),
+    Fault("clock_off", "chip", "The oscillator is off its frequency.", CHIP, LASTS,
+          (Option("ppm", "count", 100, "by how many millionths; negative: slow", low=-100_000,
+                  high=100_000),)),
     Fault("supply_dip", "chip", "The supply fails for an instant: the power-on reset runs.", CHIP,
           ONCE),
 )  # fmt: skip

@@ -57,3 +57,59 @@ def test_a_clock_needs_a_frequency() -> None:
         Clock(0)
     with pytest.raises(ValueError, match=r"^a clock needs a frequency below 1 THz, not 10+ Hz$"):
         Clock(10**12)
+
+
+CHANGES = st.lists(
+    st.tuples(
+        st.integers(0, 10**7), st.sampled_from(["run", "stop"]), st.integers(-(10**5), 10**5)
+    ),
+    min_size=1,
+    max_size=8,
+)
+
+
+@given(FREQUENCIES.filter(lambda hz: hz < 10**9), CHANGES)
+def test_a_clock_that_fails_again_and_again_counts_on_and_leaves_the_past_as_it_was(
+    hz: int, changes: list[tuple[int, str, int]]
+) -> None:
+    clock = Clock(hz)
+    now = 0
+    seen: list[tuple[int, int]] = []
+    for gap, what, ppm in changes:
+        now += gap
+        under_way = clock.cycle_at(now)
+        clock.run(now, ppm) if what == "run" else clock.stop(now)
+        # What has begun has begun, and is counted on from there.
+        assert clock.cycle_at(now) in (under_way, under_way + 1)
+        assert clock.cycle_at(now) >= under_way
+        for when, cycle in seen:
+            assert clock.cycle_at(when) == cycle
+        if now not in dict(seen):
+            seen.append((now - 1, clock.cycle_at(now - 1))) if now else None
+        cycle = clock.cycle_at(now)
+        assert clock.ps(cycle) <= now < clock.ps(cycle + 1)
+        if clock.stopped:
+            assert clock.ps(cycle + 1) == NEVER
+            assert clock.cycle_at(now + 10**12) == cycle
+            assert clock.span(hz) == 10**12
+        else:
+            # The period under way is finished as it was; the next ones are new.
+            first, later = clock.ps(cycle + 2), clock.ps(cycle + 2 + 10**6)
+            assert abs((later - first) - 10**24 // (hz * (10**6 + ppm))) <= 1
+            assert clock.cycle_at(later) == cycle + 2 + 10**6
+            assert clock.cycle_at(later - 1) == cycle + 1 + 10**6
+    twin = Clock(hz)
+    twin.load(clock.save())
+    for ahead in (0, 1, 1000, 10**6):
+        assert twin.ps(clock.cycle_at(now) + ahead) == clock.ps(clock.cycle_at(now) + ahead)
+    assert twin.stopped == clock.stopped
+    assert twin.frequency == clock.frequency
+
+
+def test_a_clock_that_nothing_happened_to_keeps_no_state() -> None:
+    clock = Clock(8_000_000)
+    assert clock.save() == ()
+    clock.run(0, 50)
+    clock.load(())
+    assert clock.ps(8_000_000) == 10**12
+    assert clock.frequency == 8e6

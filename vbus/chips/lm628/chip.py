@@ -16,7 +16,7 @@ from vbus.chips.lm628.host import Host
 from vbus.chips.lm628.output import Output, OutputPins
 from vbus.chips.lm628.pins import BusPins
 from vbus.chips.tables import PinRow
-from vbus.kernel import NEVER, Clock, Kernel
+from vbus.kernel import HELD, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher, Z
 
@@ -81,8 +81,7 @@ class LM628(Chip):
         self._mode: int = _UNPOWERED
         self._reset_end: i64 = NEVER
         self._fails_left: i64 = int(chosen["reset_fail"])
-        # What is being processed happens at this instant.
-        self._when: i64 = 0
+        self._when: i64 = 0  # instant of what is being processed (ps)
         # Clock cycle of the last sample, and instant of the next one.
         self._cycle: i64 = 0
         self._sample_at: i64 = NEVER
@@ -156,7 +155,8 @@ class LM628(Chip):
             self._mode = _RESET_BY_PIN
             self._reset_end = NEVER
         else:
-            self._reset_end = self._when + int(self.settings["reset_time"])
+            since = HELD if self.clock.stopped else self._when
+            self._reset_end = since + int(self.settings["reset_time"])
         self.host.reset()
         self.axis.reset()
         self.encoder.index_at = NEVER

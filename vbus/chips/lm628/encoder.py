@@ -60,7 +60,7 @@ class Encoder:
 
     def lasts(self, start: i64, end: i64) -> None:
         """The last sample lasts from ``start`` to ``end``: say so before asking for instants."""
-        self._start = start
+        self._start = start if start < end else end - 1
         self._end = end
 
     def due(self) -> i64:

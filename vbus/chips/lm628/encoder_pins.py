@@ -29,7 +29,7 @@ class EncoderPins:
         # Where the index input went low, until it goes high or was told to be grounded.
         self._low_from: int = 0
         self._low: bool = False
-        watcher = Watcher(chip.kernel, self._moved)
+        watcher = Watcher(chip.kernel, self.look)
         for pin in self._pins:
             pin.net.watch(watcher)
 
@@ -38,9 +38,10 @@ class EncoderPins:
         a, b, index = self._pins
         self._inputs.preset(a.value, b.value, index.value)
 
-    def _moved(self) -> None:
+    def look(self) -> None:
+        """Take in the levels as they are, unless no clock does it."""
         chip = self._chip
-        if not chip.powered or chip.encoder.plant is not None:
+        if not chip.powered or chip.encoder.plant is not None or chip.clock.stopped:
             return
         chip.advance()
         now = chip.kernel.now

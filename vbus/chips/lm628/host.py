@@ -6,7 +6,7 @@ from typing import Final
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
-from vbus.kernel import NEVER, Clock
+from vbus.kernel import HELD, NEVER, Clock
 from vbus.options import Value
 from vbus.signals import Rule
 
@@ -104,6 +104,8 @@ class Host:
         """LM-BUS-8: busy for its nominal time, give or take the jitter, never above the cap."""
         self._pending = pending
         self._value = value
+        if self._clock.stopped:
+            now = HELD
         if self._worst:
             self.busy_end = now + ds.BUSY_CAP
             return

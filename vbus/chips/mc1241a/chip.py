@@ -33,7 +33,7 @@ from vbus.chips.mc1241a.output import Output
 from vbus.chips.mc1241a.packet import HostPort
 from vbus.chips.mc1241a.pins import HostPins
 from vbus.chips.tables import CardRow, PinRow
-from vbus.kernel import NEVER, Clock, Kernel
+from vbus.kernel import HELD, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Z
 
@@ -179,11 +179,11 @@ class MC1241A(Chip):
 
     def busy_end(self) -> int:
         """Return when a busy time that begins now will end (PMD-BUS-7)."""
-        now = self.kernel.now
-        if self._slot_busy:
-            end = self.cycles.ps_of((self.cycles.slot_at(now) + 1) * SLOT_CLK)
+        now: int = HELD if self.clock.stopped else self.kernel.now
+        if self._slot_busy and not self.clock.stopped:
+            end: int = self.cycles.ps_of((self.cycles.slot_at(now) + 1) * SLOT_CLK)
         else:
-            end = now + BUSY_HALF_CLK * 10**12 // (2 * self.clock.hz)
+            end = now + self.clock.span(BUSY_HALF_CLK) // 2
         return end + self.busy_stretch
 
     def show_ready(self, ready: bool, when: int) -> None:
@@ -244,7 +244,7 @@ class MC1241A(Chip):
         if self._held:
             self.port.reset(since, NEVER)
         else:
-            ready = since + self.clock.span(clocks)
+            ready = (HELD if self.clock.stopped else since) + self.clock.span(clocks)
             self.port.reset(since, ready)
             self.cycles.begin(ready)
             self.output.reset()

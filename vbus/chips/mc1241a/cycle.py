@@ -73,7 +73,7 @@ class Cycles:
     def stop(self) -> None:
         """A reset begins at the present instant: no cycles, no currents."""
         self.shared.reset()
-        if self.boundary != NEVER and self._slot:
+        if (self.boundary != NEVER or self._chip.clock.stopped) and self._slot:
             self._reset_since = self._chip.instant
         self.boundary = NEVER
 
@@ -146,6 +146,26 @@ class Cycles:
             self._slot = -(-self._slot // SLOTS) * SLOTS
         self.boundary = self.ps_of(self._slot * SLOT_CLK)
 
+    def pause(self, stopped: bool) -> None:
+        """The clock stands from now on, or runs again: how far the slot has come stays."""
+        now = self._chip.kernel.now
+        shift = -now if stopped else now
+        self._slot_start += shift
+        self._slot_end += shift
+
+    def replan(self, ready: int) -> None:
+        """The clock has another course.
+
+        Args:
+            ready: when the host port is ready (ps), for a reset that runs.
+        """
+        if not self._slot and not self._chip.clock.stopped:
+            self.begin(ready)
+            return
+        self._plan()
+        if self._slotted and not self._chip.clock.stopped:
+            self._slot_end = self.boundary
+
     def _cycle(self) -> None:
         shared = self.shared
         shared.time = shared.time + 1 & 0xFFFFFFFF
@@ -211,6 +231,8 @@ class Cycles:
     def follow_encoders(self) -> None:
         """Bring the position counters up to the present instant inside a slot."""
         instant = self._chip.instant
+        if self._chip.clock.stopped:
+            return
         fraction = 1.0
         if instant < self._slot_end:
             into = float(instant - self._slot_start)

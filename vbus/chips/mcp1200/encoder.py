@@ -28,13 +28,13 @@ class Encoder:
     """
 
     __slots__ = (
-        "_clk_hz", "_first", "_home", "_last", "_length", "_prepared", "_pulses", "_servo",
-        "_start", "at", "at_count", "direction", "end", "external", "inside", "limits", "offset",
-        "plant", "seen",
+        "_first", "_home", "_last", "_length", "_prepared", "_pulses", "_servo",
+        "_start", "at", "at_count", "clk_hz", "direction", "end", "external", "inside", "limits",
+        "offset", "plant", "seen",
     )  # fmt: skip
 
     def __init__(self, clk_hz: int) -> None:
-        self._clk_hz: int = clk_hz
+        self.clk_hz: float = float(clk_hz)
         self.plant: Plant | None = None
         self.limits: list[Switch] = []
         self._home: Switch | None = None
@@ -116,7 +116,7 @@ class Encoder:
         length = end - cycle
         if length != self._prepared:
             self._prepared = length
-            plant.prepare(length / self._clk_hz)
+            plant.prepare(float(length) / self.clk_hz)
         self._first = self.seen = plant.count
         if self._pulses and (stepping or not self._servo):
             self._last = plant.pulses(steps)
@@ -223,7 +223,7 @@ class Encoder:
         ) = state  # type: ignore[assignment]  # fmt: skip
         if self.plant is not None:
             if self._prepared:
-                self.plant.prepare(self._prepared / self._clk_hz)
+                self.plant.prepare(float(self._prepared) / self.clk_hz)
             self.plant.load(plant)  # type: ignore[arg-type]
 
 
