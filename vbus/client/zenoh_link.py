@@ -19,6 +19,7 @@ from weakref import WeakSet
 from vbus.client.link import Link
 from vbus.errors import TransportError
 from vbus.network import envelope, keys, places
+from vbus.network.access import ask_access
 from vbus.network.security import Security
 from vbus.network.session import close_session, open_session
 
@@ -271,9 +272,9 @@ class ZenohLink(Link):
         at = ", ".join(self._endpoints)
         if not self._network.info.routers_zid():
             return f"the link to {at} is lost; is the router or the board still running? (vbus ls)"
-        allowed = self._ask_access()
-        if allowed is not None:
-            return allowed
+        refused = ask_access(self._network, self._bus_key) if self._security is not None else ""
+        if refused:
+            return f"forbidden: {refused}"
         chunks = self._bus_key.split("/")
         board = chunks[1]
         replies = self._network.liveliness().get(keys.owner(board, "*"), timeout=1.0)
@@ -289,17 +290,6 @@ class ZenohLink(Link):
             f" {self._bus_key}; is it running, and connected there? (vbus ls --zenoh"
             f" {self._endpoints[0]})"
         )
-
-    def _ask_access(self) -> str | None:
-        """Return why the own certificate does not do; None if that is not it."""
-        if self._security is None:
-            return None
-        zid = str(self._network.info.zid())
-        replies = self._network.get(keys.ACCESS, timeout=1.0, payload=f"{zid} {self._bus_key}")
-        for reply in replies:
-            if reply.ok is not None and len(reply.ok.payload):
-                return f"forbidden: {reply.ok.payload.to_string()}"
-        return None
 
 
 def open_zenoh(rest: str) -> ZenohLink:

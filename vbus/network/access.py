@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from vbus.network import keys
 from vbus.network.security import Security, expand
@@ -11,7 +11,21 @@ from vbus.network.security import Security, expand
 if TYPE_CHECKING:
     import zenoh
 
+ASK_SECONDS: Final = 1.0
+
 log = logging.getLogger("vbus")
+
+
+def ask_access(session: zenoh.Session, key: str) -> str:
+    """Return why the session's own certificate does not do for ``key``.
+
+    Empty if it does, or if whoever listens there tells nobody: a router that is not of vbus.
+    """
+    asked = f"{session.info.zid()} {key}"
+    for reply in session.get(keys.ACCESS, timeout=ASK_SECONDS, payload=asked):
+        if reply.ok is not None:
+            return reply.ok.payload.to_string()
+    return ""
 
 
 def refusal(security: Security, name: str, key: str, matches: Any) -> str:

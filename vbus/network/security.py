@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,8 +45,12 @@ class Security:
     authority: str
     allow: Mapping[str, tuple[str, ...]] | None = None
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self, listens: bool) -> dict[str, Any]:
         """Return Zenoh's settings by path.
+
+        Args:
+            listens: others connect to this session, and have the rights given; where it connects
+                itself, it is the other side that gives rights.
 
         Raises:
             TransportError: a file cannot be read, or a certificate and a key do not belong
@@ -64,7 +69,7 @@ class Security:
                 "close_link_on_expiration": True,
             }
         }
-        if self.allow is not None:
+        if self.allow is not None and listens:
             settings["access_control"] = access_control(self.allow)
         return settings
 
@@ -95,7 +100,10 @@ class Security:
             ) from error
 
     def diagnose(self, endpoint: str) -> str:
-        """Return why a TLS link to ``endpoint`` cannot be made; empty if it can."""
+        """Return why certificates keep a link to ``endpoint`` from being made.
+
+        Empty if they do not: it can be made, or nobody listens there.
+        """
         import socket
         import ssl
 
@@ -117,16 +125,17 @@ class Security:
                 f"the certificate shown there is not accepted: {error.verify_message}; it must be"
                 f" signed by {self.authority} and name the host {host}"
             )
-        except TimeoutError:
-            return ""
         except ssl.SSLError as error:
             return (
                 f"the certificate {self.certificate} was refused there"
                 f" ({(error.reason or str(error)).lower().replace('_', ' ')}); it must be signed"
                 " by the authority the other side trusts"
             )
+        except (ConnectionRefusedError, TimeoutError):
+            return ""
         except OSError as error:
-            return f"{error.strerror or error}"
+            unreachable = error.errno in (errno.EHOSTUNREACH, errno.ENETUNREACH)
+            return "" if unreachable else f"{error.strerror or error}"
         return ""
 
 

@@ -132,7 +132,7 @@ def _settings(
         "adminspace/enabled": False,
     }
     if security is not None:
-        settings.update(security.settings())
+        settings.update(security.settings(listens=bool(listen)))
     return settings
 
 

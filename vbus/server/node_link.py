@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from vbus.errors import NameInUseError, TransportError
+from vbus.network.access import answer_access, ask_access
 from vbus.network.session import open_session
 
 if TYPE_CHECKING:
@@ -24,7 +25,9 @@ a stream with that seed, so that messages arrive late and out of order."""
 
 ASK_SECONDS: Final = 1.0
 ATTEMPT_SECONDS: Final = 0.2
-"""How long one attempt to reach the middle of the star takes, and the pause after it."""
+"""How long the first attempt to reach the middle of the star takes, and the pause after each."""
+LONGEST_ATTEMPT: Final = 2.0
+"""How long later attempts take: certificates are shown over slow links, too."""
 
 
 class NodeLink:
@@ -78,20 +81,21 @@ class NodeLink:
             waits: takes a sentence, once, if it has to wait.
 
         Raises:
-            TransportError: an endpoint is wrong or in use.
+            TransportError: an endpoint is wrong or in use, or a certificate does not do.
             NameInUseError: a process runs one of the nodes already.
         """
         loop = asyncio.get_running_loop()
         self._loop = loop
         mode = "router" if listen else "client"
 
-        def attempt() -> zenoh.Session:
-            return open_session(listen, connect, mode, security, ATTEMPT_SECONDS)
+        def attempt(seconds: float) -> zenoh.Session:
+            return open_session(listen, connect, mode, security, seconds)
 
         told = False
+        seconds = ATTEMPT_SECONDS
         while self._session is None:
             try:
-                self._session = await loop.run_in_executor(None, attempt)
+                self._session = await loop.run_in_executor(None, attempt, seconds)
             except TransportError as error:
                 if listen or "nobody listens" not in str(error):
                     raise
@@ -99,11 +103,19 @@ class NodeLink:
                     waits(f"nobody listens at {', '.join(connect)} yet; waits for it")
                     told = True
                 await asyncio.sleep(ATTEMPT_SECONDS)
-        await loop.run_in_executor(None, self._declare, self._session)
+                seconds = min(2 * seconds, LONGEST_ATTEMPT)
+        await loop.run_in_executor(None, self._declare, self._session, bool(listen), security)
 
-    def _declare(self, session: zenoh.Session) -> None:
+    def _declare(self, session: zenoh.Session, listens: bool, security: Security | None) -> None:
         import zenoh
 
+        if security is not None and listens:
+            self._kept.append(answer_access(session, security))
+        elif security is not None:
+            refused = ask_access(session, f"{self._root}/**")
+            if refused:
+                names = ", ".join(self._names[rank] for rank in self._mine)
+                raise TransportError(f"node {names} is not let in: {refused}")
         for rank in self._mine:
             alive = f"{self._root}/{self._names[rank]}/alive"
             if any(reply.ok for reply in session.liveliness().get(alive, timeout=ASK_SECONDS)):
