@@ -35,6 +35,7 @@ class Bench:
         self.script = folder / "four.txt"
         self.script.write_text(script or scenario())
         self.started: list[subprocess.Popen[str]] = []
+        self.routers: list[subprocess.Popen[str]] = []
 
     def start(
         self,
@@ -122,6 +123,9 @@ class Bench:
 
     def close(self) -> None:
         self.outputs()
+        for router in self.routers:
+            router.kill()
+            router.communicate()
 
 
 def ended(process: subprocess.Popen[str]) -> tuple[int, str]:

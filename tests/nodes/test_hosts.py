@@ -163,3 +163,20 @@ def test_hosts_are_told_when_another_node_dies(bench: Bench) -> None:
         assert "node b has died" in out
         with pytest.raises(TransportError, match="closed by the other end"):
             bus.now()
+
+
+def test_a_node_killed_in_a_packet_is_named_and_its_host_told(bench: Bench) -> None:
+    first = bench.start("a", script=False)
+    second = bench.start("b", script=False)
+    run = bench.folder / "run"
+    bench.until(lambda: (run / "x.sock").exists() and (run / "y.sock").exists())
+    with connect(f"unix:{run / 'x.sock'}") as bus:
+        bus.write(0, 0x1F)  # LTRJ: a packet follows
+        bus.write(1, 0)
+        bus.echo()
+        first.kill()
+        with pytest.raises(TransportError, match="closed by the other end"):
+            bus.read(0)
+    code, out = ended(second)
+    assert code == 1
+    assert "node a has died" in out

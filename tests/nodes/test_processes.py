@@ -3,11 +3,14 @@
 import os
 import random
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from zenoh import CongestionControl
 
 from tests.nodes.four_chips import BOARD, scenario
 from tests.nodes.processes import Bench, ended
@@ -171,14 +174,28 @@ def test_a_node_runs_once(bench: Bench) -> None:
 def test_messages_that_make_no_sense_are_reported_and_ignored(bench: Bench, reference: str) -> None:
     processes = {nodes: bench.start(nodes) for nodes in ("a", "b", "d")}
     bench.until(lambda: bench.node("d").get("others", {}).get("b") not in (None, "not here yet"))
-    session = open_session(connect=[bench.endpoint], mode="client")
-    publisher = session.declare_publisher("vbus/four/@nodes/b")
-    seen = threading.Event()
-    session.declare_subscriber("vbus/four/@nodes/b", lambda sample: seen.set())
-    for data in (b"", b"\x01garbage", b"\x01\x94\xa1a\x00\x00\x07", bytes(5000), b"\xff" * 100_000):
+    bad = (b"", b"\x01garbage", b"\x01\x94\xa1a\x00\x00\x07", bytes(5000), b"\xff" * 100_000)
+    sender = open_session(connect=[bench.endpoint], mode="client")
+    other = open_session(connect=[bench.endpoint], mode="client")
+    publisher = sender.declare_publisher(
+        "vbus/four/@nodes/b", congestion_control=CongestionControl.BLOCK
+    )
+    seen = threading.Semaphore(0)
+    huge = 100_000_000
+    other.declare_subscriber(
+        "vbus/four/@nodes/b",
+        lambda sample: seen.release() if len(sample.payload) == huge else None,
+    )
+    for data in bad:
         publisher.put(data)
-    assert seen.wait(30)
-    session.close()
+    for _ in range(10):
+        publisher.put(bytes(huge))
+        if seen.acquire(timeout=3):
+            break
+    else:
+        pytest.fail("nobody hears the other's messages")
+    sender.close()
+    other.close()
     processes["c"] = bench.start("c")
     for nodes, process in processes.items():
         code, out = ended(process)
@@ -186,7 +203,42 @@ def test_messages_that_make_no_sense_are_reported_and_ignored(bench: Bench, refe
         if nodes in "ad":
             assert "node b has sent an empty message; this vbus speaks version 1" in out
             assert "node b has sent bytes that are no message" in out
+            assert "node b has sent a message of 100000000 bytes; at most" in out
     assert bench.merged(list(processes)) == reference
+
+
+def router(bench: Bench) -> subprocess.Popen[str]:
+    """Start a router at the place where the nodes meet; return when it listens."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vbus", "router", "--listen", bench.endpoint],
+        env={**os.environ, "VBUS_RUNTIME": str(bench.folder / "run")},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    bench.routers.append(process)
+    assert process.stdout is not None
+    assert process.stdout.readline(), "the router has ended"
+    return process
+
+
+def test_a_router_between_nodes_is_killed_and_restarted_and_the_hash_stays(
+    bench: Bench, reference: str
+) -> None:
+    bench.board.write_text(BOARD + f'\n[zenoh]\nconnect = ["{bench.endpoint}"]\n')
+    first = router(bench)
+    options = ("--patience", "60")
+    groups = ["ab", "cd"]
+    processes = [bench.start(nodes, *options, disturb="1:20") for nodes in groups]
+    bench.until(lambda: all(bench.node(name).get("round", 0) > 8 for name in "ac"))
+    first.kill()
+    first.wait()
+    bench.until(lambda: bench.node("a")["others"]["c"] == "lost")
+    router(bench)
+    for process in processes:
+        code, out = ended(process)
+        assert code == 0, out
+        assert "is back" in out
+    assert bench.merged(groups) == reference
 
 
 def test_without_a_place_to_meet_the_user_is_told(tmp_path: Path) -> None:
