@@ -14,6 +14,8 @@ BLOCK = re.compile(r"^```toml\n(.*?)^```", re.MULTILINE | re.DOTALL)
 BLOCKS = [
     (path.relative_to(ROOT), number, match[1])
     for path in [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md"]
+    # A page that registers a chip of its own is tried as a whole, in tests/e2e/test_documents.py.
+    if '[project.entry-points."vbus.chips"]' not in path.read_text()
     for number, match in enumerate(BLOCK.finditer(path.read_text()), 1)
 ]
 
