@@ -272,7 +272,9 @@ class Board:
             observer.violation(violation)
 
     def _clash(self, net: Net) -> None:
-        fighters = ", ".join(f"{pin.name}={pin.level:X}" for pin in net.pins if pin.level >= 0)
+        # In an order that does not tell who was soldered first.
+        pins = sorted(net.pins, key=lambda pin: pin.name)
+        fighters = ", ".join(f"{pin.name}={pin.level:X}" for pin in pins if pin.level >= 0)
         if self.violation_policy.of(CONTENTION.name):
             self.file_violation(
                 Violation(
@@ -376,8 +378,11 @@ class Board:
             chip.load(chip_state)
         if self._faults is not None:
             self._faults.go_on()
+        for net, saved in zip(self._all_nets(), nets, strict=True):  # type: ignore[call-overload]
+            net.recall_history(saved)
         # Who listens now may not be who listened then.
         for chip in self.chips:
+            chip.heard_changed()
             chip.rearm()
 
     def state_hash(self) -> str:

@@ -179,7 +179,7 @@ class HostPins:
         for chip in self._chips:
             for name, chip_pin in chip.pins.items():
                 pin = self._soldered.get(id(chip_pin.net))
-                if pin is not None:
+                if pin is not None and pin.level != Z:
                     levels[f"{chip.name}.{name}"] = pin.level
         return tuple(levels.items())
 

@@ -110,9 +110,8 @@ class Acts:
             for place, axis in sorted(self._axes.items())
             if axis.acting or axis.wrapper is not None
         )  # fmt: skip
-        return axes, tuple(
-            (name, clock.chip.clock.save()) for name, clock in sorted(self._clocks.items())
-        )
+        courses = [(name, one.chip.clock.save()) for name, one in sorted(self._clocks.items())]
+        return axes, tuple(course for course in courses if course[1])
 
     def load(self, state: Any, armed: list[Armed]) -> None:
         """Break axes and clocks as a saved state has them: before chips take back theirs."""

@@ -66,8 +66,15 @@ class Pin:
         if self.open_drain and level == HIGH:
             level = Z
         if level != self.level:
+            net = self.net
+            if net.width != 8 and self.on_heard is None and (level == Z) != (self.level == Z):
+                heard = net.heard
+                self.level = level
+                net.resolve()
+                net.first_heard(heard)
+                return
             self.level = level
-            self.net.resolve()
+            net.resolve()
 
     def release(self) -> None:
         """Stop driving."""
@@ -133,8 +140,17 @@ class Net:
 
     @property
     def heard(self) -> bool:
-        """Whether anybody would notice an edge: a joined input, or an observer."""
-        return bool(self.watchers) or bool(self.observers)
+        """Whether anybody would notice an edge: a joined input, an observer, who fights it."""
+        return bool(self.watchers) or bool(self.observers) or self.contested
+
+    @property
+    def contested(self) -> bool:
+        """Whether a part that is no chip drives a single wire: then a chip's edge is a clash."""
+        if self.width != 8:
+            for pin in self.pins:
+                if pin.level != Z and pin.on_heard is None:
+                    return True
+        return False
 
     @property
     def driven(self) -> bool:
@@ -143,15 +159,26 @@ class Net:
 
     def watch(self, watcher: Watcher) -> None:
         """Notify ``watcher`` of every change from now on."""
+        heard = self.heard
         self.watchers.append(watcher)
-        self.tell_drivers()
+        self.first_heard(heard)
 
     def observe(self, observer: Observer) -> None:
         """Report every edge to ``observer`` from now on."""
+        heard = self.heard
         self.observers.append(observer)
         self._kernel.observed += 1
         self._kernel.observations += 1
+        self.first_heard(heard)
+
+    def first_heard(self, before: bool) -> None:
+        """Somebody listens now, or no longer: a wire begins to have a history.
+
+        Outputs that nobody listened to moved when somebody looked at their chip.
+        """
         self.tell_drivers()
+        if not before and self.width != 8:
+            self.previous, self.changed_at, self.let_go_at = self.value, 0, -1
 
     def unobserve(self, observer: Observer) -> None:
         """Stop reporting to ``observer``."""
@@ -208,14 +235,17 @@ class Net:
                 level = pin.level if level == Z else level & pin.level
         self.clashing = fight
 
+    def recall_history(self, state: tuple[int, ...]) -> None:
+        """Take back all but the level: who listens has begun to listen since."""
+        self.previous, self.changed_at, self.let_go_at = state[1:]
+
     def save(self) -> tuple[int, ...]:
         """Return the level and its history; what each pin drives is its owner's to save.
 
-        A wire driven by chips alone, to which nobody listens, has no history: they drive it when
-        somebody looks at them, and being looked at changes nothing.
+        A wire to which nobody listens has no history: chips drive it when somebody looks at them,
+        and being looked at changes nothing. Of D0-D7 the AC limits look at every change.
         """
-        both_ways = self.width == 8  # D0-D7, whose changes the AC limits look at
-        if not (self.heard or both_ways) and all(pin.on_heard is not None for pin in self.pins):
+        if not self.heard and self.width != 8:
             return (self.value, self.value, 0, -1)
         return (self.value, self.previous, self.changed_at, self.let_go_at)
 

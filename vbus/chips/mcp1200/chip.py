@@ -210,7 +210,7 @@ class MCP1200(Chip):
             if pin.on_heard is not None:
                 own = self._own.get(name)
                 others = any(watcher is not own for watcher in pin.net.watchers)
-                heard = heard or others or bool(pin.net.observers)
+                heard = heard or others or bool(pin.net.observers) or pin.net.contested
         self._pulse_heard = self.pins["PULSE"].net.heard or self.pins["SIGN"].net.heard
         self._heard = heard
         if heard:
