@@ -176,6 +176,17 @@ def test_a_delay_longer_than_the_hosts_patience_is_waited_for() -> None:
         assert bus.now() - before >= 500 * 10**9
 
 
+def test_a_message_the_board_works_on_may_be_repeated_as_often_as_it_takes() -> None:
+    # Each repetition takes the place of the one before, which ends unanswered: no silence.
+    link = "zenoh:bench/x?patience=0.2"
+    with served(board("realtime"), LinkSpec("zenoh:")), connect(link) as bus:
+        with bus.batch() as batch:
+            before = batch.now()
+            batch.delay("2s")
+            after = batch.now()
+        assert after.value - before.value >= 2 * 10**12
+
+
 @pytest.mark.parametrize(
     ("link", "said"),
     [

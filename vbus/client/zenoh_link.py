@@ -58,7 +58,7 @@ atexit.register(_close_all)
 class _Query:
     """A message under way: takes what Zenoh's threads bring."""
 
-    __slots__ = ("data", "link", "number", "sent", "silent_since")
+    __slots__ = ("data", "link", "number", "over", "sendings", "sent", "silent_since")
 
     def __init__(self, link: ZenohLink, number: int, data: bytes) -> None:
         self.link: ZenohLink = link
@@ -66,6 +66,9 @@ class _Query:
         self.data: bytes = data
         self.sent: float = 0.0
         """When it was sent the last time."""
+        self.sendings: int = 0
+        self.over: int = 0
+        """The last sending that has ended without an answer; 0: none."""
         self.silent_since: float = 0.0
         """When it was first found that nobody answers; 0 if somebody may."""
 
@@ -81,9 +84,19 @@ class _Query:
         if code in (envelope.GONE, envelope.MALFORMED, envelope.TOO_LARGE, envelope.BROKEN):
             self.link.failed(f"refused by the board: {reason}")
 
-    def ended(self) -> None:
-        """Whoever could answer has done so; called in a thread of Zenoh's."""
-        self.silent_since = self.silent_since or monotonic()
+    def ended(self, sending: int) -> None:
+        """Whoever could answer has done so; called in a thread of Zenoh's.
+
+        A board that works on a message lets go of it when it is repeated, and holds the repetition.
+        """
+        if sending == self.sendings:
+            self.over = sending
+            self.silent_since = self.silent_since or monotonic()
+
+    @property
+    def held(self) -> bool:
+        """Whether somebody may yet answer what was sent last."""
+        return self.over != self.sendings
 
 
 class ZenohLink(Link):
@@ -190,10 +203,12 @@ class ZenohLink(Link):
         if query is None or self._searching:
             return
         patience = self._recovery if self._given else FIRST_SECONDS
-        if query.silent_since and now - query.silent_since > patience:
+        if query.silent_since and not query.held and now - query.silent_since > patience:
             self._searching = True
             threading.Thread(target=self._search, daemon=True).start()
-        elif now - query.sent > (AGAIN_SECONDS if query.silent_since else REPEAT_SECONDS):
+        elif now - query.sent > (REPEAT_SECONDS if query.held else AGAIN_SECONDS):
+            if query.held:
+                query.silent_since = 0.0
             for other in sorted(self._under_way):
                 self._send(self._under_way[other], watched=True)
 
@@ -226,11 +241,15 @@ class ZenohLink(Link):
         import zenoh
 
         query.sent = monotonic()
+        query.sendings += 1
+        sending = query.sendings
         cover = envelope.Envelope(envelope.REQUESTS, self._name, query.number, self._given)
         try:
             self._network.get(
                 self._bus_key,
-                self._callback(query.take, query.ended if watched else None, indirect=False),
+                self._callback(
+                    query.take, (lambda: query.ended(sending)) if watched else None, indirect=False
+                ),
                 target=self._target,
                 consolidation=self._whole,
                 timeout=LONGEST_SECONDS,
