@@ -364,6 +364,8 @@ class Board:
         self.player.flush()
         if self._faults is not None or len(state) > 6:
             self.faults.load(state[6:])
+        # Whoever is to be told of something is told now: it belongs to what is left behind.
+        self.kernel.settle()
         pins = [pin for chip in self.chips for pin in chip.pins.values()]
         for pin, level in zip(pins, levels, strict=True):  # type: ignore[call-overload]
             pin.level = level
