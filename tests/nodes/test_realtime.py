@@ -66,11 +66,15 @@ def test_a_scenario_begins_when_all_are_there_and_happens_at_its_instants(bench:
 
 
 def test_without_late_edges_real_time_gives_the_hash_of_virtual_time(tmp_path: Path) -> None:
-    """In one process edges are never late: the same run, only slower."""
+    """In one process edges are late only where the computer let it wait: the same run, slower."""
     bench = Bench(tmp_path, REAL, SCRIPT)
     try:
-        code, out = ended(bench.start("abcd"))
-        assert code == 0, out
+        for _ in range(20):
+            code, out = ended(bench.start("abcd"))
+            assert code == 0, out
+            if out.endswith("no edge came late\n"):
+                break
+            assert "came late, the worst by" in out
         bench.board.write_text(bench.board.read_text().replace('"realtime"', '"lockstep"'))
         code, virtual = ended(bench.start("abcd"))
         assert code == 0, virtual
@@ -98,14 +102,17 @@ def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
         ]
         bench.until(lambda: all(bench.node(n).get("skew", {}).get("marks", 0) > 0 for n in "abcd"))
 
-        done = order(
-            bench, "0us x+y w 0 1\n5us m pin /SYNC 0\n9us m pin /SYNC 1", "--ahead", "500ms"
-        )
+        lines = "0us x+y w 0 1\n5us m pin /SYNC 0\n9us m pin /SYNC 1"
+        done = order(bench, lines, "--ahead", "500ms", "--align", "256us")
 
         assert done.returncode == 0, done.stderr
         assert "node a: 1 requests" in done.stdout
         assert "node c: 2 requests" in done.stdout
         ordered = float(done.stdout.splitlines()[-1].split()[-2])
+        assert round(ordered * 1e9) % (256 * US) == 0
+        never = order(bench, "0us x w 0 1", "--align", "0us")
+        assert never.returncode == 2
+        assert '"0us" is no period' in never.stderr
         late = order(bench, "0us x w 0 1", "--ahead", "0us")
         assert late.returncode == 1
         assert "node a refuses: it comes" in late.stderr

@@ -90,6 +90,7 @@ def order(
     name: str,
     ahead: int = 100 * MS,
     connect: tuple[str, ...] = (),
+    align: int = 1,
 ) -> tuple[int, list[Answer]]:
     """Order bus cycles on all nodes of a running board for an instant that is to come.
 
@@ -99,6 +100,7 @@ def order(
         name: of the scenario, for messages.
         ahead: how far ahead that instant lies (ps of chip time).
         connect: endpoints, in place of the board file's.
+        align: the instant is a multiple of this (ps), such as a chip's own period.
 
     Returns:
         The instant (ps), and what each node that takes part says.
@@ -127,7 +129,7 @@ def order(
             _ask(session, f"{root}/{node}/orders", node, Wish(plan.digest)).now
             for node in plan.nodes
         )
-        at = now + ahead
+        at = -(-(now + ahead) // align) * align
         answers = []
         for node in plan.nodes:
             mine = _lines_of(scenario, {chip for chip, home in homes.items() if home == node})

@@ -14,12 +14,24 @@ def _span(ctx: click.Context, param: click.Parameter, value: str) -> int:
         raise click.BadParameter(str(error)) from None
 
 
+def _period(ctx: click.Context, param: click.Parameter, value: str) -> int:
+    period = _span(ctx, param, value)
+    if period < 1:
+        raise click.BadParameter(f'"{value}" is no period; write a time from 1ps up, such as 256us')
+    return period
+
+
 @click.command("order")
 @click.argument("board")
 @click.argument("scenario", type=click.File("r"))
 @click.option("--ahead", default="100ms", callback=_span, help="How far ahead; 100ms if not given.")
+@click.option(
+    "--align", default="1ps", callback=_period, help="Begin at a multiple of this, as 256us."
+)
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Where the nodes meet.")
-def command(board: str, scenario: IO[str], ahead: int, connect: tuple[str, ...]) -> None:
+def command(
+    board: str, scenario: IO[str], ahead: int, align: int, connect: tuple[str, ...]
+) -> None:
     """Order bus cycles on the nodes of a running board, at one coming instant of chip time.
 
     BOARD is the board file, in real time and with nodes. SCENARIO is a file ("-": standard input)
@@ -32,7 +44,7 @@ def command(board: str, scenario: IO[str], ahead: int, connect: tuple[str, ...])
     file, _ = read_board_file(board)
     if not file.nodes:
         raise ConfigError(f"{board}: this board has no nodes; its hosts write to its chips")
-    at, answers = order(file, scenario.read(), scenario.name, ahead, connect)
+    at, answers = order(file, scenario.read(), scenario.name, ahead, connect, align)
     for answer in answers:
         margin = (at - answer.now) / 1e9
         click.echo(f"node {answer.node}: {answer.taken} requests, {margin:.3f} ms ahead")
