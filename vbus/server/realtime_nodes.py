@@ -222,8 +222,9 @@ class RealTime(Fellowship):
     def _accept(self, node: Node, edges: Sequence[Edge]) -> None:
         pacer = self.pacers.get(node.rank)
         if pacer is not None:
-            pacer.catch_up()
+            # The board may stand where it was before a stall: there the edges are not late yet.
             node.accept(edges)
+            pacer.catch_up()
             pacer.touched()
 
     def _mark(self, node: Node) -> None:

@@ -8,8 +8,11 @@ import click
 from vbus.tools import exit_codes
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from vbus.board.sections import BoardFile
     from vbus.board.source import Source
+    from vbus.nodes.node import Node
     from vbus.server.nodes import NodeWishes
     from vbus.server.server import Server
 
@@ -45,6 +48,8 @@ def run(file: "BoardFile", source: "Source", wishes: "NodeWishes", as_json: bool
         click.echo(end)
     if outcome.skew.get("marks"):
         click.echo(skew_line(outcome.skew))
+    if outcome.skew:
+        click.echo(late_line(outcome.nodes))
     return exit_codes.OK
 
 
@@ -55,3 +60,12 @@ def skew_line(skew: dict[str, int]) -> str:
         f" {skew['p99_ns'] / 1000:.0f} us, max {skew['max_ns'] / 1000:.0f} us over"
         f" {skew['marks']} marks"
     )
+
+
+def late_line(nodes: "Sequence[Node]") -> str:
+    """Return in some words how many edges came after their instant."""
+    late = sum(node.late for node in nodes)
+    if not late:
+        return "no edge came late"
+    worst = max(node.worst_late for node in nodes) / 1e6
+    return f"{late} {'edge' if late == 1 else 'edges'} came late, the worst by {worst:.0f} us"
