@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.nodes.four_chips import BOARD, scenario
-from vbus.network.session import free_endpoint
+from tests.ports import free_endpoint
 
 PATIENCE = 60.0
 

@@ -8,7 +8,7 @@ import pytest
 import trustme
 
 from tests.nodes.processes import Bench, ended
-from vbus.network.session import free_endpoint
+from tests.ports import free_endpoint
 
 BOARD = """\
 [board]

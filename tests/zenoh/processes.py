@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from vbus.network.session import free_endpoint
+from tests.ports import free_endpoint
 
 PATIENCE = 20.0
 

@@ -7,13 +7,14 @@ import pytest
 import trustme
 
 from tests.e2e.serving import served
+from tests.ports import free_endpoint
 from tests.zenoh.processes import Processes, connected_to, until
 from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.errors import TransportError
 from vbus.network.discovery import boards_on
 from vbus.network.security import Security
-from vbus.network.session import Network, close_session, free_endpoint, open_session
+from vbus.network.session import Network, close_session, open_session
 from vbus.server.server import LinkSpec
 from vbus.transports.zenoh import ZenohTransport
 

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.ports import free_endpoint
 from vbus.errors import TransportError
-from vbus.network.session import close_session, free_endpoint, open_session
+from vbus.network.session import close_session, open_session
 
 
 def sockets(kind: str) -> list[str]:
