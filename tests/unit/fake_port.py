@@ -116,6 +116,9 @@ class FakePort(HostPort):
             return self.outputs, self.time, self.time + 5 * US
         return (self.outputs, self.time, NEVER) if address == 2 else None
 
+    def foresee(self, address: int) -> tuple[int, int] | None:
+        return (2, self.time + 7 * US) if address == 0 else None
+
     def polled(self, address: int, count: int) -> bool:
         if address == 0xEE:
             raise PortError(codes.NO_SUCH, "address EE: nobody is there")

@@ -173,6 +173,22 @@ class HostBus(HostReach):
         self._leased_until = min(until, now + LONGEST_LEASE)
         return outputs, now, self._leased_until
 
+    def foresee(self, address: int) -> tuple[int, int] | None:
+        """Tell what comes after the lease just given; see :class:`HostPort`."""
+        chip, when = self._chip, self._leased_until
+        following = chip.foresee(address, when) if chip is not None else None
+        if following is None:
+            return None
+        data, until = following
+        until = min(until, self._kernel.next_due, self._kernel.now + LONGEST_LEASE)
+        for neighbour in self.chips:
+            if neighbour is not chip:
+                until = min(until, neighbour.next_event())
+        if until <= when + self._cycle:
+            return None
+        self._leased_until = until
+        return data, until
+
     def end_lease(self) -> None:
         """Somebody else is about to touch the board: what was promised comes true first."""
         until, self._leased_until = self._leased_until, 0

@@ -15,6 +15,7 @@ from vbus.chips.base import Chip
 from vbus.kernel import US
 from vbus.protocols import codes
 from vbus.protocols.port import ChipInfo, PortError, PortInfo
+from vbus.protocols.requests import FORESEEING
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -78,7 +79,7 @@ class HostReach(HostClock):
             self._pins.line_names(),
             self._pins.output_names(),
             self._pins.side_names(),
-            ["claim", "events", "leases", "lines", "polled_at", "sync"],
+            ["claim", "events", "leases", FORESEEING, "lines", "polled_at", "sync"],
             wiring(self.pin_map, self.chips, self._pins),
             self._card.text() if self._card is not None else "",
             self._program(),

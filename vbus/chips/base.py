@@ -136,6 +136,14 @@ class Chip:
         """
         raise NotImplementedError
 
+    def resting(self) -> bool:
+        """Whether nothing comes of leaving the chip alone, until something outside touches it.
+
+        Such a chip moves nothing, files nothing and drives nothing anew, and to bring it up to
+        date later takes no longer than now: a server need not do it. False where not known.
+        """
+        return False
+
     def steady_until(self, address: int) -> int:
         """Return until when reads at ``address`` give what the one just made gave (ps).
 

@@ -14,6 +14,7 @@ from vbus.client.ready import Lock, opened, until_ready
 from vbus.client.wire import Wire
 from vbus.errors import TransportError, VbusError
 from vbus.protocols.port import PortInfo
+from vbus.protocols.requests import FORESEEING
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -227,7 +228,7 @@ class Bus(Cycles):
         """
         self._wire.stamped_polls = "polled_at" in self.info.features
         self._wire.cycles = [chip.cycle_ps for chip in self.info.chips] if on else []
-        self._post(Message.leases, on)
+        self._post(Message.leases, on, FORESEEING in self.info.features)
 
     def posting(self, on: bool = True) -> None:
         """Keep requests without a reply back, to travel with the next one that has a reply.

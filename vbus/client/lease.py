@@ -22,15 +22,22 @@ class Lease:
         until: instant before which it stays (ps).
         cycle: what a poll costs (ps).
 
+        then: byte from then on, and until when; None if that is not known.
+
     Attributes:
         polls: polls answered that the board has not been told of, without time stamps.
         run: time stamps of such polls that have them.
         stamps: whether the board can be told of several stamped polls at once.
     """
 
-    __slots__ = ("_cycle", "_now", "_stamp", "_until", "address", "data", "polls", "run", "stamps")
+    __slots__ = (
+        "_cycle", "_now", "_stamp", "_then", "_until", "address", "data", "polls", "run", "stamps",
+    )  # fmt: skip
 
-    def __init__(self, address: int, data: int, now: int, until: int, cycle: int) -> None:
+    def __init__(
+        self, address: int, data: int, now: int, until: int, cycle: int,
+        then: tuple[int, int] | None = None,
+    ) -> None:  # fmt: skip
         self.address: int = address
         self.data: int = data
         self.polls: int = 0
@@ -40,10 +47,13 @@ class Lease:
         self._until: int = until
         self._cycle: int = cycle
         self._stamp: int = -1
+        self._then: tuple[int, int] | None = then
 
     def poll(self, address: int) -> bool:
         """Answer a poll of ``address`` if the byte is known at its instant; it is counted then."""
         when = max(self._stamp, self._now) if self._stamp >= 0 else self._now + self._cycle
+        if address == self.address and when >= self._until and self._then is not None:
+            (self.data, self._until), self._then = self._then, None
         if address != self.address or when >= self._until:
             return False
         self._now = when

@@ -281,9 +281,9 @@ class Message:
         self.stamp = _ps(instant)
         self._post(REQUESTS["AT"], self.stamp)
 
-    def leases(self, on: bool) -> None:
-        """Have reads without side effects answered by leases, or no more."""
-        self._post(REQUESTS["LEASES"], int(on))
+    def leases(self, on: bool, ahead: bool = False) -> None:
+        """Have reads without side effects answered by leases, or no more; ``ahead``: by two."""
+        self._post(REQUESTS["LEASES"], int(on) << int(ahead))
 
     def now(self) -> Later[int]:
         """Ask for chip time (ps)."""

@@ -10,6 +10,7 @@ from vbus.client.message import Event, Later, Message, Values
 from vbus.errors import ProtocolError, VbusError
 from vbus.protocols.requests import (
     FATAL,
+    FORESEEN,
     LEASED,
     REFUSALS,
     REPLIES,
@@ -131,11 +132,14 @@ class Wire:
 
     def _take_lease(self, values: Values) -> None:
         """A read was answered by a lease."""
-        data, _, instant, until = (int(value) for value in values)
+        data, _, instant, until, *then = (int(value) for value in values)
         mask = self.selected or 0
         chip = mask.bit_length() - 1
         if self._polling >= 0 and mask == 1 << chip and chip < len(self.cycles):
-            self._lease = Lease(self._polling, data, instant, until, self.cycles[chip])
+            self._lease = Lease(
+                self._polling, data, instant, until, self.cycles[chip],
+                (then[0], then[1]) if then else None,
+            )  # fmt: skip
             self._lease.stamps = self.stamped_polls
 
     def end(self, error: VbusError) -> None:
@@ -195,7 +199,7 @@ class Wire:
 
     def _settle(self, reply: Reply, values: Values) -> None:
         expected = REQUESTS[self._awaited[0].name].reply if self._awaited else ""
-        if reply.tag == LEASED and expected == "D":
+        if reply.tag in (LEASED, FORESEEN) and expected == "D":
             self._take_lease(values)
             values = values[:1]
         elif expected != reply.tag:

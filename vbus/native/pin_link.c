@@ -61,7 +61,7 @@ static unsigned on_read(void *context, unsigned chips, unsigned address)
     stamp(link);
     data = keep(link, vbus_read(&link->bus, address));
     if (link->bus.leased) { /* it tells of the lines too */
-        uint64_t until = own_time(link, link->bus.lease_until);
+        uint64_t until = own_time(link, link->bus.lease_end);
 
         link->told |= link->edge != until || link->outputs != link->bus.lease_outputs;
         link->edge = until;

@@ -525,11 +525,11 @@ static int take_refusal(struct vbus *bus, uint16_t number, int64_t deadline)
     return 0;
 }
 
-/* Take the rest of a leased byte's reply. */
-static int take_lease(struct vbus *bus, unsigned char *data, int64_t deadline)
+/* Take the rest of a leased byte's reply, and of one that tells what comes then. */
+static int take_lease(struct vbus *bus, int tag, unsigned char *data, int64_t deadline)
 {
-    unsigned char body[21];
-    int error = take(bus, body, sizeof body, deadline);
+    unsigned char body[30];
+    int error = take(bus, body, tag == VBUS_TAG_FORESEEN ? 30 : 21, deadline);
 
     if (error == 0) {
         *data = body[0];
@@ -537,7 +537,11 @@ static int take_lease(struct vbus *bus, unsigned char *data, int64_t deadline)
         bus->lease_data = body[0];
         bus->lease_outputs = (uint32_t)number_of(body + 1, 4);
         bus->lease_now = number_of(body + 5, 8);
-        bus->lease_until = number_of(body + 13, 8);
+        bus->lease_until = bus->lease_end = number_of(body + 13, 8);
+        if (tag == VBUS_TAG_FORESEEN) {
+            bus->lease_then = body[21];
+            bus->lease_end = number_of(body + 22, 8);
+        }
     }
     return error;
 }
@@ -557,8 +561,9 @@ static int reply(struct vbus *bus, uint16_t number, int tag, unsigned char *body
         error = take(bus, &got, 1, deadline);
         if (error == 0 && got == tag)
             error = take(bus, body, size, deadline);
-        else if (error == 0 && got == VBUS_TAG_LEASED && tag == VBUS_TAG_DATA)
-            error = take_lease(bus, body, deadline);
+        else if (error == 0 && tag == VBUS_TAG_DATA
+                 && (got == VBUS_TAG_LEASED || got == VBUS_TAG_FORESEEN))
+            error = take_lease(bus, got, body, deadline);
         else if (error == 0 && got == VBUS_TAG_EVENT) {
             error = take_event(bus, deadline);
             if (error == 0)
@@ -671,8 +676,12 @@ static int poll_leased(struct vbus *bus, unsigned address)
 
     if (bus->stamped)
         when = bus->stamp > bus->lease_now ? bus->stamp : bus->lease_now;
-    if (address != bus->lease_address || when >= bus->lease_until || bus->ask_count > 0)
+    if (address != bus->lease_address || when >= bus->lease_end || bus->ask_count > 0)
         return 0;
+    if (when >= bus->lease_until) {
+        bus->lease_data = bus->lease_then;
+        bus->lease_until = bus->lease_end;
+    }
     if (bus->unsent_stamp) {
         if (tell_stamped_poll(bus) < 0)
             return 0;
@@ -886,7 +895,7 @@ int vbus_delay(struct vbus *bus, uint64_t duration)
             bus->lease_now = bus->stamp;
         bus->stamped = 0;
         bus->lease_now += duration;
-        bus->leased = bus->lease_now < bus->lease_until;
+        bus->leased = bus->lease_now < bus->lease_end;
     }
     return post(bus, request, 9);
 }
@@ -1225,6 +1234,21 @@ static void walk_chips(struct walk *walk)
     }
 }
 
+/* Take the list of features. */
+static void walk_features(struct walk *walk)
+{
+    char name[32];
+    uint32_t count;
+
+    if (walk_head(walk, &count) != ARRAY && walk->error == 0)
+        walk->error = die(walk->bus, VBUS_E_PROTOCOL);
+    for (; count > 0 && walk->error == 0; count--) {
+        walk_string(walk, name, sizeof name);
+        walk->bus->stamped_polls |= strcmp(name, "polled_at") == 0;
+        walk->bus->foreseeing |= strcmp(name, "leases_ahead") == 0;
+    }
+}
+
 int vbus_leases(struct vbus *bus, int on)
 {
     unsigned char request[2];
@@ -1246,13 +1270,13 @@ int vbus_leases(struct vbus *bus, int on)
         if (strcmp(key, "chips") == 0)
             walk_chips(&walk);
         else if (strcmp(key, "features") == 0)
-            bus->stamped_polls = walk_list(&walk, 0, "polled_at") >= 0;
+            walk_features(&walk);
         else
             walk_past(&walk);
     }
     if (walk.error < 0)
         return walk.error;
     request[0] = VBUS_LEASES;
-    request[1] = low(on != 0);
+    request[1] = low(on == 0 ? 0U : bus->foreseeing ? 2U : 1U);
     return post(bus, request, 2);
 }

@@ -64,6 +64,7 @@ extern "C" {
 #define VBUS_TAG_CLAIM 'C'
 #define VBUS_TAG_DATA 'D'
 #define VBUS_TAG_LEASED 'L'
+#define VBUS_TAG_FORESEEN 'M'
 #define VBUS_TAG_BYTES 'B'
 #define VBUS_TAG_WAIT 'R'
 #define VBUS_TAG_SAMPLE 'P'
@@ -115,11 +116,11 @@ struct vbus {
     unsigned ask_first, ask_count;
     uint64_t passing;
     size_t out_size, in_begin, in_end;
-    int leased, stamped, unsent_stamp, stamped_polls;
+    int leased, stamped, unsent_stamp, stamped_polls, foreseeing;
     size_t run; /* where the number of bytes of an open POLLED_AT stands in `out`, or 0 */
-    unsigned selected, lease_address, lease_data, lease_polls;
+    unsigned selected, lease_address, lease_data, lease_then, lease_polls;
     uint32_t lease_outputs;
-    uint64_t lease_now, lease_until, lease_cycle, stamp, run_end;
+    uint64_t lease_now, lease_until, lease_end, lease_cycle, stamp, run_end;
     uint64_t cycles[16];
     unsigned char out[2048], in[512];
 };

@@ -9,11 +9,12 @@ from vbus.protocols import codes
 from vbus.protocols.base import Protocol
 from vbus.protocols.hello import encode_hello
 from vbus.protocols.port import HostPort, NotYet, PortError
-from vbus.protocols.requests import FATAL, LEASED, NO_EDGE, REQUESTS, VERSION
+from vbus.protocols.requests import FATAL, FORESEEN, LEASED, NO_EDGE, REQUESTS, VERSION
 
 _READ4: Final = REQUESTS["READ4"].code
 _D: Final = ord("D")
 _L: Final = ord(LEASED)
+_M: Final = ord(FORESEEN)
 _U32: Final = (1 << 32) - 1
 
 SIZES: Final = bytes(
@@ -47,7 +48,7 @@ class ByteProtocol(Protocol):
         self._number: int = 0
         self._refusal: bytes = b""
         self._watching: bool = False
-        self._leasing: bool = False
+        self._leasing: int = 0
         self._partial: bytearray = bytearray()
         """What a READS or WRITES has done that had to stop in between."""
         self._handlers: list[Callable[[bytes, int], bool]] = [
@@ -68,7 +69,7 @@ class ByteProtocol(Protocol):
         self._number = 0
         self._refusal = b""
         self._watching = False
-        self._leasing = False
+        self._leasing = 0
         self._partial.clear()
 
     def save(self) -> tuple[object, ...]:
@@ -222,12 +223,16 @@ class ByteProtocol(Protocol):
         if lease is None:
             return bytes((_D, value))
         outputs, instant, until = lease
-        return (
-            bytes((_L, value))
+        following = self.port.foresee(address) if self._leasing == 2 else None
+        body = (
+            bytes((_L if following is None else _M, value))
             + (outputs & _U32).to_bytes(4, "big")
             + instant.to_bytes(8, "big")
             + (NO_EDGE if until >= NEVER else until).to_bytes(8, "big")
         )
+        if following is None:
+            return body
+        return body + bytes((following[0],)) + following[1].to_bytes(8, "big")
 
     def _do_write(self, data: bytes, start: int) -> bool:
         self.port.write(data[start], data[start + 1])
@@ -325,9 +330,9 @@ class ByteProtocol(Protocol):
         return self.port.polled_at(data[start], _u64(data, start + 1), steps)
 
     def _do_leases(self, data: bytes, start: int) -> bool:
-        if data[start] > 1:
-            raise PortError(codes.NO_SUCH, f"leases {data[start]}; allowed are 0 and 1")
-        self._leasing = data[start] == 1
+        if data[start] > 2:
+            raise PortError(codes.NO_SUCH, f"leases {data[start]}; allowed are 0, 1 and 2")
+        self._leasing = data[start]
         return True
 
     def _do_events(self, data: bytes, start: int) -> bool:

@@ -82,6 +82,16 @@ class HostPort:
         """
         return None
 
+    def foresee(self, address: int) -> tuple[int, int] | None:
+        """Tell what reads at ``address`` will give after the lease just given.
+
+        Returns:
+            ``(byte, until)``: the byte from the end of the lease to the instant ``until``; the
+            output lines stay too, as long as this host does nothing but poll and let time pass.
+            None if that is not known.
+        """
+        return None
+
     def polled(self, address: int, count: int) -> bool:
         """Run ``count`` read cycles whose bytes the host knows already from a lease.
 

@@ -201,6 +201,11 @@ REPLIES: Final = {
             _layout("d:u8 outputs:u32 instant:u64 until:u64"),
             "a byte read and the output lines, when that was, and before when neither changes",
         ),
+        Reply(
+            "M",
+            _layout("d:u8 outputs:u32 instant:u64 until:u64 then:u8 end:u64"),
+            "the same; from the instant until on the byte is then, up to the end; the lines stay",
+        ),
         Reply("B", _layout("data:bytes8"), "bytes read"),
         Reply("R", _layout("ready:u8 instant:u64"), "ready (1) or not (0), and when that was"),
         Reply("P", _layout("d:u8 outputs:u32"), "D0-D7 as they stand, and the output lines"),
@@ -279,14 +284,20 @@ REQUESTS: Final = RequestTable(
     Request(
         "LEASES",
         0x61,
-        "1: answer reads without side effects by 'L' where the board can tell; 0: no more",
+        "answer reads without side effects by 'L' where the board can tell; 2: or 'M'; 0: no more",
         _layout("on:u8"),
     ),
 )
 """The requests of version 1."""
 
 LEASED: Final = "L"
-"""Tag of the reply that may stand in the place of ``'D'`` after LEASES 1."""
+"""Tag of the reply that may stand in the place of ``'D'`` after LEASES 1 or 2."""
+
+FORESEEN: Final = "M"
+"""Tag of the one that may stand there after LEASES 2."""
+
+FORESEEING: Final = "leases_ahead"
+"""The feature that tells of LEASES 2."""
 
 REFUSALS: Final = {
     codes.UNKNOWN_REQUEST: ("UNKNOWN", "unknown request"),

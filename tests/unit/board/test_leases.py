@@ -8,6 +8,7 @@ from tests.unit.board.toy import Toy
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import LONGEST_LEASE, HostBus
+from vbus.chips.lm628.datasheet import COMMANDS
 from vbus.kernel import MS, NEVER, US
 from vbus.protocols.port import PortError
 from vbus.signals import Observer
@@ -38,16 +39,21 @@ def bench(part: str) -> tuple[Board, HostBus, int]:
 class Leasing:
     """A host that keeps to its leases; counts what it asks the board for."""
 
-    def __init__(self, port: HostBus, on: bool, cycle: int = US) -> None:
+    def __init__(self, port: HostBus, on: bool, cycle: int = US, ahead: bool = True) -> None:
         self.port = port
         self.on = on
+        self.ahead = ahead
+        self._then: tuple[int, int] | None = None
         self.cycle = cycle
         self.asked = 0
         self._address = -1
         self._data = self._now = self._until = self._polls = 0
 
     def read(self, address: int) -> int:
-        if self.on and address == self._address and self._now + self.cycle < self._until:
+        when = self._now + self.cycle
+        if self.on and address == self._address and when >= self._until and self._then:
+            (self._data, self._until), self._then = self._then, None
+        if self.on and address == self._address and when < self._until:
             self._now += self.cycle
             self._polls += 1
             return self._data
@@ -59,6 +65,7 @@ class Leasing:
         if lease is not None:
             self._address, self._data = address, data
             _, self._now, self._until = lease
+            self._then = self.port.foresee(address) if self.ahead else None
         return data
 
     def settle(self) -> None:
@@ -176,6 +183,89 @@ def test_a_driver_polls_as_often_and_asks_a_tenth(traced: bool) -> None:
 
     assert results[0] == results[1]
     assert hosts[1].asked * 10 < hosts[0].asked, "most polls were answered from leases"
+
+
+NAMES = {row.name: row.code for row in COMMANDS}
+DATA = {
+    "RSTI": [0, 0], "MSKI": [0, 0x7E], "LPEI": [0x12, 0x34], "LPES": [0xFF, 0xFF],
+    "SBPA": [0, 0, 0, 9], "SBPR": [0, 0, 0, 9], "LFIL": [0, 0x08, 0, 9], "LTRJ": [0, 0x20, 0, 1],
+}  # fmt: skip
+"""What the last of these bytes does is foreseen as well."""
+
+FORESEEN = {
+    **dict.fromkeys(("UDF", "RDSIGS", "RDIP", "RDDP", "RDRP", "RDDV", "RDRV", "RDSUM"), 1),
+    **dict.fromkeys(("MSKI", "LPEI", "LPES"), 2),
+    "RSTI": 1,
+    **dict.fromkeys(("SBPA", "SBPR", "LFIL", "LTRJ"), 3),
+}
+"""Phases of busy; after a reset the word of RSTI moves HI, which is not foreseen."""
+
+
+def foreseen(
+    bytes_before: list[tuple[int, int]],
+) -> tuple[HostBus, int, tuple[int, int, int] | None]:
+    """Write these bytes, each as soon as the chip is ready, then read the status.
+
+    Returns the port, the status, and until when it stays, the next byte and until when that stays.
+    """
+    _, port, _ = bench("LM629")
+    assert port.delay(1800 * US)  # the reset is over, and the next sample is 248 us away
+    status = port.read(0)
+    for address, byte in bytes_before:
+        while status & 1:
+            status = port.read(0)
+        port.write(address, byte)
+        status = port.read(0)
+    lease = port.lease(0)
+    following = port.foresee(0) if lease is not None else None
+    if lease is None or following is None:
+        return port, status, None
+    return port, status, (lease[2], following[0], following[1])
+
+
+@pytest.mark.parametrize("before", [(), ("MSKI", 0, 0x7E, "undefined"), ("STT",)], ids=str)
+@pytest.mark.parametrize("name", list(NAMES))
+def test_what_comes_after_busy_is_foreseen_and_comes_true(
+    name: str, before: tuple[str | int, ...]
+) -> None:
+    """At the last instant of each byte and at the first one of the next."""
+    told = 0
+    whole = [*before, name, *DATA.get(name, [])]
+    script = [(1, step) if isinstance(step, int) else (0, NAMES.get(step, 0xFF)) for step in whole]
+    for length in range(len(before) + 1, len(script) + 1):
+        port, status, after = foreseen(script[:length])
+        if after is None:
+            continue
+        until, byte, end = after
+        told += 1
+        assert until + US < end <= until + 256 * US
+        assert port.promised() == end
+        for when, expected in ((until - 1, status), (until, byte), (end - 1, byte)):
+            port, _, _ = foreseen(script[:length])
+            assert port.delay(when - US - port.now())
+            assert port.read(0) == expected
+            assert port.now() == when
+    assert told == FORESEEN.get(name, 0) or before, "busy phases, the byte between two aside"
+
+
+def test_foreseeing_halves_what_a_driver_asks() -> None:
+    hosts = []
+    for ahead in (False, True):
+        board, port, _ = bench("LM629")
+        assert port.delay(2 * MS)
+        host = Leasing(port, True, ahead=ahead)
+        for _ in range(20):
+            host.write(0, NAMES["RSTI"])
+            while host.read(0) & 1:
+                pass
+            host.write(1, 0)
+            host.write(1, 0)
+            while host.read(0) & 1:
+                pass
+        host.settle()
+        hosts.append((host.asked, board.now, board.counters["reads"], board.state_hash()))
+    assert hosts[0][1:] == hosts[1][1:]
+    assert hosts[1][0] < 0.6 * hosts[0][0]
 
 
 def test_a_lease_ends_before_the_byte_changes() -> None:

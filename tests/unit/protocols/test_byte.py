@@ -290,10 +290,18 @@ def test_a_lease_without_end_is_all_ones(wire: ByteProtocol) -> None:
 
 
 def test_leases_are_on_or_off_and_end_with_the_session(wire: ByteProtocol) -> None:
-    assert say(wire, "61 02") == "58020000"
+    assert say(wire, "61 03") == "58020000"
     assert say(wire, "61 01") == ""
     wire.reset()
     assert say(wire, "10") == "4401"
+
+
+def test_a_host_that_asks_for_it_is_told_what_comes_after_a_lease(wire: ByteProtocol) -> None:
+    first = leased(1, 0, US, 6 * US)
+    assert say(wire, "61 01 10") == first
+    assert say(wire, "61 02 10") == "4d" + leased(2, 0, 2 * US, 7 * US)[2:] + f"02{9 * US:016x}"
+    assert say(wire, "12") == leased(0x25, 0, 3 * US, (1 << 64) - 1), "where nothing is foreseen"
+    assert say(wire, "61 01 10") == leased(4, 0, 4 * US, 9 * US)
 
 
 def test_polled_tells_how_often_the_host_has_looked(wire: ByteProtocol, port: FakePort) -> None:

@@ -143,9 +143,12 @@ class Axis:
 
     def reset_interrupts(self, keep: int) -> None:
         """RSTI: zeros in bits 6..1 of ``keep`` clear the flags (LM-CMD-18, LM-RST-6)."""
-        self.flags &= keep
-        if self.stuck:
-            self.flags |= ds.BREAKPOINT
+        self.flags = self.kept_flags(keep)
+
+    def kept_flags(self, keep: int) -> int:
+        """Return what RSTI with ``keep`` leaves of the flags."""
+        flags = self.flags & keep
+        return flags | ds.BREAKPOINT if self.stuck else flags
 
     def set_breakpoint(self, position: int) -> None:
         """SBPA and SBPR: arm the breakpoint and remember from which side it comes (LM-POS-5)."""

@@ -9,16 +9,16 @@ from vbus.chips.base import Chip
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import Axis
 from vbus.chips.lm628.clock_input import check_clock, judge_clock
-from vbus.chips.lm628.commands import Commands
+from vbus.chips.lm628.commands import UNKNOWN, Commands
 from vbus.chips.lm628.encoder import Encoder
 from vbus.chips.lm628.encoder_pins import EncoderPins
 from vbus.chips.lm628.host import Host
 from vbus.chips.lm628.output import Output, OutputPins
-from vbus.chips.lm628.pins import BusPins
+from vbus.chips.lm628.pins import BusPins, edges_of
 from vbus.chips.tables import PinRow
 from vbus.kernel import HELD, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher, Z
+from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher
 
 _RUNNING: Final = 0
 _RESET_BY_PIN: Final = 1
@@ -152,8 +152,7 @@ class LM628(Chip):
         self._mode = mode
         if self._fails_left:
             self._fails_left -= 1
-            self._mode = _RESET_BY_PIN
-            self._reset_end = NEVER
+            self._mode, self._reset_end = _RESET_BY_PIN, NEVER
         else:
             since = HELD if self.clock.stopped else self._when
             self._reset_end = since + int(self.settings["reset_time"])
@@ -167,8 +166,7 @@ class LM628(Chip):
         self._reset(_RESET_BY_COMMAND)
 
     def _finish_reset(self) -> None:
-        self._reset_end = NEVER
-        self._mode = _RUNNING
+        self._mode, self._reset_end = _RUNNING, NEVER
         self.axis.finish_reset(self.encoder.count_at(self._when))
 
     def _reset_moved(self) -> None:
@@ -250,18 +248,18 @@ class LM628(Chip):
         """Return until when the status byte stays as it is: it changes as outputs do (LM-STA-1)."""
         return self.next_event()
 
+    def foresee(self, address: int, when: int) -> tuple[int, int] | None:
+        """Return the status byte once busy falls at ``when``, up to the next sample (LM-BUS-9)."""
+        flags = self.commands.foresee_flags() if self._mode == _RUNNING else UNKNOWN
+        if flags == UNKNOWN or self.host.busy_end != when:
+            return None
+        until = min(self._sample_at, self.encoder.due(), self._front.show_at)
+        until = min(until, self._outputs.due) if self._outputs.heard() else until
+        return flags | (ds.MOTOR_OFF if self.axis.motor_off else 0), until
+
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
         """Return the edges of a whole cycle at the shortest times the manual allows."""
-        setup, hold = ds.AC["T8"].min_ps, ds.AC["T9"].min_ps
-        low = ds.WRITE_LOW if write else ds.READ_LOW
-        strobe = "/WR" if write else "/RD"
-        edges = [(-low - setup, "/PS", address), (-low - setup, "/CS", LOW), (-low, strobe, LOW)]
-        if write:
-            edges.append((-low, "D0-D7", data))
-        edges += [(0, strobe, HIGH), (hold, "/CS", HIGH)]
-        if write:
-            edges.append((ds.AC["T16"].min_ps, "D0-D7", Z))
-        return edges
+        return edges_of(write, address, data)
 
     def _host_broke(self, rule: Rule, detail: str, when: int) -> None:
         self.report(rule, detail=detail, when=when)
@@ -364,8 +362,7 @@ class LM628(Chip):
 
     def touched(self) -> None:
         """Something from outside has changed the chip: pins and timers follow."""
-        self._course = ()
-        self._still = False
+        self._course, self._still = (), False
         self._refresh()
         self.rearm()
 
@@ -398,7 +395,11 @@ class LM628(Chip):
             due = min(due, self._sample_at)
         return due
 
-    # -- looking in ---------------------------------------------------------------------------
+    def resting(self) -> bool:
+        """Whether samples repeat themselves and nothing else is due."""
+        return self._still and self._next_inside() == NEVER
+
+    # -- looking in, and state ----------------------------------------------------------------
 
     def telemetry(self) -> dict[str, int | float | str]:
         """Return desired and real motion, filter and output, status and signals by name."""
@@ -409,8 +410,6 @@ class LM628(Chip):
         shown["status"] = self.status()
         shown["interrupt"] = self._hi.level
         return shown
-
-    # -- state --------------------------------------------------------------------------------
 
     def save_core(self) -> tuple[object, ...]:
         """Return the state of everything behind the front-end."""

@@ -1,12 +1,20 @@
 """What each command does: one method per row of Table 2."""
 
 from collections.abc import Callable
+from typing import Final
 
 from vbus.bits import sign_extend
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import Axis
 from vbus.chips.lm628.host import Host
 from vbus.signals import Rule
+
+UNKNOWN: Final = -1
+
+BUFFERED: Final = frozenset(
+    row.code for row in ds.COMMANDS if row.read or row.write or row.name == "UDF"
+)
+"""Commands that, up to the next sample, change no more than buffers, replies, mask and flags."""
 
 
 class Commands:
@@ -54,6 +62,22 @@ class Commands:
             self._host.words_due = self._words[code]
         method(step, word)
         return True
+
+    def foresee_flags(self) -> int:
+        """Return the flags once busy falls; UNKNOWN if more may change than buffers and replies.
+
+        Only where HI stays as it is, and no index pulse is looked for.
+        """
+        axis = self._axis
+        code, step, word = self._host.next_step()
+        if axis.sip or (code >= 0 and code not in BUFFERED):
+            return UNKNOWN
+        flags, mask = axis.flags, axis.mask
+        if step and code == ds.RSTI:
+            flags = axis.kept_flags(word)
+        elif step and code == ds.MSKI:
+            mask = word & ds.INTERRUPTS
+        return flags if (flags & mask != 0) == axis.interrupt() else UNKNOWN
 
     # -- Initialization commands --------------------------------------------------------------
 

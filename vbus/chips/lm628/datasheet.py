@@ -60,6 +60,9 @@ COMMANDS: Final = CommandTable(
 RESET: Final = 0x00
 """The one command that is carried out at its strobe, not when busy falls (LM-RST-4)."""
 
+MSKI: Final = COMMANDS["MSKI"].code
+RSTI: Final = COMMANDS["RSTI"].code
+
 NOTES: Final = {
     "1": "Commands may be executed on the fly during motion.",
     "2": "Commands not applicable to execution during motion.",

@@ -223,6 +223,12 @@ class Host:
                 )
         self._pending = _NOTHING
 
+    def next_step(self) -> tuple[int, int, int]:
+        """Return the code, step and word carried out when busy falls; code -1: none."""
+        if self._pending == _WORD:
+            return self._code, self._step + 1, self._value
+        return (self._value if self._pending == _COMMAND else -1), 0, 0
+
     def save(self) -> tuple[object, ...]:
         """Return the whole state."""
         return (

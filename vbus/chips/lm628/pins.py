@@ -8,13 +8,27 @@ from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
 from vbus.kernel import NEVER
-from vbus.signals import HIGH, LOW, STRICT, Watcher
+from vbus.signals import HIGH, LOW, STRICT, Watcher, Z
 
 if TYPE_CHECKING:
     from vbus.chips.lm628.chip import LM628
 
 _LONG_AGO: Final = -(1 << 60)
 _FLOATING: Final = 0xFF
+
+
+def edges_of(write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
+    """Return the edges of a whole cycle at the shortest times the manual allows."""
+    setup, hold = ds.AC["T8"].min_ps, ds.AC["T9"].min_ps
+    low = ds.WRITE_LOW if write else ds.READ_LOW
+    strobe = "/WR" if write else "/RD"
+    edges = [(-low - setup, "/PS", address), (-low - setup, "/CS", LOW), (-low, strobe, LOW)]
+    if write:
+        edges.append((-low, "D0-D7", data))
+    edges += [(0, strobe, HIGH), (hold, "/CS", HIGH)]
+    if write:
+        edges.append((ds.AC["T16"].min_ps, "D0-D7", Z))
+    return edges
 
 
 class BusPins:

@@ -13,6 +13,7 @@ from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
 from vbus.client.wire import Wire
 from vbus.errors import TransportError, VbusError
 from vbus.protocols.port import PortInfo
+from vbus.protocols.requests import FORESEEING
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -226,7 +227,7 @@ class Bus(Cycles):
         """
         self._wire.stamped_polls = "polled_at" in self.info.features
         self._wire.cycles = [chip.cycle_ps for chip in self.info.chips] if on else []
-        await self._post(Message.leases, on)
+        await self._post(Message.leases, on, FORESEEING in self.info.features)
 
     async def posting(self, on: bool = True) -> None:
         """Keep requests without a reply back, to travel with the next one that has a reply.
