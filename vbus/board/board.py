@@ -3,7 +3,7 @@
 import hashlib
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import msgpack
 
@@ -338,10 +338,9 @@ class Board:
         Load it into a board built from the same file.
         """
         self.catch_up()
-        self.player.flush()
         return (
             tuple((chip.name, chip.part) for chip in self.chips),
-            self.kernel.save(),
+            (self.kernel.save(), self.player.save([port._pins for port in self.ports])),
             tuple(chip.save() for chip in self.chips),
             tuple(net.save() for net in self._all_nets()),
             tuple(pin.level for chip in self.chips for pin in chip.pins.values()),
@@ -355,7 +354,8 @@ class Board:
         Raises:
             SnapshotError: the state was made by another board.
         """
-        chips, kernel, chip_states, nets, levels, ports = state[:6]
+        chips, times, chip_states, nets, levels, ports = state[:6]
+        time: Any = times
         mine = tuple((chip.name, chip.part) for chip in self.chips)
         if tuple(tuple(pair) for pair in chips) != mine:  # type: ignore[attr-defined]
             raise SnapshotError(f"the state belongs to a board with {chips}, this one has {mine}")
@@ -373,9 +373,10 @@ class Board:
             net.load(saved)
         for port, port_state in zip(self.ports, ports, strict=True):  # type: ignore[call-overload]
             port.load(port_state)
+        self.player.load(time[1], [port._pins for port in self.ports])
         for net in self._all_nets():
             net.recall_clash()
-        self.kernel.load(kernel)  # type: ignore[arg-type]
+        self.kernel.load(time[0])
         for chip, chip_state in zip(self.chips, chip_states, strict=True):  # type: ignore[call-overload]
             chip.load(chip_state)
         if self._faults is not None:

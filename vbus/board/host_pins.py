@@ -173,6 +173,21 @@ class HostPins:
         self._soldered = {}
         self._kernel.settle()
 
+    def name_of(self, own: Pin) -> str:
+        """Return the name of the chip's pin that the host's ``own`` one is soldered to, or ""."""
+        if self._soldered.get(id(own.net)) is own:
+            for chip in self._chips:
+                for name, chip_pin in chip.pins.items():
+                    if chip_pin.net is own.net:
+                        return f"{chip.name}.{name}"
+        return ""
+
+    def named(self, full_name: str) -> Pin:
+        """Return this host's pin at the chip's pin ``full_name``."""
+        owner, _, name = full_name.partition(".")
+        chip = next(chip for chip in self._chips if chip.name == owner)
+        return self.of(chip.pins[name])
+
     def save(self) -> tuple[tuple[str, int], ...]:
         """Return what each pin of the host drives, by name of the chip's pin."""
         levels: dict[str, int] = {}
@@ -188,9 +203,7 @@ class HostPins:
         for pin in self._soldered.values():
             pin.level = Z
         for full_name, level in state:
-            owner, _, name = full_name.partition(".")
-            chip = next(chip for chip in self._chips if chip.name == owner)
-            self.of(chip.pins[name]).level = level
+            self.named(full_name).level = level
 
 
 class _EdgeWatch(Observer):

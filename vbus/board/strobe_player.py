@@ -82,6 +82,21 @@ class StrobePlayer:
             self._kernel.settle()
         self._timer.cancel()
 
+    def save(self, hosts: list[HostPins]) -> tuple[tuple[int, int, str, int], ...]:
+        """Return the hold edges that are still to come: instant, host, pin, level."""
+        return tuple(
+            (when, number, host.name_of(pin), level)
+            for when, pin, level in self._tail
+            for number, host in enumerate(hosts)
+            if host.name_of(pin)
+        )
+
+    def load(self, state: tuple[tuple[int, int, str, int], ...], hosts: list[HostPins]) -> None:
+        """Take back what :meth:`save` gave; the kernel has the timer."""
+        self._tail.clear()
+        for when, number, name, level in state:
+            self._tail.append((when, hosts[number].named(name), level))
+
     def _run_tail(self) -> None:
         while self._tail and self._tail[0][0] <= self._kernel.now:
             _, pin, level = self._tail.popleft()

@@ -227,13 +227,14 @@ class Chip:
     def heard_changed(self) -> None:
         """Somebody began or ceased to listen to an output: be eager or lazy from now on."""
         heard = any(pin.net.heard for pin in self.pins.values() if pin.on_heard is not None)
-        if heard != self._heard:
-            self._heard = heard
-            if heard:
-                self.advance()
-                self.rearm()
-            else:
-                self._timer.cancel()
+        if heard:
+            # Maybe to another output than before.
+            self._heard = True
+            self.advance()
+            self.rearm()
+        elif self._heard:
+            self._heard = False
+            self._timer.cancel()
 
     def rearm(self) -> None:
         """Set the timer to the next event, if anybody listens. Call after every outside event."""

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from vbus.chips.base import Chip
+from vbus.faults import fitting
 from vbus.kernel import HELD, NEVER
 from vbus.options import Value
 from vbus.signals import Plant
@@ -124,11 +125,7 @@ def _follow(chip: Chip) -> None:
                 else min(inside.encoder.index_at, inside._sample_at)
             )  # fmt: skip
             inside._encoder_pins.look()
-        inside.touched()
-    elif chip.FAMILY == "mcp1200":
-        inside.changed()
-    else:
-        if chip.FAMILY == "mc1241a" and not inside.stopped():
-            inside.cycles.replan(inside.port.busy_until)
-        chip.rearm()
+    elif chip.FAMILY == "mc1241a" and not inside.stopped():
+        inside.cycles.replan(inside.port.busy_until)
+    fitting.disturb(chip)
     chip.kernel.settle()

@@ -84,6 +84,7 @@ class Shaft(EncodedPlant):
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds."""
         self._forget_course()
+        self._resting = False
         self._period = period
         self._divide(self._substeps)
 

@@ -71,6 +71,7 @@ class StepperMotor(Shaft):
         # Eight sub-steps to a radian of the rotor's swing at its natural frequency.
         stiffness = (self._holding + 4.0 * self._detent) * self._turns
         self._forget_course()
+        self._resting = False
         pieces = self._substeps
         while pieces < MOST_PIECES and 64.0 * stiffness * period * period > self._inertia * float(
             pieces

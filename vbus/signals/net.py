@@ -70,6 +70,8 @@ class Pin:
             if net.width != 8 and self.on_heard is None and (level == Z) != (self.level == Z):
                 heard = net.heard
                 self.level = level
+                # Chips show what they drive by now before it is fought.
+                net.tell_drivers()
                 net.resolve()
                 net.first_heard(heard)
                 return
