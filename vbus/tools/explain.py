@@ -71,24 +71,24 @@ def command(
 
 
 def _families() -> str:
-    from vbus.trace.decode import DECODERS
+    from vbus.trace.decode import FAMILIES
 
-    return ", ".join(DECODERS)
+    return ", ".join(FAMILIES)
 
 
 def _decoder(name: str) -> Decoder | None:
     """Return the decoder for a family or part, if ``name`` is one."""
     from vbus.board import plugins
     from vbus.errors import PluginError
-    from vbus.trace.decode import DECODERS
+    from vbus.trace.decode import FAMILIES, decoder_class
 
     family = name.lower()
-    if family not in DECODERS:
+    if family not in FAMILIES:
         try:
             family = plugins.chip_class(name.upper()).FAMILY
         except PluginError:
             return None
-    made = DECODERS.get(family)
+    made = decoder_class(family)
     return made() if made is not None else None
 
 

@@ -1,18 +1,20 @@
 """Decoders by chip family, and the packets of a whole board while it runs."""
 
 from collections.abc import Callable
+from importlib import import_module
 from typing import Final
 
 from vbus.signals import Observer, Violation
-from vbus.trace.lm628_packets import Lm628Packets
-from vbus.trace.mc1241a_packets import Mc1241aPackets
-from vbus.trace.mcp1200_packets import Mcp1200Packets
 from vbus.trace.packets import UNKNOWN, Cycle, Decoder, Packet
 
-DECODERS: Final[dict[str, type[Decoder]]] = {
-    decoder.FAMILY: decoder for decoder in (Lm628Packets, Mc1241aPackets, Mcp1200Packets)
+# Each brings its whole chip with it: a board loads those of its own chips only.
+_DECODERS: Final[dict[str, tuple[str, str]]] = {
+    "lm628": ("vbus.trace.lm628_packets", "Lm628Packets"),
+    "mc1241a": ("vbus.trace.mc1241a_packets", "Mc1241aPackets"),
+    "mcp1200": ("vbus.trace.mcp1200_packets", "Mcp1200Packets"),
 }
-"""What reads the bus of each chip family."""
+FAMILIES: Final[tuple[str, ...]] = tuple(_DECODERS)
+"""The chip families whose bus can be read in the manual's words."""
 
 
 class PlainPackets(Decoder):
@@ -28,9 +30,18 @@ class PlainPackets(Decoder):
         return []
 
 
+def decoder_class(family: str) -> type[Decoder] | None:
+    """Return what reads the bus of chips of ``family``; None if it is not known."""
+    if family not in _DECODERS:
+        return None
+    module, name = _DECODERS[family]
+    found: type[Decoder] = getattr(import_module(module), name)
+    return found
+
+
 def decoder_of(family: str) -> Decoder:
     """Return a new decoder for chips of ``family``; one without names if it is not known."""
-    return DECODERS.get(family, PlainPackets)()
+    return (decoder_class(family) or PlainPackets)()
 
 
 class BoardPackets(Observer):

@@ -9,7 +9,7 @@ from typing import Any, Final
 from vbus.chips.tables import CommandTable, RegisterMap
 from vbus.tools.generate.layout import ROOT
 from vbus.trace.bus_watch import WATCHES
-from vbus.trace.decode import DECODERS
+from vbus.trace.decode import FAMILIES, decoder_of
 
 _HEAD: Final = (
     "# SPDX-License-Identifier: GPL-3.0-or-later\n"
@@ -100,7 +100,7 @@ class Decoder(srd.Decoder):
 def _pd(family: str) -> str:
     name, title = _TITLES[family]
     text = _PD.format(
-        packets=DECODERS[family].__name__,
+        packets=type(decoder_of(family)).__name__,
         watch=WATCHES[family].__name__,
         control=tuple(zip(_CHANNELS[family], WATCHES[family].PINS, strict=True)),
         family=family,
@@ -154,7 +154,7 @@ def _literal(value: Any) -> str:
 def targets() -> list[tuple[str, Callable[[], str]]]:
     """Return the files of all decoders."""
     made: list[tuple[str, Callable[[], str]]] = []
-    for family in DECODERS:
+    for family in FAMILIES:
         folder = f"contrib/sigrok/vbus_{family}"
         made += [
             (f"{folder}/__init__.py", partial(_init, family)),
