@@ -152,6 +152,14 @@ class Chip:
         """
         return self.kernel.now
 
+    def foresee(self, address: int, when: int) -> tuple[int, int] | None:
+        """Return what reads at ``address`` give from ``when`` on, and until when at least (ps).
+
+        Asked after :meth:`steady_until`, with that instant or an earlier one. No output changes
+        before the end either, unless something from outside touches the chip. None: not known.
+        """
+        return None
+
     def power_on(self, done: bool) -> None:
         """Supply is up and the reset pin is released now: the datasheet's reset runs.
 
