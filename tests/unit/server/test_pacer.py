@@ -420,3 +420,63 @@ def test_edges_that_are_listened_to_come_in_slices_too() -> None:
 
     # Only the first one does not know yet how long a stretch takes.
     assert max(longest[12:]) <= SLICE_NS + 20 * 500_000
+
+
+class Idler(Labour):
+    """A chip at rest that takes a while if it is brought up to date all the same."""
+
+    def resting(self) -> bool:
+        return True
+
+
+def test_chips_at_rest_are_left_alone_however_many_there_are() -> None:
+    wall = WallClock()
+    board = Board("bench", "realtime")
+    for number in range(200):
+        chip = board.add_chip(Idler, f"t{number}", "TOY", 8_000_000)
+        assert isinstance(chip, Idler)
+        chip.wall, chip.cost_ns = wall, 100_000
+    pacer = Pacer(board, clock=wall)
+    pacer.arm()
+
+    wakes = sleep(pacer, wall, 600 * SECOND)
+
+    assert wakes < 620
+    assert pacer.worst_lag == 0
+
+
+def test_an_lm629_is_at_rest_only_while_nothing_is_due_inside() -> None:
+    board, pacer, wall = resting()
+    chip = board.chip("x")
+    assert chip.resting()
+
+    port = board.open_port("host", ["x"])
+    port.write(0, 0x06)
+    assert not chip.resting(), "the command has its effect when busy falls"
+    pacer.touched()
+    sleep(pacer, wall, 60 * SECOND)
+    assert chip.resting()
+
+
+def test_a_chip_that_begins_to_move_is_brought_up_to_date_again() -> None:
+    board, pacer, wall = resting()
+    port = board.open_port("host", ["x"])
+    for code, *data in (
+        (0x1E, 0, 0x0A, 1, 44, 7, 208), (0x04,), (0x1F, 0x18, 0x28, 0, 0, 3, 232, 0, 1, 0, 0),
+        (0x01,),
+    ):  # fmt: skip
+        wall.ns += 1_000_000
+        assert pacer.catch_up()
+        port.write(0, code)
+        for byte in data:
+            wall.ns += 1_000_000
+            assert pacer.catch_up()
+            port.write(1, byte)
+    pacer.touched()
+
+    sleep(pacer, wall, 10 * SECOND)
+
+    assert not board.chip("x").resting()
+    moved = board.plants[0].count
+    sleep(pacer, wall, SECOND)
+    assert board.plants[0].count > moved, "though nobody has looked at the chip"
