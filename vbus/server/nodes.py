@@ -267,7 +267,8 @@ class _Run:
         scenario = scenario_of(file, wishes.scenario) if wishes.scenario else None
         self._link: NodeLink | None = None
         # In real time whoever orders a start comes over the network, also if all nodes are here.
-        meets = bool(wishes.listen or wishes.connect) or self._plan.hub >= 0
+        places = wishes.listen or wishes.connect or file.zenoh.connect
+        meets = bool(places) or self._plan.hub >= 0
         if len(names) < len(self._plan.nodes) or (file.board.time == "realtime" and meets):
             ranks = [self._plan.rank(name) for name in names]
             self._link = NodeLink(self._plan.board, self._plan.nodes, ranks)

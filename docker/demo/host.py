@@ -1,0 +1,67 @@
+"""Moves three axes on three nodes: one start for all, ordered for one instant of chip time."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from vbus.client import Bus, connect
+from vbus.client.lm628 import TRAJECTORY_COMPLETE, Lm628
+
+BOARD = Path(__file__).with_name("three_axes.toml")
+TARGETS = {"x": 4000, "y": -2500, "z": 1200}
+NEAR = 3
+"""Counts from its target at which an axis is there."""
+
+
+def prepared(bus: Bus, target: int) -> Lm628:
+    """Load a move, so that it lacks its start alone."""
+    axis = Lm628(bus)
+    axis.load_filter(kp=300, kd=2000)
+    axis.load_trajectory(acc=40, vel=2 << 16, pos=target)
+    axis.rsti(0)  # no trajectory is complete from here on
+    bus.echo()  # all of it has arrived
+    return axis
+
+
+def vbus(*arguments: str, typed: str = "") -> str:
+    """Run a vbus command; return what it prints."""
+    done = subprocess.run(["vbus", *arguments], input=typed, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(done.stderr)
+    return done.stdout
+
+
+def main() -> int:
+    """Move; return 0 if all axes have arrived."""
+    router = sys.argv[1]
+    buses = {name: connect(f"zenoh:machine.{name}/{name}?connect={router}") for name in TARGETS}
+    axes = {name: prepared(bus, TARGETS[name]) for name, bus in buses.items()}
+    print(
+        vbus("order", str(BOARD), "-", "--connect", router, typed="0us x+y+z w 0 1  # STT\n"),
+        end="",
+    )
+    for bus in buses.values():
+        bus.delay("200ms")  # until the start is over
+    arrived = True
+    for name, axis in axes.items():
+        axis.wait_status(TRAJECTORY_COMPLETE, "20s")
+        axis.bus.delay("200ms")
+        position = axis.rdrp()
+        arrived = arrived and abs(position - TARGETS[name]) <= NEAR
+        print(f"{name} is at {position:5d} counts, asked for {TARGETS[name]:5d}")
+    for bus in buses.values():
+        bus.close()
+    for board in json.loads(vbus("ls", "--json", "--zenoh", router)):
+        if board.get("node", {}).get("keeps_epoch"):
+            skew = board["node"]["skew"]
+            shown = ", ".join(
+                f"{key} {skew[key + '_ns'] / 1e6:.3f} ms" for key in ("p50", "p99", "max")
+            )
+            print(f"nodes were apart in wall time by {shown}")
+    print("all axes have arrived" if arrived else "an axis has not arrived")
+    return 0 if arrived else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
