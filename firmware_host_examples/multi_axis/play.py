@@ -10,7 +10,7 @@ from typing import Any
 import msgpack
 
 from multi_axis.chips import Cycle
-from multi_axis.score import PIN, READ, US, Event, Score
+from multi_axis.score import MS, PIN, READ, US, Event, Score
 from vbus.board.config import read_board_file
 from vbus.board.sections import BoardFile
 from vbus.client.aio.bus import Bus, connect
@@ -21,10 +21,10 @@ from vbus.network.session import close_session, open_session
 from vbus.server.ordering import order
 
 PATIENCE = 60.0
-"""Seconds to wait for nodes that are being started."""
+"""Seconds to wait for nodes that are being started, or for a busy machine."""
 CHUNK = 400
 """Events in one message."""
-AHEAD = 1500 * 1000 * US
+AHEAD = 2500 * MS
 """How far ahead a score is ordered in real time."""
 
 
@@ -92,7 +92,7 @@ async def _open(where: str) -> Bus:
     end = time.monotonic() + PATIENCE
     while True:
         try:
-            return await connect(where)
+            return await connect(where, PATIENCE)
         except TransportError:
             if time.monotonic() > end:
                 raise
