@@ -157,8 +157,7 @@ class EncodedPlant(Plant):
 
     def _forget_course(self) -> None:
         """The period is over for good: what is left of its course is where it ended."""
-        if self._untraced:
-            self._write_pieces(1, self._last)[1] = self._last
+        self._write_pieces(1, self._last)[1] = self._last
 
     def count_at(self, fraction: float) -> i64:
         """Return the count at ``fraction`` (0.0 to 1.0) of the last period."""
