@@ -64,12 +64,14 @@ class StepperMotor(Shaft):
         self._issued: i64 = 0
         self._issued_from: i64 = 0
         self._due: i64 = 0
+        # What it is built for; a motor that has become weaker is followed as finely.
+        self._stiffness: float = (self._holding + 4.0 * self._detent) * self._turns
         self.prepare(256e-6)
 
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds."""
         # Eight sub-steps to a radian of the rotor's swing at its natural frequency.
-        stiffness = (self._holding + 4.0 * self._detent) * self._turns
+        stiffness = self._stiffness
         self._forget_course()
         self._resting = False
         pieces = self._substeps
