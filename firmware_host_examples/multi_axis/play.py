@@ -103,6 +103,12 @@ async def _run(bus: Bus, events: list[Event], common: set[int], end: int) -> lis
     """Run one chip's events, each at its instant, and wait for the end; return its cycles."""
     cycle = bus.info.chips[0].cycle_ps
     now = await bus.now()
+    if bus.info.policy != "lockstep":
+        raise VbusError(f"{bus.info.board} runs in {bus.info.policy}; give --real-time here too")
+    if now:
+        raise VbusError(
+            f"time of {bus.info.board} stands at {now / 1e9:g} ms: start the nodes anew for each run"
+        )
     found: list[Cycle] = []
     for first in range(0, len(events), CHUNK):
         results: list[tuple[Event, Later[int] | None, Later[int] | None]] = []

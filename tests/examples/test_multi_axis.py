@@ -1,5 +1,6 @@
 """The examples of several axes: one command each, here and over computers joined by cables."""
 
+import asyncio
 import contextlib
 import importlib.util
 import os
@@ -19,10 +20,12 @@ import pytest
 from tests.examples.boards import EXAMPLES, expected
 from tests.namespaces import computers
 from vbus.board.config import read_board_file
+from vbus.errors import VbusError
 from vbus.kernel import US
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
+from vbus.protocols.info import ChipInfo, PortInfo
 
 BOUNDS = {
     # What is printed of the contour begins with this; largest distance (counts).
@@ -139,7 +142,7 @@ def test_a_machine_over_a_network_moves_as_in_one_process(demo: str, tmp_path: P
 
 
 def test_in_real_time_the_contour_is_the_same_and_skew_is_told(tmp_path: Path) -> None:
-    out = run("xy_circle_lm629", tmp_path, "--real-time", "--svg", "circle.svg")
+    out = run("xy_circle_lm629", tmp_path, "--real-time", "--svg=circle.svg", "--traces=kept")
 
     lines = out.splitlines()
     assert lines[0] == "xy_circle_lm629: 2 nodes, real time"
@@ -148,6 +151,10 @@ def test_in_real_time_the_contour_is_the_same_and_skew_is_told(tmp_path: Path) -
     assert re.match(r"skew between nodes, wall time: p50 \d+ us, p99 \d+ us, max \d+ us", lines[3])
     assert lines[4] == "late: 0 bus cycles, 0 edges on wires"
     assert (tmp_path / "circle.svg").exists()
+    assert sorted(file.name for file in (tmp_path / "kept").iterdir()) == [
+        "left.trace",
+        "right.trace",
+    ]
     assert "trace hash" not in out
 
 
@@ -162,7 +169,7 @@ def test_a_part_that_cannot_start_ends_the_run_with_its_reason(tmp_path: Path) -
 
 
 def test_a_node_that_is_killed_ends_the_run_and_nothing_is_left(tmp_path: Path) -> None:
-    with started("xy_circle_lm629", tmp_path, "--real-time", "--traces=kept") as process:
+    with started("xy_circle_lm629", tmp_path, "--real-time") as process:
         parts = wait_for_parts(process.pid, 4)
         node = next(pid for pid, words in parts.items() if "--node" in words and "right" in words)
         os.kill(node, signal.SIGKILL)
@@ -247,3 +254,23 @@ def test_a_score_whose_cycles_overlap_on_a_bus_is_refused() -> None:
     score.read(10 * US + US // 2, "x", 0)
     with pytest.raises(ValueError, match="two bus cycles of x overlap"):
         score.of({"x"})
+
+
+@pytest.mark.parametrize(
+    ("policy", "now", "said"),
+    [
+        ("realtime", 0, "circle.left runs in realtime; give --real-time here too"),
+        ("lockstep", 5_000_000_000, "time of circle.left stands at 5 ms: start the nodes anew"),
+    ],
+)
+def test_nodes_that_do_not_fit_the_run_are_named(policy: str, now: int, said: str) -> None:
+    class Nodes:
+        info = PortInfo("circle.left", policy, 0, [ChipInfo("x", "LM629N-8", "lm628", 1, US)])
+
+        async def now(self) -> int:
+            return now
+
+    demo_of("xy_circle_lm629")
+    play = sys.modules["multi_axis.play"]
+    with pytest.raises(VbusError, match=said):
+        asyncio.run(play._run(Nodes(), [], set(), 0))
