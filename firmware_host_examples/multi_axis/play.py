@@ -107,7 +107,7 @@ async def _run(bus: Bus, events: list[Event], common: set[int], end: int) -> lis
         raise VbusError(f"{bus.info.board} runs in {bus.info.policy}; give --real-time here too")
     if now:
         raise VbusError(
-            f"time of {bus.info.board} stands at {now / 1e9:g} ms: start the nodes anew for each run"
+            f"time of {bus.info.board} stands at {now / 1e9:g} ms: start the nodes anew"
         )
     found: list[Cycle] = []
     for first in range(0, len(events), CHUNK):
