@@ -19,7 +19,7 @@ from vbus.faults.table import FAULTS
 from vbus.kernel import MS, NS
 from vbus.protocols.port import PortError
 
-BOARDS = int(os.environ.get("VBUS_SNAPSHOTS", "30"))
+BOARDS = int(os.environ.get("VBUS_SNAPSHOTS", "100"))
 OPERATIONS = 160
 KEPT = 1000
 

@@ -1,0 +1,86 @@
+"""Wires whose levels are found out late, and what a saved state keeps of them."""
+
+from vbus.board import snapshot
+from vbus.board.board import Board
+from vbus.board.build import load_board_text
+from vbus.kernel import MS, NS
+
+TWO = """
+[board]
+name = "two"
+time = "lockstep"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "m"
+[chips.y]
+part = "MCP-1200"
+clock = "20 MHz"
+plant = "n"
+[plants.m]
+model = "ideal"
+[plants.n]
+model = "ideal"
+[nets]
+wire = ["x.HI", "y./STOP"]
+"""
+
+
+def test_a_board_that_has_just_started_and_takes_a_state_loses_no_wire() -> None:
+    board = load_board_text(TWO)
+    board.open_port("host")
+    board.run_until(MS)
+    kept = snapshot.take(board)
+    fresh = load_board_text(TWO)
+    fresh.open_port("host")
+    snapshot.restore(fresh, kept)
+    shown = []
+    for each in (board, fresh):
+        each.find_pin("x.HI").drive(0)
+        each.kernel.settle()
+        shown.append(each.chip("y").telemetry()["status"])
+    assert shown[0] == shown[1]
+
+
+def drives_an_output(looks: int) -> list[tuple[int, str]]:
+    """A host holds IDLE low while it sends the chip into control and back to idle."""
+    board = load_board_text(TWO)
+    port = board.open_port("host", ["y"])
+    for register, value in ((1, 8), (0x26, 0x10), (0x3C, 2), (5, 3), (0, 0x0D)):
+        port.write(register, value)
+    board.run_for(5 * MS)
+    port.pin(port.pin_number("y.IDLE"), 0)
+    port.write(5, 1)
+    start = board.now
+    for look in range(looks):
+        board.run_until(start + (look + 1) * 50 * MS // looks)
+        board.catch_up()
+    return [(found.when, found.detail) for found in board.violations]
+
+
+def test_a_clash_with_an_output_has_its_instant_however_often_somebody_looks() -> None:
+    seldom = drives_an_output(1)
+    assert any("IDLE" in detail for _, detail in seldom)
+    assert seldom == drives_an_output(500)
+
+
+def halfway(board: Board) -> None:
+    """A write cycle that is played as strobes, and 5 ns of the time its data are held."""
+    port = board.open_port("host", ["x"])
+    board.faults.arm("bit_stuck", "x", when="at 0 ps", until="cleared", bit=7, level=0)
+    port.write(0, 0x1E)
+    board.run_for(5 * NS)
+
+
+def test_a_state_taken_while_data_are_held_lets_go_at_its_instant() -> None:
+    board, unseen = load_board_text(TWO), load_board_text(TWO)
+    for each in (board, unseen):
+        halfway(each)
+    twin = snapshot.fork(board)
+    for each in (board, unseen, twin):
+        each.run_for(10**6)
+    released = {each.chip("x").bus_net.let_go_at for each in (board, unseen, twin)}
+    assert len(released) == 1
+    assert released.pop() > board.now - 10**6
+    assert twin.state_hash() == board.state_hash() == unseen.state_hash()
