@@ -46,7 +46,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Declare the marker."""
+    """Declare the marker; refuse a wish that cannot be met before the first test."""
+    if config.getoption("--vbus-wave") != "never":
+        try:
+            import vcd  # noqa: F401
+        except ImportError:
+            raise pytest.UsageError(
+                '--vbus-wave needs pyvcd; install it with: pip install "vbus[wave]"'
+            ) from None
     config.addinivalue_line(
         "markers",
         "vbus(board, plant, clock, seed, rate, strict): the board of a test: a board file's path,"

@@ -218,6 +218,16 @@ def test_files_are_kept_of_failing_tests_only_unless_asked_for(suite: pytest.Pyt
     assert [path.suffix for path in (suite.path / "kept").iterdir()] == [".vcd"]
 
 
+def test_a_waveform_that_cannot_be_written_is_refused_before_the_first_test(
+    suite: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    suite.makepyfile("def test_it(vbus_lm629): vbus_lm629.bus.read(0)")
+    monkeypatch.setitem(sys.modules, "vcd", None)
+    result = suite.runpytest_inprocess("-q", "--vbus-wave=always")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["*--vbus-wave needs pyvcd; install it with: pip install*"])
+
+
 def test_strict_fails_a_test_whose_host_breaks_the_datasheet(suite: pytest.Pytester) -> None:
     suite.makepyfile(
         """
