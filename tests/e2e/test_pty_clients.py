@@ -5,13 +5,17 @@ import select
 import subprocess
 import sys
 import termios
+import threading
 import tty
 from pathlib import Path
+
+import pytest
 
 from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, open_raw, read_exactly, toy_board, wait_for_sessions
 from vbus.server.registry import ask, status_path
 from vbus.server.server import Server
+from vbus.transports.pty import PtyTransport
 
 ECHO = b"\x02"
 
@@ -59,6 +63,42 @@ def test_half_a_request_is_forgotten_though_the_next_client_comes_at_once(runtim
             os.write(fd, ECHO + bytes((number,)))
             assert read_exactly(fd, 2) == b"E" + bytes((number,))
             os.close(fd)
+
+
+def test_a_client_that_comes_while_the_last_one_is_seen_to_have_gone_is_answered(
+    runtime: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    look = PtyTransport._look
+    transports: list[PtyTransport] = []
+    came: list[int] = []
+    gone: list[int] = []
+    here = threading.Event()
+
+    def slow_look(transport: PtyTransport) -> int:
+        transports[:] = [transport]
+        state = look(transport)
+        if gone and not came:
+            assert state & select.POLLHUP
+            came.append(open_raw(runtime / "x"))
+            os.write(came[0], ECHO + b"\x02")
+        return state
+
+    def leave() -> None:
+        gone.append(fd)
+        os.close(fd)
+        transports[0]._notice()
+        here.set()
+
+    monkeypatch.setattr(PtyTransport, "_look", slow_look)
+    with served(toy_board(), PTY) as server:
+        fd = open_raw(runtime / "x")
+        os.write(fd, ECHO + b"\x01\x31")
+        assert read_exactly(fd, 2) == b"E\x01"
+        assert server._loop is not None
+        server._loop.call_soon_threadsafe(leave)
+        assert here.wait(60)
+        assert read_exactly(came[0], 2) == b"E\x02"
+        os.close(came[0])
 
 
 def test_replies_still_on_their_way_when_a_client_closed_reach_nobody(runtime: Path) -> None:

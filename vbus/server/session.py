@@ -299,6 +299,9 @@ class Session:
                 break
             if not data:
                 break
+            if self._changed():
+                self.link.sort(data)  # the next host may have sent it: it came before the look
+                break
             self._take(data)
         self.end("closed by the host")
 
