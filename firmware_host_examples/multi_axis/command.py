@@ -274,6 +274,7 @@ def _running(
         for node in read_board_file(board)[0].nodes:
             trace = traces / f"{node.name}.trace"
             command = ["-m", "vbus", "run", str(board), "--node", node.name, "--trace", str(trace)]
+            command += ["--patience", "30"]
             start(node.name, command, stdout=subprocess.DEVNULL)
         options = [
             option for option in demo.variants if getattr(asked, option[2:].replace("-", "_"))

@@ -67,7 +67,9 @@ async def _in_virtual_time(file: BoardFile, score: Score, endpoint: str) -> Play
     played = Played()
     buses = await asyncio.gather(
         *(
-            _open(f"zenoh:{file.board.name}.{chip.node}/{chip.name}?connect={endpoint}")
+            _open(
+                f"zenoh:{file.board.name}.{chip.node}/{chip.name}?connect={endpoint}&patience={PATIENCE:g}"
+            )
             for chip in file.chips
         )
     )

@@ -9,6 +9,7 @@ import runpy
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
@@ -20,12 +21,13 @@ import pytest
 from tests.examples.boards import EXAMPLES, expected
 from tests.namespaces import computers
 from vbus.board.config import read_board_file
-from vbus.errors import VbusError
-from vbus.kernel import US
+from vbus.errors import TransportError, VbusError
+from vbus.kernel import MS, US
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
 from vbus.protocols.info import ChipInfo, PortInfo
+from vbus.server.registry import ask
 
 BOUNDS = {
     # What is printed of the contour begins with this; largest distance (counts).
@@ -114,6 +116,18 @@ def wait_for_parts(pid: int, count: int) -> dict[int, list[str]]:
     return {int(child): Path("/proc", child, "cmdline").read_text().split("\0") for child in found}
 
 
+def until_granted(folder: Path, node: str, instant: int) -> None:
+    """Wait until a node of an example started in ``folder`` may run so far (ps)."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        for place in folder.glob(f"*/run/boards/{node}.sock"):
+            with contextlib.suppress(TransportError):
+                if ask(place)["node"]["granted_ps"] >= instant:
+                    return
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
 def worst(name: str, out: str) -> float:
     """Return the largest distance from the path that is printed (counts)."""
     begins, _ = BOUNDS[name]
@@ -139,6 +153,32 @@ def test_a_machine_over_a_network_moves_as_in_one_process(demo: str, tmp_path: P
     assert worst(demo, out) <= BOUNDS[demo][1]
     assert digest.strip() == played(demo, demo_of(demo).score())[1]
     assert ElementTree.parse(tmp_path / f"{demo}.svg").getroot().tag.endswith("svg")
+
+
+@pytest.mark.slow
+def test_a_cable_pulled_for_5_s_in_the_middle_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    demo = "gear_mc1241a"
+    # The nodes' sockets lie there: a short path.
+    with computers(2) as network, tempfile.TemporaryDirectory() as scratch:
+        monkeypatch.setenv("TMPDIR", scratch)
+        left, right = network.around
+        options = [f"--listen=tcp/{network.hub.address}:7447"]
+        places = {"router": network.hub, "host": network.hub, "left": left, "right": right}
+        options += [f"--netns={part}={place.name}" for part, place in places.items()]
+        with started(demo, tmp_path, *options) as process:
+            until_granted(Path(scratch), "gear.right", 200 * MS)
+            right.cut()
+            time.sleep(5)
+            assert process.poll() is None, process.communicate()
+            right.mend()
+            out, errors = process.communicate(timeout=PATIENCE)
+
+    assert process.returncode == 0, out + errors
+    printed, _, digest = out.partition("trace hash: ")
+    assert printed == expected(demo)
+    assert digest.strip() == played(demo, demo_of(demo).score())[1]
 
 
 def test_in_real_time_the_contour_is_the_same_and_skew_is_told(tmp_path: Path) -> None:
