@@ -75,6 +75,8 @@ def test_without_late_edges_real_time_gives_the_hash_of_virtual_time(tmp_path: P
             if out.endswith("no edge came late\n"):
                 break
             assert "came late, the worst by" in out
+        else:
+            pytest.skip("this computer is too busy: edges came late in each of 20 runs")
         bench.board.write_text(bench.board.read_text().replace('"realtime"', '"lockstep"'))
         code, virtual = ended(bench.start("abcd"))
         assert code == 0, virtual
