@@ -35,11 +35,14 @@ def steps(page: str) -> list[str]:
 def shell(commands: list[str]) -> str:
     """Return a script; after each start of a board it waits until that board answers."""
     script = "set -e -m\ntrap 'jobs -p | xargs -r kill' EXIT\n"
-    script += "running() { vbus ls --json | grep -o pid | wc -l; }\n"
+    script += 'running() { find "$VBUS_RUNTIME" -path "*/boards/*.sock" | wc -l; }\n'
     for command in commands:
         for line in command.splitlines(keepends=True):
             if line.startswith("vbus run"):
-                line = f"boards=$(running)\n{line}until [ $(running) -gt $boards ]; do :; done\n"
+                line = (
+                    f"boards=$(running)\n{line}"
+                    "until [ $(running) -gt $boards ]; do sleep 0.02; done\nvbus ls > /dev/null\n"
+                )
             script += line
     return script
 
