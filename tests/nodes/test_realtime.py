@@ -11,10 +11,12 @@ from tests.nodes.four_chips import BOARD, scenario
 from tests.nodes.processes import Bench, ended
 from vbus.board.config import read_board_text
 from vbus.kernel import MS, US
-from vbus.nodes.machine import Machine
-from vbus.nodes.plan import pins_of
+from vbus.nodes.machine import Machine, node_of
+from vbus.nodes.messages import Edges
+from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
 from vbus.server.node_clock import ClockEstimate
+from vbus.server.realtime_nodes import RealTime
 from vbus.server.skew import Skew
 
 REAL = (
@@ -149,6 +151,19 @@ def test_a_node_that_dies_in_real_time_is_named(bench: Bench) -> None:
         code, out = ended(processes[nodes])
         assert code == 1, out
         assert "vbus: node b has died or was cut off" in out
+
+
+def test_edges_that_were_lost_are_told() -> None:
+    file, source = read_board_text(REAL)
+    plan = plan_of(file)
+    said: list[str] = []
+    real = RealTime(plan, [node_of(file, source, "a", None, False)], None, said.append)
+    for number in (4, 5, 6, 9, 10, 0, 1):  # comes late; 7 and 8 lost; anew
+        real.deliver(1, Edges(plan.digest, 1, number, ()))
+    assert said == [
+        "2 messages with edges of node b were lost while it was cut off; a wire it drives may stand"
+        " wrong until its next edge"
+    ]
 
 
 def test_the_fastest_exchange_decides_about_a_clock() -> None:

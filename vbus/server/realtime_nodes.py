@@ -121,7 +121,9 @@ class RealTime(Fellowship):
         self._until: int = until
         self._ns: Callable[[], int] = clock
         self._pings: int = 0
-        self._sent: int = 0
+        self._sent: dict[int, int] = {node.rank: 0 for node in nodes}
+        self._next: dict[int, int] = {}
+        """Number of the message with edges that comes next from a node in another process."""
         self._keepers_epoch: int = -1
         self._pinging: asyncio.TimerHandle | None = None
         self._period: int = max(MARK, int(MARK * min(rate, 1000)))
@@ -213,8 +215,9 @@ class RealTime(Fellowship):
             for other in self.nodes.values():
                 if other is not node:
                     self._accept(other, edges)
-            self.send(node.rank, Edges(self.plan.digest, node.rank, self._sent, tuple(edges)))
-            self._sent += 1
+            number = self._sent[node.rank]
+            self.send(node.rank, Edges(self.plan.digest, node.rank, number, tuple(edges)))
+            self._sent[node.rank] = number + 1
         if self._until >= 0 and self._done_at < 0:
             if all(mine.board.now > self._until for mine in self.nodes.values()):
                 self.done()
@@ -274,10 +277,21 @@ class RealTime(Fellowship):
         elif isinstance(message, Pong):
             self._answered(message)
         elif isinstance(message, Edges):
+            self._look_for_gap(rank, message.round)
             for node in self.nodes.values():
                 self._accept(node, message.edges)
         elif isinstance(message, Mark):
             self.skew.note(message.round, rank, message.at, self._here())
+
+    def _look_for_gap(self, rank: int, number: int) -> None:
+        """Time does not wait here: what was sent while a cable was out is lost, and told."""
+        lost = number - self._next.get(rank, number)
+        self._next[rank] = number + 1
+        if lost > 0:
+            self._say(
+                f"{lost} messages with edges of node {self.plan.nodes[rank]} were lost while it was"
+                " cut off; a wire it drives may stand wrong until its next edge"
+            )
 
     # -- telling --------------------------------------------------------------------------------
 
