@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Final
 
 import msgpack
+from mypy_extensions import i64
 
 from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus
@@ -67,7 +68,7 @@ class Board:
         self.clock_step: int = clock_step
         self.violation_policy: Policy = violations if violations is not None else Policy()
         self.kernel: Kernel = Kernel()
-        self.limit: int = NEVER - 1
+        self.limit: i64 = NEVER - 1
         """Time may run to this instant without the wall clock (ps); set by the pacer."""
         self.chips: list[Chip] = []
         self.plants: list[Plant] = []
@@ -82,7 +83,11 @@ class Board:
         """What makes a port; a journal puts a recording one in its place."""
         self.violations: deque[Violation] = deque(maxlen=1000)
         """The latest violations; :attr:`counters` has the totals."""
-        self.counters: dict[str, int] = {"reads": 0, "writes": 0, "violations": 0}
+        self._counters: dict[str, int] = {"reads": 0, "writes": 0, "violations": 0}
+        self.reads: int = 0
+        """Read cycles hosts have made."""
+        self.writes: int = 0
+        """Write cycles hosts have made."""
         self.ports: list[HostBus] = []
         self.claims: dict[str, HostBus] = {}
         self._trace: TraceHash | None = None
@@ -263,11 +268,21 @@ class Board:
 
     # -- findings -----------------------------------------------------------------------------
 
+    @property
+    def counters(self) -> dict[str, int]:
+        """Totals so far: ``"reads"``, ``"writes"``, ``"violations"``, and of each rule broken."""
+        return {**self._counters, "reads": self.reads, "writes": self.writes}
+
+    def set_counters(self, totals: dict[str, int]) -> None:
+        """Take back what :attr:`counters` gave."""
+        self._counters = {"reads": 0, "writes": 0, "violations": 0, **totals}
+        self.reads, self.writes = self._counters["reads"], self._counters["writes"]
+
     def file_violation(self, violation: Violation) -> None:
         """Record a violation, count it and tell the observers."""
         self.violations.append(violation)
-        self.counters["violations"] += 1
-        self.counters[violation.rule] = self.counters.get(violation.rule, 0) + 1
+        self._counters["violations"] += 1
+        self._counters[violation.rule] = self._counters.get(violation.rule, 0) + 1
         for observer in (*self.listeners, *self.observers):
             observer.violation(violation)
 
@@ -340,7 +355,11 @@ class Board:
         self.catch_up()
         return (
             tuple((chip.name, chip.part) for chip in self.chips),
-            (self.kernel.save(), self.player.save([port._pins for port in self.ports])),
+            (
+                self.kernel.save(),
+                self.player.save([port._pins for port in self.ports]),
+                tuple(port.strobes.save() for port in self.ports),
+            ),
             tuple(chip.save() for chip in self.chips),
             tuple(net.save() for net in self._all_nets()),
             tuple(pin.level for chip in self.chips for pin in chip.pins.values()),
@@ -373,6 +392,8 @@ class Board:
             net.load(saved)
         for port, port_state in zip(self.ports, ports, strict=True):  # type: ignore[call-overload]
             port.load(port_state)
+        for port, seen in zip(self.ports, time[2], strict=True):
+            port.strobes.load(seen)
         self.player.load(time[1], [port._pins for port in self.ports])
         for net in self._all_nets():
             net.recall_clash()

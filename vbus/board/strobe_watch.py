@@ -76,6 +76,15 @@ class StrobeWatch:
         for (address, data), names in writes.items():
             self._tell(now, names, True, address, data)
 
+    def save(self) -> tuple[tuple[int, ...], ...]:
+        """Return what the watches of all chips remember."""
+        return tuple(row.watch.save() for row in self._rows)
+
+    def load(self, state: tuple[tuple[int, ...], ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        for row, saved in zip(self._rows, state, strict=True):
+            row.watch.load(saved)
+
     def _tell(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
         if self.found is not None:
             self.found(when, chip, write, address, data)

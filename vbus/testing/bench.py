@@ -290,6 +290,7 @@ class Bench:
             ("vbus.replay", replay),
             ("vbus.transcript", "\n".join(lines)),
             ("vbus.violations", "\n".join(f"{v.rule} {v.detail}" for v in fitted.watch.violations)),
+            ("vbus.faults", "\n".join(str(armed) for armed in faults)),
         ]
         wave = fitted.wave()
         if wave:

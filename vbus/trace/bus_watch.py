@@ -54,6 +54,13 @@ class BusWatch:
         """Tell whether no cycle is under way."""
         raise NotImplementedError
 
+    def save(self) -> tuple[int, ...]:
+        """Return what is remembered of earlier edges, beside the last levels."""
+        return ()
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+
 
 class Lm628Watch(BusWatch):
     """LM628/LM629: a cycle ends when its strobe or /CS rises (LM-BUS-1 to LM-BUS-3)."""
@@ -154,6 +161,15 @@ class Mcp1200Watch(BusWatch):
     def idle(self, levels: tuple[int, ...]) -> bool:
         """Tell whether /ALE, /CS and /OE are high."""
         return bool(levels[0] and levels[1] and levels[2])
+
+    def save(self) -> tuple[int, ...]:
+        """Return the latched address, whether the latch is closed, and the read under way."""
+        return (self._address, int(self._closed), self._read)
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self._address, closed, self._read = state
+        self._closed = bool(closed)
 
 
 WATCHES: dict[str, type[BusWatch]] = {
