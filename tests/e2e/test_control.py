@@ -43,7 +43,7 @@ def served(**orders: Any) -> Iterator[Server]:
     thread = threading.Thread(target=lambda: asyncio.run(main()))
     thread.start()
     try:
-        assert ready.wait(10)
+        assert ready.wait(60)
         yield server
     finally:
         loop, stop = ends[0]
@@ -96,7 +96,7 @@ def test_what_is_refused_says_why_and_the_board_goes_on(
 def test_garbage_is_answered_with_an_error(line: bytes) -> None:
     with served(add=add):
         with socket.socket(socket.AF_UNIX) as link:
-            link.settimeout(10)
+            link.settimeout(60)
             link.connect(str(control_path("bench")))
             link.sendall(line)
             assert "error" in json.loads(link.makefile().readline())

@@ -29,7 +29,7 @@ plant = "m"
 model = "dc_motor"
 """
 
-PATIENT = 10.0
+PATIENT = 60.0
 SHORT = 0.3
 """For what must not come."""
 

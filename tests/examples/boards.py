@@ -64,7 +64,7 @@ class RunningBoard:
     ) -> None:
         self._process.send_signal(signal.SIGINT)
         try:
-            _, errors = self._process.communicate(timeout=10)
+            _, errors = self._process.communicate(timeout=60)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.communicate()

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tests.ports import free_endpoint
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 
 BOARD = """
 [board]
