@@ -1,5 +1,7 @@
 """Waits with a time-out follow chip time, cost no wall time, and repeat exactly."""
 
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -7,7 +9,15 @@ from pathlib import Path
 import pytest
 
 from tests.exec.conftest import PROGRAMS, compile_c
-from tests.exec.test_programs import PORTS, REGISTERS, execute, said
+from tests.exec.test_programs import PORTS, REGISTERS, execute, running, said
+from vbus.tools.preload import library
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _built() -> None:
+    """Compiling the library is no part of what is waited for."""
+    library()
+
 
 EXPECTED = [
     "nanosleep 0 600000", "absolute 0 1200000", "gettimeofday 5, time 5",
@@ -51,3 +61,51 @@ def test_32_bit_programs_with_a_wide_time_t_follow_chip_time_too(
     done = execute(tmp_path, REGISTERS.format(time="lockstep", card=PORTS), program)
     assert time.monotonic() - before < 30
     assert said(done) == EXPECTED
+
+
+WAITS = [
+    "cond_timedwait", "cond_clockwait", "sem_timedwait", "sem_clockwait", "mutex_timedlock",
+    "mutex_clocklock", "poll", "ppoll", "select", "pselect", "epoll", "timer",
+]  # fmt: skip
+
+
+def test_waits_end_when_another_thread_does_what_they_wait_for(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path
+) -> None:
+    """Not an hour of chip time later, though to compute takes the other thread no chip time."""
+    board = REGISTERS.format(time="lockstep", card=PORTS)
+    works = ["sleeps", "computes", "polls"]
+    script = (
+        f"for how in {' '.join(WAITS)}; do for work in {' '.join(works)}; do"
+        f" echo $how $work: $({programs('meets', bits)} $how $work); done; done"
+    )
+    done = execute(tmp_path, board, "sh", "-c", script)
+    assert said(done) == [f"{how} {work}: result 0, an hour 0" for how in WAITS for work in works]
+
+
+@pytest.mark.parametrize("how", ["cond_timedwait", "epoll", "poll", "timer", "sleep"])
+def test_a_board_that_dies_in_a_wait_ends_the_program_clearly(
+    programs: Callable[[str, int], Path], tmp_path: Path, how: str
+) -> None:
+    program = programs("meets", 64)
+    with running(tmp_path, REGISTERS.format(time="lockstep", card=PORTS)) as board:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "vbus", "exec", "--link", f"unix:{tmp_path}/x.sock", "--",
+             str(program), how, "for-ever"],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        assert process.stdout is not None
+        assert process.stdout.readline() == "waiting\n"
+        board.kill()
+        _, errors = process.communicate(timeout=30)
+    assert process.returncode == 4
+    assert "vbus exec: the board is gone" in errors
+
+
+def test_a_wait_beyond_the_end_of_time_ends_the_program_clearly(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path
+) -> None:
+    board = REGISTERS.format(time="lockstep", card=PORTS)
+    done = execute(tmp_path, board, programs("meets", bits), "sleep", "too-long")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "beyond the end of chip time, which is 106 days after its start" in done.stderr

@@ -242,9 +242,20 @@ void card_read_settings(void)
 
 /* --- the session ------------------------------------------------------------------------------ */
 
+static volatile int inside;       /* threads that use the card, or are about to */
+static volatile unsigned entries; /* how often one began to */
+
+unsigned card_entries(int *now)
+{
+    *now = inside;
+    return entries;
+}
+
 void card_enter(sigset_t *before)
 {
     sys_block(before);
+    __atomic_add_fetch(&inside, 1, __ATOMIC_ACQUIRE);
+    __atomic_add_fetch(&entries, 1, __ATOMIC_ACQUIRE);
     while (__atomic_exchange_n(&lock, 1, __ATOMIC_ACQUIRE))
         sched_yield();
 }
@@ -252,6 +263,7 @@ void card_enter(sigset_t *before)
 void card_leave(const sigset_t *before)
 {
     __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
+    __atomic_sub_fetch(&inside, 1, __ATOMIC_RELEASE);
     sys_restore(before);
 }
 
@@ -322,6 +334,7 @@ void card_forget(void)
         sys_close(bus.fd);
     open_session = 0;
     begun_ps = elapsed;
+    inside = 0; /* the other threads are not here */
     __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
 }
 
@@ -471,6 +484,8 @@ void card_store(uintptr_t address, const unsigned char *data, unsigned size, uin
 
 /* --- time ------------------------------------------------------------------------------------- */
 
+#define END_OF_TIME ((uint64_t)INT64_MAX)
+
 static volatile int begun;
 
 void card_begin_time(void)
@@ -487,6 +502,10 @@ int card_time_begun(void)
 
 static void spend(uint64_t ps)
 {
+    if (ps >= END_OF_TIME - elapsed) {
+        card_say("the program waits beyond the end of chip time, which is 106 days after its start");
+        card_end(1);
+    }
     elapsed += ps;
     if (!slaved && open_session)
         owed += ps;
@@ -505,7 +524,7 @@ uint64_t card_look(void)
 
 uint64_t card_pass(uint64_t duration)
 {
-    uint64_t left = duration * PS_PER_NS;
+    uint64_t left = duration < END_OF_TIME / PS_PER_NS ? duration * PS_PER_NS : END_OF_TIME;
 
     if (!card.signal || !open_session) {
         spend(left);

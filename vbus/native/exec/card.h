@@ -45,6 +45,9 @@ void card_forget(void);
 /* Whether this process has touched the card. */
 int card_in_use(void);
 
+/* How often a thread has begun to use it; and how many do `now`. */
+unsigned card_entries(int *now);
+
 /* Whether `fd` is the session's descriptor; and which that is, or -1. */
 int card_owns(int fd);
 int card_descriptor(void);

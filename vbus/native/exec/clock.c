@@ -248,7 +248,9 @@ static int selects_uio(int count, const fd_set *in)
 static int poll_until(struct pollfd *set, nfds_t count, int64_t ns)
 {
     nfds_t turn, uio = 0, others = 0;
+    struct patience patience;
 
+    patience_begin(&patience, ns);
     for (turn = 0; turn < count; turn++) {
         if (files_uio(set[turn].fd))
             uio++;
@@ -263,9 +265,9 @@ static int poll_until(struct pollfd *set, nfds_t count, int64_t ns)
             if (files_uio(set[turn].fd))
                 set[turn].fd = ~set[turn].fd;
         }
-        found = sys_poll(set, count, others == 0 || uio > 0 ? 0
-                                         : ns < 0 && timers_next() < 0 ? -1
-                                         : ns != 0 ? GRACE_MS : 0);
+        found = sys_poll(set, count, uio > 0 || ns == 0 ? 0
+                                     : ns < 0 && timers_next() < 0 ? -1
+                                     : others == 0 ? 0 : GRACE_MS);
         for (turn = 0; turn < count; turn++) {
             if (set[turn].fd < -1 && files_uio(~set[turn].fd)) {
                 set[turn].fd = ~set[turn].fd;
@@ -283,9 +285,17 @@ static int poll_until(struct pollfd *set, nfds_t count, int64_t ns)
 
             if (ns < 0 && timer < 0)
                 continue;
+            if (others > 0 && !patience_over(&patience)) {
+                ns = patience.left;
+                continue;
+            }
+            ns = patience.left;
+            if (ns == 0)
+                continue; /* a last look */
             if (timer >= 0 && (ns < 0 || timer < ns)) {
                 if (clock_pass((uint64_t)timer) == 0) {
                     ns = ns < 0 ? ns : ns - timer;
+                    patience_begin(&patience, ns);
                     continue;
                 }
             } else if (clock_pass((uint64_t)ns) == 0) {
@@ -327,6 +337,14 @@ PUBLIC int __poll_chk(struct pollfd *set, nfds_t count, int timeout_ms, size_t r
     return poll(set, count, timeout_ms);
 }
 
+static int refused(const struct timespec *time)
+{
+    if (time == NULL || (time->tv_sec >= 0 && time->tv_nsec >= 0 && time->tv_nsec < (long)NS))
+        return 0;
+    errno = EINVAL;
+    return -1;
+}
+
 PUBLIC int ppoll(struct pollfd *set, nfds_t count, const struct timespec *timeout,
                  const sigset_t *mask)
 {
@@ -336,6 +354,8 @@ PUBLIC int ppoll(struct pollfd *set, nfds_t count, const struct timespec *timeou
 
     if (!clock_follows() && !has_uio(set, count))
         return real(set, count, timeout, mask);
+    if (refused(timeout))
+        return -1;
     if (mask != NULL)
         pthread_sigmask(SIG_SETMASK, mask, &before);
     found = poll_until(set, count, timeout == NULL ? -1 : join(timeout));
@@ -403,6 +423,10 @@ PUBLIC int select(int count, fd_set *in, fd_set *out, fd_set *except, struct tim
 
     if (!clock_follows() && !selects_uio(count, in))
         return real(count, in, out, except, timeout);
+    if (timeout != NULL && (timeout->tv_sec < 0 || timeout->tv_usec < 0)) {
+        errno = EINVAL;
+        return -1;
+    }
     found = select_until(count, in, out, except, ns);
     if (timeout != NULL && found == 0)
         timeout->tv_sec = 0, timeout->tv_usec = 0; /* as Linux does */
@@ -418,6 +442,8 @@ PUBLIC int pselect(int count, fd_set *in, fd_set *out, fd_set *except,
 
     if (!clock_follows() && !selects_uio(count, in))
         return real(count, in, out, except, timeout, mask);
+    if (refused(timeout))
+        return -1;
     if (mask != NULL)
         pthread_sigmask(SIG_SETMASK, mask, &before);
     found = select_until(count, in, out, except, timeout == NULL ? -1 : join(timeout));

@@ -18,6 +18,21 @@ int64_t clock_look(clockid_t clock);
 /* Let time pass (ns); what is left if an interrupt's signal came. */
 uint64_t clock_pass(uint64_t duration);
 
+/* --- waits that another thread may satisfy (running.c) ------------------------------------------ */
+
+/* A wait of at most `left` (ns; negative: for ever) that looks once in GRACE_MS of wall time. */
+struct patience {
+    int64_t left, waited;
+    int asleep;
+    uint64_t seen;
+};
+
+void patience_begin(struct patience *patience, int64_t longest);
+
+/* After such a look in vain: whether nobody will satisfy it any more, or others have worked for so
+ * long in wall time as it may take (for ever: a second). What they let pass is taken from `left`. */
+int patience_over(struct patience *patience);
+
 /* --- timer descriptors (timers.c) -------------------------------------------------------------- */
 
 /* Nanoseconds until the next expiry, or -1. */

@@ -1,7 +1,4 @@
 /* threads.c - waiting for other threads until an instant of virtual time. License: Apache-2.0.
- *
- * Other threads run in wall time. A wait is in vain when for a moment none of them runs and none has
- * used the card; then the chips' time passes and the wall's does not.
  */
 #define _GNU_SOURCE
 #include "card.h"
@@ -9,13 +6,10 @@
 #include "sys.h"
 #include "trap.h"
 
-#include <dirent.h>
 #include <dlfcn.h>
 #include <errno.h>
 #include <pthread.h>
 #include <semaphore.h>
-#include <stdio.h>
-#include <stdlib.h>
 
 #define REAL(name)                                                                                 \
     static __typeof__(&name) real;                                                                 \
@@ -33,35 +27,6 @@ static void split(int64_t ns, struct timespec *when)
     when->tv_nsec = (long)(ns % NS);
 }
 
-/* Whether another thread of this process has something to do right now. */
-static int others_run(void)
-{
-    DIR *folder = opendir("/proc/self/task");
-    long self = syscall(SYS_gettid);
-    struct dirent *entry;
-    int found = 0;
-
-    while (folder != NULL && !found && (entry = readdir(folder)) != NULL) {
-        char path[64], text[128], *end;
-        ssize_t size;
-        int fd;
-
-        if (entry->d_name[0] == '.' || atol(entry->d_name) == self)
-            continue;
-        snprintf(path, sizeof path, "/proc/self/task/%.16s/stat", entry->d_name);
-        fd = sys_open(path, O_RDONLY | O_CLOEXEC);
-        size = fd < 0 ? 0 : sys_read(fd, text, sizeof text - 1);
-        if (fd >= 0)
-            sys_close(fd);
-        text[size > 0 ? size : 0] = '\0';
-        end = strrchr(text, ')');
-        found = end != NULL && end[1] == ' ' && (end[2] == 'R' || end[2] == 'D');
-    }
-    if (folder != NULL)
-        closedir(folder);
-    return found;
-}
-
 /* One of the waits below, until an instant of `clock` in real time; 0 or an error number. */
 struct wait {
     int (*real)(const struct wait *wait, const struct timespec *until);
@@ -71,31 +36,25 @@ struct wait {
 
 static int wait_until(const struct wait *wait, const struct timespec *when)
 {
-    int64_t left, waited = 0;
-    int result;
+    struct patience patience;
 
     if (when->tv_nsec < 0 || when->tv_nsec >= (long)NS)
         return wait->real(wait, when);
-    left = join(when) - clock_look(wait->clock);
+    patience_begin(&patience, join(when) - clock_look(wait->clock));
+    patience.left = patience.left < 0 ? 0 : patience.left;
     for (;;) {
-        uint64_t seen = card_elapsed(), gone;
         struct timespec until;
+        int result;
 
         sys_clock_gettime(wait->clock, &until);
-        split(join(&until) + (left > 0 ? GRACE_MS * 1000000 : 0), &until);
+        split(join(&until) + (patience.left > 0 ? GRACE_MS * 1000000 : 0), &until);
         result = wait->real(wait, &until);
-        if (result != ETIMEDOUT || left <= 0)
+        if (result != ETIMEDOUT || patience.left == 0)
             return result;
-        gone = card_elapsed() - seen;
-        waited += GRACE_MS * 1000000;
-        if (gone > 0) {
-            left -= (int64_t)gone;
-        } else if (waited >= left || !others_run()) {
-            left = (int64_t)clock_pass((uint64_t)left);
-            waited = 0;
-        }
-        if (left <= 0)
-            return ETIMEDOUT;
+        if (!patience_over(&patience))
+            continue;
+        if (patience.left > 0)
+            patience_begin(&patience, (int64_t)clock_pass((uint64_t)patience.left));
     }
 }
 

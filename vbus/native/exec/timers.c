@@ -198,6 +198,9 @@ static int (*real_epoll)(int, struct epoll_event *, int, int, const sigset_t *);
 static int wait_for_events(int fd, struct epoll_event *events, int most, int64_t ns,
                            const sigset_t *mask)
 {
+    struct patience patience;
+
+    patience_begin(&patience, ns);
     for (;;) {
         int64_t timer, step;
         int found;
@@ -209,6 +212,13 @@ static int wait_for_events(int fd, struct epoll_event *events, int most, int64_t
             return found;
         if (ns < 0 && timer < 0)
             continue;
+        if (!patience_over(&patience)) {
+            ns = patience.left;
+            continue;
+        }
+        ns = patience.left;
+        if (ns == 0)
+            continue; /* a last look */
         step = timer >= 0 && (ns < 0 || timer < ns) ? timer : ns;
         if (clock_pass((uint64_t)step) > 0) {
             errno = EINTR;
@@ -216,6 +226,7 @@ static int wait_for_events(int fd, struct epoll_event *events, int most, int64_t
         }
         if (ns > 0)
             ns -= step;
+        patience_begin(&patience, ns);
     }
 }
 
