@@ -54,6 +54,35 @@ def test_a_run_with_faults_is_played_again_bit_for_bit() -> None:
     assert told
 
 
+def test_a_run_whose_clock_failed_is_played_again_bit_for_bit() -> None:
+    """Off by the board file, stopped by hand, both at instants of no particular phase."""
+    file = BOARD + (
+        '[[faults]]\nfault = "clock_off"\nppm = 4321\nwhen = "at 3.1 ms"\nuntil = "for 7.3 ms"\n'
+    )
+    board = load_board_text(file)
+    written = io.BytesIO()
+    journal = Journal(board, written, file)
+    host = Lm(board)
+    host.spin()
+    settle(board, 10)
+    board.faults.arm("clock_stopped", when=board.now + 123_457, until="for 2 ms")
+    host.port.write(0, 0x0A)
+    settle(board, 1)
+    assert host.status() & 1
+    settle(board, 20)
+    here = host.position()
+    host.port.close()
+    journal.close()
+    entries = list(JournalReader(io.BytesIO(written.getvalue())))
+    again = load_board_text(file)
+    outcome = Replay(again, entries, {"x": "lm628"}).run()
+    assert outcome.divergence is None
+    assert outcome.ended
+    assert here > 0
+    assert [str(one) for one in again.faults.log] == [str(one) for one in board.faults.log]
+    assert again.chip("x").clock.save() == board.chip("x").clock.save()
+
+
 def test_a_journal_says_what_was_armed_and_what_came_of_it() -> None:
     _, entries = recorded()
     lines = [line(entry, Sessions()) for entry in entries if entry.op in ("arm", "clear", "fault")]
