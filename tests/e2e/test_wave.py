@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import threading
 import time
 from pathlib import Path
 
@@ -93,13 +92,22 @@ def test_a_waveform_of_a_running_board(folder: Path) -> None:
         # One that is given up half way leaves the board as it was.
         process = start("wave", "bench", "-o", folder / "b.vcd")
         assert process.stdout is not None
-        timer = threading.Timer(1.0, lambda: process.send_signal(signal.SIGINT))
-        timer.start()
-        drive(folder)
+        for _ in range(1000):
+            if (folder / "b.vcd").exists() and (folder / "b.vcd").read_text():
+                break
+            drive(folder)
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
         process.communicate(timeout=30)
         assert process.returncode == 0
+        # What is refused leaves a file that was there as it was.
+        (folder / "c.vcd").write_text("mine")
         done = vbus("wave", "bench", "-o", folder / "c.vcd", "--trigger", "now")
         assert done.returncode == 1
+        assert (folder / "c.vcd").read_text() == "mine"
+        done = vbus("wave", folder / "run.vbj", "-o", folder / "c.vcd", "--trigger", "now")
+        assert done.returncode == 1
+        assert (folder / "c.vcd").read_text() == "mine"
         assert 'vbus: trigger "now": write one of: violation;' in done.stderr
         (status,) = json.loads(vbus("ls", "--json").stdout)
         assert status["board"] == "bench"
@@ -159,9 +167,12 @@ def test_a_live_waveform_that_cannot_be_written_says_so_at_once(folder: Path) ->
 def test_a_live_trigger_that_has_not_come_is_told(folder: Path) -> None:
     with running(folder / "bench.toml"):
         process = start("wave", "bench", "-o", folder / "a.vcd", "--trigger", "x.HI falls")
-        timer = threading.Timer(1.5, lambda: process.send_signal(signal.SIGINT))
-        timer.start()
+        for _ in range(1000):
+            if (folder / "a.vcd").exists():  # the board has taken the trigger
+                break
+            time.sleep(0.02)
         drive(folder)
+        process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=30)
         assert (process.returncode, err) == (1, 'vbus: the trigger "x.HI falls" has not come\n')
 

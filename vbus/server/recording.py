@@ -1,6 +1,7 @@
 """What a served board records: its files are opened, kept written, and closed here."""
 
 import asyncio
+import io
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -114,6 +115,7 @@ class Recording:
             self._open_coverage(board, wishes.coverage)
         self._waves: list[Wave] = []
         for wave in waves:
+            wave_of(board, wave, io.StringIO(), report)  # complains before a file is overwritten
             text_file = open_text(wave.file)
             self._texts.append(text_file)
             made = wave_of(board, wave, text_file, report)

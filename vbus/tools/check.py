@@ -11,13 +11,14 @@ from vbus.tools import exit_codes
 
 @click.command("check")
 @click.argument("boards", metavar="[BOARD]...", nargs=-1)
-@click.option("--rules", is_flag=True, help="List every violation rule, its clause and severity.")
+@click.option("--rules", is_flag=True, help="List every violation rule: clause, severity, AC row.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(boards: tuple[str, ...], rules: bool, as_json: bool) -> int:
     """Check board files; list the rules hosts are held to.
 
     Names every mistake with file, line and key, and what is allowed instead. With --rules,
-    lists what a host can break, by the names that [violations] uses.
+    lists what a host can break, by the names that [violations] uses, with the row of the manual's
+    AC table where a rule is one.
     """
     if not boards and not rules:
         raise click.UsageError("name a board file, or ask for --rules")
@@ -40,6 +41,7 @@ def _check(path: str) -> dict[str, Any]:
     from vbus.board.build import build
     from vbus.board.config import read_board_file
     from vbus.board.source import BoardFileError
+    from vbus.tools.check_records import check_records
 
     try:
         file, source = read_board_file(path)
@@ -48,7 +50,7 @@ def _check(path: str) -> dict[str, Any]:
 
             build_nodes(file, source)
         else:
-            build(file, source)
+            check_records(file, build(file, source), source)
     except BoardFileError as error:
         problems = [asdict(problem) for problem in error.problems]
         return {"file": path, "ok": False, "problems": problems}
@@ -73,10 +75,11 @@ def _check(path: str) -> dict[str, Any]:
     }
 
 
-def _rules() -> list[dict[str, str]]:
+def _rules() -> list[dict[str, Any]]:
     from vbus.board.checks import all_rules
+    from vbus.trace.tables import ac_limits
 
-    return [asdict(rule) for rule in all_rules()]
+    return [{**asdict(rule), "rows": ac_limits(rule.name)} for rule in all_rules()]
 
 
 def _print(report: dict[str, Any]) -> None:
@@ -97,6 +100,8 @@ def _print(report: dict[str, Any]) -> None:
     rules = report.get("rules", [])
     width = max((len(rule["name"]) for rule in rules), default=0)
     for rule in rules:
+        row = f"  [row {'; '.join(rule['rows'])}]" if rule["rows"] else ""
         click.echo(
-            f"{rule['name']:<{width}}  {rule['clause']:<11}  {rule['severity']:<7}  {rule['title']}"
+            f"{rule['name']:<{width}}  {rule['clause']:<11}  {rule['severity']:<7}"
+            f"  {rule['title']}{row}"
         )

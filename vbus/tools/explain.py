@@ -43,6 +43,8 @@ def command(
         if value is not None
     ]
     lines = _rule(what)
+    if not lines:
+        _refuse_unknown_rule(what)
     decoder = None if lines else _decoder(what)
     if decoder is not None:
         if not items and not words:
@@ -68,6 +70,20 @@ def command(
         f'"{what}" is neither a chip ({_families()}), nor a rule ("vbus check --rules" lists them),'
         " nor a clause, nor a journal"
     )
+
+
+def _refuse_unknown_rule(what: str) -> None:
+    """Say so if this looks like a rule of a chip, and there is none of that name."""
+    from vbus.board.checks import all_rules
+    from vbus.board.settings import suggestion
+    from vbus.trace.decode import FAMILIES
+
+    family, dot, symbol = what.partition(".")
+    if dot and symbol and family in FAMILIES and not Path(what).exists():
+        rules = [rule.name for rule in all_rules() if rule.name.startswith(f"{family}.")]
+        raise click.UsageError(
+            f'there is no rule "{what}"; {suggestion(what, rules)}"vbus check --rules" lists them'
+        )
 
 
 def _families() -> str:
@@ -112,6 +128,9 @@ def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:
             yield f"{word[1]} {value}"
         elif byte and not cycles:
             data.append(int(byte[1], 16))
+        elif "=" in item:
+            name, _, value = item.partition("=")
+            raise click.UsageError(f'{name}: "{value}" is no hexadecimal number, such as {name}=84')
         elif not cycles:
             hint = f"; for a {item} value write --{item} HEX" if item in _VALUES else ""
             raise click.UsageError(f'"{item}" is no byte; write two hexadecimal digits{hint}')
@@ -153,15 +172,6 @@ def _rule(name: str) -> list[str]:
 
 
 def _limit(name: str) -> Iterator[str]:
-    from vbus.trace.tables import ac_tables
+    from vbus.trace.tables import ac_limits
 
-    family, _, symbol = name.partition(".")
-    for owner, supply, table in ac_tables():
-        for row in table:
-            if owner == family and row.symbol == symbol:
-                least = [f"{row.min_ps / 1000:g} ns"] if row.min_ps else []
-                least += [f"{row.min_clk:g} clk"] if row.min_clk else []
-                minimum = f"at least {' + '.join(least) or '0 ns'}"
-                limit = f"at most {row.max_ps / 1000:g} ns" if row.max_ps else minimum
-                both = f"{minimum}, {limit}" if row.max_ps and least else limit
-                yield f"  AC row {symbol}{f' at {supply}' if supply else ''}: {both}"
+    return (f"  AC row {limit}" for limit in ac_limits(name))

@@ -1,8 +1,10 @@
 """``vbus wave``: waveforms of running boards and of recorded runs."""
 
+import io
 import json
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -41,24 +43,31 @@ def command(
     chip time. Of a running board it is written until the duration is over, or Ctrl-C.
     """
     from vbus.board.sections import WaveSection
-    from vbus.server.recording import open_text
 
     wish = WaveSection(
         name="", file=output, profile=profile, signals=signals, trigger=trigger, before=before,
         duration=duration, sample=max(sample, 1),
     )  # fmt: skip
-    file: TextIO = sys.stdout if output == "-" else open_text(output)
+    if Path(source).is_file():
+        return _of_journal(Path(source), wish, no_progress)
+    return _of_board(source, wish)
+
+
+@contextmanager
+def _output(name: str) -> Iterator[TextIO]:
+    """Open the file to write; only once it is clear that there is something to write."""
+    from vbus.server.recording import open_text
+
+    file: TextIO = sys.stdout if name == "-" else open_text(name)
     try:
-        if Path(source).is_file():
-            return _of_journal(Path(source), wish, file, no_progress)
-        return _of_board(source, wish, file)
+        yield file
     finally:
-        if output != "-":
+        if name != "-":
             with suppress(OSError):  # what it could not take has been reported
                 file.close()
 
 
-def _of_journal(path: Path, wish: Any, file: TextIO, quiet: bool) -> int:
+def _of_journal(path: Path, wish: Any, quiet: bool) -> int:
     from vbus.board.build import load_board_text
     from vbus.server.recording import wave_of
     from vbus.tools.journal_lines import moving, opened, progress
@@ -68,11 +77,13 @@ def _of_journal(path: Path, wish: Any, file: TextIO, quiet: bool) -> int:
         if not reader.header.text:
             raise VbusError(f"{path}: it was recorded on a board made in Python")
         board = load_board_text(reader.header.text, reader.header.file)
-        wave = wave_of(board, wish, file, _complain)
-        wave.start()
-        with progress(path, reader, "replaying", quiet or file.isatty()) as move:
-            outcome = Replay(board, moving(iter(reader), move), reader.header.families).run()
-        wave.stop()
+        wave_of(board, wish, io.StringIO(), _complain)  # complains before a file is overwritten
+        with _output(wish.file) as file:
+            wave = wave_of(board, wish, file, _complain)
+            wave.start()
+            with progress(path, reader, "replaying", quiet or file.isatty()) as move:
+                outcome = Replay(board, moving(iter(reader), move), reader.header.families).run()
+            wave.stop()
     if wave.error:
         return exit_codes.FAILURE
     if outcome.divergence is not None:
@@ -85,7 +96,7 @@ def _of_journal(path: Path, wish: Any, file: TextIO, quiet: bool) -> int:
     return exit_codes.OK
 
 
-def _of_board(name: str, wish: Any, file: TextIO) -> int:
+def _of_board(name: str, wish: Any) -> int:
     from msgspec import structs
 
     from vbus.tools.monitor import Feed
@@ -102,10 +113,11 @@ def _of_board(name: str, wish: Any, file: TextIO) -> int:
                 break
         else:
             raise TransportError(f'board "{name}" has stopped')
-        for data in feed.raw():
-            file.write(data.decode("ascii"))
-            file.flush()
-            written += len(data)
+        with _output(wish.file) as file:
+            for data in feed.raw():
+                file.write(data.decode("ascii"))
+                file.flush()
+                written += len(data)
     except KeyboardInterrupt:
         pass
     except OSError as error:

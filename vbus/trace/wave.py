@@ -16,10 +16,7 @@ from vbus.trace.wave_signals import (
     PROFILES,
     Signal,
     Value,
-    chosen,
-    nets_of,
-    texts_of,
-    values_of,
+    signals_of,
 )
 from vbus.trace.wave_trigger import Trigger
 
@@ -88,19 +85,15 @@ class Wave(Observer):
         self._duration: int = duration
         self._end: int = -1
         self._sample: int = max(1, sample)
-        signals = list(signals)
-        self._nets: list[Net] = nets_of(board, signals)
-        self._taps: list[_Tap] = []
-        self.signals: list[Signal] = []
+        self._trigger: Trigger | None = Trigger(trigger, board) if trigger else None
+        watched = self._trigger.net if self._trigger is not None else None
+        self._nets: list[Net]
+        self.signals: list[Signal]
+        self._nets, self.signals = signals_of(board, signals, watched)
         self._by_name: dict[str, Signal] = {}
-        for net in self._nets:
-            self._add_signal(Signal(net.name, "net", net.width))
-        for name in values_of(board):
-            self._add_signal(Signal(name, "value", shown=chosen(name, signals)))
-        for name in texts_of(board):
-            kind = "command" if name.endswith(".packet") else "violation"
-            self._add_signal(Signal(name, kind, shown=chosen(name, signals)))
-        self._trigger: Trigger | None = Trigger(trigger, self.signals) if trigger else None
+        for signal in self.signals:
+            self._by_name.setdefault(signal.name, signal)
+        self._taps: list[_Tap] = []
         self._values: dict[int, Value] = {}
         """Values at the beginning of the ring, and later the latest written."""
         self._latest: dict[int, Value] = {}
@@ -113,11 +106,6 @@ class Wave(Observer):
         """Instant of the latest bus cycle."""
         self._drained: int = 0
         """What happened before this is in the file, or has been left out."""
-
-    def _add_signal(self, signal: Signal) -> None:
-        signal.number = len(self.signals)
-        self.signals.append(signal)
-        self._by_name.setdefault(signal.name, signal)
 
     # -- beginning and end --------------------------------------------------------------------
 

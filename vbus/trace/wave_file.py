@@ -39,9 +39,11 @@ class VcdFile:
         used: set[str] = set()
         for signal in signals:
             self._kinds[signal.number] = signal.kind
+            if not signal.shown:
+                continue
             if signal.kind == "net":
                 self._net(signal, int(values.get(signal.number, 0)), used)
-            elif self._full and signal.shown:
+            elif self._full:
                 self._other(signal, values.get(signal.number), used)
         self._writer.flush()
         self._file.flush()

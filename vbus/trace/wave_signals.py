@@ -39,6 +39,45 @@ class Signal:
         self.number: int = -1
 
 
+def net_names(board: Board) -> dict[str, Net]:
+    """Return the nets by the name of each pin on them, and by their own."""
+    names = {
+        f"{chip.name}.{row.name}": chip.pins[row.name].net
+        for chip in board.chips
+        for row in chip.pin_rows
+    }
+    return names | {net.name: net for net in names.values()}
+
+
+def signals_of(
+    board: Board, patterns: Iterable[str], watched: Net | None = None
+) -> tuple[list[Net], list[Signal]]:
+    """Return everything that is looked at: the nets, and the signals, those of the nets first.
+
+    Args:
+        board: the board.
+        patterns: what is shown; see :func:`nets_of`.
+        watched: a net that a trigger looks at, shown or not.
+
+    Raises:
+        VbusError: a pattern matches nothing; says what there is.
+    """
+    patterns = list(patterns)
+    nets = nets_of(board, patterns)
+    signals = [Signal(net.name, "net", net.width) for net in nets]
+    if watched is not None and watched not in nets:
+        nets.append(watched)
+        signals.append(Signal(watched.name, "net", watched.width, shown=False))
+    for name in values_of(board):
+        signals.append(Signal(name, "value", shown=chosen(name, patterns)))
+    for name in texts_of(board):
+        kind = "command" if name.endswith(".packet") else "violation"
+        signals.append(Signal(name, kind, shown=chosen(name, patterns)))
+    for number, signal in enumerate(signals):
+        signal.number = number
+    return nets, signals
+
+
 def nets_of(board: Board, patterns: Iterable[str]) -> list[Net]:
     """Return the nets whose own name, or that of a pin on them, matches a pattern.
 
@@ -48,16 +87,14 @@ def nets_of(board: Board, patterns: Iterable[str]) -> list[Net]:
         VbusError: a pattern matches nothing; says what there is.
     """
     patterns = list(patterns)
-    names: dict[str, Net] = {}
-    usual: list[Net] = []
-    for chip in board.chips:
-        for row in chip.pin_rows:
-            net = chip.pins[row.name].net
-            names[f"{chip.name}.{row.name}"] = net
-            if not row.wave and net not in usual:
-                usual.append(net)
-    names.update({net.name: net for net in names.values()})
+    names = net_names(board)
     if not patterns:
+        usual: list[Net] = []
+        for chip in board.chips:
+            for row in chip.pin_rows:
+                net = chip.pins[row.name].net
+                if not row.wave and net not in usual:
+                    usual.append(net)
         return usual
     found: list[Net] = []
     for pattern in patterns:

@@ -1,10 +1,16 @@
 """When a waveform begins: the text of a trigger, and the test of a change against it."""
 
 import re
+from collections.abc import Iterable
 from typing import Final
 
+from vbus.board import board as board_module
+from vbus.board.board import Board
+from vbus.board.settings import suggestion
 from vbus.errors import VbusError
-from vbus.trace.wave_signals import Signal, Value
+from vbus.signals import Net
+from vbus.trace.tables import commands
+from vbus.trace.wave_signals import Signal, Value, net_names, values_of
 
 FORMS: Final = (
     "violation", "violation RULE", "CHIP.PIN rises", "CHIP.PIN falls", "command MNEMONIC",
@@ -17,20 +23,24 @@ _EDGE: Final = re.compile(r"(\S+)\s+(rises|falls)")
 _COMMAND: Final = re.compile(r"command\s+(\S.*)")
 _LEVEL: Final = re.compile(r"(\S+)\s*([<>])\s*([-+]?\d+(?:\.\d+)?)")
 
+_MNEMONIC: Final = re.compile(r"[A-Z][A-Z0-9_]*")
+
 
 class Trigger:
     """A condition on one change.
 
     Args:
         text: one of :data:`FORMS`.
-        signals: what there is, for names.
+        board: what it is about, for names.
 
     Raises:
-        VbusError: the text is none of the forms, or names no signal.
+        VbusError: the text is none of the forms, or names nothing that there is.
     """
 
-    def __init__(self, text: str, signals: list[Signal]) -> None:
+    def __init__(self, text: str, board: Board) -> None:
         self.text: str = text
+        self.net: Net | None = None
+        """The net it looks at, if it is an edge."""
         self._kind: str = ""
         self._name: str = ""
         self._wanted: str = ""
@@ -47,9 +57,29 @@ class Trigger:
             self._number = float(match[3])
         else:
             raise VbusError(f'trigger "{text}": write one of: {"; ".join(FORMS)}')
-        known = [signal.name for signal in signals if signal.kind == self._kind]
-        if self._name and self._name not in known:
-            raise VbusError(f'trigger "{text}": no "{self._name}"; there are {", ".join(known)}')
+        self._check(board)
+
+    def _check(self, board: Board) -> None:
+        """Refuse what can never come."""
+        if self._kind == "violation":
+            self._known(self._wanted, _rules(board), hint=True)
+        elif self._kind == "command":
+            self._known(self._wanted, _mnemonics(board, self._wanted), hint=True)
+        elif self._kind == "net":
+            nets = net_names(board)
+            self._known(self._name, nets)
+            self.net = nets[self._name]
+            self._name = self.net.name
+        else:
+            self._known(self._name, values_of(board))
+
+    def _known(self, name: str, names: Iterable[str], hint: bool = False) -> None:
+        names = list(names)
+        if name and names and name not in names:
+            near = suggestion(name, names) if hint else ""
+            raise VbusError(
+                f'trigger "{self.text}": no "{name}"; {near}there are {", ".join(names)}'
+            )
 
     def fires(self, signal: Signal, before: Value | None, after: Value) -> bool:
         """Tell whether this change is the one waited for."""
@@ -70,3 +100,19 @@ class Trigger:
         if self._wanted == ">":
             return after > self._number and (before is None or before <= self._number)
         return after < self._number and (before is None or before >= self._number)
+
+
+def _rules(board: Board) -> list[str]:
+    """Return the rules and families that may be broken on a board."""
+    rules = [rule.name for rule in board_module.RULES]
+    rules += [rule.name for chip in board.chips for rule in type(chip).RULES]
+    families = [name.partition(".")[0] for name in rules]
+    return list(dict.fromkeys([*families, *rules]))
+
+
+def _mnemonics(board: Board, wanted: str) -> list[str]:
+    """Return the mnemonics of a board's chips; none where ``wanted`` may be something else."""
+    families = {chip.FAMILY for chip in board.chips}
+    if not _MNEMONIC.fullmatch(wanted) or not families <= {family for family, _ in commands()}:
+        return []
+    return [row.name for family, row in commands() if family in families]

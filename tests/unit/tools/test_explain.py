@@ -69,6 +69,8 @@ def test_a_clause_names_its_rules_and_commands() -> None:
     [
         (["lm628"], "say what to explain: bytes, or --status HEX"),
         (["lm628", "zz"], '"zz" is no byte; write two hexadecimal digits'),
+        (["lm628", "--status", "zz"], 'status: "zz" is no hexadecimal number, such as status=84'),
+        (["lm628.T41"], 'there is no rule "lm628.T41"; did you mean "lm628.T'),
         (["lm628", "status", "84"], "for a status value write --status HEX"),
         (["lm628", "mode=12"], "lm628 has no 'mode'; it has status, signals"),
         (["lm628", "--status", "123"], "123H does not fit into the 8 bits of status"),

@@ -120,6 +120,8 @@ def test_only_the_signals_asked_for_are_there() -> None:
     assert set(kinds) == {"x.real", "x.packet", "x.D0-D7"}
     _, changes = read(record(signals=["x.HI"], trigger="command STT"))
     assert set(changes) == {"x.HI"}  # a trigger may look at what is not shown
+    _, changes = read(record(signals=["x.real"], trigger="x./WR rises"))
+    assert set(changes) == {"x.real"}
     with pytest.raises(VbusError, match=r'no signal matches "y\.\*"; there are x\./CS'):
         record(signals=["y.*"])
 
@@ -160,6 +162,21 @@ def test_recording_begins_at_its_trigger_with_what_came_before(
         assert found[0] == max(0, instant - 50 * US)
         assert found[-1] <= instant + 20 * US
         assert any(time >= instant for time in found)
+
+
+def test_an_edge_is_named_by_the_pin_also_where_the_net_has_a_name_of_its_own() -> None:
+    file = io.StringIO()
+    board = load_board_text(LM629 + '\n[nets.IRQ]\npins = ["x.HI"]\n')
+    wave = Wave(board, file, signals=["x.D0-D7"], trigger="x.HI falls")
+    wave.start()
+    port = board.open_port("h")
+    port.delay(2 * MS)
+    lm629_command(port, 0x1C, 0)
+    port.delay(MS)
+    assert wave.state == "recording"
+    wave.stop()
+    assert "IRQ" not in file.getvalue()
+    assert "D0-D7" in file.getvalue()
 
 
 def test_a_position_can_be_a_trigger() -> None:
@@ -203,6 +220,9 @@ def test_a_recording_ends_after_its_duration_though_nobody_stops_it() -> None:
         ({"trigger": "sometimes"}, 'trigger "sometimes": write one of: violation; violation RULE'),
         ({"trigger": "x.HO rises"}, 'no "x.HO"; there are x./CS'),
         ({"trigger": "x.speed > 3"}, 'no "x.speed"; there are x.desired'),
+        ({"trigger": "command SST"}, 'no "SST"; did you mean "STT"? there are RESET, PORT8'),
+        ({"trigger": "violation lm628.T41"}, 'no "lm628.T41"; did you mean "lm628.T'),
+        ({"trigger": "violation mc1241a"}, 'no "mc1241a"; '),
     ],
 )
 def test_what_makes_no_sense_is_refused_with_what_does(
