@@ -33,6 +33,7 @@ try:
         done += 1
         while not os.path.exists(stop):
             bus.write(1, done & 255)
+            bus.delay("200ms")  # the reply is late: a cut finds it missing, and the cycle done
             bus.echo()
             done += 1
             print(done, flush=True)
@@ -80,7 +81,7 @@ def test_hosts_that_are_cut_off_go_on_or_are_told_and_nothing_is_done_twice(
     """On chip x a host that is told to be patient, on chip y one that is not."""
     board = tmp_path / "bench.toml"
     more = f'[zenoh]\nlisten = ["{PLACE}"]\ngrace = "30 s"\n'
-    board.write_text(BOARD.format(name="bench", time="lockstep", more=more))
+    board.write_text(BOARD.format(name="bench", time="realtime", more=more))
     served = Process(["run", str(board)], tmp_path, inside=place.hub.run)
     [computer] = place.around
     hosts = {}
@@ -89,7 +90,7 @@ def test_hosts_that_are_cut_off_go_on_or_are_told_and_nothing_is_done_twice(
         for chip, patience in (("x", "&patience=60"), ("y", "")):
             link = f"zenoh:bench/{chip}?connect={PLACE}{patience}"
             hosts[chip] = Host(tmp_path, computer.run, link, chip)
-        until(lambda: all(len(host.lines()) > 20 for host in hosts.values()), "hosts at work")
+        until(lambda: all(len(host.lines()) > 2 for host in hosts.values()), "hosts at work")
         computer.cut()
         began = time.monotonic()
         patient, impatient = hosts["x"], hosts["y"]
@@ -99,7 +100,7 @@ def test_hosts_that_are_cut_off_go_on_or_are_told_and_nothing_is_done_twice(
         assert patient.popen.poll() is None
         before = len(patient.lines())
         computer.mend()
-        until(lambda: len(patient.lines()) > before + 20, "the patient host goes on")
+        until(lambda: len(patient.lines()) > before + 2, "the patient host goes on")
         patient.stop_file.touch()
         all_done, nothing = patient.ended()
         assert nothing == ""
