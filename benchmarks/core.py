@@ -1,6 +1,7 @@
 """How fast the core is: one table, each row with its limit beside it.
 
     python benchmarks/core.py            the table, for the core that is installed
+    python benchmarks/core.py --page     all tables of docs/performance.md: many axes, links, peers
     python benchmarks/core.py --check    exit code 1 if a ratio has gone beyond its limit and slack
 
 Ratios are within one run: to C compiled on the spot, to the interpreted core, to real time. Times
@@ -29,6 +30,7 @@ from vbus.bits import clamp
 from vbus.compiled import core, is_compiled
 from vbus.kernel import SECOND
 from vbus.protocols.byte import ByteProtocol
+from vbus.protocols.requests import REQUESTS
 
 STEP = Path(__file__).with_name("lm629_step.c")
 FLAGS = ("-O2", "-ffp-contract=off")
@@ -208,27 +210,34 @@ def interpreted_bus_cycle(chip: str) -> float:
 
 
 def pin_read(policy: str) -> float:
-    """Return nanoseconds for a status read by strobes, each with its own instant."""
+    """Return nanoseconds for a status read by strobes, each with its own instant.
+
+    As a host sends it: LINES, DELAY and SAMPLE of the byte protocol, many in one message.
+    """
     made = board("LM629", violations=policy)
     port = made.open_port("bench")
     names = port.info().lines
     select, strobe = (1 << names.index(f"x.{name}") for name in ("/CS", "/RD"))
     every = (1 << len(names)) - 1
     port.lines(every, every & ~(1 << names.index("x./PS")))
+    wire = ByteProtocol(port)
 
-    def read() -> None:
-        port.delay(500_000)
-        port.lines(select, 0)
-        port.delay(100_000)
-        port.lines(strobe, 0)
-        port.delay(200_000)
-        port.sample()
-        port.lines(strobe, strobe)
-        port.delay(100_000)
-        port.lines(select, select)
+    def delay(ps: int) -> bytes:
+        return REQUESTS["DELAY"].pack(ps)
 
-    count = 3_000 if is_compiled() else 500
-    took = fastest(lambda: per_call(read, count))
+    def lines(mask: int, levels: int) -> bytes:
+        return REQUESTS["LINES"].pack(mask, levels)
+
+    request = BATCH * (
+        delay(500_000) + lines(select, 0) + delay(100_000) + lines(strobe, 0) + delay(200_000)
+        + REQUESTS["SAMPLE"].pack() + lines(strobe, strobe) + delay(100_000) + lines(select, select)
+    )  # fmt: skip
+
+    def batch() -> None:
+        wire.receive(request)
+        wire.take()
+
+    took = fastest(lambda: per_call(batch, 50 if is_compiled() else 8) / BATCH)
     assert made.counters["violations"] == 0
     return took
 
@@ -286,11 +295,44 @@ def machine() -> str:
     return f"{core()} core, Python {platform.python_version()}, {name}, {now}"
 
 
+def beside(script: str) -> str:
+    """Return what another benchmark prints."""
+    path = os.pathsep.join(sys.path)
+    done = subprocess.run(
+        [sys.executable, str(STEP.with_name(script))],
+        env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True,
+    )  # fmt: skip
+    text = done.stdout if done.returncode == 0 else (done.stderr.splitlines() or ["failed"])[-1]
+    return f"```text\n{text.strip()}\n```"
+
+
+def page() -> str:
+    """Return all tables of the page in the documentation."""
+    import many_axes
+
+    return "\n\n".join(
+        (
+            machine(),
+            table([*samples(), *bus()]),
+            "Many axes:",
+            table([*many_axes.in_process(), *many_axes.in_real_time(3.0)]),
+            "A PTY beside a bare echo in C:",
+            beside("pty_roundtrip.py"),
+            "Others that do something like it, in the same run:",
+            beside("peers.py"),
+        )
+    )
+
+
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--check", action="store_true", help="fail if a ratio is beyond its limit")
+    parser.add_argument("--page", action="store_true", help="all tables of docs/performance.md")
     options = parser.parse_args()
+    if options.page:
+        print(page())
+        return 0
     if options.check and not is_compiled():
         parser.error("the core is interpreted; --check wants the compiled one")
     print(machine())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from mypy_extensions import mypyc_attr
+from mypy_extensions import i64, mypyc_attr
 
 from vbus.board.cards import Card
 from vbus.board.host_reach import HostReach
@@ -134,7 +134,7 @@ class HostBus(HostReach):
         elif self._observed():
             data = board.player.play([chip], self._pins, False, address, 0, when)
         else:
-            fall = when - chip.read_low_ps
+            fall: i64 = when - chip.read_low_ps
             if fall > self._kernel.now:
                 self._run_until(fall)
             chip.begin_read(address)
@@ -142,7 +142,7 @@ class HostBus(HostReach):
             data = chip.end_read()
             chip.bus_net.value = data
             self._kernel.settle()
-        board.counters["reads"] += 1
+        board.reads += 1
         if chip is not None:
             chip.reads += 1
         if board.observers:
@@ -229,7 +229,7 @@ class HostBus(HostReach):
                 self._count_untold(over)
 
     def _count_untold(self, polls: int) -> None:
-        self.board.counters["reads"] += polls
+        self.board.reads += polls
         if self._chip is not None:
             self._chip.reads += polls
         self._polls -= polls
@@ -246,7 +246,7 @@ class HostBus(HostReach):
                 chip.write(address, data)
                 chip.bus_net.value = data
             self._kernel.settle()
-        board.counters["writes"] += 1
+        board.writes += 1
         for chip in self._selected:
             chip.writes += 1
         if board.observers:
@@ -257,7 +257,7 @@ class HostBus(HostReach):
         name = "+".join(chip.name for chip in self._selected) or "-"
         for observer in board.observers:
             observer.bus_cycle(when, self.label, name, write, address, data)
-        if (board.counters["reads"] + board.counters["writes"]) % SETTLE_EVERY == 0:
+        if (board.reads + board.writes) % SETTLE_EVERY == 0:
             board.catch_up()
 
     def _float(self) -> int:

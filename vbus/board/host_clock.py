@@ -6,7 +6,7 @@ from bisect import bisect_right
 from itertools import accumulate
 from typing import TYPE_CHECKING, Final
 
-from mypy_extensions import mypyc_attr
+from mypy_extensions import i64, mypyc_attr
 
 from vbus.kernel import NEVER, US, Kernel
 from vbus.protocols import codes
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 APPROACH: Final = 1000 * US
 """How long before a host's time stamp the board may be brought there: longer than any strobe."""
+_FAR: Final = 1 << 61
+"""Numbers up to here are compared without making an object of them."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -43,8 +45,13 @@ class HostClock(HostPort):
         self.held = True
         self.hold_until = until
 
-    def _begin(self) -> int:
+    def _begin(self) -> i64:
         """Return the instant of the next cycle's latching edge."""
+        if self._stamp < 0:
+            instant: i64 = self._kernel.now
+            cycle: i64 = self._cycle
+            if cycle <= self.board.limit - instant:
+                return instant + cycle
         # Not a machine word: a sum may lie beyond the end of time.
         now: int = self._kernel.now
         if self._stamp >= 0:
@@ -58,7 +65,7 @@ class HostClock(HostPort):
             self._hold(when)
         return when
 
-    def _run_until(self, when: int) -> None:
+    def _run_until(self, when: i64) -> None:
         kernel = self._kernel
         if kernel.next_due > when:
             kernel.now = when
@@ -93,7 +100,7 @@ class HostClock(HostPort):
         self._timed = True
         if self._target < 0:
             until = self._host_now() + duration
-            if until >= NEVER:
+            if until > _FAR and until >= NEVER:
                 raise PortError(codes.BAD_AT, f"delay {duration}: time ends at {NEVER - 1} ps")
             self._target = until
             self._stamp = -1

@@ -40,6 +40,7 @@ class HostPins:
         self.lines: list[Pin] = []
         self.sides: list[Pin] = []
         self.outputs: list[Pin] = []
+        self._own_lines: list[Pin] = []
         seen: set[int] = set()
         for chip in chips:
             for row in chip.pin_rows:
@@ -53,6 +54,7 @@ class HostPins:
                 self.sides.append(pin)
                 if row.direction != "in" and not row.wave:
                     self.outputs.append(pin)
+        self._word: list[Pin] = self.outputs[:WORD]
 
     def line_names(self) -> list[str]:
         """Return the names of the control lines: ``"chip.pin"``, or ``"bus.pin"`` where shared."""
@@ -85,10 +87,18 @@ class HostPins:
             raise PortError(
                 codes.NO_SUCH, f"lines {mask:X}: this session has {len(self.lines)} lines"
             )
+        own = self._own_lines or self._all_lines()
         for number, line in enumerate(self.lines):
             if mask >> number & 1:
-                self.of(line).drive(levels >> number & 1)
+                pin = own[number] if own else self.of(line)
+                pin.drive(levels >> number & 1)
         self._kernel.settle()
+
+    def _all_lines(self) -> list[Pin]:
+        """Return the host's own pins at all lines, once it has moved all of them."""
+        if all(id(line.net) in self._soldered for line in self.lines):
+            self._own_lines = [self.of(line) for line in self.lines]
+        return self._own_lines
 
     def side(self, number: int) -> Pin:
         """Return the chip's pin behind side pin ``number``."""
@@ -130,7 +140,7 @@ class HostPins:
 
     def _levels(self) -> int:
         word = 0
-        for number, pin in enumerate(self.outputs[:WORD]):
+        for number, pin in enumerate(self._word):
             word |= pin.net.value << number
         return word
 
@@ -171,6 +181,7 @@ class HostPins:
             pin.release()
             pin.net.pins.remove(pin)
         self._soldered = {}
+        self._own_lines = []
         self._kernel.settle()
 
     def name_of(self, own: Pin) -> str:

@@ -170,8 +170,7 @@ def restore(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> Non
             wire.load(snapshot.hosts[order.index(port)].wire)
     for port in guests:
         port.close()
-    board.counters.clear()
-    board.counters.update(snapshot.counters)
+    board.set_counters(snapshot.counters)
     board.violations.clear()
 
 

@@ -1,11 +1,10 @@
 """Virtual time and the queue of what is due."""
 
-from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush
 from typing import Final
 
-from mypy_extensions import i64
+from mypy_extensions import i64, mypyc_attr
 
 NS: Final = 1_000
 US: Final = 1_000_000
@@ -14,6 +13,17 @@ SECOND: Final = 1_000_000_000_000
 
 NEVER: Final = (1 << 63) - 1
 """An instant that does not come: what a timer that is not set is due at."""
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Task:
+    """Something to be done at this same instant: see :meth:`Kernel.soon`."""
+
+    __slots__ = ()
+
+    def run(self) -> None:
+        """Do it."""
+        raise NotImplementedError
 
 
 class Timer:
@@ -53,6 +63,7 @@ class Kernel:
     """
 
     __slots__ = (
+        "_done",
         "_heap",
         "_instant",
         "_timers",
@@ -76,7 +87,8 @@ class Kernel:
         last strobe was seen), never in replies, instants or findings."""
         self._heap: list[tuple[int, int]] = []
         self._timers: list[Timer] = []
-        self._instant: deque[Callable[[], None]] = deque()
+        self._instant: list[Task] = []
+        self._done: int = 0
         self._waiting: bool = False
 
     def timer(self, callback: Callable[[], None], saved: bool = True) -> Timer:
@@ -94,19 +106,26 @@ class Kernel:
         if when < self.next_due:
             self.next_due = when
 
-    def soon(self, callback: Callable[[], None]) -> None:
-        """Run ``callback`` at this same instant, after what is running now has returned."""
-        self._instant.append(callback)
+    def soon(self, task: Task) -> None:
+        """Run ``task`` at this same instant, after what is running now has returned."""
+        self._instant.append(task)
         self._waiting = True
 
     def settle(self) -> None:
         """Run what :meth:`soon` asked for, in order, and close the batch of changes."""
         if self._waiting:
             queue = self._instant
-            while queue:
-                queue.popleft()()
-            self._waiting = False
+            while self._done < len(queue):
+                task = queue[self._done]
+                self._done += 1
+                task.run()
+            self._forget()
         self.batch += 1
+
+    def _forget(self) -> None:
+        self._instant.clear()
+        self._done = 0
+        self._waiting = False
 
     def run_until(self, when: int) -> None:
         """Let time pass to instant ``when`` (ps), inclusive of everything due at it.
@@ -146,8 +165,7 @@ class Kernel:
         if len(state) != len(saved) + 1:
             raise ValueError(f"state has {len(state) - 1} timers, this kernel {len(saved)}")
         self.now = state[0]
-        self._instant.clear()
-        self._waiting = False
+        self._forget()
         # What moves from here on does not move together with what moved before.
         self.batch += 1
         self._heap = []

@@ -226,7 +226,10 @@ class Orders:
         del self._orders[number]
         board.kernel.settle()
         write = order.kind == WRITE
-        board.counters["writes" if write else "reads"] += 1
+        if write:
+            board.writes += 1
+        else:
+            board.reads += 1
         if number in self._kept:
             self._kept.discard(number)
             self.results[number] = data

@@ -27,9 +27,6 @@ COUNTED: Final = bytes(
 )
 """Whether the fixed part ends with the length of a run of bytes, by the first byte."""
 
-DATA: Final = tuple(bytes((_D, value)) for value in range(256))
-"""The reply to a read, by the byte read."""
-
 
 class ByteProtocol(Protocol):
     """The byte protocol, board's end; :mod:`vbus.protocols.requests` lists what it understands.
@@ -111,17 +108,19 @@ class ByteProtocol(Protocol):
         end = len(data)
         while position < end and not port.held:
             code = data[position]
+            if code & 0xF0 == _READ4 and not self._watching and not self._leasing:
+                # Nearly all traffic is a driver polling its status.
+                position = self._read_run(data, position)
+                if self._refusal:
+                    break
+                continue
             following = position + SIZES[code]
             if following > end:
                 break
             mark = len(out)
             try:
-                if code & 0xF0 == _READ4:  # nearly all traffic is a driver polling its status
-                    value = port.read(code & 15)
-                    if self._leasing:
-                        out += self._read_reply(code & 15, value)
-                    else:
-                        out += DATA[value]
+                if code & 0xF0 == _READ4:
+                    out += self._read_reply(code & 15, port.read(code & 15))
                 else:
                     if COUNTED[code]:
                         following += data[following - 1]
@@ -143,6 +142,37 @@ class ByteProtocol(Protocol):
                 self._insert_events(mark)
             if self._refusal:
                 break
+        return position
+
+    def _read_run(self, data: bytes, position: int) -> int:
+        """Run READ4 requests one after the other; return where the first other one stands."""
+        port = self.port
+        values: list[int] = []
+        end = len(data)
+        while position < end and not port.held:
+            code = data[position]
+            if code & 0xF0 != _READ4:
+                break
+            try:
+                value = port.read(code & 15)
+            except NotYet:
+                break
+            except PortError as error:
+                self.out += bytes(values)
+                values = []
+                self._partial.clear()
+                refusal = self._refuse(error.code)
+                self.out += refusal
+                if error.code in FATAL:
+                    self._refusal = refusal
+                    self._number += 1
+                    return position + 1
+            else:
+                values.append(_D)
+                values.append(value)
+            self._number += 1
+            position += 1
+        self.out += bytes(values)
         return position
 
     def finish(self) -> bool:
@@ -344,4 +374,6 @@ class ByteProtocol(Protocol):
 
 
 def _u64(data: bytes, start: int) -> int:
-    return int.from_bytes(data[start : start + 8], "big")
+    high = data[start] << 24 | data[start + 1] << 16 | data[start + 2] << 8 | data[start + 3]
+    low = data[start + 4] << 24 | data[start + 5] << 16 | data[start + 6] << 8 | data[start + 7]
+    return high << 32 | low

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from vbus.kernel.kernel import Kernel
+from vbus.kernel.kernel import Kernel, Task
 from vbus.signals.observer import Observer
 
 LOW: Final = 0
@@ -12,7 +12,7 @@ Z: Final = -1
 """A pin that drives nothing (three-state off, or open drain released)."""
 
 
-class Watcher:
+class Watcher(Task):
     """Somebody who wants to know that one of some nets has changed.
 
     The callback runs once per batch of changes, at the same instant, after their cause has
@@ -30,9 +30,10 @@ class Watcher:
         """Queue the callback, unless it is queued already."""
         if not self._pending:
             self._pending = True
-            self._kernel.soon(self._run)
+            self._kernel.soon(self)
 
-    def _run(self) -> None:
+    def run(self) -> None:
+        """Tell of what has changed."""
         self._pending = False
         self._callback()
 

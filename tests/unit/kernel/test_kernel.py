@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vbus.kernel import NEVER, Kernel
+from vbus.kernel.kernel import Task
 
 
 def test_a_timer_fires_at_its_instant_and_not_before() -> None:
@@ -36,8 +37,12 @@ def test_what_is_asked_for_soon_runs_after_its_cause_and_at_the_same_instant() -
     kernel = Kernel()
     order: list[tuple[str, int]] = []
 
+    class Effect(Task):
+        def run(self) -> None:
+            order.append(("effect", kernel.now))
+
     def cause() -> None:
-        kernel.soon(lambda: order.append(("effect", kernel.now)))
+        kernel.soon(Effect())
         order.append(("cause", kernel.now))
 
     kernel.timer(cause).at(5)

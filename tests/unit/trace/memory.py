@@ -28,8 +28,8 @@ from vbus.trace.report import Report
 
 def asking(port: HostBus, cycles: int) -> None:
     """Ask for positions without end; a careless one that sometimes does not wait."""
-    counters = port.board.counters
-    while counters["reads"] + counters["writes"] < cycles:
+    board = port.board
+    while board.reads + board.writes < cycles:
         lm629_command(port, 0x0A)
         for _ in range(2):
             while port.read(0) & 1:

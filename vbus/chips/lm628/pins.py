@@ -61,6 +61,11 @@ class BusPins:
         self._t14: int = ds.AC.minimum("T14", chip.clock)
         self._t15: int = ds.AC.minimum("T15", chip.clock)
         self._t16: int = ds.AC.minimum("T16", chip.clock)
+        self._t17: int = ds.AC["T17"].min_ps
+        self._t18: int = ds.AC["T18"].min_ps
+        self._late: bool = self._strict("T10")
+        self._write_undone: bool = self._strict("T9") or self._strict("T16")
+        self._read_undone: bool = self._strict("T9") or self._strict("T12")
         # Levels at the last look.
         self._old: tuple[int, int, int, int] = (HIGH, HIGH, HIGH, HIGH)
         self._ps_moved: int = _LONG_AGO
@@ -112,10 +117,10 @@ class BusPins:
             self._port_moved(now, reading or writing)
         if writing and not was_writing:
             self._begin(now, self._wr_fell)
-            self._judge_recovery("T18", now, ps, self._data_wrote)
+            self._judge_recovery("T18", self._t18, now, ps, self._data_wrote)
         if reading and not was_reading:
             self._begin(now, self._rd_fell)
-            self._judge_recovery("T17", now, ps, self._data_read)
+            self._judge_recovery("T17", self._t17, now, ps, self._data_read)
             self._begin_read(now, ps, writing)
         if reading and writing and not self._fought:
             self._fought = True
@@ -146,12 +151,11 @@ class BusPins:
             chip.lose_read()
             return
         chip.begin_read(ps)
-        if chip.judged and chip.policy.of(ds.AC.rules["T10"].name) == STRICT:
+        if self._late and chip.judged:
             self.show_at = now + self._t10
             chip.expect(self.show_at)
 
-    def _judge_recovery(self, symbol: str, now: int, ps: int, last: int) -> None:
-        limit = ds.AC[symbol].min_ps
+    def _judge_recovery(self, symbol: str, limit: int, now: int, ps: int, last: int) -> None:
         if self._chip.judged and ps == ds.DATA_PORT and now - last < limit:
             self._break(symbol, now - last, limit)
 
@@ -188,7 +192,7 @@ class BusPins:
             self._ended = now
             self._wrote = now
             self._byte = byte
-            self._undo = chip.save_core() if self._may_undo("T16") else ()
+            self._undo = chip.save_core() if self._write_undone else ()
             if ps == ds.DATA_PORT:
                 self._data_wrote = now
             self._timer.at(now + self._t16)
@@ -207,7 +211,7 @@ class BusPins:
             if not self._fought and self._others_drive():
                 self._break("T11", -1, 0)
             self._ended = self._read = now
-            self._undo = chip.save_core() if self._may_undo("T12") else ()
+            self._undo = chip.save_core() if self._read_undone else ()
             if ps == ds.DATA_PORT:
                 self._data_read = now
             self._timer.at(now + self._t12)
@@ -222,10 +226,8 @@ class BusPins:
     def _others_drive(self) -> bool:
         return any(pin.level >= 0 and pin is not self._data for pin in self._data.net.pins)
 
-    def _may_undo(self, symbol: str) -> bool:
-        policy = self._chip.policy
-        rules = ds.AC.rules
-        return STRICT in (policy.of(rules["T9"].name), policy.of(rules[symbol].name))
+    def _strict(self, symbol: str) -> bool:
+        return self._chip.policy.of(ds.AC.rules[symbol].name) == STRICT
 
     # -- hold times ---------------------------------------------------------------------------
 
