@@ -80,7 +80,8 @@ static void motor(axis_t *a)
     double admitted = a->admit * volts;
     for (int piece = 0; piece < a->substeps; piece++) {
         current = a->keep * current + admitted;
-        double torque = a->torque_constant * current - a->load;
+        double torque = a->torque_constant * current;
+        if (a->load != 0.0) torque -= a->load;
         if (speed != 0.0 || torque < -a->static_torque || torque > a->static_torque) {
             speed = (speed + a->gain * torque) * a->ease;
             if (speed > a->loss) speed -= a->loss;

@@ -50,12 +50,49 @@ class DcMotor(Shaft):
         self._admit: float = 0.0
         # Current that 1 rad/s takes away again.
         self._induced: float = 0.0
+        # The same, and what the shaft makes of a sub-step, for the period before this one.
+        self._other_period: float = 0.0
+        self._other_keep: float = 0.0
+        self._other_admit: float = 0.0
+        self._other_induced: float = 0.0
+        self._other_gain: float = 0.0
+        self._other_ease: float = 1.0
+        self._other_loss: float = 0.0
+        self._other_turn: float = 0.0
         # Amplifier and current at the start of the last period.
         self._volts: float = 0.0
         self._began: float = 0.0
         self.prepare(256e-6)
 
+    def prepare(self, period: float) -> None:
+        """Set the length of a period in seconds."""
+        # Chips that change their drive twice a sample have two lengths by turns.
+        before = self._period
+        again = period == self._other_period
+        self._exchange()
+        if again:
+            self._forget_course()
+            self._resting = False
+            self._period = period
+        else:
+            super().prepare(period)
+        self._other_period = before
+
+    def _exchange(self) -> None:
+        """Let what the last two periods were prepared with change places."""
+        keep, admit, induced = self._keep, self._admit, self._induced
+        self._keep, self._admit = self._other_keep, self._other_admit
+        self._induced = self._other_induced
+        self._other_keep, self._other_admit, self._other_induced = keep, admit, induced
+        gain, ease, loss, turn = self._gain, self._ease, self._loss, self._turn_counts
+        self._gain, self._ease = self._other_gain, self._other_ease
+        self._loss, self._turn_counts = self._other_loss, self._other_turn
+        self._other_gain, self._other_ease = gain, ease
+        self._other_loss, self._other_turn = loss, turn
+
     def _divide(self, substeps: i64) -> None:
+        # What was prepared before may be of another motor: faults change it.
+        self._other_period = 0.0
         step = self._period / float(substeps)
         impedance = self._inductance + step * self._resistance
         self._keep = self._inductance / impedance

@@ -31,7 +31,7 @@ class Encoder:
         index_offset: a count at which the index lies; the others are whole revolutions away.
     """
 
-    __slots__ = ("counts", "index", "index_offset")
+    __slots__ = ("_offset", "_turn", "counts", "index", "index_offset")
 
     def __init__(self, lines: int, index: bool = True, index_offset: int = 0) -> None:
         if index_offset % 4:
@@ -43,6 +43,9 @@ class Encoder:
         """Counts a revolution."""
         self.index: bool = index
         self.index_offset: int = index_offset % self.counts
+        # The same as words.
+        self._turn: i64 = self.counts
+        self._offset: i64 = self.index_offset
 
     def levels(self, count: int) -> tuple[int, int, int]:
         """Return the levels of A, B and index at ``count``.
@@ -62,10 +65,14 @@ class Encoder:
         if not self.index or start == end:
             return False, 0
         if start < end:
-            count = start + 1 + (self.index_offset - start - 1) % self.counts
-            return (True, count) if count <= end else (False, 0)
-        count = start - 1 - (start - 1 - self.index_offset) % self.counts
-        return (True, count) if count >= end else (False, 0)
+            count = start + 1 + (self._offset - start - 1) % self._turn
+            if count <= end:
+                return True, count
+            return False, 0
+        count = start - 1 - (start - 1 - self._offset) % self._turn
+        if count >= end:
+            return True, count
+        return False, 0
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -98,6 +105,8 @@ class EncodedPlant(Plant):
         self._points: list[float] = [0.5, 0.5]
         self._untraced: bool = False
         """The pieces of the last period have not been written down: _trace() does."""
+        self._forgotten: bool = False
+        """Nor will they be: the period is over for good."""
 
     # A plant either writes its pieces down, between _begin() and _end(), or leaves that to
     # _trace(), between _depart() and _arrive(): most periods are never asked for their course.
@@ -105,6 +114,7 @@ class EncodedPlant(Plant):
     def _depart(self) -> float:
         """Begin a period where the last one has ended; return that position."""
         self._base = self.count
+        self._forgotten = False
         self._first = self._part
         return self._part
 
@@ -152,12 +162,16 @@ class EncodedPlant(Plant):
     def _course(self) -> list[float]:
         """Return where each piece of the last period begins, and the last one ends."""
         if self._untraced:
-            self._trace()
+            if self._forgotten:
+                self._write_pieces(1, self._last)[1] = self._last
+            else:
+                self._trace()
         return self._points
 
     def _forget_course(self) -> None:
         """The period is over for good: what is left of its course is where it ended."""
-        self._write_pieces(1, self._last)[1] = self._last
+        self._untraced = True
+        self._forgotten = True
 
     def count_at(self, fraction: float) -> i64:
         """Return the count at ``fraction`` (0.0 to 1.0) of the last period."""

@@ -257,7 +257,7 @@ class MC1241A(Chip):
 
         At one instant: first what the host has asked for, then the cycle, then the output pins.
         """
-        now = self.kernel.now
+        now: i64 = self.kernel.now
         while self._wake <= now:
             when = self._wake
             self.instant = when
@@ -272,7 +272,10 @@ class MC1241A(Chip):
                 self.restart(when)
             elif self.cycles.boundary == when:
                 # A command that is being taken in may change what the next cycles do.
-                self.cycles.run(min(now, self.port.due(), self._hold_at))
+                until = self.port.due()
+                if now < until:
+                    until = now
+                self.cycles.run(until if until < self._hold_at else self._hold_at)
             else:
                 self.output.run(when)
             self._reckon()

@@ -6,7 +6,6 @@ from mypy_extensions import i64
 
 from vbus.chips.mc1241a.axis import Axis
 from vbus.chips.mc1241a.datasheet import CYCLE_CLK, OUTPUT_PWM, SLOT_CLK, SLOTS
-from vbus.chips.mc1241a.microstep import FULL_SCALE
 from vbus.kernel import NEVER
 from vbus.signals import Plant
 
@@ -15,6 +14,19 @@ if TYPE_CHECKING:
 
 FOR_EVER: Final = (1 << 62) - 1
 """More cycles than there will be."""
+_SCALE: Final = 32_767.0
+"""FULL_SCALE as a float."""
+
+
+class Currents:
+    """The phase currents a motor runs with (-32767 to 32767)."""
+
+    __slots__ = ("a", "b", "c")
+
+    def __init__(self) -> None:
+        self.a: i64 = 0
+        self.b: i64 = 0
+        self.c: i64 = 0
 
 
 class Shared:
@@ -66,7 +78,7 @@ class Cycles:
         self._reset_since: i64 = 0
         self._slot_start: i64 = 0
         self._slot_end: i64 = 0
-        self._driven: list[tuple[int, int, int]] = [(0, 0, 0)] * len(axes)
+        self._driven: list[Currents] = [Currents() for _ in axes]
 
     # -- reset --------------------------------------------------------------------------------
 
@@ -136,7 +148,11 @@ class Cycles:
             for number, motor in enumerate(self.motors):
                 if motor is not None:
                     self._drive(number, motor, slot)
-            chip.output.begin_slot(slot * SLOT_CLK)
+            if chip.output.heard:
+                chip.output.begin_slot(slot * SLOT_CLK)
+            self._slot = slot + 1
+            self.boundary = self._slot_end
+            return
         self._slot = slot + 1
         self._plan()
 
@@ -204,16 +220,28 @@ class Cycles:
 
     def _drive(self, number: int, motor: Plant, slot: i64) -> None:
         """Run a motor through the slot that begins, with the currents just looked up."""
-        a, b, c = self._driven[number] = self._currents(number, slot)
-        motor.phases(a / FULL_SCALE, b / FULL_SCALE, c / FULL_SCALE)
+        a, b, c = self._currents(number, slot)
+        driven = self._driven[number]
+        driven.a = a
+        driven.b = b
+        driven.c = c
+        motor.phases(float(a) / _SCALE, float(b) / _SCALE, float(c) / _SCALE)
 
-    def _currents(self, number: int, slot: i64) -> tuple[int, int, int]:
+    def _currents(self, number: int, slot: i64) -> tuple[i64, i64, i64]:
         """Return the phase currents of an axis; the amplifier makes the third (PMD-USTP-3)."""
         axis = self._axes[number]
         a, b = axis.stepper.outputs(slot, slot % SLOTS + 1, axis.active.motor_command)
-        return a, b, 0 if axis.stepper.two_phase else -(a + b)
+        if axis.stepper.two_phase:
+            return a, b, 0
+        return a, b, -(a + b)
 
-    def phase_outputs(self, number: int) -> tuple[int, int]:
+    def _same_currents(self, number: int, slot: i64) -> bool:
+        """Tell whether an axis still puts out what its motor was last driven with."""
+        a, b, c = self._currents(number, slot)
+        driven = self._driven[number]
+        return a == driven.a and b == driven.b and c == driven.c
+
+    def phase_outputs(self, number: int) -> tuple[i64, i64]:
         """Return phases A and B of an axis as they are now (-32767 to 32767)."""
         slot = self.slot_at(self._chip.instant)
         axis = self._axes[number]
@@ -256,7 +284,7 @@ class Cycles:
                 return 0
             motor = self.motors[number]
             if motor is not None:
-                if self._driven[number] != self._currents(number, slot) or not motor.resting():
+                if not self._same_currents(number, slot) or not motor.resting():
                     return 0
             idle = min(idle, quiet)
         return idle
@@ -292,7 +320,7 @@ class Cycles:
         """Return the whole state, with the motors'; what differs with looking on comes last."""
         return (
             self.shared.save(),
-            tuple(self._driven),
+            tuple((int(one.a), int(one.b), int(one.c)) for one in self._driven),
             tuple(None if motor is None else motor.save() for motor in self.motors),
             (
                 self._origin, self._slot, self.boundary, self._reset_since,
@@ -304,7 +332,8 @@ class Cycles:
         """Take back what :meth:`save` gave."""
         shared, driven, motors, plain = state
         self.shared.load(shared)  # type: ignore[arg-type]
-        self._driven = [tuple(three) for three in driven]  # type: ignore[attr-defined]
+        for one, three in zip(self._driven, driven, strict=True):  # type: ignore[call-overload]
+            one.a, one.b, one.c = three
         for motor, motor_state in zip(self.motors, motors, strict=True):  # type: ignore[call-overload]
             if motor is not None:
                 motor.load(motor_state)

@@ -91,16 +91,18 @@ class Encoder:
         self._wired: bool = False
         self._home_wired: bool = False
         self._levels: list[int] = [-1, -1]
-        self._seen: int = 0
-        self._mechanics_seen: int = 0
-        self.count: int = 0
+        # Something at the pins may wait to be believed.
+        self._unsettled: bool = True
+        self._seen: i64 = 0
+        self._mechanics_seen: i64 = 0
+        self.count: i64 = 0
         """The hardware counter since the board was made; plain, never wraps."""
         self.reset()
 
     def reset(self) -> None:
         """Position 0, no capture, source index, ready to capture (PMD-RST-2)."""
-        self._zero: int = self.count
-        self._read: int = self.count
+        self._zero: i64 = self.count
+        self._read: i64 = self.count
         self.counted: int = 0
         """Actual position as of the last cycle, as if it did not wrap."""
         self.actual: int = 0
@@ -133,10 +135,13 @@ class Encoder:
             self._follow_home(self._mechanics, fraction)
         if not self._wired and self._plant is not None:
             self._follow_plant(self._plant, fraction)
-        self._settle(instant)
+        if self._unsettled:
+            self._settle(instant)
 
     def _follow_plant(self, plant: Plant, fraction: float) -> None:
-        count = plant.count if fraction >= 1.0 else plant.count_at(fraction)
+        count: i64 = plant.count
+        if fraction < 1.0:
+            count = plant.count_at(fraction)
         if count != self._seen:
             if self._armed and self._capture_source == CAPTURE_INDEX:
                 found, at = plant.index_between(self._seen, count)
@@ -146,14 +151,17 @@ class Encoder:
             self._seen = count
 
     def _follow_home(self, plant: Plant, fraction: float) -> None:
-        count = plant.count if fraction >= 1.0 else plant.count_at(fraction)
+        count: i64 = plant.count
+        if fraction < 1.0:
+            count = plant.count_at(fraction)
         if count == self._mechanics_seen:
             return
-        switch = plant.switches.get("home")
-        if switch is not None and self._armed and self._capture_source == CAPTURE_HOME:
-            found, at = falls_between(switch, self._mechanics_seen, count)
-            if found:
-                self._capture(self._count_when(plant, at))
+        if self._armed and self._capture_source == CAPTURE_HOME:
+            switch = plant.switches.get("home")
+            if switch is not None:
+                found, at = falls_between(switch, self._mechanics_seen, count)
+                if found:
+                    self._capture(self._count_when(plant, at))
         self._mechanics_seen = count
 
     def _count_when(self, mechanics: Plant, at: int) -> int:
@@ -170,6 +178,7 @@ class Encoder:
         while True:
             quadrature, switch = decoder.due(), home.due()
             if quadrature > instant and switch > instant:
+                self._unsettled = quadrature != NEVER or switch != NEVER
                 return
             if switch < quadrature:
                 home.take()
@@ -267,6 +276,7 @@ class Encoder:
         if not self._wired and (self._a.net.driven or self._b.net.driven):
             chip.cycles.follow_encoders()
             self._wired = True
+        self._unsettled = True
         found = self._decoder.edge(now, self._a.value, self._b.value, self._index.value)
         if found and chip.judged:
             if found & SHORT_DWELL:
@@ -283,6 +293,7 @@ class Encoder:
         chip.advance()
         chip.cycles.follow_encoders()
         self._home_wired = self._home.net.driven
+        self._unsettled = True
         self._home_filter.edge(chip.kernel.now, self._home.value)
         chip.rearm()
 
@@ -316,6 +327,7 @@ class Encoder:
             self.actual, wrapped, self._turn, self._capture_source,
             armed, self._captured, fresh,
         ) = plain  # type: ignore[misc]  # fmt: skip
+        self._unsettled = True
         self._wired = bool(wired)  # type: ignore[has-type]
         self._home_wired = bool(home_wired)  # type: ignore[has-type]
         self._levels = [positive, negative]  # type: ignore[has-type]

@@ -10,6 +10,8 @@ FULL_SCALE: Final = 32_767
 STEPS: Final = 256
 """Microsteps in an electrical cycle: four full steps of 64 (PMD-USTP-1)."""
 _CYCLE: Final = (STEPS << 32) - 1
+_WAY: Final = 8 * (STEPS << 32) - 1
+"""Eighths of a way: what lies beyond makes whole electrical cycles."""
 
 
 def _wave(lead: float) -> tuple[int, ...]:
@@ -33,7 +35,7 @@ PHASE_B: Final[dict[tuple[bool, bool], tuple[int, ...]]] = {
 }
 
 
-def scaled(command: int, wave: int) -> int:
+def scaled(command: i64, wave: i64) -> i64:
     """Return ``command * wave / 32767`` rounded, halves away from zero (PMD-USTP-4)."""
     product = command * wave
     if product < 0:
@@ -65,9 +67,12 @@ class Microstepper:
         self._shift: int = 0
         self._from: int = 0
         self._moved: int = 0
+        # What of these two makes a difference to the angle: words.
+        self._start: i64 = 0
+        self._way: i64 = 0
         self._held_slot: i64 = -1
-        self._held_a: int = 0
-        self._held_b: int = 0
+        self._held_a: i64 = 0
+        self._held_b: i64 = 0
 
     def reset(self) -> None:
         """Angle 0, three phases."""
@@ -75,6 +80,8 @@ class Microstepper:
         self._shift = 0
         self._from = 0
         self._moved = 0
+        self._start = 0
+        self._way = 0
         self._held_slot = -1
 
     def begin_cycle(self, start: int, moved: int) -> None:
@@ -86,6 +93,12 @@ class Microstepper:
         """
         self._from = start + (self._shift << 32)
         self._moved = moved
+        self._reduce()
+
+    def _reduce(self) -> None:
+        """Leave whole electrical cycles out."""
+        self._start = 8 * (self._from & _CYCLE)
+        self._way = self._moved & _WAY
 
     def renumber(self, before: int, after: int) -> None:
         """The target changes its number from ``before`` to ``after`` (usteps) and the angle stays.
@@ -94,12 +107,11 @@ class Microstepper:
         """
         self._shift = self._shift + before - after & (STEPS - 1)
 
-    def angle(self, slot: i64) -> int:
+    def angle(self, slot: i64) -> i64:
         """Return the place in the electrical cycle (0..255) of slot 1 to 8 of this cycle."""
-        # Whole electrical cycles of the start make no difference, but large numbers.
-        return (8 * (self._from & _CYCLE) + self._moved * int(slot) >> 35) & (STEPS - 1)
+        return (self._start + self._way * slot >> 35) & (STEPS - 1)
 
-    def hold(self, slot_number: i64, slot: i64, command: int) -> None:
+    def hold(self, slot_number: i64, slot: i64, command: i64) -> None:
         """Remember the present outputs until the next look-up: the command is about to change.
 
         Args:
@@ -111,13 +123,13 @@ class Microstepper:
             self._held_a, self._held_b = self._look_up(slot, command)
             self._held_slot = slot_number
 
-    def outputs(self, slot_number: i64, slot: i64, command: int) -> tuple[int, int]:
+    def outputs(self, slot_number: i64, slot: i64, command: i64) -> tuple[i64, i64]:
         """Return both phase outputs (-32767 to 32767) as looked up in a slot."""
         if slot_number == self._held_slot:
             return self._held_a, self._held_b
         return self._look_up(slot, command)
 
-    def _look_up(self, slot: i64, command: int) -> tuple[int, int]:
+    def _look_up(self, slot: i64, command: i64) -> tuple[i64, i64]:
         angle = self.angle(slot)
         waves = self._two if self.two_phase else self._three
         return scaled(command, PHASE_A[angle]), scaled(command, waves[angle])
@@ -140,3 +152,4 @@ class Microstepper:
             self._held_slot, self._held_a, self._held_b,
         ) = state  # fmt: skip
         self.two_phase = bool(two_phase)
+        self._reduce()

@@ -1,51 +1,52 @@
 """Hardware that watches the position counter: breakpoint compare, index and trigger capture."""
 
-from vbus.bits import sign_extend, wrap
+from mypy_extensions import i64
+
+from vbus.bits import wrap
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.picture import Live
 
 
 class Breakpoint:
     """The 24-bit register compared with the position at every count (MCP-BRK).
 
     Args:
-        registers: the register bytes.
+        live: the registers.
 
     Attributes:
         compare: the position it waits for.
     """
 
-    __slots__ = ("_bytes", "_found", "_loaded", "_reached", "compare")
+    __slots__ = ("_found", "_live", "_loaded", "_reached", "compare")
 
-    def __init__(self, registers: bytearray) -> None:
-        self._bytes: bytearray = registers
-        self.compare: int = -(1 << 23)
+    def __init__(self, live: Live) -> None:
+        self._live: Live = live
+        self.compare: i64 = -0x800000
         self._reached: bool = False
         """Repeat mode: reached since the last look at a sample's start."""
         self._found: bool = False
         """Reached before the present sample's start: the routine moves on."""
-        self._loaded: int = 0
+        self._loaded: i64 = 0
 
     @property
     def armed(self) -> bool:
         """Whether the feature is on."""
-        return bool(self._bytes[ds.CONFIG] & ds.BREAK_ENABLE)
+        return self._live.config & ds.BREAK_ENABLE != 0
 
     def clear(self) -> None:
         """Back to the state after reset."""
-        self.compare = -(1 << 23)
+        self.compare = -0x800000
         self._reached = False
         self._found = False
 
     def reached(self) -> None:
         """The position has become equal to :attr:`compare`."""
-        self._reached = bool(self._bytes[ds.CONFIG] & ds.BREAK_REPEAT)
+        self._reached = self._live.config & ds.BREAK_REPEAT != 0
 
     def sample(self) -> bool:
         """Look at the registers at a sample's start; tell whether the routine has work to do."""
-        data = self._bytes
-        value = data[ds.BREAK_MSB] << 16 | data[ds.BREAK_CSB] << 8 | data[ds.BREAK_LSB]
-        self._loaded = sign_extend(value, 24)
-        if data[ds.CONFIG] & ds.BREAK_REPEAT:
+        self._loaded = self._live.break_at
+        if self._live.config & ds.BREAK_REPEAT:
             self._found = self._reached
             return self._found
         self._reached = False

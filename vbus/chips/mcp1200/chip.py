@@ -5,10 +5,11 @@ from typing import ClassVar, Final
 
 from vbus.chips.base import Chip
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.clockwork import STANDING, Clockwork
+from vbus.chips.mcp1200.clockwork import Clockwork
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
 from vbus.chips.mcp1200.outputs import OutputPins
 from vbus.chips.mcp1200.pins import LONG_AGO, HostPins
+from vbus.chips.mcp1200.states import STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import PinRow

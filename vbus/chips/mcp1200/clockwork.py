@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from mypy_extensions import i64
 
@@ -14,10 +14,14 @@ from vbus.chips.mcp1200.counter import PositionCounter
 from vbus.chips.mcp1200.drive import PlantDrive
 from vbus.chips.mcp1200.encoder import Encoder
 from vbus.chips.mcp1200.output import Pwm
+from vbus.chips.mcp1200.picture import Live
 from vbus.chips.mcp1200.registers import HostRegisters
 from vbus.chips.mcp1200.rest import Rest
+from vbus.chips.mcp1200.sheet import Sheet
+from vbus.chips.mcp1200.states import CONTROL, HELD, NO_REQUEST, RESETTING, STANDING
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import FAR, SampleTimer
+from vbus.chips.mcp1200.writes import Writes
 from vbus.chips.registers import RegisterFile
 from vbus.kernel import Clock
 from vbus.options import Value
@@ -25,15 +29,6 @@ from vbus.signals import Rule
 
 if TYPE_CHECKING:
     from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
-
-HELD: Final = 0
-"""/RESET is low, or the supply has just come."""
-RESETTING: Final = 1
-STANDING: Final = 2
-"""Idle mode."""
-CONTROL: Final = 3
-
-NO_REQUEST: Final = -1
 
 Report = Callable[[Rule, int, int, str, int], bool]
 
@@ -57,13 +52,14 @@ class Clockwork:
     Attributes:
         state: :data:`HELD`, :data:`RESETTING`, :data:`STANDING` or :data:`CONTROL`.
         released: cycle in which Pulse is high after a hard reset, else -1.
+        writes: what the host has written, before it is visible.
     """
 
     __slots__ = (
         "_aiming", "_at_reset", "_at_results", "_at_routine", "_at_sample", "_clock", "_report",
-        "_request", "_stall_clk", "_target", "_writes", "breakpoint", "core", "counter", "drive",
-        "encoder", "encoder_pins", "file", "host", "pwm", "released", "rest", "side", "state",
-        "stepper", "timer",
+        "_request", "_stall_clk", "_target", "breakpoint", "core", "counter", "drive", "encoder",
+        "encoder_pins", "file", "host", "live", "pwm", "released", "rest", "sheet", "side",
+        "state", "stepper", "timer", "writes",
     )  # fmt: skip
 
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
@@ -71,17 +67,24 @@ class Clockwork:
         self._report: Report = report
         self.file: RegisterFile = RegisterFile(ds.REGISTERS)
         data = self.file.bytes
-        self.core: Core = Core(self.file)
-        self.timer: SampleTimer = SampleTimer(data)
+        self.sheet: Sheet = Sheet(self.file)
+        self.live: Live = self.sheet.live
+        self.core: Core = Core(self.sheet)
+        self.timer: SampleTimer = SampleTimer(self.live)
         self.encoder: Encoder = Encoder(clock.hz)
         self.stepper: Stepper = Stepper(data)
-        self.breakpoint: Breakpoint = Breakpoint(data)
+        self.breakpoint: Breakpoint = Breakpoint(self.live)
         self.counter: PositionCounter = PositionCounter(
-            self.core, self.encoder, self.stepper, self.breakpoint, settings["index"] == "high"
+            self.core,
+            self.live,
+            self.encoder,
+            self.stepper,
+            self.breakpoint,
+            settings["index"] == "high",
         )
-        self.pwm: Pwm = Pwm(data)
+        self.pwm: Pwm = Pwm(self.live)
         self.drive: PlantDrive = PlantDrive(
-            data, self.encoder, self.stepper, self.pwm, settings["drive"] == "dac"
+            self.live, self.encoder, self.stepper, settings["drive"] == "dac"
         )
         self.rest: Rest = Rest(self.core, self.drive, self.encoder)
         self.host: HostRegisters = HostRegisters(self)
@@ -91,7 +94,7 @@ class Clockwork:
         self.released: i64 = -1
         self._stall_clk: int = int(settings["io_stall_clk"])
         self._request: int = NO_REQUEST
-        self._writes: list[tuple[int, int, int]] = []
+        self.writes: Writes = Writes()
         self._aiming: bool = False
         """The loop has closed: followers may follow its aim."""
         self._target: i64 = 0
@@ -104,8 +107,7 @@ class Clockwork:
 
     def next(self) -> int:
         """Cycle of the next thing due inside, written bytes included."""
-        due = self._next_own()
-        return min(due, self._writes[0][0]) if self._writes else due
+        return min(self._next_own(), self.writes.due)
 
     def _next_own(self) -> i64:
         # Two at a time: a compiled core makes comparisons of these.
@@ -119,8 +121,7 @@ class Clockwork:
     def next_output(self) -> int:
         """A cycle not later than the next change of an output other than Pulse and Sign."""
         due = min(self._next_count(), self._at_reset, self._at_results, self._at_routine)
-        if self._writes:
-            due = min(due, self._writes[0][0])
+        due = min(due, self.writes.due)
         awake = self.state == CONTROL or self._request != NO_REQUEST or self.breakpoint.armed
         if awake:
             due = min(due, self._at_sample)
@@ -129,16 +130,20 @@ class Clockwork:
         return due
 
     def run(self, target: int) -> None:
-        """Work off everything due by the cycle ``target``."""
+        """Work off everything due by then; before and after, the register bytes are up to date."""
+        self.live.look()
+        self._work_off(target)
+        self.sheet.settle()
+
+    def _work_off(self, target: i64) -> None:
         self._target = target
-        writes = self._writes
+        writes = self.writes
         while True:
             cycle = self._next_own()
-            if writes:
-                first = writes[0][0]
-                counting = self._next_count() <= cycle
-                if first <= target and (first < cycle or (first == cycle and not counting)):
-                    self._take_write(*writes.pop(0))
+            first = writes.due
+            if first <= target and first <= cycle:
+                if first < cycle or self._next_count() > cycle:
+                    self._take_write(first)
                     continue
             if cycle > target:
                 return
@@ -155,8 +160,9 @@ class Clockwork:
             else:
                 self._next_period(cycle)
 
-    def _count(self, cycle: int) -> None:
+    def _count(self, cycle: i64) -> None:
         """The position counter comes to something worth a look."""
+        self.sheet.settle()
         self.rest.disturb()
         if self.encoder.at == cycle:
             self.counter.edge(cycle)
@@ -172,12 +178,7 @@ class Clockwork:
     def write(self, cycle: int, address: int, data: int) -> None:
         """A byte has been written in ``cycle``; it is visible some clocks later (MCP-BUS-5)."""
         if self.state != HELD:
-            self._writes.append((cycle + ds.WRITE_CLK, address, data))
-
-    def lose_write(self) -> None:
-        """Forget the byte written last, if it is not yet visible."""
-        if self._writes:
-            self._writes.pop()
+            self.writes.add(cycle, address, data)
 
     def stall(self) -> bool:
         """An access costs the core a clock or more, if the board says so (MCP-BUS-11).
@@ -190,11 +191,14 @@ class Clockwork:
             return True
         return False
 
-    def _take_write(self, cycle: int, address: int, data: int) -> None:
+    def _take_write(self, cycle: i64) -> None:
+        address, data = self.writes.take()
+        self.sheet.settle()
         self.rest.disturb()
         before = self.counter.equal(cycle)
         self.pwm.roll(cycle - 1)
         self.host.write(self.host.map(address), data, cycle)
+        self.live.look()
         self.counter.look_equal(before, cycle)
 
     def request(self, mode: int, cycle: int) -> None:
@@ -219,25 +223,14 @@ class Clockwork:
         """Whether mode flags take effect: control mode, not halted."""
         return self.state == CONTROL and not self.core.halted
 
-    def guard(self) -> None:
-        """Idle with /LIMIT low: the motor outputs stay off (MCP-MOD-4)."""
-        if self.state == STANDING and self.side.limit == 0 and self.file.bytes[ds.EXCEPTION] & 3:
-            self.core.outputs_off()
-
-    def sync_pin(self, level: int, cycle: int) -> None:
-        """/SYNC has moved: in idle mode it holds the sample timer (MCP-SMP-2)."""
-        if self.state == STANDING:
-            if level == 0:
-                self._hold_timer()
-            else:
-                self._start_timer(cycle)
-
-    def _hold_timer(self) -> None:
+    def hold_timer(self) -> None:
+        """The sample timer stands."""
         self.timer.hold()
         self._at_sample = FAR
         self._at_routine = FAR
 
-    def _start_timer(self, cycle: int) -> None:
+    def start_timer(self, cycle: i64) -> None:
+        """The sample timer begins a period."""
         self.timer.reload(cycle)
         self._at_sample = self.timer.next_zero()
 
@@ -246,7 +239,9 @@ class Clockwork:
     def hold(self, cycle: int) -> None:
         """Hard reset: everything as after power-on, until it is released (MCP-RST-1 to 3)."""
         self.state = HELD
+        self.sheet.settle()
         self.file.reset()
+        self.live.look()
         self.stepper.clear(cycle)
         self.core.soft_reset()
         self.file.bytes[ds.FLAG] = 0
@@ -258,7 +253,7 @@ class Clockwork:
         self.breakpoint.clear()
         self.host.clear()
         self.encoder_pins.configure(cycle)
-        self._writes.clear()
+        self.writes.clear()
         self._stop()
         self._at_reset = FAR
         self.released = -1
@@ -266,7 +261,7 @@ class Clockwork:
 
     def _stop(self) -> None:
         self._request = NO_REQUEST
-        self._hold_timer()
+        self.hold_timer()
         self._at_results = FAR
         self._aiming = False
 
@@ -285,6 +280,7 @@ class Clockwork:
     def _begin_reset(self, cycle: int) -> None:
         self.state = RESETTING
         self._stop()
+        self.sheet.settle()
         data = self.file.bytes
         data[ds.FLAG] = 0
         data[ds.MODE] = 0
@@ -300,18 +296,18 @@ class Clockwork:
         self.state = STANDING
         self.host.clear_errors()
         if self.side.sync:
-            self._start_timer(cycle)
+            self.start_timer(cycle)
         self.counter.replan(cycle)
 
     # -- samples ------------------------------------------------------------------------------
 
-    def _sample(self, cycle: int) -> None:
+    def _sample(self, cycle: i64) -> None:
         """The sample timer is at zero: a sample starts."""
         if self._at_results != FAR:
             # The one before is not finished (MCP-SMP-4).
-            self.core.fault(ds.TIMER_OK)
+            self.sheet.fault(ds.TIMER_OK)
             self._enter_idle(cycle)
-        self._start_timer(cycle)
+        self.start_timer(cycle)
         cycle = self._skip(cycle)
         position = self.counter.position(cycle)
         request, self._request = self._request, NO_REQUEST
@@ -331,7 +327,7 @@ class Clockwork:
             self.core.last_position = position
         self._at_routine = cycle + ds.BREAK_ROUTINE_CLK if self.breakpoint.sample() else FAR
         if self.state == STANDING and self.side.sync == 0:
-            self._hold_timer()
+            self.hold_timer()
 
     def _enter_control(self, cycle: int, position: int) -> None:
         self.state = CONTROL
@@ -341,7 +337,7 @@ class Clockwork:
         self.rest.disturb()
         self._look_for_stall(cycle)
 
-    def _begin_control_sample(self, cycle: int, position: int, halt: bool) -> None:
+    def _begin_control_sample(self, cycle: i64, position: i64, halt: bool) -> None:
         work = self.core.begin(position, self.side.limit == 0, self.side.stop == 0, halt)
         if work == IDLE:
             self._enter_idle(cycle)
@@ -351,7 +347,7 @@ class Clockwork:
         if self.core.abrupt:
             self.stepper.stop(cycle)
 
-    def _look_for_stall(self, cycle: int) -> None:
+    def _look_for_stall(self, cycle: i64) -> None:
         counts = self.encoder.count(cycle) + self.encoder.external
         self.core.stall.look(self.stepper.sent(cycle), counts)
 
@@ -365,55 +361,58 @@ class Clockwork:
         self.file.bytes[ds.MODE] = ds.IDLE_CODE
         self.counter.replan(cycle)
 
-    def _results(self, cycle: int) -> None:
+    def _results(self, cycle: i64) -> None:
         """BUSY ends: the sample's results appear (MCP-SMP-5)."""
         self._at_results = FAR
         core = self.core
         self.pwm.roll(cycle - 1)
         core.finish()
         self._aiming = True
-        data = self.file.bytes
-        data[ds.MODE] = ds.HALT_CODE if core.halted else ds.CONTROL_CODE
         if core.goal_step:
+            self.sheet.settle()
             self._report(ds.GOAL_STEP, core.goal_step, 127, "", self._clock.ps(cycle))
-        if data[ds.CONFIG] & ds.STEP_MODE:
+        if self.live.config & ds.STEP_MODE:
+            self.sheet.settle()
             period = self.timer.period
             self.stepper.batch(cycle, core.steps, period)
             if self.stepper.overrun(period):
                 most = period // self.stepper.width
-                self._report(ds.STEP_OVERRUN, abs(core.steps), most, "", self._clock.ps(cycle))
+                self._report(ds.STEP_OVERRUN, abs(int(core.steps)), most, "", self._clock.ps(cycle))
             self.counter.replan(cycle)
         self.rest.note()
 
     def _routine(self, cycle: int) -> None:
         """The breakpoint routine of the sample (MCP-BRK-2, 3)."""
         self._at_routine = FAR
+        self.sheet.settle()
         self.rest.disturb()
         before = self.counter.equal(cycle)
         if self.breakpoint.routine():
             self.file.bytes[ds.STATUS] |= ds.BREAKPOINT_OK
         self.counter.look_equal(before, cycle)
 
-    def _skip(self, cycle: int) -> int:
+    def _skip(self, cycle: i64) -> i64:
         """Pass over samples that would change nothing; return the one to compute."""
         control = self.state == CONTROL
         if self._request != NO_REQUEST or self.breakpoint.sample():
             return cycle
-        last = min(self._target, self._next_count() - 1)
-        if self._writes:
-            last = min(last, self._writes[0][0] - 1)
-        periods = self.rest.periods(cycle, last, self.timer.period, control)
+        if not self.rest.possible(cycle, control):
+            return cycle
+        last = min(self._target, min(self._next_count(), self.writes.due) - 1)
+        periods = self.rest.periods(cycle, last, self.timer.period)
         if periods > 0:
             passed = periods * self.timer.period
             cycle += passed
-            self._start_timer(cycle)
+            self.start_timer(cycle)
             if self.encoder.plant is not None:
                 self.encoder.skip(passed)
         return cycle
 
-    def _next_period(self, cycle: int) -> None:
+    def _next_period(self, cycle: i64) -> None:
         """The plant's period is over: run it to the next instant its drive may change."""
-        end = self._at_sample if self._at_sample > cycle else FAR
+        end: i64 = FAR
+        if self._at_sample > cycle:
+            end = self._at_sample
         if cycle < self._at_results < end:
             end = self._at_results
         if end == FAR:
@@ -432,7 +431,7 @@ class Clockwork:
     def save(self) -> tuple[object, ...]:
         """Return the state."""
         return (
-            self.state, self.released, self._request, tuple(self._writes), self._aiming,
+            self.state, self.released, self._request, self.writes.save(), self._aiming,
             self._at_reset, self._at_sample, self._at_results, self._at_routine,
             self.counter.at_match, tuple(part.save() for part in self._parts()),
         )  # fmt: skip
@@ -443,7 +442,8 @@ class Clockwork:
             self.state, self.released, self._request, writes, self._aiming, self._at_reset,
             self._at_sample, self._at_results, self._at_routine, self.counter.at_match, parts,
         ) = state  # type: ignore[assignment]  # fmt: skip
-        self._writes[:] = [tuple(write) for write in writes]  # type: ignore[attr-defined]
+        self.writes.load(writes)  # type: ignore[arg-type]
         self.rest.disturb()
         for part, saved in zip(self._parts(), parts, strict=True):  # type: ignore[call-overload]
             part.load(saved)
+        self.live.look()

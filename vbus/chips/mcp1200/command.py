@@ -1,7 +1,8 @@
-"""The command position, and the numbers a host gives the profile generators."""
+"""The command position: what every profile generator moves."""
 
-from vbus.bits import sign_extend, wrap
-from vbus.chips.mcp1200 import datasheet as ds
+from mypy_extensions import i64
+
+from vbus.bits import wrap_word
 
 
 class Command:
@@ -24,19 +25,19 @@ class Command:
     )  # fmt: skip
 
     def __init__(self) -> None:
-        self.position: int = 0
-        self.fraction: int = 0
-        self.velocity: int = 0
+        self.position: i64 = 0
+        self.fraction: i64 = 0
+        self.velocity: i64 = 0
         self.moving: bool = False
-        self.phase: int = 0
-        self.left: int = 0
-        self.accel_delta: int = 0
-        self.decel_position: int = 0
+        self.phase: i64 = 0
+        self.left: i64 = 0
+        self.accel_delta: i64 = 0
+        self.decel_position: i64 = 0
 
-    def move(self, velocity: int) -> None:
+    def move(self, velocity: i64) -> None:
         """Go on by ``velocity``."""
         total = self.fraction + velocity
-        self.position = wrap(self.position + (total >> 8), 24)
+        self.position = wrap_word(self.position + (total >> 8), 0x800000)
         self.fraction = total & 0xFF
         self.velocity = velocity
 
@@ -69,40 +70,3 @@ class Command:
             self.accel_delta, self.decel_position,
         ) = state  # fmt: skip
         self.moving = bool(moving)
-
-
-def final_position(image: bytes) -> int:
-    """R2B, R2A, R29 as a signed number."""
-    return sign_extend(
-        image[ds.FINAL_MSB] << 16 | image[ds.FINAL_CSB] << 8 | image[ds.FINAL_LSB], 24
-    )
-
-
-def high_velocity(image: bytes) -> int:
-    """R23, R24, R25: signed, 1/256 count per sample (MCP-REG-24)."""
-    value = image[ds.VELOCITY_MSB] << 16 | image[ds.VELOCITY_CSB] << 8 | image[ds.VELOCITY_LSB]
-    return sign_extend(value, 24)
-
-
-def velocity_goal(image: bytes) -> int:
-    """Velocity command of the integral velocity mode, 1/256 count per sample (MCP-VEL-1)."""
-    if image[ds.FEATURE] & ds.HIGH_RESOLUTION:
-        return high_velocity(image)
-    return sign_extend(image[ds.VELOCITY_COMMAND], 8) << 8
-
-
-def top_velocity(image: bytes) -> int:
-    """Top velocity of a profile, 1/256 count per sample (MCP-TRP-1)."""
-    if image[ds.FEATURE] & ds.HIGH_RESOLUTION:
-        return abs(high_velocity(image))
-    return (image[ds.PROFILE_VELOCITY] & 0x7F) << 8
-
-
-def acceleration(image: bytes) -> int:
-    """R27, R26: 1/256 count per sample squared (MCP-REG-25)."""
-    return (image[ds.ACCEL_MSB] & 0x7F) << 8 | image[ds.ACCEL_LSB]
-
-
-def jerk(image: bytes) -> int:
-    """R55, R54: 1/65536 count per sample cubed."""
-    return image[ds.JERK_MSB] << 8 | image[ds.JERK_LSB]

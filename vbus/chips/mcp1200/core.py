@@ -2,21 +2,24 @@
 
 from typing import Final
 
-from vbus.bits import clamp, sign_extend, wrap
+from mypy_extensions import i64
+
+from vbus.bits import sign_extend, wrap_word
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.command import Command, acceleration, final_position, velocity_goal
+from vbus.chips.mcp1200.command import Command
 from vbus.chips.mcp1200.faults import Faults
 from vbus.chips.mcp1200.following import Following
 from vbus.chips.mcp1200.interpolate import PositionInterpolation, VelocityInterpolation
 from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN, LeadFilter
 from vbus.chips.mcp1200.output import dac_code
+from vbus.chips.mcp1200.picture import Picture
 from vbus.chips.mcp1200.pid import PidFilter
 from vbus.chips.mcp1200.scurve import SCurveMove
+from vbus.chips.mcp1200.sheet import Sheet
 from vbus.chips.mcp1200.stepper import StallCheck
 from vbus.chips.mcp1200.timer import work_clocks
 from vbus.chips.mcp1200.trapezoid import Stop, Trapezoid
 from vbus.chips.mcp1200.velocity import IntegralVelocity
-from vbus.chips.registers import RegisterFile
 
 IDLE: Final = -1
 """Answer of :meth:`Core.begin`: the sample ends in idle mode."""
@@ -30,7 +33,7 @@ class Core:
     core ceases to be busy. What the host writes in between is seen by the next sample.
 
     Args:
-        file: the registers.
+        sheet: the registers.
 
     Attributes:
         mode: flag of the control mode of this sample (F0, F3, F4, F5), 0 for position control.
@@ -47,17 +50,17 @@ class Core:
     """
 
     __slots__ = (
-        "_action", "_dropped", "_entering", "_image", "_last_mode", "_position", "_sampled_point",
+        "_action", "_dropped", "_entering", "_last_mode", "_position", "_sampled_point",
         "_sampled_velocity", "_stopping", "abrupt", "bytes", "command", "command_written",
         "faults", "following", "goal_step", "halted", "increment_written",
         "interpolation", "last_position", "lead", "mc", "mode", "pid", "point",
-        "ramps", "registers", "scurve", "stall", "steps", "trapezoid", "velocity",
+        "ramps", "scurve", "sheet", "stall", "steps", "trapezoid", "velocity",
         "velocity_point",
     )  # fmt: skip
 
-    def __init__(self, file: RegisterFile) -> None:
-        self.registers: RegisterFile = file
-        self.bytes: bytearray = file.bytes
+    def __init__(self, sheet: Sheet) -> None:
+        self.sheet: Sheet = sheet
+        self.bytes: bytearray = sheet.bytes
         self.command: Command = Command()
         self.trapezoid: Trapezoid = Trapezoid()
         self.scurve: SCurveMove = SCurveMove()
@@ -69,35 +72,35 @@ class Core:
         self.pid: PidFilter = PidFilter()
         self.stall: StallCheck = StallCheck()
         self.faults: Faults = Faults()
-        self.mode: int = 0
-        self.mc: int = 0
+        self.mode: i64 = 0
+        self.mc: i64 = 0
         self.halted: bool = False
         self.abrupt: bool = False
-        self.steps: int = 0
-        self.goal_step: int = 0
-        self.last_position: int = 0
-        self.point: int = 0
-        self.velocity_point: int = 0
+        self.steps: i64 = 0
+        self.goal_step: i64 = 0
+        self.last_position: i64 = 0
+        self.point: i64 = 0
+        self.velocity_point: i64 = 0
         self.command_written: bool = False
         self.increment_written: bool = False
-        self._image: bytes = bytes(len(self.bytes))
-        self._position: int = 0
-        self._action: int = 0
-        self._last_mode: int = 0
-        self._dropped: int = 0
+        self._position: i64 = 0
+        self._action: i64 = 0
+        self._last_mode: i64 = 0
+        self._dropped: i64 = 0
         self._entering: bool = False
         self._stopping: bool = False
-        self._sampled_point: int = 0
-        self._sampled_velocity: int = 0
+        self._sampled_point: i64 = 0
+        self._sampled_velocity: i64 = 0
 
     # -- modes --------------------------------------------------------------------------------
 
     def enter_idle(self) -> None:
         """Motor off, old samples forgotten (MCP-MOD-2)."""
+        self.sheet.settle()
         data = self.bytes
         data[ds.FLAG] = data[ds.FLAG] & ~ds.F2 | ds.F1
         data[ds.STATUS] &= ~ds.BUSY
-        self.outputs_off()
+        self.sheet.outputs_off()
         self.lead.clear()
         self.pid.clear()
         self.stall.clear()
@@ -110,24 +113,19 @@ class Core:
         self._last_mode = 0
         self._stopping = False
 
-    def outputs_off(self) -> None:
-        """Both motor command outputs to zero."""
-        self.bytes[ds.MOTOR_COMMAND] = 0x80
-        self.bytes[ds.MOTOR_COMMAND_LOW] = 0
-        self.bytes[ds.PWM_COMMAND] = 0
-        self.bytes[ds.PWM_FRACTION] = 0
-
     def soft_reset(self) -> None:
         """Load what a soft reset loads, then idle (MCP-RST-4)."""
-        self.registers.reset(*ds.SOFT_RESET)
+        self.sheet.settle()
+        self.sheet.file.reset(*ds.SOFT_RESET)
         self.command.clear()
         self.following.clear()
         self.last_position = 0
         self._dropped = 0
         self.enter_idle()
 
-    def enter_control(self, position: int) -> None:
+    def enter_control(self, position: i64) -> None:
         """The control loop closes at the command position as it is (MCP-MOD-6)."""
+        self.sheet.settle()
         self.bytes[ds.FLAG] &= ~ds.F1
         self.halted = False
         self._dropped = 0
@@ -138,13 +136,6 @@ class Core:
         """The host has cleared mode flags: a mode that is set again begins anew."""
         self._dropped |= flags
 
-    def fault(self, flag: int) -> None:
-        """An active-low error flag becomes 0; the direction of motion is noted (MCP-STA-3)."""
-        status = self.bytes[ds.STATUS]
-        if status & flag:
-            reverse = ds.DIRECTION if self.bytes[ds.ACTUAL_VELOCITY_MSB] & 0x80 else 0
-            self.bytes[ds.STATUS] = status & ~(flag | ds.DIRECTION) | reverse
-
     @staticmethod
     def _command_register(data: bytes | bytearray) -> int:
         value = data[ds.COMMAND_MSB] << 16 | data[ds.COMMAND_CSB] << 8 | data[ds.COMMAND_LSB]
@@ -152,7 +143,7 @@ class Core:
 
     # -- a sample -----------------------------------------------------------------------------
 
-    def begin(self, position: int, limit_low: bool, stop_low: bool, halt: bool) -> int:
+    def begin(self, position: i64, limit_low: bool, stop_low: bool, halt: bool) -> i64:
         """Begin a sample: exceptions and mode (steps 1 and 3 of MCP-SMP-5).
 
         Args:
@@ -164,14 +155,19 @@ class Core:
         Returns:
             Clocks the core will be busy, or :data:`IDLE`.
         """
-        image = bytes(self.bytes)
+        sheet = self.sheet
+        sheet.take_picture()
+        image = sheet.picture
         action = self.faults.action(image, limit_low, stop_low)
         if action == ds.GO_IDLE:
             return IDLE
         if halt:
             self.halted = True
             action = ds.ABRUPT
-        flags = 0 if self.halted or action == ds.ABRUPT else image[ds.FLAG]
+        flags = image.flag
+        if self.halted or action == ds.ABRUPT:
+            flags = 0
+        mode: i64
         if flags & ds.F0:
             mode = ds.F0
         elif flags & ds.F4:
@@ -180,10 +176,10 @@ class Core:
             mode = ds.F3
         else:
             mode = flags & ds.F5
-        self._image = image
+        sheet.keep()
         self._action = action
         self._position = position
-        self._entering = mode != self._last_mode or bool(self._dropped & mode)
+        self._entering = mode != self._last_mode or self._dropped & mode != 0
         if self._last_mode == 0 or self._dropped & self._last_mode:
             self.command.velocity = 0
             self.command.fraction = 0
@@ -193,20 +189,23 @@ class Core:
         self.command_written = False
         self.increment_written = False
         self.mode = mode
-        self.abrupt = action == ds.ABRUPT or (action == ds.DECELERATE and mode in (0, ds.F3))
-        self.bytes[ds.STATUS] |= ds.BUSY
+        stands = mode == 0 or mode == ds.F3
+        self.abrupt = action == ds.ABRUPT or (action == ds.DECELERATE and stands)
+        sheet.shown.status |= ds.BUSY
         return work_clocks(image, mode)
 
     def finish(self) -> None:
         """Compute the sample and show its results."""
-        image = self._image
-        data = self.bytes
+        sheet = self.sheet
+        sheet.write_on()
+        image = sheet.picture
+        shown = sheet.shown
         position = self._position
-        step_mode = image[ds.CONFIG] & ds.STEP_MODE
-        data[ds.FLAG] &= ~self._profile(image)
-        self._last_mode = self.mode & data[ds.FLAG]
+        step_mode = image.config & ds.STEP_MODE
+        shown.flag &= ~self._profile(image)
+        self._last_mode = self.mode & shown.flag
 
-        self._put(ds.ACTUAL_VELOCITY_LSB, position - self.last_position, 2)
+        shown.velocity = position - self.last_position
         self.last_position = position
 
         following = self.following
@@ -218,21 +217,21 @@ class Core:
         else:
             too_large = following.too_large
         if too_large:
-            self.fault(ds.ERROR_OK)
+            shown.fault(ds.ERROR_OK)
             self.faults.error = True
 
         if not step_mode:
             self._drive(image, following.error)
         self._show(following)
 
-    def _profile(self, image: bytes) -> int:
+    def _profile(self, image: Picture) -> i64:
         """Move the command position; return the flags to clear."""
         command = self.command
         mode = self.mode
         if mode == 0 or self._entering:
-            command.position = self._command_register(image)
+            command.position = image.command
         self.goal_step = 0
-        cleared = 0
+        cleared: i64 = 0
         if self.abrupt:
             command.rest()
             command.position = self._position
@@ -252,22 +251,23 @@ class Core:
         else:
             self._hold_position(image)
             return 0
-        self._put(ds.COMMAND_LSB, command.position, -3)
+        self.sheet.shown.command = command.position
         return cleared
 
-    def _hold_position(self, image: bytes) -> None:
+    def _hold_position(self, image: Picture) -> None:
         command = self.command
         command.rest()
-        increment = sign_extend(image[ds.COMMAND_INCREMENT], 8)
+        increment = image.increment
         if increment == 0:
             return
-        command.position = wrap(command.position + increment, 24)
+        command.position = wrap_word(command.position + increment, 0x800000)
         if not self.command_written:
-            self._put(ds.COMMAND_LSB, command.position, -3)
+            self.sheet.shown.command = command.position
         if not self.increment_written:
             self.bytes[ds.COMMAND_INCREMENT] = 0
+            self.sheet.stale = True
 
-    def _point_to_point(self, image: bytes) -> int:
+    def _point_to_point(self, image: Picture) -> i64:
         command = self.command
         command.left = 0
         if self._entering:
@@ -277,16 +277,16 @@ class Core:
             self.scurve.enter()
         if self._action == ds.DECELERATE and not self._stopping:
             self._begin_stop(image)
-        over = 0
+        over: i64 = 0
         if not self._stopping:
-            if image[ds.FEATURE] & ds.S_CURVE:
+            if image.feature & ds.S_CURVE:
                 over = self.scurve.step(command, image)
             else:
                 over = self.trapezoid.step(command, image)
             if over < 0:
                 self._begin_stop(image)
         if self._stopping:
-            over = int(Stop.step(command, acceleration(image)))
+            over = int(Stop.step(command, image.accel))
         command.moving = over <= 0
         if over > 0:
             self._stopping = False
@@ -295,103 +295,95 @@ class Core:
             return ds.F0
         return 0
 
-    def _begin_stop(self, image: bytes) -> None:
+    def _begin_stop(self, image: Picture) -> None:
         self._stopping = True
         self.command.decel_position = self.command.position
-        if image[ds.FEATURE] & ds.S_CURVE:
+        if image.feature & ds.S_CURVE:
             self.command.fraction = 0
 
-    def _interpolate_position(self, image: bytes) -> None:
+    def _interpolate_position(self, image: Picture) -> None:
         if self._entering:
             self.interpolation.hold()
-        fresh = self._entering or bool(image[ds.CAPTURE_CONTROL] & ds.INTERPOLATOR_BUSY)
-        point = final_position(image) if self._entering else self._sampled_point
+        fresh = self._entering or image.capture & ds.INTERPOLATOR_BUSY != 0
+        point = image.final if self._entering else self._sampled_point
         if self.interpolation.step(self.command, image, fresh, point):
-            self.bytes[ds.CAPTURE_CONTROL] &= ~ds.INTERPOLATOR_BUSY
+            self.sheet.shown.capture &= ~ds.INTERPOLATOR_BUSY
 
-    def _interpolate_velocity(self, image: bytes) -> None:
+    def _interpolate_velocity(self, image: Picture) -> None:
         ramps = self.ramps
         if self._entering:
             ramps.enter(self.command.velocity)
-        fresh = self._entering or bool(image[ds.CAPTURE_CONTROL] & ds.INTERPOLATOR_BUSY)
-        goal = self._sampled_velocity
-        if self._entering:
-            high = (
-                image[ds.VELOCITY_MSB] << 16 | image[ds.VELOCITY_CSB] << 8 | image[ds.VELOCITY_LSB]
-            )
-            goal = sign_extend(high, 24)
+        fresh = self._entering or image.capture & ds.INTERPOLATOR_BUSY != 0
+        goal = image.high_velocity if self._entering else self._sampled_velocity
         if self._action == ds.DECELERATE:
-            self._put(ds.VELOCITY_LSB, 0, -3)
+            self._clear_velocity()
             self.velocity_point = 0
             ramps.slow_down(self.command, image)
             fresh = False
         if ramps.step(self.command, image, fresh, goal):
-            self.bytes[ds.CAPTURE_CONTROL] &= ~ds.INTERPOLATOR_BUSY
+            self.sheet.shown.capture &= ~ds.INTERPOLATOR_BUSY
 
-    def _run_at_velocity(self, image: bytes) -> None:
+    def _clear_velocity(self) -> None:
+        for address in (ds.VELOCITY_LSB, ds.VELOCITY_CSB, ds.VELOCITY_MSB):
+            self.bytes[address] = 0
+        self.sheet.stale = True
+
+    def _run_at_velocity(self, image: Picture) -> None:
         command = self.command
         command.left = 0
         command.phase = 0
         if self._entering:
             self.velocity.enter()
-        goal = velocity_goal(image)
+        goal = image.goal
         if self._action == ds.DECELERATE:
             goal = 0
-            if image[ds.FEATURE] & ds.HIGH_RESOLUTION:
-                self._put(ds.VELOCITY_LSB, 0, -3)
+            if image.feature & ds.HIGH_RESOLUTION:
+                self._clear_velocity()
             else:
                 self.bytes[ds.VELOCITY_COMMAND] = 0
+                self.sheet.stale = True
         self.goal_step = self.velocity.step(command, image, goal)
 
-    def _drive(self, image: bytes, error: int) -> None:
+    def _drive(self, image: Picture, error: i64) -> None:
         """Steps 8 and 9: filter and outputs."""
-        if image[ds.FEATURE] & ds.PID:
+        if image.feature & ds.PID:
             velocity = self.command.velocity
             if self.mode == 0:
-                velocity = sign_extend(
-                    image[ds.FEED_FORWARD_MSB] << 8 | image[ds.FEED_FORWARD_LSB], 16
-                )
+                velocity = image.feed_forward
             self.mc = self.pid.step(image, error, velocity)
         else:
             self.mc = self.lead.step(image, error)
-        shown = clamp(error * 16, MC_MIN, MC_MAX)
-        code = dac_code(image, shown if image[ds.FEATURE] & ds.DIAGNOSTIC_DAC else self.mc)
-        pwm = shown if image[ds.FEATURE] & ds.DIAGNOSTIC_PWM else clamp(self.mc, MC_MIN, MC_MAX)
-        data = self.bytes
-        data[ds.MOTOR_COMMAND] = code >> 4
-        data[ds.MOTOR_COMMAND_LOW] = code << 4 & 0xF0
-        data[ds.PWM_COMMAND] = pwm >> 4 & 0xFF
-        data[ds.PWM_FRACTION] = pwm << 4 & 0xF0
+        code = self.mc
+        pwm = self.mc
+        if image.feature & ds.DIAGNOSTIC_DAC:
+            code = limited(error * 16)
+        if image.feature & ds.DIAGNOSTIC_PWM:
+            pwm = error * 16
+        code = dac_code(image, code)
+        pwm = limited(pwm)
+        self.sheet.shown.dac = code
+        self.sheet.shown.pwm = pwm & 0xFFF
+        self.sheet.live.dac = code
+        self.sheet.live.pwm = pwm
 
     def _show(self, following: Following) -> None:
         command = self.command
-        data = self.bytes
-        data[ds.PHASE] = command.phase
-        data[ds.INTERPOLATOR_COUNT] = command.left & 0xFF
-        self._put(ds.ACCEL_DELTA_LSB, command.accel_delta, 3)
-        self._put(ds.DECEL_LSB, command.decel_position, 3)
-        self._put(ds.ERROR_LSB, following.error, 2)
-        flags = data[ds.FLAG] & ~ds.F2
+        shown = self.sheet.shown
+        shown.mode = ds.HALT_CODE if self.halted else ds.CONTROL_CODE
+        shown.phase = command.phase
+        shown.left = command.left & 0xFF
+        shown.accel_delta = command.accel_delta
+        shown.decel = command.decel_position
+        shown.error = following.error
+        flags = shown.flag & ~ds.F2
         # A profile flag set during this sample is in motion from then on (NOTES 3).
         if command.moving or (flags & ds.F0 and not self.halted):
             flags |= ds.F2
-        data[ds.FLAG] = flags
-        status = data[ds.STATUS] & ~(ds.BUSY | ds.IN_POSITION)
+        shown.flag = flags
+        status = shown.status & ~(ds.BUSY | ds.IN_POSITION)
         if following.in_position:
             status |= ds.IN_POSITION
-        data[ds.STATUS] = status
-
-    def _put(self, lsb: int, value: int, size: int) -> None:
-        """Store ``value``; ``size`` bytes upwards from ``lsb``, or downwards if negative."""
-        data = self.bytes
-        if size > 0:
-            for address in range(lsb, lsb + size):
-                data[address] = value & 0xFF
-                value >>= 8
-        else:
-            for address in range(lsb, lsb + size, -1):
-                data[address] = value & 0xFF
-                value >>= 8
+        shown.status = status
 
     # -- state --------------------------------------------------------------------------------
 
@@ -400,8 +392,8 @@ class Core:
         return (
             self.mode, self.mc, self.halted, self.abrupt, self.steps, self.goal_step,
             self.last_position, self.point, self.velocity_point, self.command_written,
-            self.increment_written, self._image, self._position, self._action, self._last_mode,
-            self._dropped, self._entering, self._stopping, self._sampled_point,
+            self.increment_written, self.sheet.image(), self._position, self._action,
+            self._last_mode, self._dropped, self._entering, self._stopping, self._sampled_point,
             self._sampled_velocity, self.command.save(), self.trapezoid.save(),
             self.scurve.save(), self.velocity.save(), self.interpolation.segment.save(),
             self.ramps.segment.save(), self.following.save(), self.lead.save(), self.pid.save(),
@@ -413,11 +405,12 @@ class Core:
         (
             self.mode, self.mc, self.halted, self.abrupt, self.steps, self.goal_step,
             self.last_position, self.point, self.velocity_point, self.command_written,
-            self.increment_written, self._image, self._position, self._action, self._last_mode,
+            self.increment_written, image, self._position, self._action, self._last_mode,
             self._dropped, self._entering, self._stopping, self._sampled_point,
             self._sampled_velocity, command, trapezoid, scurve, velocity, interpolation,
             ramps, following, lead, pid, stall, faults,
         ) = state  # type: ignore[assignment]  # fmt: skip
+        self.sheet.load(image)  # type: ignore[arg-type]
         self.command.load(command)  # type: ignore[arg-type]
         self.trapezoid.load(trapezoid)  # type: ignore[arg-type]
         self.scurve.load(scurve)  # type: ignore[arg-type]
@@ -429,3 +422,12 @@ class Core:
         self.pid.load(pid)  # type: ignore[arg-type]
         self.stall.load(stall)  # type: ignore[arg-type]
         self.faults.load(faults)  # type: ignore[arg-type]
+
+
+def limited(command: i64) -> i64:
+    """Limit a motor command to 12 bits."""
+    if command > MC_MAX:
+        return MC_MAX
+    if command < MC_MIN:
+        return MC_MIN
+    return command

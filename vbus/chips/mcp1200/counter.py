@@ -7,6 +7,7 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.capture import Breakpoint, index_edge
 from vbus.chips.mcp1200.core import Core
 from vbus.chips.mcp1200.encoder import Encoder
+from vbus.chips.mcp1200.picture import Live
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import FAR
 
@@ -16,6 +17,7 @@ class PositionCounter:
 
     Args:
         core: takes note of a breakpoint.
+        live: the registers.
         encoder: source of counts, and of index edges in either mode.
         stepper: source of steps.
         breakpoint: the compare register.
@@ -26,18 +28,21 @@ class PositionCounter:
     """
 
     __slots__ = (
-        "_breakpoint", "_bytes", "_core", "_encoder", "_index_high", "_stepper", "at_match",
+        "_breakpoint", "_bytes", "_core", "_encoder", "_index_high", "_live", "_stepper",
+        "at_match",
     )  # fmt: skip
 
     def __init__(
         self,
         core: Core,
+        live: Live,
         encoder: Encoder,
         stepper: Stepper,
         breakpoint: Breakpoint,
         index_high: bool,
     ) -> None:
         self._core: Core = core
+        self._live: Live = live
         self._bytes: bytearray = core.bytes
         self._encoder: Encoder = encoder
         self._stepper: Stepper = stepper
@@ -48,9 +53,9 @@ class PositionCounter:
     @property
     def step_mode(self) -> bool:
         """Steps are counted, not the encoder (MCP-STP-1)."""
-        return bool(self._bytes[ds.CONFIG] & ds.STEP_MODE)
+        return self._live.config & ds.STEP_MODE != 0
 
-    def position(self, cycle: int) -> int:
+    def position(self, cycle: i64) -> i64:
         """The counter at ``cycle``, signed."""
         if self.step_mode:
             return self._stepper.position(cycle)
@@ -75,7 +80,7 @@ class PositionCounter:
 
     def match(self) -> None:
         """The counter has reached the breakpoint (MCP-BRK-1)."""
-        self._core.fault(ds.BREAKPOINT_OK)
+        self._core.sheet.fault(ds.BREAKPOINT_OK)
         self._core.faults.breakpoint = True
         self._breakpoint.reached()
 

@@ -2,7 +2,7 @@
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap
+from vbus.bits import wrap_word
 from vbus.chips.mcp1200.timer import FAR
 from vbus.signals import Plant, Switch
 
@@ -71,7 +71,7 @@ class Encoder:
 
     # -- where it stands ----------------------------------------------------------------------
 
-    def count(self, cycle: int) -> int:
+    def count(self, cycle: i64) -> i64:
         """Plant count at ``cycle`` of the present period."""
         if self._first == self._last or self.plant is None:
             return self._last
@@ -82,9 +82,9 @@ class Encoder:
             return self._first
         return self.plant.count_at(float(past) / float(self._length))
 
-    def position(self, cycle: int) -> int:
+    def position(self, cycle: i64) -> i64:
         """The 24-bit position counter at ``cycle``."""
-        return wrap(self.offset + self.direction * self.count(cycle), 24)
+        return wrap_word(self.offset + self.direction * self.count(cycle), 0x800000)
 
     def preset(self, position: int, cycle: int) -> None:
         """Load the counter."""
@@ -104,7 +104,7 @@ class Encoder:
     # -- periods ------------------------------------------------------------------------------
 
     def begin(
-        self, cycle: int, end: int, command: float, error: int, steps: int, stepping: bool
+        self, cycle: i64, end: i64, command: float, error: i64, steps: i64, stepping: bool
     ) -> None:
         """Run the plant from ``cycle`` to ``end`` with steps, or with a motor command.
 
@@ -149,7 +149,7 @@ class Encoder:
         """Level of the wired home switch, with the axis at :attr:`seen`."""
         return 1 if self._home is None else self._home.level(self.seen)
 
-    def plan(self, armed: bool, compare: int) -> None:
+    def plan(self, armed: bool, compare: i64) -> None:
         """Find the next edge after :attr:`seen`: breakpoint, index, or a switch.
 
         Args:
@@ -165,7 +165,8 @@ class Encoder:
         far = (self._last - here) * towards
         nearest = far + 1
         if armed:
-            away = wrap(compare - self.offset - self.direction * here, 24) * self.direction
+            away = wrap_word(compare - self.offset - self.direction * here, 0x800000)
+            away *= self.direction
             if 0 < away * towards < nearest:
                 nearest = away * towards
         found, count = plant.index_between(here, self._last)

@@ -1,6 +1,9 @@
 """The exception handler: what happened since the last sample, and what R04 says to do about it."""
 
+from mypy_extensions import i64
+
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.picture import Picture
 
 
 class Faults:
@@ -31,25 +34,29 @@ class Faults:
         self.breakpoint = False
         self.error = False
 
-    def action(self, image: bytes, limit_low: bool, stop_low: bool) -> int:
+    def action(self, image: Picture, limit_low: bool, stop_low: bool) -> i64:
         """Return what to do in this sample and forget what was noted.
 
         A pin that is still low, and R46, cause the action anew in every sample (MCP-EXC-5).
         """
-        setting = image[ds.EXCEPTION]
-        wanted = 1 << (image[ds.FORCED_EXCEPTION] & 3)
+        setting = image.exception
+        one: i64 = 1
+        wanted = one << (image.forced & 3)
         if self.limit or limit_low:
-            wanted |= 1 << (setting & 3)
+            wanted |= one << (setting & 3)
         if self.stop or stop_low:
-            wanted |= 1 << (setting >> 2 & 3)
+            wanted |= one << (setting >> 2 & 3)
         if self.breakpoint:
-            wanted |= 1 << (setting >> 4 & 3)
+            wanted |= one << (setting >> 4 & 3)
         if self.error:
-            wanted |= 1 << (setting >> 6)
+            wanted |= one << (setting >> 6)
         self.clear()
-        for action in (ds.GO_IDLE, ds.ABRUPT, ds.DECELERATE):
-            if wanted & 1 << action:
-                return action
+        if wanted >> ds.GO_IDLE & 1:
+            return ds.GO_IDLE
+        if wanted >> ds.ABRUPT & 1:
+            return ds.ABRUPT
+        if wanted >> ds.DECELERATE & 1:
+            return ds.DECELERATE
         return ds.REPORT
 
     def save(self) -> tuple[int, ...]:

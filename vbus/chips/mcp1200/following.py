@@ -1,7 +1,9 @@
 """From command and actual position to the error the filters see: backlash, deadband, limits."""
 
-from vbus.bits import saturate, wrap
-from vbus.chips.mcp1200 import datasheet as ds
+from mypy_extensions import i64
+
+from vbus.bits import wrap_word
+from vbus.chips.mcp1200.picture import Picture
 
 
 class Following:
@@ -17,10 +19,10 @@ class Following:
     __slots__ = ("_command", "_direction", "error", "in_position", "offset", "too_large")
 
     def __init__(self) -> None:
-        self._command: int = 0
-        self._direction: int = 0
-        self.offset: int = 0
-        self.error: int = 0
+        self._command: i64 = 0
+        self._direction: i64 = 0
+        self.offset: i64 = 0
+        self.error: i64 = 0
         self.in_position: bool = False
         self.too_large: bool = False
 
@@ -31,35 +33,44 @@ class Following:
         self.offset = 0
         self.error = 0
 
-    def begin(self, command: int) -> None:
+    def begin(self, command: i64) -> None:
         """Control starts with this command position: no change so far."""
         self._command = command
 
-    def aim(self) -> int:
+    def aim(self) -> i64:
         """Where the loop pulls the axis to: command and backlash offset."""
         return self._command + self.offset
 
-    def step(self, image: bytes, command: int, actual: int) -> int:
+    def step(self, image: Picture, command: i64, actual: i64) -> i64:
         """Compute one sample; return by how much the command has changed (24 bits)."""
-        change = wrap(command - self._command, 24)
+        change = wrap_word(command - self._command, 0x800000)
         self._command = command
-        backlash = image[ds.BACKLASH]
+        backlash = image.backlash
         if backlash == 0:
             self.offset = 0
             self._direction = 0
         elif change != 0:
-            direction = 1 if change > 0 else -1
+            direction: i64 = -1
+            if change > 0:
+                direction = 1
             if self._direction == -direction:
                 self.offset += direction * backlash
             self._direction = direction
-        error = wrap(command + self.offset - actual, 24)
-        size = abs(error)
-        self.too_large = min(size, 0xFFFF) > (
-            image[ds.MAX_ERROR_MSB] << 8 | image[ds.MAX_ERROR_LSB]
-        )
-        deadband = image[ds.DEADBAND]
+        error = wrap_word(command + self.offset - actual, 0x800000)
+        size = error
+        if error < 0:
+            size = -error
+        # Of larger errors the chip sees FFFF, which exceeds no limit of FFFF.
+        self.too_large = size > image.max_error and image.max_error < 0xFFFF
+        deadband = image.deadband
         self.in_position = size <= deadband + 1
-        self.error = 0 if size <= deadband else saturate(error, 16)
+        if size <= deadband:
+            error = 0
+        elif error > 0x7FFF:
+            error = 0x7FFF
+        elif error < -0x8000:
+            error = -0x8000
+        self.error = error
         return change
 
     def save(self) -> tuple[int, ...]:

@@ -8,7 +8,8 @@ from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.capture import index_edge, trigger_edge
-from vbus.chips.mcp1200.clockwork import STANDING, Clockwork
+from vbus.chips.mcp1200.clockwork import Clockwork
+from vbus.chips.mcp1200.states import STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.motion.quadrature import COUNTED, INDEX_FELL, INDEX_ROSE, SKIPPED, Quadrature
 from vbus.kernel import NEVER
@@ -209,7 +210,7 @@ class SidePins:
             self._fault(stop, ds.STOP_OK, cycle)
         if self._levels[1] != self.sync:
             self.sync = self._levels[1]
-            works.sync_pin(self.sync, self._chip.next_cycle())
+            self._sync_moved()
         if trigger != self._trigger:
             self._trigger = trigger
             if trigger == 0:
@@ -219,16 +220,31 @@ class SidePins:
             if self._home == "INDEX":
                 index_edge(works.file.bytes, home == 1, works.counter.position(cycle))
 
+    def _sync_moved(self) -> None:
+        """/SYNC has moved: in idle mode it holds the sample timer (MCP-SMP-2)."""
+        works = self._works
+        if works.state == STANDING:
+            if self.sync == 0:
+                works.hold_timer()
+            else:
+                works.start_timer(self._chip.next_cycle())
+
+    def guard(self) -> None:
+        """Idle with /LIMIT low: the motor outputs stay off (MCP-MOD-4)."""
+        works = self._works
+        if works.state == STANDING and self.limit == 0 and works.file.bytes[ds.EXCEPTION] & 3:
+            works.sheet.outputs_off()
+
     def _fault(self, level: int, flag: int, cycle: int) -> None:
         """/LIMIT or /STOP has moved: low sets its flag at once (MCP-EXC-4, MCP-EXC-7)."""
         works = self._works
         works.rest.disturb()
         if level == 0 and works.state >= STANDING:
-            works.core.fault(flag)
+            works.core.sheet.fault(flag)
             if flag == ds.LIMIT_OK:
                 works.core.faults.limit = True
                 works.pwm.roll(cycle - 1)
-                works.guard()
+                self.guard()
             else:
                 works.core.faults.stop = True
 

@@ -1,8 +1,10 @@
 """Position and velocity interpolation: flags F3 and F4 (MCP-INT)."""
 
-from vbus.bits import wrap
-from vbus.chips.mcp1200 import datasheet as ds
+from mypy_extensions import i64
+
+from vbus.bits import wrap_word
 from vbus.chips.mcp1200.command import Command
+from vbus.chips.mcp1200.picture import Picture
 
 
 class Segment:
@@ -17,25 +19,27 @@ class Segment:
     __slots__ = ("_shift", "end", "left", "start")
 
     def __init__(self) -> None:
-        self.start: int = 0
-        self.end: int = 0
-        self.left: int = 0
-        self._shift: int = 1
+        self.start: i64 = 0
+        self.end: i64 = 0
+        self.left: i64 = 0
+        self._shift: i64 = 1
 
-    def begin(self, image: bytes, start: int, end: int) -> None:
+    def begin(self, image: Picture, start: i64, end: i64) -> None:
         """Lay a segment; R18 is read now (MCP-INT-3)."""
         self.start = start
         self.end = end
-        self._shift = (image[ds.INTERPOLATOR_PRESET] & 7) + 1
-        self.left = 1 << self._shift
+        one: i64 = 1
+        self._shift = image.segment
+        self.left = one << self._shift
 
-    def next(self) -> int:
+    def next(self) -> i64:
         """Make one sample; return the value at its end (MCP-INT-1)."""
+        one: i64 = 1
         self.left -= 1
-        done = (1 << self._shift) - self.left
+        done = (one << self._shift) - self.left
         return self.start + ((self.end - self.start) * done >> self._shift)
 
-    def slope(self) -> int:
+    def slope(self) -> i64:
         """Change of the value per sample, in 1/256."""
         return (self.end - self.start << 8) >> self._shift
 
@@ -60,7 +64,7 @@ class PositionInterpolation:
         """Stay at the command position until a new point comes."""
         self.segment.left = 0
 
-    def step(self, command: Command, image: bytes, fresh: bool, point: int) -> bool:
+    def step(self, command: Command, image: Picture, fresh: bool, point: i64) -> bool:
         """Make one sample; tell whether the new ``point`` has been taken.
 
         Args:
@@ -73,7 +77,7 @@ class PositionInterpolation:
         taken = segment.left == 0 and fresh
         if taken:
             here = command.position
-            segment.begin(image, here, here + wrap(point - here, 24))
+            segment.begin(image, here, here + wrap_word(point - here, 0x800000))
         if segment.left == 0:
             command.rest()
             return False
@@ -81,7 +85,7 @@ class PositionInterpolation:
         command.moving = True
         command.fraction = 0
         command.phase = 0
-        command.position = wrap(segment.next(), 24)
+        command.position = wrap_word(segment.next(), 0x800000)
         command.velocity = segment.slope()
         return taken
 
@@ -94,17 +98,17 @@ class VelocityInterpolation:
     def __init__(self) -> None:
         self.segment: Segment = Segment()
 
-    def enter(self, velocity: int) -> None:
+    def enter(self, velocity: i64) -> None:
         """The next step begins a ramp from ``velocity``."""
         self.segment.left = 0
         self.segment.end = velocity
 
-    def slow_down(self, command: Command, image: bytes) -> None:
+    def slow_down(self, command: Command, image: Picture) -> None:
         """Ramp to standstill over one segment, unless that is under way (MCP-EXC-2)."""
         if self.segment.end != 0:
             self.segment.begin(image, command.velocity, 0)
 
-    def step(self, command: Command, image: bytes, fresh: bool, velocity: int) -> bool:
+    def step(self, command: Command, image: Picture, fresh: bool, velocity: i64) -> bool:
         """Make one sample; tell whether the new ``velocity`` has been taken."""
         segment = self.segment
         taken = segment.left == 0 and fresh
@@ -113,5 +117,8 @@ class VelocityInterpolation:
         command.left = segment.left
         command.moving = segment.left > 0
         command.phase = 0
-        command.move(segment.next() if segment.left else segment.end)
+        if segment.left:
+            command.move(segment.next())
+        else:
+            command.move(segment.end)
         return taken

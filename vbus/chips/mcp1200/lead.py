@@ -2,8 +2,9 @@
 
 from typing import Final
 
-from vbus.bits import clamp
-from vbus.chips.mcp1200 import datasheet as ds
+from mypy_extensions import i64
+
+from vbus.chips.mcp1200.picture import Picture
 
 MC_MIN: Final = -2048
 MC_MAX: Final = 2047
@@ -20,21 +21,25 @@ class LeadFilter:
     __slots__ = ("_command", "_error")
 
     def __init__(self) -> None:
-        self._error: int = 0
-        self._command: int = 0
+        self._error: i64 = 0
+        self._command: i64 = 0
 
     def clear(self) -> None:
         """Forget old samples (MCP-FLT-5)."""
         self._error = 0
         self._command = 0
 
-    def step(self, image: bytes, error: int) -> int:
+    def step(self, image: Picture, error: i64) -> i64:
         """Return the motor command, not limited, for position error ``error`` (16 bits)."""
-        gain = image[ds.LEAD_GAIN]
-        old = 4 * image[ds.LEAD_ZERO] * gain * self._error + image[ds.LEAD_POLE] * self._command
+        gain = image.lead_gain
+        old = 4 * image.lead_zero * gain * self._error + image.lead_pole * self._command
         command = 4 * gain * error - (old >> 8)
         self._error = error
-        self._command = clamp(command, MC_MIN, MC_MAX)
+        self._command = command
+        if command > MC_MAX:
+            self._command = MC_MAX
+        elif command < MC_MIN:
+            self._command = MC_MIN
         return command
 
     def save(self) -> tuple[int, ...]:

@@ -4,31 +4,37 @@ from typing import Final
 
 from mypy_extensions import i64
 
-from vbus.bits import clamp, sign_extend
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
+from vbus.chips.mcp1200.picture import Live, Picture
 from vbus.chips.mcp1200.timer import FAR
 
 DAC_ZERO: Final = 0x800
 
 
-def dac_code(image: bytes, command: int) -> int:
+def dac_code(image: Picture, command: i64) -> i64:
     """Return the 12-bit code for an unlimited motor command in control (MCP-OUT-1 to 3)."""
-    limit = image[ds.SATURATION]
+    limit = image.limit
     if limit < 0x80:
         limit = ~limit & 0xFF
-    unipolar = image[ds.FEATURE] & ds.UNIPOLAR
+    unipolar = image.feature & ds.UNIPOLAR
+    code: i64
     if MC_MIN <= command <= MC_MAX:
         if unipolar and command < 0:
             # 800h more than -2048 would need a 13th bit.
-            code = DAC_ZERO + min(-command, MC_MAX)
+            code = DAC_ZERO + (-command if command > MC_MIN else MC_MAX)
         else:
             code = DAC_ZERO + command
     elif command > 0 or unipolar:
         code = limit << 4
     else:
         code = (~limit & 0xFF) << 4
-    return clamp(code + sign_extend(image[ds.DAC_OFFSET], 8), 0, 0xFFF)
+    code += image.dac_offset
+    if code < 0:
+        return 0
+    if code > 0xFFF:
+        return 0xFFF
+    return code
 
 
 class Pwm:
@@ -39,7 +45,7 @@ class Pwm:
     before the command or one of its settings changes.
 
     Args:
-        registers: the register bytes.
+        live: the registers.
 
     Attributes:
         start: cycle at which the frame under way began.
@@ -48,10 +54,10 @@ class Pwm:
         sign: level of Sign (1 = negative).
     """
 
-    __slots__ = ("_bytes", "high", "length", "sign", "start")
+    __slots__ = ("_live", "high", "length", "sign", "start")
 
-    def __init__(self, registers: bytearray) -> None:
-        self._bytes: bytearray = registers
+    def __init__(self, live: Live) -> None:
+        self._live: Live = live
         self.start: i64 = 0
         self.length: i64 = ds.PWM_RESOLUTION[0]
         self.high: i64 = 0
@@ -59,36 +65,46 @@ class Pwm:
 
     def command(self) -> int:
         """The motor command in R09 and R4D, in 1/16 of an R09 step."""
-        data = self._bytes
-        return sign_extend(data[ds.PWM_COMMAND] << 4 | data[ds.PWM_FRACTION] >> 4, 12)
+        return self._live.pwm
 
-    def restart(self, cycle: int) -> None:
+    def restart(self, cycle: i64) -> None:
         """Begin a frame at ``cycle`` with nothing before it."""
         self.start = cycle
-        self.sign = int(self.command() < 0)
+        self.sign = self._sign()
         self._begin(False)
 
     def _begin(self, inhibited: bool) -> None:
-        data = self._bytes
-        command = clamp(self.command(), -ds.PWM_FULL, ds.PWM_FULL)
-        self.length = ds.PWM_RESOLUTION[data[ds.ENCODER_PWM] & 0x0F]
+        live = self._live
+        command = live.pwm
+        if command > ds.PWM_FULL:
+            command = ds.PWM_FULL
+        elif command < -ds.PWM_FULL:
+            command = -ds.PWM_FULL
+        self.length = live.frame
         if inhibited:
             self.high = 0
-        elif data[ds.CONFIG] & ds.PWM_BIAS:
+        elif live.config & ds.PWM_BIAS:
             self.high = (ds.PWM_FULL + command) * self.length // (2 * ds.PWM_FULL)
+        elif command < 0:
+            self.high = -command * self.length // ds.PWM_FULL
         else:
-            self.high = abs(command) * self.length // ds.PWM_FULL
+            self.high = command * self.length // ds.PWM_FULL
 
-    def roll(self, cycle: int) -> None:
+    def _sign(self) -> i64:
+        if self._live.pwm < 0:
+            return 1
+        return 0
+
+    def roll(self, cycle: i64) -> None:
         """Come to the frame that is under way at ``cycle``."""
         if cycle < self.start + self.length:
             return
         self.start += self.length
-        sign = int(self.command() < 0)
+        sign = self._sign()
         changed = sign != self.sign
         self.sign = sign
         # Only the first whole frame after a change of sign is held low (MCP-OUT-8).
-        self._begin(changed and bool(self._bytes[ds.CONFIG] & ds.SIGN_INHIBIT))
+        self._begin(changed and self._live.config & ds.SIGN_INHIBIT != 0)
         if cycle >= self.start + self.length:
             self.start += self.length
             self._begin(False)
@@ -109,7 +125,7 @@ class Pwm:
 
     def steady(self) -> bool:
         """Whether every further frame is the same level throughout, as long as nobody writes."""
-        if 0 < self.high < self.length or self.sign != int(self.command() < 0):
+        if 0 < self.high < self.length or self.sign != self._sign():
             return False
         high, length = self.high, self.length
         self._begin(False)

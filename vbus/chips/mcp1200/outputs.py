@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.clockwork import CONTROL, HELD, STANDING, Clockwork
+from vbus.chips.mcp1200.clockwork import Clockwork
+from vbus.chips.mcp1200.states import CONTROL, HELD, STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.signals import HIGH, LOW, Pin
 
@@ -85,6 +86,7 @@ class OutputPins:
     def show_pulse(self, cycle: int) -> None:
         """Put Pulse and Sign to their levels at ``cycle``."""
         works = self._works
+        works.live.look()
         if works.state == HELD:
             self._pulse.drive(LOW)
             self._sign.drive(HIGH)
@@ -102,6 +104,7 @@ class OutputPins:
     def pulse_edge(self, cycle: int) -> int:
         """Return a cycle after ``cycle``, not later than the next edge of Pulse or Sign."""
         works = self._works
+        works.live.look()
         if works.state == HELD:
             return FAR
         if works.file.bytes[ds.CONFIG] & ds.STEP_MODE:

@@ -4,8 +4,8 @@ from typing import Final
 
 from mypy_extensions import i64
 
-from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
+from vbus.chips.mcp1200.picture import Picture
 
 LONGEST_SPAN: Final = 8
 
@@ -47,7 +47,7 @@ class PidFilter:
         self._velocity = 0
         self._saturated = False
 
-    def step(self, image: bytes, error: i64, velocity: i64) -> i64:
+    def step(self, image: Picture, error: i64, velocity: i64) -> i64:
         """Return the motor command, not limited. All on the way to it fits 48 bits.
 
         Args:
@@ -56,12 +56,12 @@ class PidFilter:
             velocity: command velocity in 1/256 count per sample (MCP-FLT-4).
         """
         if not self._saturated:
-            limit: i64 = (image[ds.INTEGRAL_LIMIT_MSB] & 0x7F) << 8 | image[ds.INTEGRAL_LIMIT_LSB]
+            limit = image.integral_limit
             integral = self._integral + error
             if integral < -limit:
                 integral = -limit
             self._integral = integral if integral < limit else limit
-        span = image[ds.DERIVATIVE_SPAN]
+        span = image.span
         if span == 2:
             change = error - self._error_2
         elif span == 3:
@@ -83,11 +83,11 @@ class PidFilter:
         acceleration = velocity - self._velocity
         self._velocity = velocity
         command = (
-            256 * image[ds.KP] * error
-            + image[ds.KI] * self._integral
-            + 1024 * image[ds.KD] * change
-            + 2 * image[ds.KV] * velocity
-            + 32 * image[ds.KA] * acceleration
+            256 * image.kp * error
+            + image.ki * self._integral
+            + 1024 * image.kd * change
+            + 2 * image.kv * velocity
+            + 32 * image.ka * acceleration
         ) >> 9
         self._saturated = command > MC_MAX or command < MC_MIN
         return command

@@ -110,7 +110,7 @@ class HostPins:
     def _read_write(self, rw: int, now: int) -> None:
         chip = self._chip
         if chip.judged and chip.judge("tWH", now - self._cs_rose):
-            chip.works.lose_write()
+            chip.works.writes.lose()
         # If /CS rises in the same batch, the old level is what counts there: ``before``.
         self._rw = rw
         self._rw_at = now
@@ -238,7 +238,7 @@ class HostPins:
         # After a read nothing of the host's needs holding.
         if self._was_write and self._cs:
             if chip.judge("tH", now - self._cs_rose):
-                chip.works.lose_write()
+                chip.works.writes.lose()
         elif not self._open and self._fresh:
             self._judge("tH", now - self._closed_at)
 

@@ -134,7 +134,7 @@ class HostRegisters:
             self._write_config(data, cycle)
         elif address == ds.EXCEPTION:
             stored[address] = data
-            works.guard()
+            works.side.guard()
         elif address == ds.ACTUAL_CSB:
             works.counter.preset(0, cycle)
         elif address == ds.PRESET_LSB:
@@ -160,10 +160,10 @@ class HostRegisters:
                 stored[ds.CAPTURE_CONTROL] |= ds.INTERPOLATOR_BUSY
         elif address in (ds.MOTOR_COMMAND, ds.PWM_COMMAND):
             stored[address] = data
-            works.guard()
+            works.side.guard()
         else:
             stored[address] = data & 0xF0
-            works.guard()
+            works.side.guard()
 
     def _write_flag(self, data: int) -> None:
         """One flag by number, set or cleared (MCP-FLG-1, 2)."""
@@ -194,6 +194,7 @@ class HostRegisters:
         if (stored[ds.CONFIG] ^ data) & ds.STEP_MODE:
             here = self._works.counter.position(cycle)
             stored[ds.CONFIG] = data
+            self._works.live.look()
             self._works.counter.preset(here, cycle)
         stored[ds.CONFIG] = data
 

@@ -1,5 +1,7 @@
 """Rest: samples that would repeat the one before bit for bit need not be computed."""
 
+from mypy_extensions import i64
+
 from vbus.chips.mcp1200.core import Core
 from vbus.chips.mcp1200.drive import PlantDrive
 from vbus.chips.mcp1200.encoder import Encoder
@@ -37,23 +39,28 @@ class Rest:
         if self._core.steps != 0 or not self._drive.at_rest():
             self.disturb()
             return
-        state = (self._core.registers.save(), self._core.save())
+        self._core.sheet.settle()
+        state = (self._core.sheet.file.save(), self._core.save())
         self._repeats = state == self._state
         self._state = state
 
-    def periods(self, cycle: int, last: int, period: int, control: bool) -> int:
-        """Return how many whole samples can be passed over.
+    def possible(self, cycle: i64, control: bool) -> bool:
+        """Tell whether the sample that starts at ``cycle`` would repeat the one before.
+
+        Args:
+            cycle: start of the sample that is due.
+            control: the loop is closed; in idle mode only the plant must rest.
+        """
+        if control and not self._repeats:
+            return False
+        return self._encoder.plant is None or (self._encoder.end == cycle and self._drive.at_rest())
+
+    def periods(self, cycle: int, last: int, period: int) -> int:
+        """Return how many whole samples can be passed over, as it is possible.
 
         Args:
             cycle: start of the sample that is due.
             last: cycle up to which nothing happens from outside.
             period: clocks of a sample.
-            control: the loop is closed; in idle mode only the plant must rest.
         """
-        if control and not self._repeats:
-            return 0
-        if self._encoder.plant is not None and (
-            self._encoder.end != cycle or not self._drive.at_rest()
-        ):
-            return 0
         return max((last - cycle) // period, 0)

@@ -3,13 +3,8 @@
 from typing import Final
 
 from vbus.bits import wrap
-from vbus.chips.mcp1200.command import (
-    Command,
-    acceleration,
-    final_position,
-    jerk,
-    top_velocity,
-)  # fmt: skip
+from vbus.chips.mcp1200.command import Command
+from vbus.chips.mcp1200.picture import Picture
 from vbus.chips.motion.scurve import SCurve
 
 UNIT: Final = 16
@@ -35,9 +30,9 @@ class SCurveMove:
         """The next step begins a move."""
         self._begun = False
 
-    def step(self, command: Command, image: bytes) -> int:
+    def step(self, command: Command, image: Picture) -> int:
         """Make one sample; the result is that of :meth:`Trapezoid.step`."""
-        final = final_position(image)
+        final: int = image.final
         plan = self._plan
         if not self._begun:
             command.fraction = 0
@@ -45,8 +40,8 @@ class SCurveMove:
             way = wrap(final - command.position, 24)
             if way == 0:
                 return 1
-            top = top_velocity(image) << 8
-            if not plan.plan(abs(way) << UNIT, top, acceleration(image) << 8, jerk(image)):
+            top = image.top << 8
+            if not plan.plan(abs(way) << UNIT, top, image.accel << 8, image.jerk):
                 return 0
             self._begun = True
             self._final = final

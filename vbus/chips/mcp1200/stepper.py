@@ -2,8 +2,11 @@
 
 from typing import Final
 
+from mypy_extensions import i64
+
 from vbus.bits import wrap
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.picture import Picture
 from vbus.chips.mcp1200.timer import FAR
 
 LEAST_SAMPLES: Final = 4
@@ -157,14 +160,14 @@ class StallCheck:
     )  # fmt: skip
 
     def __init__(self) -> None:
-        self._samples: int = 0
-        self._expected: int = 0
-        self._counts: int = 0
-        self._steps_seen: int = 0
-        self._counts_seen: int = 0
+        self._samples: i64 = 0
+        self._expected: i64 = 0
+        self._counts: i64 = 0
+        self._steps_seen: i64 = 0
+        self._counts_seen: i64 = 0
         # Since the sample before: steps sent, and counts moved.
-        self._steps: int = 0
-        self._way: int = 0
+        self._steps: i64 = 0
+        self._way: i64 = 0
 
     def clear(self) -> None:
         """Begin a window."""
@@ -172,23 +175,23 @@ class StallCheck:
         self._expected = 0
         self._counts = 0
 
-    def look(self, steps: int, counts: int) -> None:
+    def look(self, steps: i64, counts: i64) -> None:
         """A sample starts: take what steps and encoder have come to."""
         self._steps = steps - self._steps_seen
         self._steps_seen = steps
         self._way = counts - self._counts_seen
         self._counts_seen = counts
 
-    def stalled(self, image: bytes) -> bool:
+    def stalled(self, image: Picture) -> bool:
         """Take the sample into the window; tell whether it closes with a stalled motor."""
-        ratio = image[ds.RATIO_MSB] << 8 | image[ds.RATIO_FRACTION]
+        ratio = image.ratio
         if ratio == 0:
             self.clear()
             return False
         if self._samples < LEAST_SAMPLES:
             self._samples += 1
-        self._expected += abs(self._steps) * ratio
-        self._counts += abs(self._way)
+        self._expected += (self._steps if self._steps > 0 else -self._steps) * ratio
+        self._counts += self._way if self._way > 0 else -self._way
         if self._samples < LEAST_SAMPLES or self._expected < 256:
             return False
         stalled = self._counts * 256 < self._expected

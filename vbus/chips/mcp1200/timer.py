@@ -5,6 +5,7 @@ from typing import Final
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.picture import Live, Picture
 
 FAR: Final = (1 << 62) - 1
 """A clock cycle that does not come."""
@@ -17,7 +18,7 @@ class SampleTimer:
     (MCP-SMP-1, MCP-REG-49).
 
     Args:
-        registers: the register bytes.
+        live: the registers.
 
     Attributes:
         start: cycle of the last reload.
@@ -26,35 +27,36 @@ class SampleTimer:
         running: False while reset or /SYNC holds the counter at zero.
     """
 
-    __slots__ = ("_bytes", "counts", "pre", "running", "start")
+    __slots__ = ("_live", "counts", "pre", "running", "start")
 
-    def __init__(self, registers: bytearray) -> None:
-        self._bytes: bytearray = registers
+    def __init__(self, live: Live) -> None:
+        self._live: Live = live
         self.start: i64 = 0
         self.pre: i64 = 1
         self.counts: i64 = 1
         self.running: bool = False
 
     @property
-    def period(self) -> int:
+    def period(self) -> i64:
         """Clocks from one sample start to the next, as loaded."""
         return self.pre * self.counts
 
-    def reload(self, cycle: int) -> None:
+    def reload(self, cycle: i64) -> None:
         """Begin a period at ``cycle`` with the values now in the registers."""
-        data = self._bytes
         self.start = cycle
-        self.pre = (data[ds.PRESCALER_MSB] << 8 | data[ds.PRESCALER_LSB]) + 1
-        self.counts = data[ds.SAMPLE_TIMER] + 1
+        self.pre = self._live.pre
+        self.counts = self._live.counts
         self.running = True
 
     def hold(self) -> None:
         """Clear the counter and keep it at zero."""
         self.running = False
 
-    def next_zero(self) -> int:
+    def next_zero(self) -> i64:
         """Cycle of the next sample start."""
-        return self.start + self.pre * self.counts if self.running else FAR
+        if not self.running:
+            return FAR
+        return self.start + self.pre * self.counts
 
     def count(self, cycle: int) -> int:
         """What R0F reads at ``cycle``: the reload value down to 0."""
@@ -72,17 +74,17 @@ class SampleTimer:
         self.running = bool(running)
 
 
-def work_clocks(image: bytes, mode: int) -> int:
+def work_clocks(image: Picture, mode: i64) -> i64:
     """Return how long the core is busy in a sample (MCP-SMP-3).
 
     Args:
         image: the registers as they are at the sample's start.
         mode: flag of the control mode that runs, 0 for position control.
     """
-    work = ds.WORK_BASE
-    if image[ds.CONFIG] & ds.STEP_MODE:
+    work: i64 = ds.WORK_BASE
+    if image.config & ds.STEP_MODE:
         work += ds.WORK_STEP
-    elif image[ds.FEATURE] & ds.PID:
+    elif image.feature & ds.PID:
         work += ds.WORK_PID
     else:
         work += ds.WORK_LEAD
@@ -90,10 +92,10 @@ def work_clocks(image: bytes, mode: int) -> int:
         work += ds.WORK_PROFILE
     elif mode == ds.F5:
         work += ds.WORK_VELOCITY
-    elif mode in (ds.F3, ds.F4):
+    elif mode == ds.F3 or mode == ds.F4:
         work += ds.WORK_INTERPOLATION
-    if image[ds.BACKLASH]:
+    if image.backlash:
         work += ds.WORK_BACKLASH
-    if image[ds.DEADBAND]:
+    if image.deadband:
         work += ds.WORK_DEADBAND
     return work

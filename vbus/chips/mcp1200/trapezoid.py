@@ -2,8 +2,11 @@
 
 from typing import Final
 
-from vbus.bits import wrap
-from vbus.chips.mcp1200.command import Command, acceleration, final_position, top_velocity
+from mypy_extensions import i64
+
+from vbus.bits import wrap_word
+from vbus.chips.mcp1200.command import Command
+from vbus.chips.mcp1200.picture import Picture
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.trapezoid import arrived, next_velocity, stopping_distance
 
@@ -17,9 +20,11 @@ class Stop:
     """A linear deceleration to rest: for stops and for new final positions too near to reach."""
 
     @staticmethod
-    def step(command: Command, accel: int) -> bool:
+    def step(command: Command, accel: i64) -> bool:
         """Make one sample; tell whether the axis rests. No acceleration stops it at once."""
-        velocity = toward(command.velocity, 0, accel) if accel else 0
+        velocity: i64 = 0
+        if accel:
+            velocity = toward(command.velocity, 0, accel)
         command.move(velocity)
         command.phase = DECELERATING
         return velocity == 0
@@ -32,23 +37,23 @@ class Trapezoid:
 
     def __init__(self) -> None:
         self._begun: bool = False
-        self._final: int = 0
-        self._origin: int = 0
+        self._final: i64 = 0
+        self._origin: i64 = 0
 
     def enter(self) -> None:
         """The next step begins a move."""
         self._begun = False
 
-    def step(self, command: Command, image: bytes) -> int:
+    def step(self, command: Command, image: Picture) -> i64:
         """Make one sample of the move.
 
         Returns:
             1 when it is over, 0 while it lasts, -1 if it must stop short of a final position
             that was moved too near (MCP-TRP-6): nothing has been done in this sample then.
         """
-        accel = acceleration(image)
-        top = top_velocity(image)
-        final = final_position(image)
+        accel = image.accel
+        top = image.top
+        final = image.final
         if not self._begun:
             if final == command.position and command.velocity == 0:
                 command.fraction = 0
@@ -66,17 +71,24 @@ class Trapezoid:
             self._final = final
         before = command.velocity
         here = command.position
-        ahead = (wrap(self._final - here, 24) << 8) - command.fraction
-        velocity: int = next_velocity(ahead, before, top, accel)
+        ahead = (wrap_word(self._final - here, 0x800000) << 8) - command.fraction
+        velocity = next_velocity(ahead, before, top, accel)
         command.move(velocity)
         if arrived(ahead - velocity, velocity, accel):
             self._begun = False
             return 1
-        away = before < 0 < ahead or ahead < 0 < before
-        self._show_phase(command, abs(velocity), 0 if away else abs(before), top, here)
+        old = before
+        if before < 0 < ahead or ahead < 0 < before:
+            old = 0
+        elif before < 0:
+            old = -before
+        speed = velocity
+        if velocity < 0:
+            speed = -velocity
+        self._show_phase(command, speed, old, top, here)
         return 0
 
-    def _show_phase(self, command: Command, speed: int, old: int, top: int, here: int) -> None:
+    def _show_phase(self, command: Command, speed: i64, old: i64, top: i64, here: i64) -> None:
         if command.phase == DECELERATING:
             return
         if speed > old:
@@ -89,7 +101,10 @@ class Trapezoid:
             command.decel_position = here
             return
         if command.phase == ACCELERATING:
-            command.accel_delta = abs(wrap(command.position - self._origin, 24))
+            way = wrap_word(command.position - self._origin, 0x800000)
+            command.accel_delta = way
+            if way < 0:
+                command.accel_delta = -way
 
     def save(self) -> tuple[int, ...]:
         """Return the state."""
@@ -101,14 +116,15 @@ class Trapezoid:
         self._begun = bool(begun)
 
 
-def _reachable(command: Command, final: int, accel: int) -> bool:
+def _reachable(command: Command, final: i64, accel: i64) -> bool:
     """Whether ``final`` lies at least one stopping distance ahead."""
-    ahead = (wrap(final - command.position, 24) << 8) - command.fraction
+    ahead = (wrap_word(final - command.position, 0x800000) << 8) - command.fraction
     velocity = command.velocity
     if velocity < 0:
         ahead, velocity = -ahead, -velocity
     if accel == 0:
         return ahead > 0
-    return ahead >= stopping_distance(max(velocity - accel, 0), accel) and (
-        ahead > 0 or velocity == 0
-    )
+    slower = velocity - accel
+    if slower < 0:
+        slower = 0
+    return ahead >= stopping_distance(slower, accel) and (ahead > 0 or velocity == 0)

@@ -2,8 +2,11 @@
 
 from typing import Final
 
+from mypy_extensions import i64
+
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.command import Command, acceleration
+from vbus.chips.mcp1200.command import Command
+from vbus.chips.mcp1200.picture import Picture
 from vbus.chips.motion.ramp import toward
 
 WIDEST: Final = 127
@@ -18,25 +21,33 @@ class IntegralVelocity:
 
     def __init__(self) -> None:
         self._begun: bool = False
-        self._goal: int = 0
+        self._goal: i64 = 0
 
     def enter(self) -> None:
         """The next step is the first of the mode."""
         self._begun = False
 
-    def step(self, command: Command, image: bytes, goal: int) -> int:
+    def step(self, command: Command, image: Picture, goal: i64) -> i64:
         """Make one sample toward ``goal`` (1/256 count per sample).
 
         Returns:
             By how many counts per sample the goal has changed too far at once, 0 if it has not.
         """
-        change = abs(goal - self._goal) if self._begun else 0
+        change: i64 = 0
+        if self._begun:
+            change = goal - self._goal
+            if change < 0:
+                change = -change
         self._begun = True
         self._goal = goal
-        command.move(toward(command.velocity, goal, acceleration(image)))
+        command.move(toward(command.velocity, goal, image.accel))
         command.moving = goal != 0 or command.velocity != 0
-        widest = WIDEST_HIGH if image[ds.FEATURE] & ds.HIGH_RESOLUTION else WIDEST
-        return change >> 8 if change > widest << 8 else 0
+        widest: i64 = WIDEST
+        if image.feature & ds.HIGH_RESOLUTION:
+            widest = WIDEST_HIGH
+        if change <= widest << 8:
+            return 0
+        return change >> 8
 
     def save(self) -> tuple[int, ...]:
         """Return the state."""

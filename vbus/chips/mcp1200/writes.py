@@ -1,0 +1,52 @@
+"""Bytes the host has written that are not yet visible inside."""
+
+from mypy_extensions import i64
+
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.timer import FAR
+
+
+class Writes:
+    """Written bytes on their way in, in order (MCP-BUS-5).
+
+    Attributes:
+        due: cycle at which the first of them becomes visible, :data:`FAR` if there is none.
+    """
+
+    __slots__ = ("_waiting", "due")
+
+    def __init__(self) -> None:
+        self._waiting: list[tuple[int, int, int]] = []
+        self.due: i64 = FAR
+
+    def add(self, cycle: int, address: int, data: int) -> None:
+        """A byte has been written in ``cycle``."""
+        self._waiting.append((cycle + ds.WRITE_CLK, address, data))
+        self.due = self._waiting[0][0]
+
+    def take(self) -> tuple[int, int]:
+        """Return address and data of the first byte, which is visible now."""
+        _, address, data = self._waiting.pop(0)
+        self.due = self._waiting[0][0] if self._waiting else FAR
+        return address, data
+
+    def lose(self) -> None:
+        """Forget the byte written last, if it is not yet visible."""
+        if self._waiting:
+            self._waiting.pop()
+            if not self._waiting:
+                self.due = FAR
+
+    def clear(self) -> None:
+        """Forget all of them."""
+        self._waiting.clear()
+        self.due = FAR
+
+    def save(self) -> tuple[tuple[int, int, int], ...]:
+        """Return the state."""
+        return tuple(self._waiting)
+
+    def load(self, state: tuple[tuple[int, int, int], ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        self._waiting = [(one[0], one[1], one[2]) for one in state]
+        self.due = self._waiting[0][0] if self._waiting else FAR
