@@ -59,7 +59,8 @@ class HostClock(HostPort):
             self._stamp = -1
         else:
             when = now + self._cycle
-        if when > self.board.limit:
+        limit: int = self.board.limit
+        if when > limit:
             if when >= NEVER:
                 raise PortError(codes.BAD_AT, f"time ends at {NEVER - 1} ps")
             self._hold(when)
@@ -82,7 +83,8 @@ class HostClock(HostPort):
 
     def _pass_to(self, when: int) -> bool:
         """Let time pass to ``when`` if the wall clock allows; else hold the session."""
-        if when > self.board.limit:
+        limit: int = self.board.limit
+        if when > limit:
             self._hold(when)
             return False
         self.held = False
@@ -123,7 +125,8 @@ class HostClock(HostPort):
         self._last_at = when
         self._stamp = when
         # Far ahead: the server brings time near it in slices, before the strobes of that cycle.
-        if when - APPROACH > self.board.limit:
+        limit: int = self.board.limit
+        if when - APPROACH > limit:
             self._hold(when - APPROACH)
 
     def now(self) -> int:
