@@ -38,11 +38,20 @@ def main() -> int:
     buses = {name: connect(f"zenoh:machine.{name}/{name}?connect={router}") for name in TARGETS}
     axes = {name: prepared(bus, TARGETS[name]) for name, bus in buses.items()}
     print(
-        vbus("order", str(BOARD), "-", "--connect", router, typed="0us x+y+z w 0 1  # STT\n"),
+        vbus(
+            "order",
+            str(BOARD),
+            "-",
+            "--connect",
+            router,
+            "--ahead",
+            "500ms",
+            typed="0us x+y+z w 0 1  # STT\n",
+        ),
         end="",
     )
     for bus in buses.values():
-        bus.delay("200ms")  # until the start is over
+        bus.delay("700ms")  # until the start is over
     arrived = True
     for name, axis in axes.items():
         axis.wait_status(TRAJECTORY_COMPLETE, "20s")
