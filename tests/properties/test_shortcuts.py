@@ -8,6 +8,7 @@ from vbus.board.build import load_board_text
 from vbus.chips.mc1241a.microstep import STEPS, Microstepper
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.sheet import Sheet
 from vbus.chips.mcp1200.shown import Shown
 from vbus.chips.registers import RegisterFile
 from vbus.plant.angle import sine
@@ -115,6 +116,47 @@ def test_a_picture_says_what_the_registers_say(content: bytes) -> None:
     else:
         assert picture.top == (data[ds.PROFILE_VELOCITY] & 0x7F) << 8
         assert picture.goal % 256 == 0
+
+
+@given(
+    content=IMAGES,
+    acts=st.lists(
+        st.tuples(st.sampled_from(["sample", "results", "host"]), st.integers(0, 255)), max_size=20
+    ),
+)
+def test_registers_kept_in_words_are_at_any_time_what_bytes_would_be(
+    content: bytes, acts: list[tuple[str, int]]
+) -> None:
+    file, model = registers(content), registers(content)
+    sheet = Sheet(file)
+    begun = sheet.image()
+    for act, value in acts:
+        if act == "sample":
+            sheet.take_picture()
+            sheet.keep()
+            begun = model.save()
+            assert sheet.picture.flag == begun[ds.FLAG]
+            assert sheet.picture.kp == begun[ds.KP]
+            assert sheet.picture.command == model.value("COMMAND_POSITION")
+        elif act == "results":
+            sheet.write_on()
+            expected = Shown()
+            expected.load(model.save())
+            for shown in (sheet.shown, expected):
+                shown.status = value
+                shown.command = value << 9
+                shown.dac = value << 4
+                shown.velocity = -value
+            expected.store(model.bytes)
+        else:
+            sheet.settle()
+            assert file.save() == model.save()
+            for each in (file, model):
+                each.bytes[ds.KP] = value
+                each.bytes[ds.FLAG] = value
+        assert sheet.image() == begun
+    sheet.settle()
+    assert file.save() == model.save()
 
 
 FLAGS = st.sampled_from([0x08, 0x0B, 0x0C, 0x0D, 0x00, 0x03, 0x04, 0x05])
