@@ -101,6 +101,18 @@ def test_check_notes_what_is_of_no_use(board: Path) -> None:
     ]
 
 
+def test_check_notes_a_clock_beyond_the_part(board: Path) -> None:
+    board.write_text(
+        '[board]\nname = "a"\n[chips.x]\npart = "LM629N-8"\nclock = "9 MHz"\nplant = "none"\n'
+    )
+    done = vbus("check", board)
+    assert done.returncode == 0
+    assert (
+        "note: chips.x: lm628.T5 (LM-TIM-5): 9000000 Hz is above the grade of a LM629N-8:"
+        " 111.111 ns, the limit is 125 ns\n"
+    ) in done.stdout
+
+
 def test_check_puts_mistakes_on_standard_error_and_ends_with_3(board: Path) -> None:
     good = vbus("check", board).stdout
     bad = board.with_name("bad.toml")

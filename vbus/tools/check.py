@@ -48,14 +48,21 @@ def _check(path: str) -> dict[str, Any]:
         if file.nodes:
             from vbus.nodes.plan import build_nodes
 
-            build_nodes(file, source)
+            boards = [node.board for node in build_nodes(file, source)]
         else:
-            check_records(file, build(file, source), source)
+            boards = [build(file, source)]
+            check_records(file, boards[0], source)
     except BoardFileError as error:
         problems = [asdict(problem) for problem in error.problems]
         return {"file": path, "ok": False, "problems": problems}
     used = {plant for chip in file.chips for plant in chip.axes}
     notes = [
+        f"chips.{broken.chip}: {broken.rule} ({broken.clause}): {broken.detail}:"
+        f" {broken.measured / 1000:g} ns, the limit is {broken.limit / 1000:g} ns"
+        for board in boards
+        for broken in board.violations
+    ]
+    notes += [
         f"[plants.{p.name}] is not used by any chip" for p in file.plants if p.name not in used
     ]
     if not file.hosts:
