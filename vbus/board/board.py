@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import msgpack
 from mypy_extensions import i64
 
+from vbus.board.breath import breathe
 from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus
 from vbus.board.pin_maps import PinMap
@@ -28,6 +29,10 @@ CONTENTION: Final = Rule(
 RULES: Final = (CONTENTION,)
 
 POLICIES: Final = ("realtime", "lockstep", "slaved")
+
+STRETCH: Final = 20_000_000_000_000
+"""Chip time, shared among the chips, that is computed without a look at Ctrl-C (ps)."""
+SHORTEST: Final = 1_000_000_000
 
 
 class Board:
@@ -213,14 +218,36 @@ class Board:
         return self.kernel.now
 
     def run_until(self, when: int) -> None:
-        """Let time pass to ``when`` (ps). Chips nobody listens to stay lazy; see
-        :meth:`catch_up`.
+        """Let time pass to ``when`` (ps). Chips nobody listens to stay lazy by :data:`STRETCH`
+        at the most, so that no single step takes long and Ctrl-C is heard; see :meth:`catch_up`.
+
+        Raises:
+            ValueError: ``when`` is before now, or beyond the end of time.
         """
-        self.kernel.run_until(when)
+        kernel = self.kernel
+        if kernel.now + STRETCH < when < NEVER:
+            stretch = max(STRETCH // (len(self.chips) + 1), SHORTEST)
+            while True:
+                # A board at rest stays so until something is due.
+                begin = kernel.now if self._advance_awake() else max(kernel.now, kernel.next_due)
+                if begin + stretch >= when:
+                    break
+                kernel.run_until(begin + stretch)
+        kernel.run_until(when)
+
+    def _advance_awake(self) -> bool:
+        """Bring chips up to now that are not at rest; tell whether there were any."""
+        awake = False
+        for chip in self.chips:
+            if not chip.resting():
+                awake = True
+                chip.advance()
+            breathe()
+        return awake
 
     def run_for(self, duration: int) -> None:
         """Let ``duration`` ps pass."""
-        self.kernel.run_for(duration)
+        self.run_until(self.kernel.now + duration)
 
     def catch_up(self) -> None:
         """Bring every lazy chip up to now, so that no look at it later takes long."""

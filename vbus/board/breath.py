@@ -1,0 +1,12 @@
+"""Where a long computation lets the interpreter hear signals; never compiled."""
+
+
+def breathe() -> None:
+    """Let Ctrl-C interrupt.
+
+    Python runs the handlers of signals when it begins an interpreted function; a compiled one never
+    asks for them.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was pressed.
+    """
