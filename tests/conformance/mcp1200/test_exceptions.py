@@ -163,6 +163,87 @@ def test_integral_velocity_decelerates_stays_and_forgets_its_command(
     assert bench.seen("COMMAND_POSITION") == here + 8
 
 
+@pytest.mark.spec("MCP-EXC-2", "MCP-EXC-3")
+@pytest.mark.parametrize(("pin", "setting"), [("/STOP", DECEL << 2), ("/LIMIT", DECEL)])
+def test_integral_velocity_stays_at_rest_until_the_flag_is_cleared(pin: str, setting: int) -> None:
+    bench = Bench()
+    bench.write(0x04, setting)
+    here = moving(bench, velocity) + 8
+    low_pulse(bench, pin, US)
+    bench.samples(3)
+    bench.put("VELOCITY_COMMAND", 4)
+    assert bench.trace("COMMAND_POSITION", 3) == [here, here, here]
+    bench.write(0x07, 0)
+    bench.put("VELOCITY_COMMAND", 4)
+    assert bench.trace("COMMAND_POSITION", 2) == [here + 4, here + 8]
+
+
+@pytest.mark.spec("MCP-EXC-2")
+def test_a_flag_that_is_only_reported_does_not_hold_integral_velocity() -> None:
+    bench = Bench()
+    bench.write(0x04, 0)
+    low_pulse(bench, "/STOP", US)
+    low_pulse(bench, "/LIMIT", US)
+    bench.put("ACCELERATION", 0x0400)
+    bench.put("VELOCITY_COMMAND", 4)
+    bench.write(0x00, 0x0D)
+    bench.control()
+    assert bench.trace("COMMAND_POSITION", 2) == [4, 8]
+
+
+@pytest.mark.spec("MCP-EXC-2", "MCP-VEL-4")
+def test_without_acceleration_integral_velocity_stops_at_once() -> None:
+    bench = Bench()
+    bench.write(0x04, DECEL << 2)
+    moving(bench, velocity)
+    bench.put("ACCELERATION", 0)
+    bench.samples(1)
+    here = bench.seen("COMMAND_POSITION")
+    low_pulse(bench, "/STOP", US)
+    assert bench.trace("COMMAND_POSITION", 2) == [here, here]
+    assert bench.seen("FLAG") == 0x20
+
+
+@pytest.mark.spec("MCP-EXC-3", "MCP-VEL-2")
+def test_a_stop_from_the_highest_speed_backwards_is_no_fault_of_the_host() -> None:
+    bench = Bench()
+    bench.write(0x04, DECEL << 2)
+    bench.put("VELOCITY_COMMAND", 0x80)
+    bench.put("ACCELERATION", 0x4000)
+    bench.write(0x00, 0x0D)
+    bench.control()
+    bench.samples(3)
+    low_pulse(bench, "/STOP", US)
+    bench.samples(3)
+    assert bench.seen("VELOCITY_COMMAND") == 0
+    assert "goal-step" not in bench.rules()
+
+
+@pytest.mark.spec("MCP-EXC-1", "MCP-MOD-4")
+@pytest.mark.parametrize("action", [GO_IDLE, DECEL, ABRUPT])
+@pytest.mark.parametrize("source", ["/STOP", "/LIMIT", "breakpoint"])
+@pytest.mark.parametrize("cleared", [False, True])
+def test_what_happened_in_idle_mode_does_not_act_in_control_mode(
+    source: str, action: int, cleared: bool
+) -> None:
+    bench = Bench()
+    bench.write(0x04, action * 0x15)
+    if source == "breakpoint":
+        bench.put("BREAKPOINT", 0)
+        bench.write(0x02, 0x10)
+        bench.samples(2)
+        assert bench.seen("STATUS") & 0x20 == 0
+    else:
+        low_pulse(bench, source, US)
+    if cleared:
+        bench.write(0x07, 0)
+        assert bench.seen("STATUS") & 0xE0 == 0xE0
+    bench.put("COMMAND_POSITION", 50)
+    bench.control()
+    bench.samples(2)
+    assert (bench.seen("MODE"), bench.seen("COMMAND_POSITION")) == (3, 50)
+
+
 @pytest.mark.spec("MCP-EXC-2")
 def test_velocity_interpolation_ramps_down_over_a_segment_and_stays() -> None:
     bench = Bench()

@@ -252,9 +252,24 @@ def test_velocity_interpolation_keeps_the_last_velocity(bench: Bench) -> None:
     bench.write(0x00, 0x0C)
     bench.control()
     assert bench.trace("COMMAND_POSITION", 5) == [2, 6, 10, 14, 18]
-    assert (bench.seen("INTERPOLATOR_COUNT"), bench.seen("FLAG")) == (0, 0x10)
+    assert bench.seen("INTERPOLATOR_COUNT") == 0
     bench.put("VELOCITY", 0xFFFC00)
     assert bench.trace("COMMAND_POSITION", 3) == [18, 14, 10]
+
+
+@pytest.mark.spec("MCP-FLG-4", "MCP-FLG-5", "MCP-INT-4")
+def test_prof_shows_motion_as_long_as_a_held_velocity_is_not_zero(bench: Bench) -> None:
+    bench.put("INTERPOLATOR_PRESET", 0)
+    bench.put("VELOCITY", 0x000400)
+    bench.write(0x00, 0x0C)
+    bench.control()
+    bench.samples(5)
+    assert (bench.seen("INTERPOLATOR_COUNT"), bench.seen("FLAG"), bench.pin("PROF")) == (0, 0x14, 1)
+    bench.put("VELOCITY", 0)
+    bench.samples(2)
+    assert (bench.seen("FLAG"), bench.pin("PROF")) == (0x14, 1)
+    bench.samples(1)
+    assert (bench.seen("FLAG"), bench.pin("PROF")) == (0x10, 0)
 
 
 @pytest.mark.spec("MCP-INT-6")

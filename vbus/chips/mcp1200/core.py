@@ -129,6 +129,8 @@ class Core:
         self.bytes[ds.FLAG] &= ~ds.F1
         self.halted = False
         self._dropped = 0
+        # What happened in idle mode has its flag; only control mode acts on it (MCP-EXC-1).
+        self.faults.clear()
         step_mode = self.bytes[ds.CONFIG] & ds.STEP_MODE
         self.following.begin(position if step_mode else self._command_register(self.bytes))
 
@@ -176,6 +178,8 @@ class Core:
             mode = ds.F3
         else:
             mode = flags & ds.F5
+            if mode and action == ds.REPORT and self.faults.stands(image, sheet.shown.status):
+                action = ds.DECELERATE
         sheet.keep()
         self._action = action
         self._position = position
@@ -337,6 +341,9 @@ class Core:
         goal = image.goal
         if self._action == ds.DECELERATE:
             goal = 0
+            self.velocity.enter()  # a goal of the chip's own, not the host's
+            if image.accel == 0:
+                command.velocity = 0
             if image.feature & ds.HIGH_RESOLUTION:
                 self._clear_velocity()
             else:

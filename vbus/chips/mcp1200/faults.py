@@ -59,6 +59,16 @@ class Faults:
             return ds.DECELERATE
         return ds.REPORT
 
+    def stands(self, image: Picture, status: i64) -> bool:
+        """Tell whether a pin's flag that asks for a deceleration has not been cleared yet.
+
+        Integral velocity mode stays at rest until then, though the pin is high (NOTES 27).
+        """
+        setting = image.exception
+        if not status & ds.STOP_OK and setting >> 2 & 3 == ds.DECELERATE:
+            return True
+        return not status & ds.LIMIT_OK and setting & 3 == ds.DECELERATE
+
     def save(self) -> tuple[int, ...]:
         """Return the state."""
         return (int(self.limit), int(self.stop), int(self.breakpoint), int(self.error))

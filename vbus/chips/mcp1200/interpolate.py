@@ -115,10 +115,12 @@ class VelocityInterpolation:
         if taken:
             segment.begin(image, segment.end, velocity)
         command.left = segment.left
-        command.moving = segment.left > 0
         command.phase = 0
         if segment.left:
+            command.moving = True
             command.move(segment.next())
         else:
+            # The last velocity is used again: the axis runs on, and PROF says so (NOTES 26).
+            command.moving = segment.end != 0
             command.move(segment.end)
         return taken
