@@ -380,6 +380,72 @@ def test_a_breakpoint_at_the_present_position_fires_in_the_next_sample(bench):
     assert bench.status() == 0xC0
 
 
+def pass_samples(bench: Bench, number: int) -> None:
+    for _ in range(number):
+        bench.next_sample()
+
+
+@pytest.mark.spec("LM-POS-4", "LM-POS-5", "LM-CMD-3")
+@pytest.mark.parametrize("sign", [1, -1])
+def test_home_does_not_fire_a_breakpoint_that_is_not_reached(make, sign):
+    plant = Course([sign * 1000] * 2)
+    bench = make(plant=plant)
+    pass_samples(bench, 3)
+    at = sign * 500 & 0xFFFFFFFF
+    bench.command("SBPA", at >> 16, at & 0xFFFF)
+    bench.command("RSTI", 0)
+    bench.command("DFH")
+    plant.counts += [sign * 1499] * 3 + [sign * 1500]
+    seen = []
+    for _ in range(6):
+        bench.next_sample()
+        seen.append((sign * bench.axis.real, bench.status()))
+    assert set(seen) == {(0, 0x80), (499, 0x80), (500, 0xC0)}, "500 is ahead of the new home"
+
+
+@pytest.mark.spec("LM-POS-5", "LM-POS-4")
+def test_a_breakpoint_at_the_new_home_fires_there(make):
+    bench = make(plant=Course([100] * 2))
+    pass_samples(bench, 3)
+    bench.command("SBPA", 0, 0)
+    bench.command("RSTI", 0)
+    bench.command("DFH")
+    assert bench.status() == 0x80
+    bench.next_sample()
+    assert bench.status() == 0xC0
+
+
+@pytest.mark.spec("LM-POS-5", "LM-POS-2")
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("place", "way", "fires"),
+    [
+        (0, 20, False),
+        (LARGEST - 1, 20, True),
+        (LARGEST, 20, True),
+        (-LARGEST + 4, 20, True),
+        (-LARGEST + 100, 20, False),
+        (LARGEST - 500, 20, False),
+    ],
+)
+def test_coming_round_fires_only_a_breakpoint_on_the_way(make, sign, place, way, fires):
+    start = LARGEST - 2
+    plant = Course([sign * start] * 3)
+    bench = make(plant=plant)
+    pass_samples(bench, 3)
+    at = sign * place & 0xFFFFFFFF
+    bench.command("SBPA", at >> 16, at & 0xFFFF)
+    bench.command("RSTI", 0)
+    plant.counts += [sign * (start + way)]
+    pass_samples(bench, 3)
+    assert bench.axis.flags & 0x10, "come round"
+    assert bool(bench.axis.flags & 0x40) == fires
+    if place == -LARGEST + 100:
+        plant.counts += [sign * (start + 200)]
+        pass_samples(bench, 3)
+        assert bench.axis.flags & 0x40, "reached later, from its new side"
+
+
 @pytest.mark.spec("LM-CMD-22", "LM-AMB-5", "LM-POS-5")
 def test_sbpr_counts_from_the_active_target_and_not_from_buffer_or_real_position(make):
     bench = make(plant=Course([7]))

@@ -153,14 +153,19 @@ class Axis:
     def set_breakpoint(self, position: int) -> None:
         """SBPA and SBPR: arm the breakpoint and remember from which side it comes (LM-POS-5)."""
         self.breakpoint = wrap(position, ds.POSITION_BITS)
-        self.breakpoint_side = (self.breakpoint > self.real) - (self.breakpoint < self.real)
+        self._look_at_breakpoint()
         self.breakpoint_armed = True
         self.stuck = False
+
+    def _look_at_breakpoint(self) -> None:
+        self.breakpoint_side = (self.breakpoint > self.real) - (self.breakpoint < self.real)
 
     def define_home(self) -> None:
         """DFH: here is 0; desired position and active target move along (LM-POS-4)."""
         self.profile.shift(self.real)
         self.real = 0
+        # The number of the breakpoint stays, so it may lie on the other side now (LM-POS-5).
+        self._look_at_breakpoint()
 
     def capture(self, position: int) -> None:
         """The index pulse has come at ``position`` (LM-POS-3)."""
@@ -193,6 +198,7 @@ class Axis:
         if real < ds.POSITION_MIN or real > ds.POSITION_MAX:
             real = wrap_word(real, _HALF)
             self.flags |= ds.WRAPAROUND
+            self._wrap(real, change)
         self.real = real
 
         if self.start:
@@ -216,6 +222,16 @@ class Axis:
         if self.profile.wrapped:
             self.profile.wrapped = False
             self.flags |= ds.WRAPAROUND
+
+    def _wrap(self, real: i64, change: i64) -> None:
+        """The real position comes round to ``real``: it passes the breakpoint, or changes sides."""
+        place, before = self.breakpoint, self.real
+        if change > 0:
+            passed = place > before or place <= real
+        else:
+            passed = place < before or place >= real
+        # On neither side it fires in this sample.
+        self.breakpoint_side = 0 if passed else (place > real) - (place < real)
 
     def _servo(self) -> None:
         error = (self.profile.position >> 16) - self.real
