@@ -5,10 +5,12 @@ Run as a program, on the core that the environment chooses:
     drive.py FAMILY SEED OPERATIONS
 
 The first line says which core ran. Each further one is the seed of a board, the operations done on
-it, and digests of all replies, of all violations, of the whole state and of the trace.
+it, and digests of all replies, of all violations, of the whole state, of the trace and of the
+journal; every other board has one.
 """
 
 import hashlib
+import io
 import sys
 from collections.abc import Callable, Iterator
 from random import Random
@@ -22,6 +24,7 @@ from vbus.chips.tables import Command
 from vbus.compiled import core
 from vbus.kernel import MS, NS
 from vbus.protocols.port import PortError
+from vbus.trace.journal import Journal
 
 BOARD_OPERATIONS = 4000
 """Operations on one board, before the next is drawn."""
@@ -161,6 +164,8 @@ class Host:
         self.traced = random.random() < 0.5
         if self.traced:
             self.board.start_trace()
+        self.journal = io.BytesIO()
+        self.recorder = Journal(self.board, self.journal) if seed % 2 else None
         self.port = self.board.open_port("h")
         info = self.port.info()
         self.lines = len(info.lines)
@@ -307,12 +312,16 @@ class Host:
         board = self.board
         findings = hashlib.sha256(repr(list(board.violations)).encode()).hexdigest()
         trace = board.trace_hash() if self.traced else "-"
+        if self.recorder is not None:
+            self.recorder.flush()
+        journal = hashlib.sha256(self.journal.getvalue()).hexdigest()
         return " ".join(
             (
                 self.replies.hexdigest()[:16],
                 f"{board.counters['violations']}:{findings[:16]}",
                 board.state_hash()[:16],
                 trace[:16],
+                journal[:16],
                 f"{board.now}:{','.join(str(plant.count) for plant in board.plants)}",
             )
         )

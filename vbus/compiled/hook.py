@@ -31,6 +31,7 @@ COMPILED: Final = (
     "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
     "protocols/port.py",
     "board/board.py", "board/host_*.py", "board/strobe_*.py",
+    "trace/journal_rows.py", "trace/recorded_bus.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what works in every sample or bus cycle."""
 

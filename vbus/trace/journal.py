@@ -3,7 +3,7 @@
 import hashlib
 import platform
 from collections.abc import Callable
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import vbus
 from vbus.board.board import Board
@@ -13,6 +13,7 @@ from vbus.chips.base import Chip
 from vbus.errors import VbusError
 from vbus.signals import Observer, Violation
 from vbus.trace.journal_format import CODE, Header, header_block, rows_block
+from vbus.trace.journal_rows import JournalRows
 from vbus.trace.recorded_bus import RecordedBus
 
 
@@ -32,7 +33,7 @@ def end_of(board: Board) -> tuple[str, str, int]:
 class Journal(Observer):
     """Writes down every call on every port of a board, and every violation.
 
-    Attach it before the first port is opened. Entries are written in blocks: when some hundred
+    Attach it before the first port is opened. Entries are written in blocks: when some thousand
     have come, whenever the board catches up, and at the end. Each block is handed to the file in
     one piece, so what was written stays readable whatever happens to the process; give it a file
     without a buffer of its own.
@@ -58,8 +59,8 @@ class Journal(Observer):
         if board.ports:
             raise VbusError("a journal must be attached before the first port is opened")
         self.board: Board = board
-        self.rows: list[Any] = []
-        """What is not written yet: instant, key, value, instant afterwards, and so on."""
+        self.rows: JournalRows = JournalRows(self.flush)
+        """What is not written yet."""
         self.entries: int = 0
         """Entries written."""
         self.bytes: int = 0
@@ -68,7 +69,6 @@ class Journal(Observer):
         """Why the file takes no more, or ""."""
         self._file: BinaryIO = file
         self._report: Callable[[str], None] | None = report
-        self._last: int = 0
         self._ports: int = 0
         header = Header(
             board.name,
@@ -89,24 +89,24 @@ class Journal(Observer):
         self, board: Board, label: str, chips: list[Chip], cycle_ps: int, card: Card | None
     ) -> HostBus:
         self._ports += 1
-        return RecordedBus(board, label, chips, cycle_ps, card, self, self._ports - 1)
+        return RecordedBus(board, label, chips, cycle_ps, card, self.rows, self._ports - 1)
 
     def violation(self, violation: Violation) -> None:
         """Write a finding down."""
         now = self.board.now
         v = violation
         row = [v.when, v.chip, v.rule, v.clause, v.severity, v.measured, v.limit, v.detail]
-        self.rows += (now, CODE["violation"], row, now)
+        self.rows.other(CODE["violation"], row, now, now)
 
     def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
         """Write the evidence of a fault down."""
         now = self.board.now
-        self.rows += (now, CODE["fault"], [when, name, target, what, text], now)
+        self.rows.other(CODE["fault"], [when, name, target, what, text], now, now)
 
     def fault_order(self, order: str, values: list[object]) -> None:
         """Write down that a fault was armed or cleared by hand."""
         now = self.board.now
-        self.rows += (now, CODE[order], values, now)
+        self.rows.other(CODE[order], values, now, now)
 
     def settled(self, now: int) -> None:
         """The board has caught up: write what there is."""
@@ -114,14 +114,11 @@ class Journal(Observer):
 
     def flush(self) -> None:
         """Write what is not written yet."""
-        rows = self.rows
-        if not rows:
-            return
-        first, before = self.entries, self._last
-        self.entries += len(rows) // 4
-        self._last = rows[-1]
-        self._write(rows_block(first, rows, before))
-        rows.clear()
+        count = self.rows.pending
+        if count:
+            first = self.entries
+            self.entries += count
+            self._write(rows_block(first, *self.rows.take()))
 
     def _write(self, data: bytes) -> None:
         if self.error:
@@ -147,7 +144,7 @@ class Journal(Observer):
         self.board.port_type = HostBus
         end = end_of(self.board)
         now = self.board.now
-        count = self.entries + len(self.rows) // 4
-        self.rows += (now, CODE["end"], [count, *end], now)
+        count = self.entries + self.rows.pending
+        self.rows.other(CODE["end"], [count, *end], now, now)
         self.flush()
         self.board.listeners.remove(self)

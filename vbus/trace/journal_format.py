@@ -1,22 +1,36 @@
 """The journal's file: a line that names it, then blocks that each stand for themselves.
 
 A block is a length and a CRC-32 (four bytes each, big endian), then a zlib stream of one msgpack
-value. The first block is the header. Every other holds the number of its first entry and four
-columns: keys (32 times the port's number, plus the operation), values, instants before the call
-counted from the end of the entry before, and what the call took, both in ps.
+value. The first block is the header. Every other holds the number of its first entry, words, and
+the entries that are not in the words.
+
+The words are of 16 bits, big endian. Below 8000h a word is a bus cycle: 512 times the address,
+plus 256 for a write, plus the byte. It is of the same session as the cycle before, starts where the
+entry before ended, and takes as long as the cycle before. 8000h plus a number is that cycle again,
+so many times more. C000h is the next of the other entries, each of which is four values in a row:
+key (32 times the session's number, plus the operation), value, start counted from the end of the
+entry before, and what it took, both in ps. The first cycle of a block is among them.
+
+Version 1, which is still read, had four columns in place of the words: keys, values, starts, times.
 """
 
 import zlib
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
+from itertools import repeat
+from struct import error as StructError
+from struct import iter_unpack
 from typing import Any, BinaryIO, Final
 
 import msgpack
 
 from vbus.errors import VbusError
+from vbus.trace.journal_rows import AGAIN, OTHER
 
-MAGIC: Final = b"vbus journal 1\n"
-FORMAT: Final = 1
+FORMAT: Final = 2
+MAGIC: Final = b"vbus journal 2\n"
+MAGICS: Final = (b"vbus journal 1\n", MAGIC)
+"""How the files begin that are read here, by version."""
 LARGEST: Final = 1 << 26
 """Bytes beyond which a block's length is taken for damage."""
 
@@ -106,18 +120,48 @@ def header_block(header: Header) -> bytes:
     return MAGIC + block(asdict(header))
 
 
-def rows_block(first: int, rows: list[Any], before: int) -> bytes:
+def rows_block(first: int, words: bytes, others: list[Any]) -> bytes:
     """Return the block of some entries.
 
     Args:
         first: number of the first.
-        rows: instant, key, value, instant afterwards, and so on.
-        before: instant afterwards of the entry before the first.
+        words: what :meth:`~vbus.trace.journal_rows.JournalRows.take` gives.
+        others: what it gives with them.
     """
-    whens, afters = rows[0::4], rows[3::4]
-    starts = [when - last for when, last in zip(whens, [before, *afters], strict=False)]
-    took = [after - when for after, when in zip(afters, whens, strict=True)]
-    return block((first, rows[1::4], rows[2::4], starts, took))
+    return block((first, words, others))
+
+
+Row = tuple[int, Any, int, int]
+"""Key, value, start counted from the end of the entry before, and what the entry took (ps)."""
+
+
+def _rows(words: bytes, others: list[Any]) -> Iterator[Row]:
+    """Give the entries of a block.
+
+    Raises:
+        ValueError: the words make no sense.
+    """
+    rest = iter(zip(others[0::4], others[1::4], others[2::4], others[3::4], strict=True))
+    last: Row | None = None
+    for (word,) in iter_unpack(">H", words):
+        if word == OTHER:
+            row = next(rest, None)
+            if row is None:
+                raise ValueError("an entry is missing")
+            if row[0] % PORTS in (READ, WRITE) and isinstance(row[1], int):
+                last = (row[0], row[1], 0, row[3])
+            yield row
+            continue
+        if last is None:
+            raise ValueError("the first cycle is missing")
+        if word < AGAIN:
+            key = last[0] // PORTS * PORTS + (WRITE if word & 0x100 else READ)
+            last = (key, word >> 9 << 8 | word & 0xFF, 0, last[3])
+            yield last
+        else:
+            yield from repeat(last, word - AGAIN)
+    if next(rest, None) is not None:
+        raise ValueError("an entry is left over")
 
 
 class JournalReader:
@@ -136,8 +180,9 @@ class JournalReader:
         """What is wrong with the end of the file, once it has been reached; or ""."""
         self.position: int = len(MAGIC)
         """Bytes read so far."""
-        if file.read(len(MAGIC)) != MAGIC:
-            raise JournalError(f"{self._name()} is no journal of version {FORMAT}")
+        magic = file.read(len(MAGIC))
+        if magic not in MAGICS:
+            raise JournalError(f"{self._name()} is no journal of version 1 to {FORMAT}")
         values = self._block()
         if values is None:
             raise JournalError(f"{self._name()} has no header: {self.damage or 'it is empty'}")
@@ -145,10 +190,10 @@ class JournalReader:
             self.header: Header = Header(**values)
         except TypeError:
             raise JournalError(f"{self._name()} has the header of another version") from None
-        if self.header.format != FORMAT:
+        if self.header.format != MAGICS.index(magic) + 1:
             raise JournalError(
                 f"{self._name()} is of format {self.header.format}, written by vbus"
-                f" {self.header.vbus}; this vbus reads format {FORMAT}"
+                f" {self.header.vbus}; this vbus reads formats 1 to {FORMAT}"
             )
 
     def _name(self) -> str:
@@ -177,20 +222,28 @@ class JournalReader:
         """
         number = 0
         last = 0
-        while (rows := self._block()) is not None:
-            first, keys, values, starts, took = rows
+        while (block := self._block()) is not None:
+            first, *columns = block
             if first != number:
                 raise JournalError(f"{self._name()}: entries {number} to {first - 1} are missing")
-            for key, value, start, span in zip(keys, values, starts, took, strict=True):
-                when = last + start
-                last = when + span
-                if key % PORTS >= len(OPERATIONS):
-                    raise JournalError(
-                        f"{self._name()}: entry {number} is of a kind this vbus does not know;"
-                        f" vbus {self.header.vbus} wrote it"
-                    )
-                yield _entry(number, when, last, key, value)
-                number += 1
+            try:
+                for key, value, start, span in self._rows(columns):
+                    when = last + start
+                    last = when + span
+                    if key % PORTS >= len(OPERATIONS):
+                        raise JournalError(
+                            f"{self._name()}: entry {number} is of a kind this vbus does not know;"
+                            f" vbus {self.header.vbus} wrote it"
+                        )
+                    yield _entry(number, when, last, key, value)
+                    number += 1
+            except (TypeError, ValueError, StructError) as error:
+                raise JournalError(f"{self._name()}: entry {number}: {error}") from None
+
+    def _rows(self, columns: list[Any]) -> Iterator[Row]:
+        if self.header.format == 1:
+            return zip(*columns, strict=True)
+        return _rows(*columns)
 
 
 def _entry(number: int, when: int, after: int, key: int, value: Any) -> Entry:

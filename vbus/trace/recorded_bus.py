@@ -1,19 +1,18 @@
 """A host's port that writes down every call made on it."""
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
+
+from mypy_extensions import i64
 
 from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus
 from vbus.chips.base import Chip
 from vbus.protocols.port import PortError
-from vbus.trace.journal_format import CODE, PORTS, READ, WRITE
+from vbus.trace.journal_format import CODE, PORTS
+from vbus.trace.journal_rows import JournalRows
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
-    from vbus.trace.journal import Journal
-
-FULL: Final = 4 * 512
-"""Items of this many entries are written together, if nothing asks for them earlier."""
 
 
 class RecordedBus(HostBus):
@@ -25,7 +24,7 @@ class RecordedBus(HostBus):
         chips: what the session may select, in order.
         cycle_ps: cost of a whole cycle; 0 for the default.
         card: address decoding, if any.
-        journal: where calls are written down.
+        rows: where calls are written down.
         number: of this session in the journal.
     """
 
@@ -36,27 +35,22 @@ class RecordedBus(HostBus):
         chips: list[Chip],
         cycle_ps: int,
         card: Card | None,
-        journal: "Journal",
+        rows: JournalRows,
         number: int,
     ) -> None:
         super().__init__(board, label, chips, cycle_ps, card)
         self.every_cycle = True
         self.strobes.found = self._strobed
-        self._journal: Journal = journal
-        self._rows: list[Any] = journal.rows
-        self._base: int = number * PORTS
-        self._read_key: int = self._base + READ
-        self._write_key: int = self._base + WRITE
+        self._rows: JournalRows = rows
+        self._session: i64 = number
         self._closed: bool = False
         self._note(board.now, "open", [label, [chip.name for chip in chips], cycle_ps], None)
 
     def _note(
         self, when: int, op: str, args: list[Any], reply: Any, error: int = 0, limit: int = -1
     ) -> None:
-        value = [args, reply, error, limit]
-        self._rows += (when, self._base + CODE[op], value, self._kernel.now)
-        if len(self._rows) >= FULL:
-            self._journal.flush()
+        key = self._session * PORTS + CODE[op]
+        self._rows.other(key, [args, reply, error, limit], when, self._kernel.now)
 
     def _refused(self, when: int, op: str, args: list[Any], error: PortError) -> None:
         self._note(when, op, args, None, error.code)
@@ -72,10 +66,7 @@ class RecordedBus(HostBus):
         except PortError as error:
             self._refused(when, "read", [address], error)
             raise
-        rows = self._rows
-        rows += (when, self._read_key, address << 8 | data, kernel.now)
-        if len(rows) >= FULL:
-            self._journal.flush()
+        self._rows.cycle(self._session, address << 9 | data, when, kernel.now)
         return data
 
     def write(self, address: int, data: int) -> None:
@@ -87,10 +78,7 @@ class RecordedBus(HostBus):
         except PortError as error:
             self._refused(when, "write", [address, data], error)
             raise
-        rows = self._rows
-        rows += (when, self._write_key, address << 8 | data, kernel.now)
-        if len(rows) >= FULL:
-            self._journal.flush()
+        self._rows.cycle(self._session, address << 9 | 0x100 | data & 0xFF, when, kernel.now)
 
     # -- everything else ----------------------------------------------------------------------
 

@@ -3,6 +3,8 @@
 import hashlib
 import io
 import platform
+from dataclasses import asdict, replace
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -16,6 +18,7 @@ from vbus.protocols.port import PortError
 from vbus.trace.journal import Journal
 from vbus.trace.journal_format import (
     MAGIC,
+    MAGICS,
     OPERATIONS,
     Entry,
     Header,
@@ -25,6 +28,7 @@ from vbus.trace.journal_format import (
     header_block,
     rows_block,
 )
+from vbus.trace.journal_rows import FULL, JournalRows
 from vbus.trace.replay import Replay
 
 TWO = (
@@ -44,7 +48,7 @@ def test_the_header_names_board_file_versions_seed_and_hash(moved: bytes) -> Non
     assert header.file == "board.toml"
     assert header.text == LM629
     assert header.digest == hashlib.sha256(LM629.encode()).hexdigest()
-    assert (header.seed, header.policy, header.format) == (0, "lockstep", 1)
+    assert (header.seed, header.policy, header.format) == (0, "lockstep", 2)
     assert header.families == {"x": "lm628"}
     assert header.vbus == vbus.__version__
     assert header.python == platform.python_version()
@@ -185,21 +189,21 @@ def test_a_flipped_bit_is_damage_and_not_an_end(moved: bytes) -> None:
 def test_a_missing_block_is_noticed() -> None:
     header = record(LM629, close=False)
     with pytest.raises(JournalError, match="entries 0 to 4 are missing"):
-        read(header + rows_block(5, [0, 0, 0, 0], 0))
+        read(header + rows_block(5, b"\xc0\0", [0, 0, 0, 0]))
 
 
 def test_a_file_of_another_kind_or_version_is_refused() -> None:
-    with pytest.raises(JournalError, match="no journal of version 1"):
+    with pytest.raises(JournalError, match="no journal of version 1 to 2"):
         JournalReader(io.BytesIO(b"$date today $end"))
     with pytest.raises(JournalError, match="the header of another version"):
         JournalReader(io.BytesIO(MAGIC + block({"new": 1})))
-    header = Header("b", "", "", "", 0, "lockstep", vbus="9.0", format=2)
-    with pytest.raises(JournalError, match=r"of format 2, written by vbus 9\.0; this vbus reads"):
+    header = Header("b", "", "", "", 0, "lockstep", vbus="9.0", format=3)
+    with pytest.raises(JournalError, match=r"of format 3, written by vbus 9\.0; this vbus reads"):
         JournalReader(io.BytesIO(header_block(header)))
 
 
 def test_an_entry_of_a_kind_that_is_not_known_is_refused(moved: bytes) -> None:
-    journal = header_block(read(moved)[0]) + rows_block(0, [0, 31, [], 0], 0)
+    journal = header_block(read(moved)[0]) + rows_block(0, b"\xc0\0", [31, [], 0, 0])
     with pytest.raises(JournalError, match="entry 0 is of a kind this vbus does not know"):
         read(journal)
 
@@ -279,12 +283,115 @@ def test_a_poll_costs_less_than_a_byte() -> None:
     assert len(record(LM629, polls)) < 20_000
 
 
+def tell(entries: list[Entry]) -> list[tuple[object, ...]]:
+    return [(e.number, e.when, e.after, e.port, e.op, e.args, e.reply) for e in entries]
+
+
 def test_rows_are_packed_as_the_format_says(moved: bytes) -> None:
-    opened = [["h", ["x"], 0], None, 0, -1]
-    rows = [0, 2, opened, 0, 7, 0, 0x0084, 9, 9, 1, 0x000A, 10]
-    _, entries = read(header_block(read(moved)[0]) + rows_block(0, rows, 0))
-    assert [(e.number, e.when, e.after, e.op, e.args, e.reply) for e in entries] == [
-        (0, 0, 0, "open", ("h", ["x"], 0), None),
-        (1, 7, 9, "read", (0,), 0x84),
-        (2, 9, 10, "write", (0, 0x0A), None),
+    words = bytes.fromhex("C000 C000 000A 8002 03FF C000 0484 C000 0485")
+    others = [2, [["h", ["x"], 0], None, 0, -1], 0, 0, 0, 0x0084, 7, 2]
+    others += [36, [[1], None, 0, -1], -3, 1, 32, 0x0200, 5, 4]
+    _, entries = read(header_block(read(moved)[0]) + rows_block(0, words, others))
+    assert tell(entries) == [
+        (0, 0, 0, 0, "open", ("h", ["x"], 0), None),
+        (1, 7, 9, 0, "read", (0,), 0x84),
+        (2, 9, 11, 0, "read", (0,), 0x0A),
+        (3, 11, 13, 0, "read", (0,), 0x0A),
+        (4, 13, 15, 0, "read", (0,), 0x0A),
+        (5, 15, 17, 0, "write", (1, 0xFF), None),
+        (6, 14, 15, 1, "select", (1,), None),
+        (7, 15, 17, 0, "read", (2,), 0x84),
+        (8, 22, 26, 1, "read", (2,), 0),
+        (9, 26, 30, 1, "read", (2,), 0x85),
     ]
+
+
+def test_a_journal_of_the_first_version_is_still_read(moved: bytes) -> None:
+    header = replace(read(moved)[0], format=1)
+    columns = [2, 0, 1], [[["h", ["x"], 0], None, 0, -1], 0x0084, 0x000A], [0, 7, 0], [0, 2, 1]
+    old = MAGICS[0] + block(asdict(header)) + block((0, *columns))
+    assert tell(read(old)[1]) == [
+        (0, 0, 0, 0, "open", ("h", ["x"], 0), None),
+        (1, 7, 9, 0, "read", (0,), 0x84),
+        (2, 9, 10, 0, "write", (0, 0x0A), None),
+    ]
+    with pytest.raises(JournalError, match="is of format 1"):
+        read(MAGIC + old[len(MAGIC) :])
+
+
+@pytest.mark.parametrize(
+    ("words", "others", "why"),
+    [
+        ("0084", [], "entry 0: the first cycle is missing"),
+        ("8001", [], "entry 0: the first cycle is missing"),
+        ("C000 C000", [0, 0x84, 0, 1], "entry 1: an entry is missing"),
+        ("C000", [0, 0x84, 0, 1, 0, 0x84, 0, 1], "entry 1: an entry is left over"),
+        ("C000 80", [0, 0x84, 0, 1], "entry 0: "),
+        ("C000", [0, 0x84, 0], "entry 0: "),
+    ],
+)
+def test_a_block_whose_words_make_no_sense_is_refused(
+    moved: bytes, words: str, others: list[object], why: str
+) -> None:
+    journal = header_block(read(moved)[0]) + rows_block(0, bytes.fromhex(words), others)
+    with pytest.raises(JournalError, match=why):
+        read(journal)
+
+
+CYCLES = st.tuples(
+    st.integers(0, 2),
+    st.sampled_from([0, 0, 1, 0x3F, 0x40, 0xFF, 0x1234]),
+    st.booleans(),
+    st.sampled_from([0, 0x80, 0xFF]),
+    st.sampled_from([0, 0, 0, 5, -3]),
+    st.sampled_from([1_000_000, 1_000_000, 7]),
+    st.integers(1, 3),
+)
+
+
+@given(st.lists(st.one_of(CYCLES, st.integers(0, 9)), max_size=40), st.integers(1, 50))
+def test_what_goes_into_the_rows_comes_out_of_the_file(
+    moved: bytes, script: list[Any], every: int
+) -> None:
+    data = header_block(read(moved)[0])
+    rows = JournalRows(lambda: None)
+    expected: list[tuple[object, ...]] = []
+    now = written = 0
+
+    def flush() -> None:
+        nonlocal data, written
+        if count := int(rows.pending):
+            data += rows_block(written, *rows.take())
+            written += count
+
+    for step in script:
+        session, address, write, byte, gap, span, times = (
+            (0, 0, False, 0, 0, 0, 0) if isinstance(step, int) else step
+        )
+        if isinstance(step, int):
+            rows.other(32 + 4, [[step], None, 0, -1], now + step, now + 2 * step)
+            expected.append((len(expected), now + step, now + 2 * step, 1, "select", (step,), None))
+            now += 2 * step
+        for _ in range(times):
+            when = max(now + gap, 0)
+            rows.cycle(session, address << 9 | write << 8 | byte, when, when + span)
+            now = when + span
+            row = ("write", (address, byte), None) if write else ("read", (address,), byte)
+            expected.append((len(expected), when, now, session, *row))
+        if len(expected) % every == 0:
+            flush()
+    flush()
+    assert tell(read(data)[1]) == expected
+
+
+def test_a_driver_that_polls_for_ever_is_written_block_by_block() -> None:
+    file = io.BytesIO()
+    board = load_board_text(LM629)
+    journal = Journal(board, file)
+    port = board.open_port("h")
+    for _ in range(FULL - 2):
+        port.read(0)
+    assert journal.entries == 0
+    port.read(0)
+    assert journal.entries == FULL
+    assert len(read(file.getvalue())[1]) == FULL
