@@ -246,6 +246,7 @@ def load(profile: Profile, accel: int, top: int, target: int) -> None:
     for number, value in ((ACCELERATION, accel), (VELOCITY, top), (POSITION, target)):
         profile.load_word(number, False, value >> 16 & 0xFFFF, False)
         profile.load_word(number, True, value & 0xFFFF, False)
+    profile.start()
     profile.take_buffers()
 
 

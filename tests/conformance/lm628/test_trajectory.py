@@ -606,3 +606,63 @@ def test_the_manuals_worked_example_as_a_move(make):
     assert bench.axis.profile.done
     assert bench.report("RDDP") == 200_000
     assert round(59_120 * 341e-6, 2) == 20.16
+
+
+# -- data loaded ahead --------------------------------------------------------------------------
+
+
+@pytest.mark.spec("LM-TRJ-6", "LM-CMD-2", "LM-CMD-20")
+def test_what_is_loaded_after_stt_waits_for_the_next_one(bench):
+    bench.load(0, accel=ONE, velocity=4 * ONE, position=20)
+    bench.next_sample()
+    bench.command("STT")
+    bench.load(0, accel=2 * ONE, velocity=9 * ONE, position=500)
+    profile = bench.axis.profile
+    assert bench.axis.start, "all of this within one sample"
+    bench.next_sample()
+    assert (profile.accel, profile.top, profile.target) == (ONE, 4 * ONE, 20)
+    assert profile.raw == [2 * ONE, 9 * ONE, 500]
+    assert profile.accel_loaded
+    for _ in range(10):
+        bench.next_sample()
+    bench.command("STT")
+    bench.next_sample()
+    assert (profile.accel, profile.top, profile.target) == (2 * ONE, 9 * ONE, 500)
+    assert not profile.accel_loaded
+
+
+@pytest.mark.spec("LM-TRJ-5", "LM-TRJ-10", "LM-CMD-2")
+@pytest.mark.parametrize("stop", [0x0100, 0x0200, 0x0400])
+def test_a_stop_is_not_lost_to_data_loaded_after_it(bench, stop):
+    bench.move(0x1800, accel=ONE, velocity=4 * ONE)
+    for _ in range(6):
+        bench.next_sample()
+    bench.command("LTRJ", stop)
+    bench.command("STT")
+    bench.load(0x1800, velocity=2 * ONE)
+    assert bench.axis.start, "all of this within one sample"
+    for _ in range(6):
+        bench.next_sample()
+    assert bench.axis.motor_off == (stop == 0x0100)
+    assert bench.axis.profile.velocity == 0
+    bench.command("STT")
+    for _ in range(6):
+        bench.next_sample()
+    assert (bench.axis.motor_off, bench.axis.profile.velocity) == (False, 2 * ONE)
+
+
+@pytest.mark.spec("LM-TRJ-3", "LM-TRJ-6")
+def test_relative_data_loaded_after_stt_counts_from_the_target_of_the_one_before(bench):
+    bench.load(0, accel=ONE, velocity=4 * ONE, position=20)
+    bench.next_sample()
+    bench.command("STT")
+    bench.load(0x0001, position=5)
+    assert bench.axis.start, "all of this within one sample"
+    bench.next_sample()
+    assert bench.axis.profile.target == 20
+    bench.command("STT")
+    bench.next_sample()
+    assert bench.axis.profile.target == 25
+    bench.command("STT")
+    bench.next_sample()
+    assert bench.axis.profile.target == 25, "used up"

@@ -175,12 +175,17 @@ class Axis:
 
     def request_start(self) -> bool:
         """STT: have the next sample take it; False if it is refused (LM-TRJ-4)."""
-        if self.profile.accel_loaded and self.moving():
-            if not self.profile.control & ds.STOPS:
+        profile = self.profile
+        if profile.accel_loaded and self.moving():
+            stops = profile.control & ds.STOPS
+            if not stops:
                 self.flags |= ds.COMMAND_ERROR
                 return False
+            profile.started = profile.started | stops if self.start else stops
+            profile.control &= ~ds.STOPS
             self.start = max(self.start, START_STOP)
         else:
+            profile.start()
             self.start = START_FULL
         return True
 
@@ -266,8 +271,7 @@ class Axis:
         if self.start == START_FULL:
             profile.take_buffers()
         self.start = START_NONE
-        stops = profile.control & ds.STOPS
-        profile.control &= ~ds.STOPS
+        stops = profile.started & ds.STOPS
         if stops & ds.TURN_OFF:
             if not self.motor_off and not profile.done:
                 self.flags |= ds.TRAJECTORY_COMPLETE

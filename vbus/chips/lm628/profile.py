@@ -39,11 +39,13 @@ class Profile:
         raw: 32-bit acceleration, velocity and position as written.
         relative: which of them are relative to the active values.
         accel_loaded: acceleration was written and not yet taken: signals bit 14 (LM-STA-8).
+        started: what an STT that waits for its sample has taken of :attr:`control`.
     """
 
     __slots__ = (
-        "accel", "accel_loaded", "control", "done", "forward", "position", "raw", "relative",
-        "stopping", "target", "top", "velocity", "velocity_mode", "wrapped",
+        "_newer", "_sent_raw", "_sent_relative", "accel", "accel_loaded", "control", "done",
+        "forward", "position", "raw", "relative", "started", "stopping", "target", "top",
+        "velocity", "velocity_mode", "wrapped",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -61,6 +63,11 @@ class Profile:
         self.raw: list[int] = [0, 0, 0]
         self.relative: list[bool] = [False, False, False]
         self.accel_loaded: bool = False
+        self.started: i64 = 0
+        # What the waiting STT has taken, and which buffers were written after it.
+        self._sent_raw: list[int] = [0, 0, 0]
+        self._sent_relative: list[bool] = [False, False, False]
+        self._newer: list[bool] = [False, False, False]
 
     def reset(self) -> None:
         """Zero buffers and working registers (LM-RST-2)."""
@@ -80,6 +87,7 @@ class Profile:
         old = self.raw[number]
         self.raw[number] = (old & 0xFFFF0000 | word) if low else (word << 16 | old & 0xFFFF)
         self.relative[number] = relative
+        self._newer[number] = True
         if number == ACCELERATION:
             self.accel_loaded = True
 
@@ -90,27 +98,40 @@ class Profile:
             return self.relative[number] or ds.POSITION_MIN <= value <= ds.POSITION_MAX
         return self.relative[number] or self.raw[number] <= ds.RATE_MAX
 
+    def start(self) -> None:
+        """STT: the buffers as they are go with it; later data is for the next STT (NOTES 18)."""
+        self.started = self.control
+        self.control &= ~ds.STOPS
+        self._sent_raw = self.raw[:]
+        self._sent_relative = self.relative[:]
+        self._newer = [False, False, False]
+
     def take_buffers(self) -> None:
-        """Copy the buffers to the working set; relative ones become absolute (LM-TRJ-3, -6)."""
+        """Copy what STT took to the working set; relative data becomes absolute (LM-TRJ-3, -6)."""
         self.accel = self._rate(ACCELERATION, self.accel)
         self.top = self._rate(VELOCITY, self.top)
-        value = sign_extend(self.raw[POSITION], 32)
-        if self.relative[POSITION]:
+        value = sign_extend(self._sent_raw[POSITION], 32)
+        if self._sent_relative[POSITION]:
             value += self.target
         self.target = wrap(value, ds.POSITION_BITS)
-        self.raw[POSITION] = self.target & 0xFFFFFFFF
-        self.relative = [False, False, False]
-        self.velocity_mode = bool(self.control & ds.VELOCITY_MODE)
-        self.forward = bool(self.control & ds.FORWARD)
-        self.accel_loaded = False
+        self._resolve(POSITION, self.target & 0xFFFFFFFF)
+        self.velocity_mode = bool(self.started & ds.VELOCITY_MODE)
+        self.forward = bool(self.started & ds.FORWARD)
+        self.accel_loaded = self._newer[ACCELERATION]
 
     def _rate(self, number: int, active: int) -> int:
-        if self.relative[number]:
-            value = clamp(active + sign_extend(self.raw[number], 32), 0, ds.RATE_MAX)
+        if self._sent_relative[number]:
+            value = clamp(active + sign_extend(self._sent_raw[number], 32), 0, ds.RATE_MAX)
         else:
-            value = self.raw[number] & ds.RATE_MAX
-        self.raw[number] = value
+            value = self._sent_raw[number] & ds.RATE_MAX
+        self._resolve(number, value)
         return value
+
+    def _resolve(self, number: int, value: int) -> None:
+        """The buffer holds the absolute result, unless it has been written since STT."""
+        if not self._newer[number]:
+            self.raw[number] = value
+            self.relative[number] = False
 
     # -- motion -------------------------------------------------------------------------------
 
@@ -170,7 +191,8 @@ class Profile:
         return (
             self.position, self.velocity, self.target, self.top, self.accel, self.velocity_mode,
             self.forward, self.stopping, self.done, self.wrapped, self.control, tuple(self.raw),
-            tuple(self.relative), self.accel_loaded,
+            tuple(self.relative), self.accel_loaded, self.started, tuple(self._sent_raw),
+            tuple(self._sent_relative), tuple(self._newer),
         )  # fmt: skip
 
     def load(self, state: tuple[object, ...]) -> None:
@@ -178,7 +200,10 @@ class Profile:
         (
             self.position, self.velocity, self.target, self.top, self.accel, self.velocity_mode,
             self.forward, self.stopping, self.done, self.wrapped, self.control, raw, relative,
-            self.accel_loaded,
+            self.accel_loaded, self.started, sent_raw, sent_relative, newer,
         ) = state  # type: ignore[assignment]  # fmt: skip
         self.raw = list(raw)  # type: ignore[call-overload]
         self.relative = list(relative)  # type: ignore[call-overload]
+        self._sent_raw = list(sent_raw)  # type: ignore[call-overload]
+        self._sent_relative = list(sent_relative)  # type: ignore[call-overload]
+        self._newer = list(newer)  # type: ignore[call-overload]
