@@ -23,13 +23,14 @@ axis = Lm628(connect_in_process(board))
 axis.check_reset()
 axis.load_filter(kp=300, kd=2000)
 axis.load_trajectory(acc=400, vel=4 << 16, velocity_mode=True, start=True)
-print("begun", flush=True)
 try:
+    print("begun", flush=True)
     board.run_until(100 * 24 * 3600 * 10**12)
 except KeyboardInterrupt:
-    moved = board.now
-    board.run_for(10**12)
-    print("interrupted", moved > 0, board.now - moved, flush=True)
+    pass
+when = board.now
+board.run_for(10**12)
+print("interrupted", when < 100 * 24 * 3600 * 10**12, board.now - when, flush=True)
 """
 
 
