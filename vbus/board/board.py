@@ -230,7 +230,8 @@ class Board:
             while True:
                 # A board at rest stays so until something is due.
                 begin = kernel.now if self._advance_awake() else max(kernel.now, kernel.next_due)
-                if begin + stretch >= when:
+                # Nothing may be due at all: no sum with that instant, a machine word has an end.
+                if begin >= when - stretch:
                     break
                 kernel.run_until(begin + stretch)
         kernel.run_until(when)
