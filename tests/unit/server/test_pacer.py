@@ -8,6 +8,7 @@ import pytest
 from tests.unit.board.toy import Toy
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
+from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.kernel import MS, NEVER, SECOND, US
 from vbus.server.pacer import AHEAD, LEASE, SLICE, Pacer
 from vbus.server.slices import SLICE_NS
@@ -456,6 +457,68 @@ def test_an_lm629_is_at_rest_only_while_nothing_is_due_inside() -> None:
     pacer.touched()
     sleep(pacer, wall, 60 * SECOND)
     assert chip.resting()
+
+
+def test_an_mcp_1200_is_at_rest_only_while_nothing_is_due_inside() -> None:
+    board, pacer, wall = resting()
+    chip = board.chip("y")
+    assert chip.resting()
+
+    port = board.open_port("host", ["y"])
+    port.write(0x09, 40)
+    assert not chip.resting(), "the byte is visible some clocks later"
+    pacer.touched()
+    sleep(pacer, wall, 20 * MS)
+    assert not chip.resting(), "the motor turns, in idle mode too"
+
+    port.write(0x09, 0)
+    pacer.touched()
+    sleep(pacer, wall, 60 * SECOND)
+    assert chip.resting(), "it has come to a stand"
+
+
+@pytest.mark.parametrize(
+    ("part", "plant"), [("MC1241A", 'plants = ["m"]'), ("MC1141A", 'plant = "m"')]
+)
+def test_a_stepper_chip_set_is_at_rest_only_while_nothing_is_due_inside(
+    part: str, plant: str
+) -> None:
+    board = load_board_text(
+        '[board]\nname = "b"\ntime = "realtime"\npower_on = "done"\n'
+        f'[chips.x]\npart = "{part}"\nclock = "25 MHz"\n{plant}\n'
+        '[plants.m]\nmodel = "stepper"\n'
+    )
+    wall = WallClock()
+    pacer = Pacer(board, clock=wall)
+    pacer.arm()
+    sleep(pacer, wall, 2 * SECOND)
+    chip = board.chip("x")
+    assert chip.resting()
+    port = board.open_port("host", ["x"])
+
+    def send(name: str, *words: int) -> None:
+        for address, byte in (
+            (1, COMMANDS[name].code), *((0, byte) for word in words for byte in divmod(word, 256)),
+        ):  # fmt: skip
+            wall.ns += 1_000_000
+            assert pacer.catch_up()
+            port.write(address, byte)
+        pacer.touched()
+
+    send("GET_TIME")
+    assert not chip.resting(), "the command is carried out when HostRdy rises"
+    sleep(pacer, wall, SECOND)
+    assert chip.resting()
+
+    send("SET_BUF_MTR_CMD", 0x4000)
+    for name, *words in (("SET_POS", 1, 0), ("SET_VEL", 0, 0x4000), ("SET_ACC", 0, 0x100)):
+        send(name, *words)
+    send("UPDATE")
+    sleep(pacer, wall, SECOND)
+    assert not chip.resting(), "it moves"
+    moved = board.plants[0].count
+    sleep(pacer, wall, SECOND)
+    assert board.plants[0].count > moved, "though nobody has looked at the chip"
 
 
 def test_a_chip_that_begins_to_move_is_brought_up_to_date_again() -> None:

@@ -329,6 +329,11 @@ class MC1241A(Chip):
             due = min(due, self.cycles.next_event())
         return due
 
+    def resting(self) -> bool:
+        """Whether cycles would change nothing but the time, and nothing else is due."""
+        due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at)
+        return due == NEVER and self.cycles.resting()
+
     def rearm(self) -> None:
         """Take note of what something outside has changed."""
         self._reckon()

@@ -314,6 +314,18 @@ class Cycles:
             return NEVER
         return self.ps_of((slot + idle * SLOTS) * SLOT_CLK)
 
+    def resting(self) -> bool:
+        """Whether all coming cycles would change nothing but the time."""
+        if self.boundary == NEVER:
+            return True
+        if self._slot == 0 or self._chip.output.heard or not self.skipping:
+            return False
+        # A command may have changed what the next look-up gives.
+        for number, motor in enumerate(self.motors):
+            if motor is not None and not self._same_currents(number, self._slot):
+                return False
+        return self._idle() >= FOR_EVER
+
     # -- state --------------------------------------------------------------------------------
 
     def save(self) -> tuple[object, ...]:

@@ -33,6 +33,12 @@ class Breakpoint:
         """Whether the feature is on."""
         return self._live.config & ds.BREAK_ENABLE != 0
 
+    @property
+    def waiting(self) -> bool:
+        """Whether the next sample's start finds something new for the routine."""
+        live = self._live
+        return self._reached if live.config & ds.BREAK_REPEAT else live.break_at != self.compare
+
     def clear(self) -> None:
         """Back to the state after reset."""
         self.compare = -0x800000

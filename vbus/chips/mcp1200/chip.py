@@ -202,6 +202,10 @@ class MCP1200(Chip):
             due = min(due, self.outputs.pulse_edge(self.cycle_now()))
         return NEVER if due == FAR else self.clock.ps(due)
 
+    def resting(self) -> bool:
+        """Whether samples repeat themselves and nothing else is due, nor is a read under way."""
+        return self._reading < 0 and self.works.resting()
+
     def heard_changed(self) -> None:
         """Somebody began or ceased to listen; the chip's own watchers do not count."""
         if not self._own:

@@ -129,6 +129,13 @@ class Clockwork:
             due = min(due, self.encoder.end)
         return due
 
+    def resting(self) -> bool:
+        """Whether samples repeat themselves and nothing else is due."""
+        due = min(min(self._next_count(), self.writes.due), min(self._at_reset, self._at_routine))
+        if due != FAR or self._request != NO_REQUEST or self.breakpoint.waiting:
+            return False
+        return self.rest.lasts(self.state == CONTROL, self.timer.running and self.side.sync == 1)
+
     def run(self, target: int) -> None:
         """Work off everything due by then; before and after, the register bytes are up to date."""
         self.live.look()
@@ -335,7 +342,7 @@ class Clockwork:
         self.file.bytes[ds.MODE] = ds.CONTROL_CODE
         self._aiming = False
         self.rest.disturb()
-        self._look_for_stall(cycle)
+        self.counter.look_for_stall(cycle)
 
     def _begin_control_sample(self, cycle: i64, position: i64, halt: bool) -> None:
         work = self.core.begin(position, self.side.limit == 0, self.side.stop == 0, halt)
@@ -343,13 +350,9 @@ class Clockwork:
             self._enter_idle(cycle)
             return
         self._at_results = cycle + work
-        self._look_for_stall(cycle)
+        self.counter.look_for_stall(cycle)
         if self.core.abrupt:
             self.stepper.stop(cycle)
-
-    def _look_for_stall(self, cycle: i64) -> None:
-        counts = self.encoder.count(cycle) + self.encoder.external
-        self.core.stall.look(self.stepper.sent(cycle), counts)
 
     def _enter_idle(self, cycle: int) -> None:
         self._at_results = FAR
@@ -399,13 +402,11 @@ class Clockwork:
         if not self.rest.possible(cycle, control):
             return cycle
         last = min(self._target, min(self._next_count(), self.writes.due) - 1)
-        periods = self.rest.periods(cycle, last, self.timer.period)
-        if periods > 0:
-            passed = periods * self.timer.period
+        passed = self.rest.passed(cycle, last, self.timer.period)
+        if passed > 0:
             cycle += passed
             self.start_timer(cycle)
-            if self.encoder.plant is not None:
-                self.encoder.skip(passed)
+            self.encoder.skip(passed)
         return cycle
 
     def _next_period(self, cycle: i64) -> None:

@@ -114,6 +114,11 @@ class PositionCounter:
         """The INDEX net has moved and passed its filter."""
         index_edge(self._bytes, rising, self.position(cycle))
 
+    def look_for_stall(self, cycle: i64) -> None:
+        """The stall check compares steps and counts at a sample's start (MCP-STP-4)."""
+        counts = self._encoder.count(cycle) + self._encoder.external
+        self._core.stall.look(self._stepper.sent(cycle), counts)
+
     def replan(self, cycle: int) -> None:
         """Look anew for what will be reached: a setting has changed."""
         self._encoder.look_from(cycle)

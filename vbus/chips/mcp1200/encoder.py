@@ -128,8 +128,9 @@ class Encoder:
 
     def skip(self, cycles: int) -> None:
         """Time has passed in which nothing moved."""
-        self._start += cycles
-        self.end += cycles
+        if self.plant is not None:
+            self._start += cycles
+            self.end += cycles
 
     def resting(self) -> bool:
         """Whether nothing will move until the drive changes."""

@@ -55,12 +55,24 @@ class Rest:
             return False
         return self._encoder.plant is None or (self._encoder.end == cycle and self._drive.at_rest())
 
-    def periods(self, cycle: int, last: int, period: int) -> int:
-        """Return how many whole samples can be passed over, as it is possible.
+    def lasts(self, control: bool, sampling: bool) -> bool:
+        """Tell whether all further samples repeat the last one, and none need be computed.
+
+        Args:
+            control: the loop is closed.
+            sampling: the sample timer runs and goes on. The plant's periods are only passed over
+                from sample to sample.
+        """
+        if control:
+            return self._repeats and self._drive.at_rest()
+        return self._encoder.plant is None or (sampling and self._drive.at_rest())
+
+    def passed(self, cycle: i64, last: i64, period: i64) -> i64:
+        """Return the clocks of the whole samples that can be passed over, as it is possible.
 
         Args:
             cycle: start of the sample that is due.
             last: cycle up to which nothing happens from outside.
             period: clocks of a sample.
         """
-        return max((last - cycle) // period, 0)
+        return (last - cycle) // period * period
