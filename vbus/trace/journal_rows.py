@@ -16,8 +16,6 @@ AGAIN: Final = 0x8000
 """A word of this and a number below 4000h: the cycle before so many times more."""
 OTHER: Final = 0xC000
 """This word: the next entry is one of those beside the words."""
-NONE: Final = -(1 << 60)
-"""No cycle: no address makes this word."""
 
 
 class JournalRows:
@@ -35,9 +33,10 @@ class JournalRows:
         self._pairs: list[int] = []
         self._odd: i64 = -1
         self._end: i64 = 0
+        # -1 until there has been a cycle in this block: no word is written before.
         self._session: i64 = -1
         self._span: i64 = -1
-        self._word: i64 = NONE
+        self._word: i64 = 0
         self._again: i64 = 0
 
     def cycle(self, session: i64, word: i64, when: i64, after: i64) -> None:
@@ -73,8 +72,6 @@ class JournalRows:
     def other(self, key: int, value: Any, when: i64, after: i64) -> None:
         """Take any entry: its key and value, and its instants (ps)."""
         self._put_other(key, value, when, after)
-        # No cycle before it is repeated after it.
-        self._word = NONE
         self._end = after
         self.pending += 1
         if self.pending >= FULL:
@@ -122,5 +119,4 @@ class JournalRows:
         self._odd = -1
         # A block stands for itself: its first cycle is written in full.
         self._session = -1
-        self._word = NONE
         return words, others
