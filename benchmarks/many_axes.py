@@ -29,11 +29,17 @@ from vbus.kernel import MS, SECOND
 FEW = 64
 
 
-def text(count: int, policy: str) -> str:
-    """Return a board of LM629s with motors, of which a host reaches those it asks for."""
+LM629 = 'part = "LM629N-8"\nclock = "8 MHz"\nplant = "{plant}"'
+OTHERS = {
+    "MCP-1200": ('part = "MCP-1200"\nclock = "20 MHz"\nplant = "{plant}"', "dc_motor"),
+    "MC1241A": ('part = "MC1241A"\nclock = "25 MHz"\nplants = ["{plant}"]', "stepper"),
+}
+
+
+def text(count: int, policy: str, chip: str = LM629, model: str = "dc_motor") -> str:
+    """Return a board of chips with motors, of which a host reaches those it asks for."""
     axes = "".join(
-        f'[chips.x{n}]\npart = "LM629N-8"\nclock = "8 MHz"\nplant = "m{n}"\n'
-        f'[plants.m{n}]\nmodel = "dc_motor"\n'
+        f'[chips.x{n}]\n{chip.format(plant=f"m{n}")}\n[plants.m{n}]\nmodel = "{model}"\n'
         for n in range(count)
     )
     return f'[board]\nname = "many"\ntime = "{policy}"\npower_on = "done"\n{axes}'
@@ -126,11 +132,13 @@ def start_axes(folder: Path, count: int) -> None:
                 got += more
 
 
-def served(count: int, turning: bool, seconds: float) -> tuple[float, float]:
+def served(
+    count: int, turning: bool, seconds: float, chip: str = LM629, model: str = "dc_motor"
+) -> tuple[float, float]:
     """Return the share of a core ``vbus run`` takes in real time, and its worst lag (ms)."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "many.toml"
-        file.write_text(text(count, "realtime") + hosts(count))
+        file.write_text(text(count, "realtime", chip, model) + hosts(count))
         environment = {**os.environ, "VBUS_RUNTIME": folder}
         server = subprocess.Popen(
             [sys.executable, "-m", "vbus", "run", "--json", file],
@@ -167,6 +175,15 @@ def in_real_time(seconds: float) -> list[Row]:
                 f"vbus run, {count} axes {'moving' if turning else 'at rest'}, real time",
                 f"{share * 100:.1f} % of a core, worst lag {lag:.1f} ms",
                 "well under a core" if turning else "-",
+            )
+        )
+    for part, (chip, model) in OTHERS.items():
+        share, lag = served(500, False, seconds, chip, model)
+        rows.append(
+            Row(
+                f"vbus run, 500 {part} at rest, real time",
+                f"{share * 100:.1f} % of a core, worst lag {lag:.1f} ms",
+                "-",
             )
         )
     return rows
