@@ -114,6 +114,17 @@ def test_zero_backlash_clears_the_hidden_offset(bench: Bench) -> None:
 
 
 @pytest.mark.spec("MCP-ERR-1")
+def test_backlash_entered_after_it_was_taken_out_acts_on_the_first_change_of_direction(
+    bench: Bench,
+) -> None:
+    bench.extended()
+    bench.control()
+    assert errors(bench, [0, 50]) == [0, 50]
+    bench.put("BACKLASH", 10)
+    assert errors(bench, [50, 60, 59]) == [50, 60, 49]
+
+
+@pytest.mark.spec("MCP-ERR-1")
 def test_backlash_acts_in_every_control_mode(bench: Bench) -> None:
     bench.extended()
     bench.put("BACKLASH", 20)

@@ -48,8 +48,8 @@ class Following:
         backlash = image.backlash
         if backlash == 0:
             self.offset = 0
-            self._direction = 0
-        elif change != 0:
+        # Kept without compensation too: R44 is written once a move has taken the backlash out.
+        if change != 0:
             direction: i64 = -1
             if change > 0:
                 direction = 1
