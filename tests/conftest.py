@@ -1,6 +1,7 @@
 """Coverage of clauses: says which have no test, and fails the run when one that should has none."""
 
 import os
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,9 @@ def pytest_report_header(config: pytest.Config) -> str:
 def pytest_configure(config: pytest.Config) -> None:
     if os.environ.get("VBUS_NEED_COMPILED", "") not in ("", "0") and not is_compiled():
         raise pytest.UsageError(f"VBUS_NEED_COMPILED is set, and the core is interpreted: {why()}")
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        # Started in the background of a shell: the programs under test would not hear Ctrl-C either.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     config.stash[CLAUSES] = read_clauses(Path(__file__).parent / "conformance")
     config.stash[MARKED] = set()
     if config.pluginmanager.hasplugin("xdist"):
