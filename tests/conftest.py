@@ -29,7 +29,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if os.environ.get("VBUS_NEED_COMPILED", "") not in ("", "0") and not is_compiled():
         raise pytest.UsageError(f"VBUS_NEED_COMPILED is set, and the core is interpreted: {why()}")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        # Started in the background of a shell: the programs under test would not hear Ctrl-C either.
+        # A background job of a shell: the programs under test would not hear Ctrl-C either.
         signal.signal(signal.SIGINT, signal.default_int_handler)
     config.stash[CLAUSES] = read_clauses(Path(__file__).parent / "conformance")
     config.stash[MARKED] = set()
