@@ -1,5 +1,6 @@
 """Numbers of a running board, in vbus ls --json and for Prometheus."""
 
+import contextlib
 import json
 import os
 import socket
@@ -168,8 +169,9 @@ def test_other_requests_are_refused_and_the_board_goes_on(
 def test_a_header_line_without_end_ends_that_request_alone(url: str) -> None:
     host, port = url.removeprefix("http://").removesuffix("/metrics").split(":")
     with socket.create_connection((host, int(port)), timeout=20) as link:
-        link.sendall(b"GET " + b"x" * 200_000)
-        link.shutdown(socket.SHUT_WR)
+        with contextlib.suppress(OSError):  # it may have ended the request before all was sent
+            link.sendall(b"GET " + b"x" * 200_000)
+            link.shutdown(socket.SHUT_WR)
 
     assert "vbus_bus_cycles_total" in get(url)[0]
 
