@@ -9,6 +9,7 @@ import pytest
 from hypothesis import settings
 
 import vbus
+from tests import repeat
 from tests.clauses import Clause, read_clauses, stale, unknown, untested
 from vbus.compiled import core, is_compiled, why
 
@@ -31,6 +32,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         # A background job of a shell: the programs under test would not hear Ctrl-C either.
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    config.pluginmanager.register(repeat)
     config.stash[CLAUSES] = read_clauses(Path(__file__).parent / "conformance")
     config.stash[MARKED] = set()
     if config.pluginmanager.hasplugin("xdist"):
