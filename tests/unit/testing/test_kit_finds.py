@@ -9,11 +9,18 @@ import pytest
 
 from vbus.board.board import Board
 from vbus.chips.lm628 import LM628
+from vbus.compiled import is_compiled
 from vbus.kernel import US
 from vbus.plant.ideal import IdealPlant
 from vbus.protocols.byte import ByteProtocol
 from vbus.testing import Nonconformance, check_chip, check_plant, check_protocol, check_transport
 from vbus.transports.sockets import UnixTransport
+
+
+INTERPRETED = pytest.mark.skipif(
+    is_compiled(), reason="the broken parts are made of the project's own, which take no subclass"
+)
+"""A part of somebody else derives from the base classes, which do, on either core."""
 
 
 class Raises(LM628):
@@ -90,6 +97,7 @@ def test_a_sound_chip_passes() -> None:
     check_chip(board_of(LM628))
 
 
+@INTERPRETED
 @pytest.mark.parametrize(
     ("cls", "message"),
     [
@@ -146,6 +154,7 @@ class Odd(IdealPlant):
     TAKES = ("torque",)
 
 
+@INTERPRETED
 @pytest.mark.parametrize(
     ("plant", "message"),
     [
@@ -185,6 +194,7 @@ class NoReset(ByteProtocol):
         """Forget nothing."""
 
 
+@INTERPRETED
 @pytest.mark.parametrize(
     ("protocol", "message"),
     [
