@@ -16,7 +16,6 @@ from vbus.protocols.byte import ByteProtocol
 from vbus.testing import Nonconformance, check_chip, check_plant, check_protocol, check_transport
 from vbus.transports.sockets import UnixTransport
 
-
 INTERPRETED = pytest.mark.skipif(
     is_compiled(), reason="the broken parts are made of the project's own, which take no subclass"
 )
