@@ -20,8 +20,8 @@ REPEATED: Final = "repeated"
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    folder = item.path.relative_to(Path(__file__).parent).parts[0]
-    if folder not in WHOLE_SYSTEM:
+    here = Path(__file__).parent
+    if not item.path.is_relative_to(here) or item.path.parts[len(here.parts)] not in WHOLE_SYSTEM:
         return None
     hook = item.ihook
     hook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
