@@ -223,34 +223,39 @@ static int shift(struct decoder *d, unsigned op)
     return X86_DONE;
 }
 
-/* mul and imul of the accumulator by what was read */
-static void multiply(struct decoder *d, word value, unsigned size, int with_sign)
-{
-    word low = get(d, X86_AX, size), high = 0;
-    word bits = (d->flags & ARITHMETIC) | 0x202;
-
-#define MULTIPLY(op, type)                                                                         \
+/*
+ * mul, imul, div and idiv: what they do to the accumulator pair, the processor does itself. `op` and
+ * `signed_op` are names of instructions without the letter of their size.
+ */
+#define ACCUMULATE(op, type)                                                                       \
     {                                                                                              \
-        type factor = (type)value;                                                                 \
+        type operand = (type)value;                                                                \
         __asm__ volatile("push %[f]\n\tpopf\n\t" op " %[v]\n\tpushf\n\tpop %[f]"                   \
                          : "+a"(low), "+d"(high), [f] "+r"(bits)                                   \
-                         : [v] "q"(factor)                                                         \
+                         : [v] "q"(operand)                                                        \
                          : "cc", "memory");                                                        \
     }
-#define EITHER(suffix, type)                                                                       \
+#define EITHER(op, signed_op, suffix, type)                                                        \
     if (with_sign)                                                                                 \
-        MULTIPLY("imul" suffix, type)                                                              \
+        ACCUMULATE(signed_op suffix, type)                                                         \
     else                                                                                           \
-        MULTIPLY("mul" suffix, type)
-
-    switch (size) {
-    case 1: EITHER("b", uint8_t) break;
-    case 2: EITHER("w", uint16_t) break;
-    case 4: EITHER("l", uint32_t) break;
+        ACCUMULATE(op suffix, type)
 #if X86_BITS == 64
-    case 8: EITHER("q", uint64_t) break;
+#define EIGHT_BYTES(op, signed_op) case 8: EITHER(op, signed_op, "q", uint64_t) break;
+#else
+#define EIGHT_BYTES(op, signed_op)
 #endif
+#define OF_ANY_SIZE(op, signed_op)                                                                 \
+    switch (size) {                                                                                \
+    case 1: EITHER(op, signed_op, "b", uint8_t) break;                                             \
+    case 2: EITHER(op, signed_op, "w", uint16_t) break;                                            \
+    case 4: EITHER(op, signed_op, "l", uint32_t) break;                                            \
+    EIGHT_BYTES(op, signed_op)                                                                     \
     }
+
+/* The accumulator pair and the flags as the processor left them. */
+static void accumulated(struct decoder *d, word low, word high, word bits, unsigned size)
+{
     d->flags = (d->flags & ~(word)ARITHMETIC) | (bits & ARITHMETIC);
     if (size == 1) {
         set(d, X86_AX, low, 2);
@@ -258,6 +263,16 @@ static void multiply(struct decoder *d, word value, unsigned size, int with_sign
         set(d, X86_AX, low, size);
         set(d, X86_DX, high, size);
     }
+}
+
+/* mul and imul of the accumulator by what was read */
+static void multiply(struct decoder *d, word value, unsigned size, int with_sign)
+{
+    word low = get(d, X86_AX, size), high = 0;
+    word bits = (d->flags & ARITHMETIC) | 0x202;
+
+    OF_ANY_SIZE("mul", "imul")
+    accumulated(d, low, high, bits, size);
 }
 
 #if X86_BITS == 64
@@ -301,35 +316,8 @@ static int divide(struct decoder *d, word value, unsigned size, int with_sign)
         return X86_DIVISION;
     if (size == 1)
         low |= high << 8;
-#define DIVIDE(op, type)                                                                           \
-    {                                                                                              \
-        type divisor = (type)value;                                                                \
-        __asm__ volatile("push %[f]\n\tpopf\n\t" op " %[v]\n\tpushf\n\tpop %[f]"                   \
-                         : "+a"(low), "+d"(high), [f] "+r"(bits)                                   \
-                         : [v] "q"(divisor)                                                        \
-                         : "cc", "memory");                                                        \
-    }
-#define EITHER_DIVIDE(suffix, type)                                                                \
-    if (with_sign)                                                                                 \
-        DIVIDE("idiv" suffix, type)                                                                \
-    else                                                                                           \
-        DIVIDE("div" suffix, type)
-
-    switch (size) {
-    case 1: EITHER_DIVIDE("b", uint8_t) break;
-    case 2: EITHER_DIVIDE("w", uint16_t) break;
-    case 4: EITHER_DIVIDE("l", uint32_t) break;
-#if X86_BITS == 64
-    case 8: EITHER_DIVIDE("q", uint64_t) break;
-#endif
-    }
-    d->flags = (d->flags & ~(word)ARITHMETIC) | (bits & ARITHMETIC);
-    if (size == 1) {
-        set(d, X86_AX, low, 2);
-    } else {
-        set(d, X86_AX, low, size);
-        set(d, X86_DX, high, size);
-    }
+    OF_ANY_SIZE("div", "idiv")
+    accumulated(d, low, high, bits, size);
     return X86_DONE;
 }
 
