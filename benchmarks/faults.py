@@ -7,6 +7,8 @@ Ratios are to a board that has never heard of faults. Two of those tell what the
 import time
 from collections.abc import Callable
 
+from in_process import start_lm629
+
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 
@@ -32,16 +34,7 @@ def moving() -> Board:
     """An LM629 in velocity mode."""
     board = load_board_text(TEXT)
     port = board.open_port("bench")
-    for code, words in (
-        (0x1E, (0x000A, 60, 600)), (0x04, ()), (0x1F, (0x1828, 0, 2000, 4, 0)), (0x01, ()),
-    ):  # fmt: skip
-        port.wait(10**9)
-        port.write(0, code)
-        for word in words:
-            port.wait(10**9)
-            port.write(1, word >> 8)
-            port.write(1, word & 0xFF)
-        port.wait(10**9)
+    start_lm629(port, kp=60, kd=600, acc=2000, vel=4)
     return board
 
 

@@ -63,14 +63,18 @@ def command(port: object, code: int, *words: int) -> None:
         port.write(1, word & 0xFF)  # type: ignore[attr-defined]
 
 
+def start_lm629(port: object, kp: int, kd: int, acc: int, vel: int) -> None:
+    """Let an LM629 turn in velocity mode at ``vel`` counts a sample."""
+    command(port, 0x1E, 0x000A, kp, kd)
+    command(port, 0x04)
+    command(port, 0x1F, 0x1828, 0, acc, vel, 0)
+    command(port, 0x01)
+
+
 def moving_lm629() -> Board:
     """An LM629 in velocity mode, one count a sample."""
     made = board("LM629")
-    port = made.open_port("bench")
-    command(port, 0x1E, 0x000A, 300, 2000)
-    command(port, 0x04)
-    command(port, 0x1F, 0x1828, 0, 1000, 1, 0)
-    command(port, 0x01)
+    start_lm629(made.open_port("bench"), kp=300, kd=2000, acc=1000, vel=1)
     return made
 
 

@@ -9,6 +9,8 @@ import sys
 import time
 from collections.abc import Callable
 
+from in_process import start_lm629
+
 from vbus.board import snapshot
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
@@ -52,16 +54,7 @@ def made(elapsed: int) -> Board:
         board.open_port(chip, [chip])
     board.run_until(elapsed - SECOND // 10)
     port = board.ports[0]
-    for code, words in (
-        (0x1E, (0x000A, 60, 600)), (0x04, ()), (0x1F, (0x1828, 0, 2000, 4, 0)), (0x01, ()),
-    ):  # fmt: skip
-        port.wait(10**9)
-        port.write(0, code)
-        for word in words:
-            port.wait(10**9)
-            port.write(1, word >> 8)
-            port.write(1, word & 0xFF)
-        port.wait(10**9)
+    start_lm629(port, kp=60, kd=600, acc=2000, vel=4)
     board.faults.arm("backlash", "x")
     board.faults.arm("byte_flipped", "x", when="cycle 1000")
     board.run_until(elapsed)
