@@ -12,7 +12,7 @@ from tests.ports import free_endpoint
 
 PATIENCE = 60.0
 
-BOARD = """
+CHIPS = """
 [board]
 name = "{name}"
 time = "{time}"
@@ -29,10 +29,14 @@ plant = "n"
 model = "ideal"
 [plants.n]
 model = "ideal"
-[[hosts]]
+"""
+BOARD = (
+    CHIPS
+    + """[[hosts]]
 transport = "zenoh:"
 {more}
 """
+)
 
 
 def until(condition: Callable[[], object], what: str) -> None:

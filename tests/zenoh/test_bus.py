@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.serving import served
-from tests.zenoh.processes import Processes, connected_to
+from tests.zenoh.processes import CHIPS, Processes, connected_to
 from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.board.config import read_board_text
@@ -19,28 +19,9 @@ from vbus.network import keys
 from vbus.server.server import LinkSpec
 from vbus.signals import Observer
 
-CHIPS = """
-[board]
-name = "bench"
-time = "{time}"
-power_on = "done"
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "m"
-[chips.y]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "n"
-[plants.m]
-model = "ideal"
-[plants.n]
-model = "ideal"
-"""
-
 
 def board(time: str = "lockstep") -> Board:
-    return build(*read_board_text(CHIPS.format(time=time)))
+    return build(*read_board_text(CHIPS.format(name="bench", time=time)))
 
 
 class Cycles(Observer):
