@@ -6,7 +6,7 @@ from heapq import heappop, heappush
 
 from vbus.board.board import Board
 from vbus.errors import SnapshotError
-from vbus.kernel import NEVER, Timer
+from vbus.kernel import Timer
 from vbus.nodes.orders import Orders
 from vbus.nodes.trace import NodeTrace
 from vbus.signals.wire import Drive, WireEnd
@@ -184,7 +184,3 @@ class Node:
             mine.load(saved)
         if self.trace is not None:
             self.trace.load(trace)  # type: ignore[arg-type]
-
-    def next_or_never(self) -> int:
-        """Return when the next edge arrives (ps); NEVER if none is under way."""
-        return self._arrivals[0][0] if self._arrivals else NEVER

@@ -13,7 +13,6 @@ from vbus.trace.packets import Cycle
 
 AUTO: Final = "auto"
 RESET: Final = "reset"
-START: Final = "start"
 
 RESET_PINS: Final = {"lm628": "/RST", "mc1241a": "~Reset", "mcp1200": "/RESET"}
 RESET_WRITES: Final = {"lm628": (0, 0x00), "mc1241a": (1, 0x39), "mcp1200": (0x05, 0x00)}

@@ -323,8 +323,6 @@ FILTER_DIVIDER: Final = (1, 2, 4, 8, 16, 32, 32, 32)
 """Clocks of an encoder filter clock by R1A bits 6-4 (MCP-ENC-1)."""
 FILTER_STAGES: Final = 3
 
-DERIVATIVE_SPANS: Final = (1, 2, 3, 4, 8)
-
 # -- pins ---------------------------------------------------------------------------------------
 
 DATA: Final = "DB0-DB7"
