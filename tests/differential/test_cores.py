@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 import vbus
-from vbus.compiled import is_compiled
 
 DRIVER = Path(__file__).with_name("drive.py")
 OPERATIONS = int(os.environ.get("VBUS_DIFFERENTIAL", "40000"))
@@ -28,7 +27,7 @@ def start(family: str, pure: str) -> subprocess.Popen[str]:
     )
 
 
-@pytest.mark.skipif(not is_compiled(), reason="the compiled core is not here; see CONTRIBUTING.md")
+@pytest.mark.core("compiled")
 @pytest.mark.parametrize("family", ["lm628", "mc1241a", "mcp1200"])
 def test_both_cores_give_the_same_replies_violations_states_and_traces(family: str) -> None:
     compiled, interpreted = start(family, "0"), start(family, "1")

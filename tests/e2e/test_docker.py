@@ -7,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
+from tests.waiting import until
 from vbus.network.session import free_endpoint
 
 DOCKER = Path(__file__).parents[2] / "docker"
@@ -120,10 +120,12 @@ class Service:
         return done.returncode, done.stdout
 
     def until_healthy(self) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while self.health()[0]:
+
+        def healthy() -> bool:
             assert self.popen.poll() is None, self.output.read_text()
-            assert time.monotonic() < deadline, self.output.read_text()
+            return not self.health()[0]
+
+        until(healthy, self.output.read_text)
 
     def stop(self, number: int = signal.SIGTERM) -> int:
         if self.popen.poll() is None:

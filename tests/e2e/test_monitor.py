@@ -2,7 +2,6 @@
 
 import io
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
@@ -33,14 +32,6 @@ def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path = tmp_path / "bench.toml"
     path.write_text(BOARD)
     return path
-
-
-def wait_for(path: Path) -> None:
-    for _ in range(3000):
-        if path.exists():
-            return
-        time.sleep(0.02)
-    raise AssertionError(f"{path} has not come")
 
 
 def watch(*options: str) -> subprocess.Popen[str]:

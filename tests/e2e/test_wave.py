@@ -4,12 +4,12 @@ import json
 import os
 import signal
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
 
 from tests.e2e.command import running, start, vbus
+from tests.waiting import until
 from vbus import connect
 from vbus.client.lm628 import Lm628
 
@@ -80,11 +80,7 @@ def test_a_waveform_of_a_journal(folder: Path) -> None:
 def test_a_waveform_of_a_running_board(folder: Path) -> None:
     with running(folder / "bench.toml"):
         process = start("wave", "bench", "-o", "-", "--trigger", "x./WR falls", "--duration", "3us")
-        for _ in range(1000):
-            if process.poll() is not None:
-                break
-            drive(folder)
-            time.sleep(0.02)
+        until(lambda: process.poll() is not None or drive(folder), "the end of the recording")
         out, err = process.communicate(timeout=30)
         assert (process.returncode, err) == (0, "")
         assert " /WR $end" in out
@@ -92,11 +88,8 @@ def test_a_waveform_of_a_running_board(folder: Path) -> None:
         # One that is given up half way leaves the board as it was.
         process = start("wave", "bench", "-o", folder / "b.vcd")
         assert process.stdout is not None
-        for _ in range(1000):
-            if (folder / "b.vcd").exists() and (folder / "b.vcd").read_text():
-                break
-            drive(folder)
-            time.sleep(0.02)
+        started = folder / "b.vcd"
+        until(lambda: (started.exists() and started.read_text()) or drive(folder), "its beginning")
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=30)
         assert process.returncode == 0
@@ -139,11 +132,7 @@ def test_a_wrong_wave_stops_the_start_or_the_command(folder: Path) -> None:
 
 def ended(process: subprocess.Popen[str], folder: Path) -> str:
     """Drive the board until a recording has ended by itself; return what it complained of."""
-    for _ in range(1000):
-        if process.poll() is not None:
-            break
-        drive(folder)
-        time.sleep(0.02)
+    until(lambda: process.poll() is not None or drive(folder), "the end of the recording")
     return process.communicate(timeout=30)[1]
 
 
@@ -167,10 +156,7 @@ def test_a_live_waveform_that_cannot_be_written_says_so_at_once(folder: Path) ->
 def test_a_live_trigger_that_has_not_come_is_told(folder: Path) -> None:
     with running(folder / "bench.toml"):
         process = start("wave", "bench", "-o", folder / "a.vcd", "--trigger", "x.HI falls")
-        for _ in range(1000):
-            if (folder / "a.vcd").exists():  # the board has taken the trigger
-                break
-            time.sleep(0.02)
+        until((folder / "a.vcd").exists, "the board has taken the trigger")
         drive(folder)
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=30)

@@ -20,6 +20,7 @@ import pytest
 
 from tests.examples.boards import EXAMPLES, expected
 from tests.namespaces import computers
+from tests.waiting import until
 from vbus.board.config import read_board_file
 from vbus.errors import TransportError, VbusError
 from vbus.kernel import MS, US
@@ -109,23 +110,23 @@ def run(name: str, folder: Path, *options: str) -> str:
 def wait_for_parts(pid: int, count: int) -> dict[int, list[str]]:
     """Wait until a process has so many children; return their ids and command lines."""
     children = Path(f"/proc/{pid}/task/{pid}/children")
-    end = time.monotonic() + PATIENCE
-    while len(found := children.read_text().split()) < count:
-        assert time.monotonic() < end, found
-        time.sleep(0.02)
-    return {int(child): Path("/proc", child, "cmdline").read_text().split("\0") for child in found}
+    until(lambda: len(children.read_text().split()) >= count, f"{count} children")
+    return {
+        int(child): Path("/proc", child, "cmdline").read_text().split("\0")
+        for child in children.read_text().split()
+    }
 
 
 def until_granted(folder: Path, node: str, instant: int) -> None:
     """Wait until a node of an example started in ``folder`` may run so far (ps)."""
-    end = time.monotonic() + PATIENCE
-    while True:
+
+    def granted() -> bool:
         for place in folder.glob(f"*/run/boards/{node}.sock"):
             with contextlib.suppress(TransportError):
-                if ask(place)["node"]["granted_ps"] >= instant:
-                    return
-        assert time.monotonic() < end
-        time.sleep(0.01)
+                return bool(ask(place)["node"]["granted_ps"] >= instant)
+        return False
+
+    until(granted, f"node {node} may run to {instant} ps")
 
 
 def worst(name: str, out: str) -> float:

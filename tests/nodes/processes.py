@@ -3,15 +3,13 @@
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from tests.nodes.four_chips import BOARD, scenario
 from tests.ports import free_endpoint
-
-PATIENCE = 60.0
+from tests.waiting import PATIENCE, until
 
 
 class Bench:
@@ -103,12 +101,13 @@ class Bench:
 
     def until(self, condition: Callable[[], bool]) -> None:
         """Wait for a condition."""
-        end = time.monotonic() + PATIENCE
-        while not condition():
+
+        def holds() -> bool:
             failed = any((process.poll() or 0) > 0 for process in self.started)
             assert not failed, self.outputs()
-            assert time.monotonic() < end, self.outputs()
-            time.sleep(0.01)
+            return condition()
+
+        until(holds, self.outputs)
 
     def outputs(self) -> list[str]:
         """Stop all processes; return what each has printed that nobody has read."""

@@ -1,4 +1,4 @@
-"""Which tests get a second run, and how it is told."""
+"""Which tests get a second run, how it is told, and how many may need one."""
 
 import shutil
 from pathlib import Path
@@ -7,42 +7,108 @@ import pytest
 
 pytest_plugins = ["pytester"]
 
-STARVED = """
+TESTS = """
+import subprocess
+import sys
 from pathlib import Path
 
-FLAG = Path(__file__).with_suffix(".flag")
+import pytest
 
-def test_starved():
-    first = not FLAG.exists()
-    FLAG.touch()
-    assert not first, "too late"
+from tests.waiting import Starved, until
 
-def test_broken():
-    assert False
+def first(name):
+    flag = Path(__file__).with_name(name + ".flag")
+    was = not flag.exists()
+    flag.touch()
+    return was
+
+def test_waits_in_vain():
+    until(lambda: not first("wait"), "a second run", patience=0)
+
+def test_process_is_late():
+    if first("process"):
+        subprocess.run([sys.executable, "-c", "input()"], stdin=subprocess.PIPE, timeout=0.01)
+
+@pytest.fixture
+def board():
+    if first("fixture"):
+        raise Starved("the board is not ready")
+
+def test_board_is_late(board):
+    pass
+
+def test_never_comes():
+    raise Starved("it never comes")
+
+def test_wrong_once():
+    assert not first("wrong"), "another hash"
+
+def test_raises_once():
+    if first("raise"):
+        raise TimeoutError("said by the program under test")
+
+def test_wrong_after_a_wait():
+    if first("late"):
+        raise Starved("late")
+    assert False, "another hash"
+"""
+STARVED = """
+import pytest
+from pathlib import Path
+from tests.waiting import Starved
+
+@pytest.mark.parametrize("number", range({count}))
+def test_starved(number, request):
+    flag = Path(__file__).with_name(f"{{number}}.flag")
+    if not flag.exists():
+        flag.touch()
+        raise Starved("late")
 """
 
 
-@pytest.fixture
-def suite(pytester: pytest.Pytester) -> pytest.Pytester:
-    """A suite with a test that fails once and one that always fails, as system and as core."""
-    shutil.copy(Path(__file__).parents[1] / "repeat.py", pytester.mkpydir("tests"))
-    (pytester.path / "tests" / "conftest.py").write_text('pytest_plugins = ["tests.repeat"]\n')
+def make_suite(pytester: pytest.Pytester, text: str) -> pytest.Pytester:
+    """Make a suite with these tests, once as tests of a system and once as tests of the core."""
+    here = pytester.mkpydir("tests")
+    for name in ("repeat.py", "waiting.py"):
+        shutil.copy(Path(__file__).parents[1] / name, here)
+    (here / "conftest.py").write_text('pytest_plugins = ["tests.repeat"]\n')
     for folder in ("e2e", "unit"):
-        (pytester.path / "tests" / folder).mkdir()
-        (pytester.path / "tests" / folder / f"test_{folder}.py").write_text(STARVED)
+        (here / folder).mkdir()
+        (here / folder / f"test_{folder}.py").write_text(text)
     pytester.makeini("[pytest]\npythonpath = .\naddopts = -p no:cacheprovider\n")
     return pytester
 
 
-def test_a_whole_system_that_was_starved_passes_the_second_time_and_is_named(
-    suite: pytest.Pytester,
-) -> None:
-    result = suite.runpytest_subprocess("tests/e2e")
+def test_only_a_named_lack_of_time_is_repeated(pytester: pytest.Pytester) -> None:
+    result = make_suite(pytester, TESTS).runpytest_subprocess("tests/e2e", "-v")
 
     assert result.ret == 1
-    assert result.parseoutcomes() == {"failed": 1, "repeated": 1}
-    result.stdout.fnmatch_lines(["REPEATED tests/e2e/test_e2e.py::test_starved - first: *"])
+    assert result.parseoutcomes() == {"failed": 4, "repeated": 3}
+    for name in ("waits_in_vain", "process_is_late", "board_is_late"):
+        result.stdout.fnmatch_lines([f"REPEATED tests/e2e/test_e2e.py::test_{name} - first: *"])
+    for name in ("never_comes", "wrong_once", "raises_once", "wrong_after_a_wait"):
+        result.stdout.fnmatch_lines([f"*test_{name} FAILED*"])
+    result.stdout.fnmatch_lines(["* - first: in vain for 0 s: a second run"])
+    result.stdout.no_fnmatch_line("*may be: the machine*")
 
 
-def test_the_core_has_no_second_run(suite: pytest.Pytester) -> None:
-    assert suite.runpytest_subprocess("tests/unit").parseoutcomes() == {"failed": 2}
+def test_the_core_has_no_second_run(pytester: pytest.Pytester) -> None:
+    suite = make_suite(pytester, TESTS)
+    assert suite.runpytest_subprocess("tests/unit").parseoutcomes() == {"failed": 6, "errors": 1}
+
+
+@pytest.mark.parametrize(("count", "code"), [(3, 0), (4, 1)])
+@pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["alone", "workers"])
+def test_more_than_three_repeats_fail_the_run(
+    pytester: pytest.Pytester, count: int, code: int, workers: tuple[str, ...]
+) -> None:
+    suite = make_suite(pytester, STARVED.format(count=count))
+    result = suite.runpytest_subprocess("tests/e2e", *workers)
+
+    assert result.parseoutcomes() == {"repeated": count}
+    assert result.ret == code
+    told = f"{count} tests were repeated, 3 may be: *"
+    if code:
+        result.stdout.fnmatch_lines([told])
+    else:
+        result.stdout.no_fnmatch_line(told)

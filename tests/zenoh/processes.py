@@ -5,12 +5,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from tests.ports import free_endpoint
-
-PATIENCE = 60.0
+from tests.waiting import PATIENCE
 
 CHIPS = """
 [board]
@@ -37,14 +36,6 @@ transport = "zenoh:"
 {more}
 """
 )
-
-
-def until(condition: Callable[[], object], what: str) -> None:
-    """Wait for something that comes sooner or later."""
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline, f"in vain: {what}"
-        time.sleep(0.01)
 
 
 class Process:

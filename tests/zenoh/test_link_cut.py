@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from tests.namespaces import Computers, computers
-from tests.zenoh.processes import BOARD, PATIENCE, Process, until
+from tests.waiting import PATIENCE, until
+from tests.zenoh.processes import BOARD, Process
 from vbus.client import connect
 from vbus.errors import TransportError
 from vbus.server.registry import ask

@@ -8,7 +8,8 @@ import trustme
 
 from tests.e2e.serving import served
 from tests.ports import free_endpoint
-from tests.zenoh.processes import Processes, connected_to, until
+from tests.waiting import until
+from tests.zenoh.processes import Processes, connected_to
 from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.errors import TransportError

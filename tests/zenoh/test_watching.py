@@ -10,7 +10,8 @@ from typing import Any
 import msgpack
 
 from tests.e2e.serving import served
-from tests.zenoh.processes import PATIENCE, Processes, connected_to, until
+from tests.waiting import PATIENCE, until
+from tests.zenoh.processes import Processes, connected_to
 from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.network import places

@@ -13,7 +13,6 @@ from vbus.board import snapshot as snapshots
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.chips.base import Chip
-from vbus.compiled import is_compiled
 from vbus.errors import SnapshotError
 from vbus.kernel import MS, US
 from vbus.protocols.byte import ByteProtocol
@@ -285,7 +284,7 @@ def test_a_board_made_in_python_cannot_be_forked_and_says_what_to_do() -> None:
         snapshots.fork(board)
 
 
-@pytest.mark.skipif(is_compiled(), reason="an object of a compiled class keeps its class")
+@pytest.mark.core("interpreted")  # an object of a compiled class keeps its class
 def test_a_chip_whose_state_cannot_be_kept_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     board = load_board_text(BENCH)
 

@@ -9,17 +9,17 @@ import pytest
 
 from vbus.board.board import Board
 from vbus.chips.lm628 import LM628
-from vbus.compiled import is_compiled
 from vbus.kernel import US
 from vbus.plant.ideal import IdealPlant
 from vbus.protocols.byte import ByteProtocol
 from vbus.testing import Nonconformance, check_chip, check_plant, check_protocol, check_transport
 from vbus.transports.sockets import UnixTransport
 
-INTERPRETED = pytest.mark.skipif(
-    is_compiled(), reason="the broken parts are made of the project's own, which take no subclass"
-)
-"""A part of somebody else derives from the base classes, which do, on either core."""
+INTERPRETED = pytest.mark.core("interpreted")
+"""The broken parts are made of the project's own, which take no subclass when compiled.
+
+A part of somebody else derives from the base classes, which do, on either core.
+"""
 
 
 class Raises(LM628):
