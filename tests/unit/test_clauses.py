@@ -28,7 +28,7 @@ def suite(pytester: pytest.Pytester) -> pytest.Pytester:
     """A small suite of its own, with this project's plug-in and one list of clauses."""
     here = Path(__file__).parents[1]
     tests = pytester.mkpydir("tests")
-    for name in ("conftest.py", "clauses.py", "repeat.py"):
+    for name in ("conftest.py", "clauses.py", "left_out.py", "repeat.py", "waiting.py"):
         shutil.copy(here / name, tests / name)
     (tests / "conformance" / "x").mkdir(parents=True)
     (tests / "conformance" / "x" / "clauses.toml").write_text(LIST)
