@@ -6,7 +6,7 @@ from typing import Generic, NamedTuple, TypeVar
 from vbus.errors import ProtocolError, VbusError
 from vbus.protocols.hello import decode_hello
 from vbus.protocols.port import PortInfo
-from vbus.protocols.quantities import parse_duration
+from vbus.protocols.quantities import picoseconds
 from vbus.protocols.requests import (
     LONGEST,
     NO_EDGE,
@@ -278,7 +278,7 @@ class Message:
 
     def at(self, instant: int | str) -> None:
         """Set the host's own clock (slaved boards): the next cycle happens then."""
-        self.stamp = _ps(instant)
+        self.stamp = picoseconds(instant)
         self._post(REQUESTS["AT"], self.stamp)
 
     def leases(self, on: bool, ahead: bool = False) -> None:
@@ -301,7 +301,7 @@ class Message:
         self._post(REQUESTS["EVENTS"], mask)
 
     def _pass(self, duration: int | str) -> int:
-        ps = _ps(duration)
+        ps = picoseconds(duration)
         self.duration += ps
         return ps
 
@@ -319,7 +319,3 @@ class Message:
             return fitting[0]
         many = "stands for several of" if fitting else "is none of"
         raise ValueError(f"{line!r} {many} the {group} {', '.join(names) or '(there are none)'}")
-
-
-def _ps(duration: int | str) -> int:
-    return parse_duration(duration) if isinstance(duration, str) else duration

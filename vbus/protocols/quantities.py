@@ -29,6 +29,23 @@ def parse_duration(text: str) -> int:
     return duration
 
 
+def picoseconds(quantity: int | str) -> int:
+    """Return a duration or an instant that is given in picoseconds, or with its unit.
+
+    Raises:
+        TypeError: it is neither; a float says no unit, and would not be exact.
+        ValueError: the text is no duration.
+    """
+    if isinstance(quantity, str):
+        return parse_duration(quantity)
+    if isinstance(quantity, bool) or not isinstance(quantity, int):
+        raise TypeError(
+            f"{quantity!r} is no time: give picoseconds as an int, or a number with its unit, such"
+            ' as "0.1 s" or "500us"'
+        )
+    return quantity
+
+
 def format_instant(ps: int) -> str:
     """Return an instant in microseconds, exactly: ``"341.333333us"``."""
     whole, fraction = divmod(ps, US)

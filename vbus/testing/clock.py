@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from vbus.board.board import Board
 from vbus.errors import VbusError
-from vbus.protocols.quantities import format_instant, parse_duration
+from vbus.protocols.quantities import format_instant, picoseconds
 
 Call = Callable[[Callable[[], Any]], Any]
 
@@ -97,9 +97,7 @@ class BoardClock:
 
 
 def _ps(quantity: int | str) -> int:
-    if isinstance(quantity, int):
-        return quantity
     try:
-        return parse_duration(quantity)
+        return picoseconds(quantity)
     except ValueError as error:
         raise VbusError(str(error)) from None

@@ -69,6 +69,12 @@ _PMD_STATUS: Final = tuple(bit for bit in mc1241a.STATUS_BITS if bit.number < mc
 _PMD_MODE: Final = tuple(bit for bit in mc1241a.MODE_BITS if bit.number < mc1241a.PROFILE_SHIFT)
 _PMD_EVENTS: Final = tuple(bit for bit in mc1241a.STATUS_BITS if bit.mask & mc1241a.EVENTS)
 _PROFILES: Final = ("trapezoidal", "velocity", "S-curve", "gear")
+_SETS_PROFILE: Final = {
+    "SET_PRFL_TRAP": "trapezoidal",
+    "SET_PRFL_VEL": "velocity",
+    "SET_PRFL_S_CRV": "S-curve",
+    "SET_PRFL_GEAR": "gear",
+}
 
 _MCP_CONTROL: Final = {
     "CONFIG": mcp1200.CONFIG_BITS,
@@ -114,7 +120,7 @@ def _mc1241a() -> Iterator[Item]:
         yield Item(COMMANDS, row.name, row.clause, row.title)
     yield from _bits(BITS, "SET_INTRPT_MASK", _PMD_EVENTS, "PMD-STA-1")
     for name in _PROFILES:
-        yield Item(MODES, name, "PMD-STA-5", "profile mode, as GET_MODE tells")
+        yield Item(MODES, name, "PMD-STA-5", "profile mode, set or told by GET_MODE")
     yield from _bits(FLAGS, "status", _PMD_STATUS, "PMD-STA-1")
     yield from _bits(FLAGS, "mode", _PMD_MODE, "PMD-STA-5")
     yield Item(ANSWERS, "checksum right", "PMD-PKT-2", "read after a packet")
@@ -220,6 +226,8 @@ def _of_mc1241a(packet: Packet) -> Iterator[Key]:
     if name not in _names():
         return
     yield COMMANDS, name
+    if name in _SETS_PROFILE:
+        yield MODES, _SETS_PROFILE[name]
     if len(packet.cycles) < 3:
         return
     value = _word(packet)

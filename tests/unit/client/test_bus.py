@@ -25,6 +25,17 @@ def test_a_session_over_every_kind_of_link(served: Served) -> None:
     assert served.port.calls[-3:] == [("write", 1, 0), ("write", 1, 10), ("sample",)]
 
 
+def test_a_time_without_a_unit_is_refused_before_anything_is_sent(
+    bus: Bus, pty_served: Served
+) -> None:
+    calls = len(pty_served.port.calls)
+    for ask in (bus.wait, bus.delay, bus.at):
+        with pytest.raises(TypeError, match=r"0\.1 is no time"):
+            ask(0.1)  # type: ignore[arg-type]
+    bus.read(0)
+    assert pty_served.port.calls[calls:] == [("read", 0)]
+
+
 def test_all_256_values_pass_a_pty_unchanged(bus: Bus, pty_served: Served) -> None:
     everything = bytes(range(256))
     bus.writes(1, everything[:255])

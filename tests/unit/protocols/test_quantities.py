@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vbus.kernel import MS, NEVER, SECOND, US
-from vbus.protocols.quantities import format_instant, parse_duration
+from vbus.protocols.quantities import format_instant, parse_duration, picoseconds
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,16 @@ from vbus.protocols.quantities import format_instant, parse_duration
 )
 def test_a_duration_is_read_exactly(text: str, ps: int) -> None:
     assert parse_duration(text) == ps
+
+
+def test_a_time_is_picoseconds_or_says_its_unit() -> None:
+    assert (picoseconds(7), picoseconds("7us")) == (7, 7 * US)
+
+
+@pytest.mark.parametrize("quantity", [0.1, 100.0, True, None])
+def test_a_number_that_is_not_whole_says_what_to_give(quantity: object) -> None:
+    with pytest.raises(TypeError, match=r'is no time: give picoseconds as an int, .*"0\.1 s"'):
+        picoseconds(quantity)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

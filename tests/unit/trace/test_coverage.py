@@ -147,6 +147,22 @@ def test_mc1241a_status_words_and_checksums_are_counted() -> None:
     assert "status axis on" in counts(observer, "mc1241a", FLAGS)
 
 
+@pytest.mark.spec("PMD-CMD-4", "PMD-CMD-5", "PMD-CMD-6", "PMD-CMD-7")
+@pytest.mark.parametrize(
+    ("name", "mode"),
+    [
+        ("SET_PRFL_TRAP", "trapezoidal"),
+        ("SET_PRFL_VEL", "velocity"),
+        ("SET_PRFL_S_CRV", "S-curve"),
+        ("SET_PRFL_GEAR", "gear"),
+    ],
+)
+def test_a_profile_mode_that_was_set_counts_as_used(name: str, mode: str) -> None:
+    board, observer = bench("MC1241A")
+    board.open_port("h").write(1, mc1241a.COMMANDS[name].code)
+    assert counts(observer, "mc1241a", MODES) == {mode: 1}
+
+
 def test_a_broken_ac_limit_is_shown_and_does_not_raise_the_percentage() -> None:
     coverage = Coverage(["a"], {"lm628": {}})
     before = coverage.percent()
