@@ -6,13 +6,16 @@
 
 A frozen run and its frozen hashes are never written again. ``--update`` plays runs and writes
 beside their frozen hashes what they come to now, and which ruling changes them; with ``--state``,
-that their states hold something else while they do the same.
+that their states hold something else while they do the same. A NAME may be a pattern (``'lm62*'``):
+runs that come to what is written are passed over; one that comes to its frozen hashes again loses
+what was written beside them.
 """
 
 import argparse
 import io
 import json
 import sys
+from fnmatch import fnmatch
 from random import Random
 
 from tests.differential.drive import Host as RandomHost
@@ -150,22 +153,24 @@ def write(runs: list[Run]) -> None:
     README.write_text(f"{before}{BEGIN}\n{table(runs)}\n{END}{after}")
 
 
-def update(run: Run, ruling: str, why: str, state: bool) -> None:
-    """Write down that a run comes to something else, by a ruling or in its state only."""
+def update(run: Run, ruling: str, why: str, state: bool) -> str:
+    """Note that a run comes to something else, by a ruling or in its state only; or why not."""
     now = play(run)
+    if now == run.expected():
+        return ""
     if state:
         expected = {**run.hashes, **hashes_of(run.changed)}
         new = {key: value for key, value in now.items() if value != expected[key]}
         if not new or not set(new) <= STATES:
-            raise SystemExit(f"{run.name}: what differs is {', '.join(new) or 'nothing'}")
+            return f"{run.name} differs in {', '.join(new) or 'nothing'}: name a ruling"
         run.state_changed.clear()
         run.state_changed.update({"why": why}, **new)
-        return
+        return ""
     new = {key: value for key, value in now.items() if value != run.hashes[key]}
-    if now == run.expected():
-        raise SystemExit(f"{run.name} comes to what hashes.toml says already")
     if not new:
-        raise SystemExit(f"{run.name} comes to its frozen hashes again: take its entry out by hand")
+        run.changed.clear()
+        run.state_changed.clear()
+        return ""
     rulings = list(dict.fromkeys([*run.rulings, ruling]))
     reasons = run.changed.get("why", [])
     reasons = [reasons] if isinstance(reasons, str) else list(reasons)
@@ -174,6 +179,7 @@ def update(run: Run, ruling: str, why: str, state: bool) -> None:
     run.changed.clear()
     run.changed.update(ruling=ruling if one else rulings, why=why if one else reasons, **new)
     run.state_changed.clear()
+    return ""
 
 
 def main() -> None:
@@ -184,16 +190,20 @@ def main() -> None:
     parser.add_argument("--state", action="store_true")
     options = parser.parse_args()
     runs = read_runs(HASHES.read_text()) if HASHES.exists() else []
-    names = {run.name: run for run in runs}
+    names = {run.name for run in runs}
     if options.update:
         if not options.why or bool(options.ruling) == options.state:
             raise SystemExit("give --why, and either --ruling or --state")
         if options.ruling and options.ruling not in read_rulings():
             raise SystemExit(f"no ruling {options.ruling!r} in rulings.toml")
+        refused = []
         for name in options.update:
-            if name not in names:
-                raise SystemExit(f"no run called {name!r}")
-            update(names[name], options.ruling, options.why, options.state)
+            matching = [run for run in runs if fnmatch(run.name, name)]
+            if not matching:
+                raise SystemExit(f"no run is called {name}")
+            refused += [update(run, options.ruling, options.why, options.state) for run in matching]
+        write(runs)
+        sys.exit("\n".join(filter(None, refused)) or None)
     else:
         RUNS.mkdir(exist_ok=True)
         for frozen in (*ALL, *random_hosts()):

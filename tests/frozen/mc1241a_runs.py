@@ -12,6 +12,7 @@ from tests.frozen.hosts import (
     pmd,
 )
 from vbus.board.board import Board
+from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.kernel import MS, NS, US
 
 
@@ -490,6 +491,39 @@ def _(board: Board) -> None:
     host.do("UPDATE")
     host.delay(2 * MS)
     host.do("GET_MTR_CMD")
+    host.close()
+
+
+@freeze("mc1241a-after-reset", pmd(), "all that can be read after reset; an update of nothing")
+def _(board: Board) -> None:
+    host = Pmd(board)
+    for axis in ("SET_1", "SET_2"):
+        host.do(axis)
+        for _ in range(2):
+            for command in COMMANDS:
+                if command.read and not command.write and command.name != "GET_VRSN":
+                    host.do(command.name)
+            host.do("UPDATE")
+            host.delay(2 * MS)
+    host.close()
+
+
+@freeze(
+    "mc1241a-checksums", pmd(), "the checksum of each packet, also of illegal and reserved codes"
+)
+def _(board: Board) -> None:
+    host = Pmd(board)
+    for command in COMMANDS:
+        if command.name not in ("RESET", "GET_VRSN"):
+            host.do(command.name, 0x00012345)
+            host.ready()
+            host.read(0)
+            host.read(0)
+    for code in (0x00, 0x49, 0x9A):
+        host.send(code)
+        host.ready()
+        host.read(0)
+        host.read(0)
     host.close()
 
 

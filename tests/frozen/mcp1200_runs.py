@@ -349,6 +349,65 @@ def _(board: Board) -> None:
 
 
 @freeze(
+    "mcp1200-polled-closely",
+    mcp(),
+    "status, flags and position read every two clocks, odd and even, around breakpoints",
+    going_on=4000,
+)
+def _(board: Board) -> None:
+    host = Mcp(board)
+    host.begin()
+    host.set(config=0x11)
+    close = Mcp(board, "close", cycle=250 * NS)
+    for target in (30, 60):
+        host.set(breakpoint=target - 20, status=0)
+        profile(host, target, 12, 0x400)
+        close.delay(MS + 125 * NS)
+        for _ in range(10_000):
+            if not close.read(0x07) & 0x20:
+                break
+        for address in (0x00, 0x14):
+            for _ in range(800):
+                close.read(address)
+        host.delay(8 * MS)
+    close.close()
+    host.close()
+
+
+@freeze(
+    "mcp1200-step-breakpoint",
+    mcp(STEPPER),
+    "step mode: a breakpoint at a step, both ways",
+    ("x.TRIG", "x.PULSE"),
+)
+def _(board: Board) -> None:
+    host = Mcp(board)
+    host.set(config=0x13)
+    host.set(exception=0, step_width=0x0F, breakpoint=57, mode=3)
+    host.delay(2 * MS)
+    for target, code in ((120, 0x33), (0, 0x33), (90, 0x13)):
+        profile(host, target, 10, 0x100)
+        host.look(10)
+        host.set(config=code, status=0)
+    host.close()
+
+
+@freeze(
+    "mcp1200-registers", mcp(), "every address after reset, with bits set, and read back, in idle"
+)
+def _(board: Board) -> None:
+    host = Mcp(board)
+    host.set(config=0x01)
+    for value in (None, 0x5A, 0xA5, 0xFF):
+        for address in range(0x80):
+            if value is not None and address not in (0x02, 0x05):
+                host.write(address, value)
+        for address in range(0x80):
+            host.read(address)
+    host.close()
+
+
+@freeze(
     "mcp1200-breakpoint-repeat",
     mcp(),
     "a breakpoint again and again, left in the middle",

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from tests.frozen import generate
 from tests.frozen.frozen import (
     BEGIN,
     END,
@@ -24,7 +25,6 @@ from tests.frozen.frozen import (
 from vbus.board import snapshot
 
 RECORDED = read_runs(HASHES.read_text())
-KNOWN = {"ruling", "why"}
 
 
 @pytest.mark.parametrize("run", RECORDED, ids=lambda run: run.name)
@@ -98,6 +98,31 @@ def test_new_hashes_stand_above_the_frozen_ones() -> None:
     assert run.expected() == {"trace": "3", "state": "5"}
 
 
+def updated(monkeypatch: pytest.MonkeyPatch, run: Run, state: bool, **now: str) -> str:
+    monkeypatch.setattr(generate, "play", lambda _: now)
+    return generate.update(run, "" if state else "LM-TRJ-6", "w", state)
+
+
+def test_an_update_writes_what_differs_beside_the_frozen_hashes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run = made()
+    assert updated(monkeypatch, run, False, trace="3", state="2") == ""
+    assert run.changed == {"ruling": "LM-TRJ-6", "why": "w", "trace": "3"}
+    assert updated(monkeypatch, run, True, trace="3", state="5") == ""
+    assert run.state_changed == {"why": "w", "state": "5"}
+    assert complaints(run) == []
+    assert run.hashes == {"trace": "1", "state": "2"}
+    assert updated(monkeypatch, run, False, trace="1", state="2") == ""
+    assert (run.changed, run.state_changed) == ({}, {})
+
+
+def test_a_state_alone_is_no_reason_for_another_trace(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = made()
+    assert "name a ruling" in updated(monkeypatch, run, True, trace="3", state="5")
+    assert (run.changed, run.state_changed) == ({}, {})
+
+
 def test_every_file_belongs_to_a_run_and_every_run_has_its_files() -> None:
     wanted = set()
     for run in RECORDED:
@@ -126,7 +151,5 @@ def test_the_page_tells_which_runs_each_ruling_changes() -> None:
 
 
 def test_hashes_toml_is_as_the_generator_writes_it() -> None:
-    from tests.frozen.generate import text_of
-
-    assert text_of(RECORDED) == HASHES.read_text()
+    assert generate.text_of(RECORDED) == HASHES.read_text()
     assert list(tomllib.loads(HASHES.read_text())) == [run.name for run in RECORDED]
