@@ -98,9 +98,9 @@ def test_new_hashes_stand_above_the_frozen_ones() -> None:
     assert run.expected() == {"trace": "3", "state": "5"}
 
 
-def updated(monkeypatch: pytest.MonkeyPatch, run: Run, state: bool, **now: str) -> str:
+def updated(monkeypatch: pytest.MonkeyPatch, run: Run, alone: bool, **now: str) -> str:
     monkeypatch.setattr(generate, "play", lambda _: now)
-    return generate.update(run, "" if state else "LM-TRJ-6", "w", state)
+    return generate.update(run, "" if alone else "LM-TRJ-6", "w", alone)
 
 
 def test_an_update_writes_what_differs_beside_the_frozen_hashes(
