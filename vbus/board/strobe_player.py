@@ -105,7 +105,7 @@ class StrobePlayer:
 
 
 def together(chips: list[Chip]) -> int:
-    """Return the byte a host finds on its data lines: FFh with no chip, low where chips disagree."""
+    """Return the byte on a host's data lines: FFh with no chip, low where chips disagree."""
     data = 0xFF
     for chip in chips:
         data &= chip.bus_net.value

@@ -29,6 +29,9 @@ class PlainPackets(Decoder):
         """Return nothing: no cycle stays open."""
         return []
 
+    def unfinished(self) -> None:
+        """Tell of nothing that is open."""
+
 
 def decoder_class(family: str) -> type[Decoder] | None:
     """Return what reads the bus of chips of ``family``; None if it is not known."""
@@ -79,6 +82,11 @@ class BoardPackets(Observer):
         decoder = self._decoders.get(violation.chip)
         if decoder is not None and violation.rule in decoder.LOST:
             self._lost[violation.chip] = (violation.when, violation.rule)
+
+    def unfinished(self) -> int | None:
+        """Return the instant of the last cycle of the oldest packet still open (ps), if any is."""
+        ends = [decoder.unfinished() for decoder in self._decoders.values()]
+        return min((end for end in ends if end is not None), default=None)
 
     def finish(self) -> None:
         """Give what is still open."""

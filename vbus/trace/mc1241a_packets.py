@@ -141,6 +141,11 @@ class Mc1241aPackets(Decoder):
             self._forget()
         return packets
 
+    def unfinished(self) -> int | None:
+        """Return the instant of the last cycle of the packet that is open, if one is."""
+        cycles = self._cycles or self._tail
+        return cycles[-1].when if cycles else None
+
     # -- values -------------------------------------------------------------------------------
 
     def _values(self, row: Command) -> str:

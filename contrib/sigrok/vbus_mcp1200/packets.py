@@ -121,6 +121,13 @@ class Decoder:
         """Return what is still open: it was cut short."""
         raise NotImplementedError
 
+    def unfinished(self) -> int | None:
+        """Return the instant of the last cycle of the oldest packet still open (ps), if any is.
+
+        No packet that comes later ends before it.
+        """
+        raise NotImplementedError
+
     def word(self, name: str, value: int) -> str:
         """Explain one of :attr:`WORDS`.
 
