@@ -90,7 +90,7 @@ def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> It
             yield from _entries(reader, first, last)
             return
         yield f"# {path}: {_header(reader.header)}"
-        watch = _Lines(reader.header.families)
+        watch = _Lines(reader.header)
         with progress(path, reader, "decoding", quiet or sys.stdout.isatty()) as move:
             sessions = Sessions()
             for entry in moving(iter(reader), move):
@@ -118,8 +118,8 @@ class _Lines(BoardPackets):
     is still open; at most :data:`_WAITING` of them.
     """
 
-    def __init__(self, families: dict[str, str]) -> None:
-        super().__init__(families, self._packet)
+    def __init__(self, header: Header) -> None:
+        super().__init__(header.families, self._packet, header.settings)
         self._waiting: list[tuple[int, int, str]] = []
         self._count: int = 0
 
@@ -152,7 +152,9 @@ def _entries(reader: JournalReader, first: int, last: int) -> Iterator[str]:
     sessions = Sessions()
     ended: list[str] = []
     watch = BoardPackets(
-        reader.header.families, lambda chip, packet: ended.append(f"{chip} {packet.text}")
+        reader.header.families,
+        lambda chip, packet: ended.append(f"{chip} {packet.text}"),
+        reader.header.settings,
     )
     count = 0
     for entry in reader:

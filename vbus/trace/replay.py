@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from vbus.board.board import Board
 from vbus.signals import Observer, Violation
-from vbus.trace.decode import decoder_of
+from vbus.trace.decode import decoder_of, settings_for_decoders
 from vbus.trace.journal import end_of
 from vbus.trace.journal_format import Entry
 from vbus.trace.journal_view import Sessions, violation_of
@@ -135,9 +135,10 @@ class Replay:
         progress: Callable[[int], None] | None = None,
     ) -> None:
         self.board: Board = board
+        settings = settings_for_decoders(board.chips)
         self._entries: Iterator[Entry] = iter(entries)
         self._decoders: dict[str, Decoder] = {
-            name: decoder_of(family) for name, family in families.items()
+            name: decoder_of(family, settings.get(name, {})) for name, family in families.items()
         }
         self._progress: Callable[[int], None] | None = progress
         self._player: Player = Player(board)

@@ -106,14 +106,16 @@ plant = "none"
 """
 
 
-def journal(path: Path, *cycles: tuple[str, str, int, int]) -> str:
-    """Record bus cycles 20 us apart: chip, way, address, byte."""
-    board = load_board_text(BOARD)
+def journal(
+    path: Path, *cycles: tuple[str, str, int, int], text: str = BOARD, apart: int = 20 * US
+) -> str:
+    """Record bus cycles: chip, way, address, byte."""
+    board = load_board_text(text)
     with path.open("wb") as file:
         recorder = Journal(board, file)
-        ports = {name: board.open_port(name, [name]) for name in "xm"}
+        ports = {chip.name: board.open_port(chip.name, [chip.name]) for chip in board.chips}
         for chip, way, address, data in cycles:
-            board.run_until(board.now + 20 * US)
+            board.run_until(board.now + apart)
             if way == "w":
                 ports[chip].write(address, data)
             else:
@@ -157,3 +159,32 @@ def test_a_register_whose_other_bytes_do_not_move_is_not_waited_for_for_ever() -
     cut = [(n, packet.text) for n, packet in enumerate(found) if packet.kind == CUT]
     assert cut == [(999, "read ACTUAL_POSITION 14H=00H, 2 of 3 bytes not touched")]
     assert decoder.finish() == []
+
+
+@pytest.mark.spec("PMD-PKT-6")
+@pytest.mark.parametrize(
+    ("codes", "told"),
+    [
+        ("noop", ["SET_KP 100", "checksum 0089H right"]),
+        ("illegal", ["illegal command 25H (SET_KP of the servo chips)",
+                     "data write of 00H after 25H", "data write of 64H after 25H",
+                     "checksum 0000H: 25H is illegal"]),
+    ],
+)  # fmt: skip
+def test_codes_of_the_servo_chips_are_read_as_the_board_sets_them(
+    tmp_path: Path, codes: str, told: list[str]
+) -> None:
+    text = f"""
+[board]
+power_on = "done"
+[chips.x]
+part = "MC1241A"
+clock = "25 MHz"
+plants = ["none", "none"]
+family_codes = "{codes}"
+"""
+    cycles = [("x", "w", 1, 0x25), ("x", "w", 0, 0), ("x", "w", 0, 100), ("x", "r", 0, 0),
+              ("x", "r", 0, 0)]  # fmt: skip
+    lines = explain(journal(tmp_path / "a.vbj", *cycles, text=text, apart=100 * US))[1:]
+    texts = [line.split(" x ")[1].split("  [")[0] for line in lines]
+    assert [text for text in texts if not text.startswith("!")] == told
