@@ -103,7 +103,7 @@ def test_a_board_that_does_not_run_is_named(board: Path) -> None:
 
 
 def test_the_screen_has_packets_axes_violations_and_what_was_too_fast() -> None:
-    view = View({"x": "lm628"}, status=False)
+    view = View({"chips": [{"name": "x", "family": "lm628", "bus_settings": {}}]}, status=False)
     for item in (
         ["c", 10, "h", "x", False, 0, 0x84],
         ["c", 20, "h", "x", True, 0, 0x02],

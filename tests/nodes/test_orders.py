@@ -161,3 +161,45 @@ def test_an_order_for_the_past_is_carried_out_at_once_and_counted() -> None:
     board.run_until(50 * US)
     assert orders.late == 1
     assert [cycle[0] for cycle in seen.cycles] == [50 * US]
+
+
+@pytest.mark.parametrize("strobes", [False, True])
+@pytest.mark.parametrize("joined", [False, True])
+def test_a_read_of_several_chips_is_the_fight_a_host_would_cause(
+    strobes: bool, joined: bool
+) -> None:
+    """Of x, which waits in reset state 84h, and of y, whose flags were cleared to 80h."""
+    both = BOARD + BOARD[BOARD.index("[chips.x]") : BOARD.index("[chips.m]")].replace("x", "y")
+    both += '[plants.y]\nmodel = "ideal"\n'
+    both += '[buses.d]\nchips = ["x", "y"]\n' if joined else ""
+    results = []
+    for ordered in (False, True):
+        board = load_board_text(both)
+        seen = Seen()
+        board.observe(seen)
+        if strobes:
+            board.chip("x").bus_net.observe(seen)
+        orders, port = Orders(board, "h"), board.open_port("h", ["x", "y"])
+        for when, chips, kind, address, data in (
+            (20, "y", WRITE, 0, 0x1D),
+            (50, "y", WRITE, 1, 0),
+            (80, "y", WRITE, 1, 0),
+            (200, "xy", READ, 0, 0),
+        ):
+            if ordered:
+                orders.give(Order(when * US, tuple(chips), kind, address, data))
+                continue
+            port.select(3 if chips == "xy" else 2)
+            port.at(when * US)
+            if kind == WRITE:
+                port.write(address, data)
+            else:
+                assert port.read(address) == 0x84 & 0x80
+        board.run_until(300 * US)
+        found = [(v.when, v.rule, v.chip) for v in board.violations]
+        results.append((seen.cycles, found, [chip.save() for chip in board.chips]))
+    assert results[0] == results[1]
+    cycles, found, _ = results[0]
+    assert cycles[-1] == (200 * US, "x+y", False, 0, 0x80)
+    where = "d.D0-D7" if joined else "h.D0-D7"
+    assert [(rule, chip) for _, rule, chip in found] == [("board.contention", where)]

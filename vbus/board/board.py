@@ -317,20 +317,26 @@ class Board:
     def _clash(self, net: Net) -> None:
         # In an order that does not tell who was soldered first.
         pins = sorted(net.pins, key=lambda pin: pin.name)
-        fighters = ", ".join(f"{pin.name}={pin.level:X}" for pin in pins if pin.level >= 0)
+        self._contention(net.name, [(pin.name, pin.level) for pin in pins if pin.level >= 0])
+
+    def meet(self, host: str, chips: list[Chip]) -> None:
+        """Chips have driven the data lines of one host in one read: it is a fight if they disagree.
+
+        Those on one bus of the board have fought on its net; others meet at the host alone.
+        """
+        levels = [(chip.bus_net.name, chip.bus_net.value) for chip in chips]
+        if any(level != levels[0][1] for _, level in levels):
+            self._contention(f"{host}.D0-D7", levels)
+
+    def _contention(self, net: str, levels: list[tuple[str, int]]) -> None:
         if self.violation_policy.of(CONTENTION.name):
+            fighters = ", ".join(f"{name}={level:X}" for name, level in levels)
             self.file_violation(
                 Violation(
-                    self.kernel.now,
-                    net.name,
-                    CONTENTION.name,
-                    CONTENTION.clause,
-                    CONTENTION.severity,
-                    0,
-                    0,
-                    f"net {net.name}: outputs disagree ({fighters})",
+                    self.kernel.now, net, CONTENTION.name, CONTENTION.clause, CONTENTION.severity,
+                    0, 0, f"net {net}: outputs disagree ({fighters})",
                 )
-            )
+            )  # fmt: skip
 
     def observe(self, observer: Observer) -> None:
         """Let ``observer`` see bus cycles and violations from now on."""

@@ -129,8 +129,7 @@ class HostBus(HostReach):
         when = self._begin()
         chip = self._chip
         if chip is None:
-            self._run_until(when)
-            data = self._float()
+            data = self._read_together(address, when)
         elif self._observed():
             data = board.player.play([chip], self._pins, False, address, 0, when)
         else:
@@ -143,7 +142,7 @@ class HostBus(HostReach):
             chip.bus_net.value = data
             self._kernel.settle()
         board.reads += 1
-        if chip is not None:
+        for chip in self._selected:
             chip.reads += 1
         if board.observers:
             self._tell(when, False, address, data)
@@ -261,9 +260,18 @@ class HostBus(HostReach):
             board.catch_up()
 
     def _float(self) -> int:
-        """Return what a read finds with no chip, or several, selected."""
+        """Return what a read finds with no chip selected."""
         net = self.chips[0].bus_net if self.chips else None
         return net.value if net is not None and net.rest == Z else FLOATING
+
+    def _read_together(self, address: int, when: int) -> int:
+        """Read with no chip selected, or with several that drive the data lines all at once."""
+        if not self._selected:
+            self._run_until(when)
+            return self._float()
+        data = self.board.player.play(self._selected, self._pins, False, address, 0, when)
+        self.board.meet(self.label, self._selected)
+        return data
 
     # -- strobes and pins ---------------------------------------------------------------------
 

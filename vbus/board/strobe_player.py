@@ -46,7 +46,7 @@ class StrobePlayer:
                 for chip in chips:
                     chip.advance()
                 kernel.settle()
-                value = chips[0].bus_net.value
+                value = together(chips)
                 latched = True
             if offset > 0:
                 self._tail.append((when + offset, pin, level))
@@ -64,15 +64,14 @@ class StrobePlayer:
     def _answer(self, chips: list[Chip], write: bool, address: int, data: int, when: int) -> int:
         """Run a cycle that an adapter answers by itself: it moves no strobe of the chips."""
         self._kernel.run_until(when)
-        value = 0
         for chip in chips:
             if write:
                 chip.write(address, data)
             else:
                 chip.begin_read(address)
-                value = chip.end_read()
+                chip.bus_net.value = chip.end_read()
         self._kernel.settle()
-        return value
+        return together(chips)
 
     def flush(self) -> None:
         """Run the queued hold edges now."""
@@ -103,6 +102,14 @@ class StrobePlayer:
             pin.drive(level)
         if self._tail:
             self._timer.at(self._tail[0][0])
+
+
+def together(chips: list[Chip]) -> int:
+    """Return the byte on a host's data lines: FFh with no chip, low where chips disagree."""
+    data = 0xFF
+    for chip in chips:
+        data &= chip.bus_net.value
+    return data
 
 
 def _offset_and_order(step: tuple[int, int, Pin, int]) -> tuple[int, int]:

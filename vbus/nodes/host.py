@@ -66,7 +66,7 @@ class NodeBus(HostBus):
     def read(self, address: int) -> int:
         """Run one read cycle; return the byte (0..255)."""
         data = self._cycle_at(READ, address, 0)
-        return data if self._chip is not None else self._float()
+        return data if self._selected else self._float()
 
     def write(self, address: int, data: int) -> None:
         """Run one write cycle on every selected chip."""

@@ -6,6 +6,7 @@ from typing import Final
 
 from vbus.board.board import Board
 from vbus.board.host_pins import HostPins
+from vbus.board.strobe_player import together
 from vbus.chips.base import Chip
 from vbus.kernel import US, Timer
 from vbus.signals import Z
@@ -16,8 +17,6 @@ PIN: Final = 2
 
 LEAD: Final = 20 * US
 """How long before its latching edge a cycle is looked at: longer than any strobe."""
-
-FLOATING: Final = 0xFF
 
 _LOOK: Final = 0
 _BEGIN: Final = 1
@@ -138,12 +137,15 @@ class Orders:
         if action == _LOOK:
             self._look(number, order, chips)
         elif action == _BEGIN:
-            chips[0].begin_read(order.address)
+            for chip in chips:
+                chip.begin_read(order.address)
         elif action == _TAKE:
             for chip in chips:
                 chip.advance()
             board.kernel.settle()
-            self._done(number, order, chips[0].bus_net.value)
+            if order.kind == READ:
+                board.meet(self.label, chips)
+            self._done(number, order, together(chips))
         elif order.kind == PIN:
             del self._orders[number]
             pin_of = chips[0].pins[order.pin]
@@ -156,7 +158,7 @@ class Orders:
         """Split the cycle into its steps: strobes if somebody sees them."""
         now = self.board.kernel.now
         when = max(order.when, now)
-        if order.kind == PIN or (order.kind == READ and len(chips) != 1):
+        if order.kind == PIN or not chips:
             self._push(when, number, _LATCH)
             return
         for chip in chips:
@@ -166,7 +168,8 @@ class Orders:
             for place, chip in enumerate(chips)
             for offset, name, level in chip.strobes(order.kind == WRITE, order.address, order.data)
         ]
-        if self._observed(chips) and strobes:
+        fight = order.kind == READ and len(chips) > 1
+        if (fight or self._observed(chips)) and strobes:
             first = self.board.chips.index(chips[0])
             earliest = min(offset for offset, *_ in strobes)
             when = max(when, now - earliest)
@@ -180,7 +183,8 @@ class Orders:
                 self._push(when + offset, number, _DRIVE, rank << 8 | pin, level)
             return
         if order.kind == READ:
-            self._push(max(when - chips[0].read_low_ps, now), number, _BEGIN)
+            begin = when - max(chip.read_low_ps for chip in chips)
+            self._push(max(begin, now), number, _BEGIN)
         self._push(when, number, _LATCH)
 
     def _flush(self, number: int) -> None:
@@ -202,23 +206,18 @@ class Orders:
         self._pins.of(list(chip.pins.values())[pin & 0xFF]).drive(level)
         self.board.kernel.settle()
 
-    @staticmethod
-    def _latch(order: Order, chips: list[Chip]) -> int:
+    def _latch(self, order: Order, chips: list[Chip]) -> int:
         if order.kind == READ:
-            if len(chips) != 1:
-                return FLOATING
-            data = chips[0].end_read()
-        else:
-            data = order.data
             for chip in chips:
-                chip.write(order.address, data)
-        for chip in chips:
-            chip.bus_net.value = data
-            if order.kind == WRITE:
-                chip.writes += 1
-            else:
+                chip.bus_net.value = chip.end_read()
                 chip.reads += 1
-        return data
+            self.board.meet(self.label, chips)
+            return together(chips)
+        for chip in chips:
+            chip.write(order.address, order.data)
+            chip.bus_net.value = order.data
+            chip.writes += 1
+        return order.data
 
     def _done(self, number: int, order: Order, data: int) -> None:
         """The cycle is over: count it, tell of it, keep what was read."""

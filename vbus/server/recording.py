@@ -11,6 +11,7 @@ from vbus.board.board import Board
 from vbus.board.checks import all_rules
 from vbus.board.sections import RecordSection, WaveSection
 from vbus.errors import VbusError
+from vbus.trace.decode import settings_for_decoders
 from vbus.trace.journal import Journal
 from vbus.trace.report import Report
 from vbus.trace.report_formats import FORMATS, format_of
@@ -129,7 +130,14 @@ class Recording:
             raise VbusError(str(error)) from None
         accepted = suppressions_of(wishes.suppress)
         file = self._create(wishes.report)
-        report = Report(board.name, _families(board), all_rules(), accepted, name)
+        report = Report(
+            board.name,
+            _families(board),
+            all_rules(),
+            accepted,
+            name,
+            settings_for_decoders(board.chips),
+        )
         board.observe(report)
         self._endings.append(("report", file, lambda: FORMATS[style](report)))
 
@@ -142,7 +150,9 @@ class Recording:
             known = ", ".join(COVERAGE_FORMATS)
             raise VbusError(f"{path}: a coverage file's name ends in one of {known}")
         file = self._create(path)
-        observer = CoverageObserver(_families(board), board.name)
+        observer = CoverageObserver(
+            _families(board), board.name, settings_for_decoders(board.chips)
+        )
         board.observe(observer)
         self._endings.append(("coverage", file, lambda: style(observer.coverage)))
 

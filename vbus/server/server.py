@@ -28,6 +28,7 @@ from vbus.server.session import Session
 from vbus.server.snapshots import SnapshotOrders
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 from vbus.server.watching import Watching
+from vbus.trace.decode import settings_for_decoders
 from vbus.transports.base import Link, MessageLink, Served, Transport, split_url
 from vbus.transports.sockets import UnixTransport
 
@@ -274,6 +275,7 @@ class Server:
         """Return what ``vbus ls --json`` shows of this board; times in ps."""
         board = self.board
         self.pacer.catch_up()
+        settings = settings_for_decoders(board.chips)
         return {
             "board": board.name,
             "pid": os.getpid(),
@@ -289,6 +291,7 @@ class Server:
                     "name": chip.name,
                     "part": chip.part,
                     "family": chip.FAMILY,
+                    "bus_settings": settings.get(chip.name, {}),
                     "clock_hz": chip.clock.hz,
                     "reads": chip.reads,
                     "writes": chip.writes,

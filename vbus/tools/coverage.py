@@ -90,7 +90,7 @@ def read(path: Path, quiet: bool = True) -> "Coverage":
     from vbus.tools.journal_lines import moving, opened, progress
 
     with opened(path) as (reader, _):
-        observer = CoverageObserver(reader.header.families, str(path))
+        observer = CoverageObserver(reader.header.families, str(path), reader.header.settings)
         with progress(path, reader, "reading", quiet) as move:
             play(moving(iter(reader), move), observer)
         return observer.coverage

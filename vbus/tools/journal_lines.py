@@ -3,8 +3,9 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from heapq import heappop, heappush
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Final
 
 import click
 
@@ -15,6 +16,8 @@ from vbus.trace.decode import BoardPackets
 from vbus.trace.journal_format import Entry, Header, JournalReader
 from vbus.trace.journal_view import Sessions, show, violation_of
 from vbus.trace.packets import Packet
+
+_WAITING: Final = 5000
 
 
 def instant(ps: int) -> str:
@@ -87,21 +90,14 @@ def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> It
             yield from _entries(reader, first, last)
             return
         yield f"# {path}: {_header(reader.header)}"
-        lines: list[str] = []
-
-        def take(chip: str, packet: Packet) -> None:
-            clause = f"  [{packet.clause}]" if packet.clause else ""
-            lines.append(f"{instant(packet.end)} {chip} {packet.text}{clause}")
-
-        watch = _Lines(reader.header.families, take, lines)
+        watch = _Lines(reader.header)
         with progress(path, reader, "decoding", quiet or sys.stdout.isatty()) as move:
             sessions = Sessions()
             for entry in moving(iter(reader), move):
                 show(entry, sessions, watch)
-                yield from lines
-                lines.clear()
+                yield from watch.lines()
             watch.finish()
-            yield from lines
+            yield from watch.lines()
         if reader.damage:
             yield f"# {path}: {reader.damage}"
 
@@ -116,19 +112,39 @@ def _header(header: Header) -> str:
 
 
 class _Lines(BoardPackets):
-    """Packets and violations as lines, in the order they come."""
+    """Packets and violations as lines, in the order in which they ended.
 
-    def __init__(
-        self, families: dict[str, str], take: Callable[[str, Packet], None], lines: list[str]
-    ) -> None:
-        super().__init__(families, take)
-        self._lines: list[str] = lines
+    A packet that is cut short is known to be one only when another begins, so lines wait for what
+    is still open; at most :data:`_WAITING` of them.
+    """
+
+    def __init__(self, header: Header) -> None:
+        super().__init__(header.families, self._packet, header.settings)
+        self._waiting: list[tuple[int, int, str]] = []
+        self._count: int = 0
+
+    def _add(self, when: int, text: str) -> None:
+        heappush(self._waiting, (when, self._count, f"{instant(when)} {text}"))
+        self._count += 1
+
+    def _packet(self, chip: str, packet: Packet) -> None:
+        clause = f"  [{packet.clause}]" if packet.clause else ""
+        self._add(packet.end, f"{chip} {packet.text}{clause}")
 
     def violation(self, violation: Violation) -> None:
         """Show a finding where it was made."""
         super().violation(violation)
         v = violation
-        self._lines.append(f"{instant(v.when)} {v.chip} ! {v.rule}: {v.detail}  [{v.clause}]")
+        self._add(v.when, f"{v.chip} ! {v.rule}: {v.detail}  [{v.clause}]")
+
+    def lines(self) -> Iterator[str]:
+        """Give the lines before which none can come any more."""
+        waiting = self._waiting
+        if not waiting:
+            return
+        first = self.unfinished()
+        while waiting and (first is None or waiting[0][0] <= first or len(waiting) > _WAITING):
+            yield heappop(waiting)[2]
 
 
 def _entries(reader: JournalReader, first: int, last: int) -> Iterator[str]:
@@ -136,7 +152,9 @@ def _entries(reader: JournalReader, first: int, last: int) -> Iterator[str]:
     sessions = Sessions()
     ended: list[str] = []
     watch = BoardPackets(
-        reader.header.families, lambda chip, packet: ended.append(f"{chip} {packet.text}")
+        reader.header.families,
+        lambda chip, packet: ended.append(f"{chip} {packet.text}"),
+        reader.header.settings,
     )
     count = 0
     for entry in reader:

@@ -97,12 +97,17 @@ class View(BoardPackets):
     """The latest packets as lines; equal neighbours are counted.
 
     Args:
-        families: chip families by name of chip.
+        hello: what the board said of itself.
         status: whether status reads are shown.
     """
 
-    def __init__(self, families: dict[str, str], status: bool) -> None:
-        super().__init__(families, self._packet)
+    def __init__(self, hello: dict[str, Any], status: bool) -> None:
+        chips = hello["chips"]
+        super().__init__(
+            {chip["name"]: chip["family"] for chip in chips},
+            self._packet,
+            {chip["name"]: chip["bus_settings"] for chip in chips},
+        )
         self.lines: deque[tuple[str, str, int]] = deque(maxlen=SHOWN)
         self.new: list[str] = []
         """Lines since the caller looked last."""
@@ -148,12 +153,8 @@ class View(BoardPackets):
             self.lines.append((instant(when), text, 1))
 
 
-def _families(feed: Feed) -> dict[str, str]:
-    return {chip["name"]: chip["family"] for chip in feed.hello["chips"]}
-
-
 def _print(feed: Feed, status: bool, count: int | None) -> None:
-    view = View(_families(feed), status)
+    view = View(feed.hello, status)
     click.echo(f"watching {feed.hello['board']}")
     for item in feed:
         lost = view.lost
@@ -170,7 +171,7 @@ def _print(feed: Feed, status: bool, count: int | None) -> None:
 def _live(feed: Feed, console: Any, status: bool, count: int | None) -> None:
     from rich.live import Live
 
-    view = View(_families(feed), status)
+    view = View(feed.hello, status)
     with Live(screen(feed.hello, view), console=console, auto_refresh=False) as live:
         for item in feed:
             view.take(item)

@@ -37,7 +37,12 @@ def command(
     with opened(journal) as (reader, _):
         header = reader.header
         report = Report(
-            header.board, header.families, all_rules(), suppressions_of(suppress or ""), header.file
+            header.board,
+            header.families,
+            all_rules(),
+            suppressions_of(suppress or ""),
+            header.file,
+            header.settings,
         )
         with progress(journal, reader, "reading", no_progress) as move:
             play(moving(iter(reader), move), report)

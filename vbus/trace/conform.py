@@ -172,8 +172,8 @@ class Conform:
         self._judged: bool = judged
         self._progress: Callable[[], None] | None = progress
         self._watch: BusWatch = WATCHES[chip.FAMILY]()
-        self._silicon: Decoder = decoder_of(chip.FAMILY)
-        self._model: Decoder = decoder_of(chip.FAMILY)
+        self._silicon: Decoder = decoder_of(chip.FAMILY, chip.settings)
+        self._model: Decoder = decoder_of(chip.FAMILY, chip.settings)
         self._recent: deque[Packet] = deque(maxlen=AROUND)
         self._doubts: deque[_Doubt] = deque()
         self._open: list[list[str]] = []

@@ -1,6 +1,6 @@
 """Which parts of a datasheet a host has exercised, in one run or in many."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -9,7 +9,7 @@ import msgspec
 from vbus.errors import VbusError
 from vbus.signals import Observer, Violation
 from vbus.trace.coverage_tables import COUNTED, GROUPS, Item, Key, exercised, items
-from vbus.trace.decode import BoardPackets
+from vbus.trace.decode import NO_SETTINGS_AT_ALL, BoardPackets, Settings
 from vbus.trace.packets import Packet
 
 FORMAT: Final = "vbus coverage"
@@ -151,12 +151,18 @@ class CoverageObserver(Observer):
     Args:
         families: chip families by name of chip.
         run: what to call the run.
+        settings: what decides how the buses of the chips are read, by name of chip.
     """
 
-    def __init__(self, families: dict[str, str], run: str) -> None:
+    def __init__(
+        self,
+        families: dict[str, str],
+        run: str,
+        settings: Mapping[str, Settings] = NO_SETTINGS_AT_ALL,
+    ) -> None:
         self.coverage: Coverage = Coverage([run], {family: {} for family in families.values()})
         self._families: dict[str, str] = families
-        self._packets: BoardPackets = BoardPackets(families, self._packet)
+        self._packets: BoardPackets = BoardPackets(families, self._packet, settings)
         self._rules: dict[str, Key] = {
             item.name: item.key
             for family in set(families.values())

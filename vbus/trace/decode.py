@@ -1,11 +1,18 @@
 """Decoders by chip family, and the packets of a whole board while it runs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
+from types import MappingProxyType
 from typing import Final
 
+from vbus.chips.base import Chip
+from vbus.options import Value
 from vbus.signals import Observer, Violation
 from vbus.trace.packets import UNKNOWN, Cycle, Decoder, Packet
+
+Settings = Mapping[str, Value]
+NO_SETTINGS: Final[Settings] = MappingProxyType({})
+NO_SETTINGS_AT_ALL: Final[Mapping[str, Settings]] = MappingProxyType({})
 
 # Each brings its whole chip with it: a board loads those of its own chips only.
 _DECODERS: Final[dict[str, tuple[str, str]]] = {
@@ -29,6 +36,9 @@ class PlainPackets(Decoder):
         """Return nothing: no cycle stays open."""
         return []
 
+    def unfinished(self) -> None:
+        """Tell of nothing that is open."""
+
 
 def decoder_class(family: str) -> type[Decoder] | None:
     """Return what reads the bus of chips of ``family``; None if it is not known."""
@@ -39,9 +49,26 @@ def decoder_class(family: str) -> type[Decoder] | None:
     return found
 
 
-def decoder_of(family: str) -> Decoder:
-    """Return a new decoder for chips of ``family``; one without names if it is not known."""
-    return (decoder_class(family) or PlainPackets)()
+def decoder_of(family: str, settings: Settings = NO_SETTINGS) -> Decoder:
+    """Return a new decoder for chips of ``family``; one without names if it is not known.
+
+    Args:
+        family: the family.
+        settings: of the chip: those that its decoder asks for, and perhaps others.
+    """
+    decoder = (decoder_class(family) or PlainPackets)()
+    decoder.configure(settings)
+    return decoder
+
+
+def settings_for_decoders(chips: Iterable[Chip]) -> dict[str, dict[str, Value]]:
+    """Return, by name of chip, the settings that decide how its bus is read."""
+    found = {}
+    for chip in chips:
+        names = (decoder_class(chip.FAMILY) or PlainPackets).SETTINGS
+        if names:
+            found[chip.name] = {name: chip.settings[name] for name in names}
+    return found
 
 
 class BoardPackets(Observer):
@@ -52,11 +79,18 @@ class BoardPackets(Observer):
     Args:
         families: chip families by name of chip.
         take: is given the chip's name and each packet.
+        settings: what :func:`settings_for_decoders` gave for these chips.
     """
 
-    def __init__(self, families: dict[str, str], take: Callable[[str, Packet], None]) -> None:
+    def __init__(
+        self,
+        families: Mapping[str, str],
+        take: Callable[[str, Packet], None],
+        settings: Mapping[str, Settings] = NO_SETTINGS_AT_ALL,
+    ) -> None:
         self._decoders: dict[str, Decoder] = {
-            name: decoder_of(family) for name, family in families.items()
+            name: decoder_of(family, settings.get(name, NO_SETTINGS))
+            for name, family in families.items()
         }
         self._take: Callable[[str, Packet], None] = take
         self._lost: dict[str, tuple[int, str]] = {}
@@ -79,6 +113,11 @@ class BoardPackets(Observer):
         decoder = self._decoders.get(violation.chip)
         if decoder is not None and violation.rule in decoder.LOST:
             self._lost[violation.chip] = (violation.when, violation.rule)
+
+    def unfinished(self) -> int | None:
+        """Return the instant of the last cycle of the oldest packet still open (ps), if any is."""
+        ends = [decoder.unfinished() for decoder in self._decoders.values()]
+        return min((end for end in ends if end is not None), default=None)
 
     def finish(self) -> None:
         """Give what is still open."""

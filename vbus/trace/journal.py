@@ -12,6 +12,7 @@ from vbus.board.host_bus import HostBus
 from vbus.chips.base import Chip
 from vbus.errors import VbusError
 from vbus.signals import Observer, Violation
+from vbus.trace.decode import settings_for_decoders
 from vbus.trace.journal_format import CODE, Header, header_block, rows_block
 from vbus.trace.journal_rows import JournalRows
 from vbus.trace.recorded_bus import RecordedBus
@@ -80,6 +81,7 @@ class Journal(Observer):
             {chip.name: chip.FAMILY for chip in board.chips},
             vbus.__version__,
             platform.python_version(),
+            settings=settings_for_decoders(board.chips),
         )
         self._write(header_block(header))
         board.port_type = self._port

@@ -68,6 +68,7 @@ class Header:
         vbus: version that wrote it.
         python: version that wrote it.
         format: version of the format.
+        settings: settings of chips that decide how their bus is read, by name of chip.
     """
 
     board: str
@@ -80,6 +81,7 @@ class Header:
     vbus: str = ""
     python: str = ""
     format: int = FORMAT
+    settings: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

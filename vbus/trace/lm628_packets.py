@@ -101,6 +101,10 @@ class Lm628Packets(Decoder):
         self._forget()
         return [packet]
 
+    def unfinished(self) -> int | None:
+        """Return the instant of the last cycle of the packet that is open, if one is."""
+        return self._cycles[-1].when if self._cycles else None
+
     # -- values -------------------------------------------------------------------------------
 
     def _values(self, row: Command) -> str:

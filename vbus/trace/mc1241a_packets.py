@@ -1,5 +1,6 @@
 """MC1241A/MC1141A: bus cycles to packets."""
 
+from collections.abc import Mapping
 from typing import Final
 
 from vbus.chips.mc1241a import datasheet as ds
@@ -32,6 +33,7 @@ class Mc1241aPackets(Decoder):
 
     FAMILY = ds.FAMILY
     WORDS = {"status": 16, "mode": 16, "version": 16, "adapter": 8}
+    SETTINGS = ("family_codes",)
     LOST = frozenset({"mc1241a.not-ready"})
 
     def __init__(self) -> None:
@@ -42,6 +44,11 @@ class Mc1241aPackets(Decoder):
         self._last: str = ""
         self._checksum: int = -1
         self._tail: list[Cycle] = []
+        self._family_codes: bool = False
+
+    def configure(self, settings: Mapping[str, object]) -> None:
+        """Take what the codes of the family's servo chips do (PMD-PKT-6)."""
+        self._family_codes = settings.get("family_codes") == "noop"
 
     def take(self, cycle: Cycle) -> list[Packet]:
         """Take a cycle that reached the chip."""
@@ -59,6 +66,9 @@ class Mc1241aPackets(Decoder):
     def _command(self, cycle: Cycle) -> list[Packet]:
         code = cycle.data
         row = ds.COMMANDS.by_code(code)
+        if row is None and self._family_codes and code in ds.FAMILY_CODES:
+            name, writes, reads = ds.FAMILY_CODES[code]
+            row = Command(name, code, writes, reads, clause="PMD-PKT-6")
         if row is not None:
             self._row = row
             self._cycles = [cycle]
@@ -140,6 +150,11 @@ class Mc1241aPackets(Decoder):
             self._last, self._checksum = row.name, -1
             self._forget()
         return packets
+
+    def unfinished(self) -> int | None:
+        """Return the instant of the last cycle of the packet that is open, if one is."""
+        cycles = self._cycles or self._tail
+        return cycles[-1].when if cycles else None
 
     # -- values -------------------------------------------------------------------------------
 

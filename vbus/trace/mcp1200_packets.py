@@ -26,10 +26,14 @@ _BITS: Final = {
 _MODES: Final = {0: "soft reset", 1: "idle", 2: "halt motion", 3: "control"}
 _ACTIONS: Final = ("report", "idle", "decelerate", "abrupt")
 _COMPATIBLE: Final = 0x3F
+_PATIENCE: Final = 1000
+"""Bus cycles after which the other bytes of a register are not waited for any more."""
 
 
 class Mcp1200Packets(Decoder):
     """Bytes of registers; a register of several bytes is a packet once all of them have moved.
+
+    One of which only some have moved is told a thousand bus cycles later, or at the end.
 
     Whether addresses have six or seven bits is taken from the last write to the configuration
     register (MCP-BUS-9); until one is seen, six, as after reset.
@@ -41,9 +45,25 @@ class Mcp1200Packets(Decoder):
     def __init__(self) -> None:
         self._extended: bool = False
         self._open: dict[tuple[str, bool], dict[int, Cycle]] = {}
+        """Registers of which some bytes have moved; the one whose last byte is oldest first."""
+        self._moved: dict[tuple[str, bool], int] = {}
+        """Bus cycle in which the last byte of each of them moved."""
+        self._count: int = 0
 
     def take(self, cycle: Cycle) -> list[Packet]:
         """Take a cycle that reached the chip."""
+        self._count += 1
+        return [*self._given_up(), *self._taken(cycle)]
+
+    def _given_up(self) -> list[Packet]:
+        for key, moved in self._moved.items():
+            if self._count - moved < _PATIENCE:
+                break
+            del self._moved[key]
+            return [_partial(ds.REGISTERS[key[0]], self._open.pop(key))]
+        return []
+
+    def _taken(self, cycle: Cycle) -> list[Packet]:
         address = cycle.address if self._extended else cycle.address & _COMPATIBLE
         row = ds.REGISTERS.at(address)
         way = "write" if cycle.write else "read"
@@ -57,14 +77,17 @@ class Mcp1200Packets(Decoder):
             name = f"{way} {row.name}"
             return [Packet(kind, name, _value(row, cycle.data, cycle.write), row.clause, (cycle,))]
         key = (row.name, cycle.write)
-        seen = self._open.setdefault(key, {})
+        seen = self._open.pop(key, {})
+        self._moved.pop(key, 0)
         packets: list[Packet] = []
         if address in seen:
             packets.append(_partial(row, seen))
-            seen.clear()
+            seen = {}
         seen[address] = cycle
-        if len(seen) == len(row.addresses):
-            del self._open[key]
+        if len(seen) < len(row.addresses):
+            self._open[key] = seen
+            self._moved[key] = self._count
+        else:
             value = 0
             for place in row.addresses:
                 value = value << 8 | seen[place].data
@@ -75,11 +98,16 @@ class Mcp1200Packets(Decoder):
 
     def finish(self) -> list[Packet]:
         """Return the registers of which only some bytes have moved."""
-        packets = [
-            _partial(ds.REGISTERS[name], seen) for (name, _), seen in self._open.items() if seen
-        ]
+        packets = [_partial(ds.REGISTERS[name], seen) for (name, _), seen in self._open.items()]
         self._open = {}
+        self._moved = {}
         return packets
+
+    def unfinished(self) -> int | None:
+        """Return the instant of the oldest last byte of a register that is open, if one is."""
+        for seen in self._open.values():
+            return next(reversed(seen.values())).when
+        return None
 
     def show_word(self, name: str, value: int) -> str:
         """Explain a control register's byte as it reads."""

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from vbus.board.board import Board
 from vbus.signals import Observer, Violation
-from vbus.trace.decode import decoder_of
+from vbus.trace.decode import decoder_of, settings_for_decoders
 from vbus.trace.journal import end_of
 from vbus.trace.journal_format import Entry
 from vbus.trace.journal_view import Sessions, violation_of
@@ -135,9 +135,10 @@ class Replay:
         progress: Callable[[int], None] | None = None,
     ) -> None:
         self.board: Board = board
+        settings = settings_for_decoders(board.chips)
         self._entries: Iterator[Entry] = iter(entries)
         self._decoders: dict[str, Decoder] = {
-            name: decoder_of(family) for name, family in families.items()
+            name: decoder_of(family, settings.get(name, {})) for name, family in families.items()
         }
         self._progress: Callable[[int], None] | None = progress
         self._player: Player = Player(board)
@@ -228,7 +229,8 @@ class Replay:
             )  # fmt: skip
         reply, error = self._call(entry)
         self._sessions.follow(entry)
-        same = reply == entry.reply and error == entry.error
+        same = _settled(entry.op, reply) == _settled(entry.op, entry.reply)
+        same = same and error == entry.error
         if entry.op in ("read", "write") and not error and not entry.error:
             self._cycles += 1
             if not same:
@@ -376,6 +378,15 @@ class Replay:
             if cycle in packet.cycles:
                 return packet
         return None
+
+
+def _settled(op: str, reply: Any) -> Any:
+    """Return what of a reply is the same whoever watches the board.
+
+    How long SYNC promises that no output moves is a lower bound: it is shorter while somebody, a
+    waveform for instance, watches lines of the chip.
+    """
+    return reply[0] if op == "sync" and reply is not None else reply
 
 
 def _answer(reply: Any, error: int) -> str:

@@ -1,11 +1,12 @@
 """The violations of a run, each with the bus cycles around it."""
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 from vbus.signals import Observer, Rule, Violation
-from vbus.trace.decode import BoardPackets
+from vbus.trace.decode import NO_SETTINGS_AT_ALL, BoardPackets, Settings
 from vbus.trace.packets import Packet
 from vbus.trace.suppress import Suppression
 
@@ -65,6 +66,7 @@ class Report(Observer):
         rules: list[Rule],
         suppressions: list[Suppression] | None = None,
         file: str = "",
+        settings: Mapping[str, Settings] = NO_SETTINGS_AT_ALL,
     ) -> None:
         self.board: str = board
         self.file: str = file
@@ -79,7 +81,7 @@ class Report(Observer):
         """Evidence of faults: instant, name, target, what happened, what it changed."""
         self._ring: deque[Line] = deque(maxlen=AROUND)
         self._open: list[Finding] = []
-        self._packets: BoardPackets = BoardPackets(families, self._packet)
+        self._packets: BoardPackets = BoardPackets(families, self._packet, settings)
         self._ended: list[str] = []
 
     def _packet(self, chip: str, packet: Packet) -> None:

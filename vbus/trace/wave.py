@@ -8,7 +8,7 @@ from vbus.board.board import Board
 from vbus.errors import PluginError, VbusError
 from vbus.kernel import MS
 from vbus.signals import Net, Observer, Violation
-from vbus.trace.decode import BoardPackets
+from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.packets import Packet
 from vbus.trace.wave_file import VcdFile
 from vbus.trace.wave_signals import (
@@ -100,7 +100,9 @@ class Wave(Observer):
         self._pending: list[Change] = []
         self._ring: deque[Change] = deque()
         families = {chip.name: chip.FAMILY for chip in board.chips}
-        self._packets: BoardPackets = BoardPackets(families, self._packet)
+        self._packets: BoardPackets = BoardPackets(
+            families, self._packet, settings_for_decoders(board.chips)
+        )
         self._timer = board.kernel.timer(self._look, saved=False)
         self._cycle: int = 0
         """Instant of the latest bus cycle."""

@@ -6,7 +6,7 @@ The sigrok decoders use copies of this file and of the chips' decoders beside it
 may need more than the standard library and the tables.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -97,8 +97,13 @@ class Decoder:
     FAMILY: str = ""
     WORDS: dict[str, int] = {}
     """Values that can be explained by themselves: name and width in bits."""
+    SETTINGS: tuple[str, ...] = ()
+    """Settings of the chip that decide how its bus is read; :meth:`configure` takes them."""
     LOST: frozenset[str] = frozenset()
     """Rules whose breach means that the chip did not take the cycle."""
+
+    def configure(self, settings: Mapping[str, object]) -> None:
+        """Take those of the chip's settings that :attr:`SETTINGS` names."""
 
     def feed(self, cycle: Cycle, lost: str = "") -> list[Packet]:
         """Take the next bus cycle; return what is complete now.
@@ -119,6 +124,13 @@ class Decoder:
 
     def finish(self) -> list[Packet]:
         """Return what is still open: it was cut short."""
+        raise NotImplementedError
+
+    def unfinished(self) -> int | None:
+        """Return the instant of the last cycle of the oldest packet still open (ps), if any is.
+
+        No packet that comes later ends before it.
+        """
         raise NotImplementedError
 
     def word(self, name: str, value: int) -> str:

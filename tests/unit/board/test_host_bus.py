@@ -165,6 +165,45 @@ def test_a_broadcast_write_reaches_every_selected_chip_and_only_those() -> None:
     assert board.counters["writes"] == 1
 
 
+@pytest.mark.parametrize("joined", [False, True])
+@pytest.mark.parametrize("observed", [False, True])
+def test_a_read_of_several_chips_reads_them_all_and_is_a_fight_if_they_disagree(
+    joined: bool, observed: bool
+) -> None:
+    board, port = bench(chips=3)
+    if joined:
+        board.share_bus("data", ["t0", "t1", "t2"])
+        port = board.open_port("another")
+    for number, byte in enumerate((0x5C, 0x36, 0x77)):
+        port.select(1 << number)
+        port.write(1, byte)
+    if observed:
+        board.chips[0].bus_net.observe(Observer())
+    port.select(0b011)
+
+    assert port.read(1) == 0x5C & 0x36
+    [found] = board.violations
+    assert found.rule == "board.contention"
+    assert found.when == board.now - (board.chips[0].read_low_ps if joined else 0)
+    assert "=5C" in found.detail
+    assert "=36" in found.detail
+    # Each chip has been read; the third has not.
+    values = []
+    for number in range(3):
+        port.select(1 << number)
+        values.append(port.read(1))
+    assert values == [0x5D, 0x37, 0x77]
+    assert len(board.violations) == 1
+
+
+def test_a_read_of_several_chips_that_agree_is_no_fight() -> None:
+    board, port = bench(chips=2)
+    port.select(0b11)
+    port.write(1, 0x41)
+    assert port.read(1) == 0x41
+    assert list(board.violations) == []
+
+
 def test_reading_with_no_chip_selected_finds_the_last_value_on_a_floating_bus() -> None:
     _, port = bench(chips=2)
     port.write(1, 0x77)

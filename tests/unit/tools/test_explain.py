@@ -1,9 +1,16 @@
 """``vbus explain`` in process: bytes, words, rules, clauses, and what it refuses."""
 
+from pathlib import Path
+
 import pytest
 from click.testing import CliRunner
 
+from vbus.board.build import load_board_text
+from vbus.kernel import US
 from vbus.tools.explain import command
+from vbus.trace.journal import Journal
+from vbus.trace.mcp1200_packets import Mcp1200Packets
+from vbus.trace.packets import CUT, Cycle
 
 
 def explain(*arguments: str) -> list[str]:
@@ -83,3 +90,101 @@ def test_what_cannot_be_explained_is_refused_with_what_can(
     arguments: list[str], message: str
 ) -> None:
     assert message in " ".join(refused(*arguments).split())
+
+
+BOARD = """
+[board]
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+[chips.m]
+part = "MCP-1200"
+clock = "8 MHz"
+plant = "none"
+"""
+
+
+def journal(
+    path: Path, *cycles: tuple[str, str, int, int], text: str = BOARD, apart: int = 20 * US
+) -> str:
+    """Record bus cycles: chip, way, address, byte."""
+    board = load_board_text(text)
+    with path.open("wb") as file:
+        recorder = Journal(board, file)
+        ports = {chip.name: board.open_port(chip.name, [chip.name]) for chip in board.chips}
+        for chip, way, address, data in cycles:
+            board.run_until(board.now + apart)
+            if way == "w":
+                ports[chip].write(address, data)
+            else:
+                ports[chip].read(address)
+        recorder.close()
+    return str(path)
+
+
+def test_a_journal_is_told_in_the_order_of_time(tmp_path: Path) -> None:
+    """What was cut short stands where it ended, not where that became clear."""
+    lines = explain(
+        journal(
+            tmp_path / "a.vbj",
+            ("m", "r", 0x14, 0), ("x", "w", 0, 0x1F), ("x", "r", 0, 0), ("x", "w", 1, 0),
+            ("x", "r", 0, 0), ("m", "w", 0x0C, 1), ("x", "w", 0, 0x02), ("x", "w", 1, 7),
+            ("m", "w", 0x0E, 2), ("x", "r", 0, 0),
+        )
+    )[1:]  # fmt: skip
+    shown = [line.split(" ", 2)[1:] for line in lines]
+    assert [float(line.partition("us")[0]) for line in lines] == sorted(
+        float(line.partition("us")[0]) for line in lines
+    )
+    packets = [f"{chip} {text.split('  ')[0]}" for chip, text in shown if text[0] != "!"]
+    assert len(packets) < len(lines)
+    assert packets == [
+        "m read ACTUAL_POSITION 14H=00H, 2 of 3 bytes not touched",
+        "x RDSTAT 84H MOTOR_OFF TRAJECTORY_COMPLETE",
+        "x LTRJ cut after 0 of 1 words, byte 00H dropped",
+        "x RDSTAT 84H MOTOR_OFF TRAJECTORY_COMPLETE",
+        "x DFH",
+        "x data write of 07H after the end of DFH",
+        "m write COMMAND_POSITION 0CH=01H 0EH=02H, 1 of 3 bytes not touched",
+        "x RDSTAT 86H MOTOR_OFF TRAJECTORY_COMPLETE COMMAND_ERROR",
+    ]
+
+
+def test_a_register_whose_other_bytes_do_not_move_is_not_waited_for_for_ever() -> None:
+    decoder = Mcp1200Packets()
+    assert decoder.feed(Cycle(0, False, 0x14, 0)) == []
+    found = [packet for n in range(1, 1100) for packet in decoder.feed(Cycle(n, False, 7, 0))]
+    cut = [(n, packet.text) for n, packet in enumerate(found) if packet.kind == CUT]
+    assert cut == [(999, "read ACTUAL_POSITION 14H=00H, 2 of 3 bytes not touched")]
+    assert decoder.finish() == []
+
+
+@pytest.mark.spec("PMD-PKT-6")
+@pytest.mark.parametrize(
+    ("codes", "told"),
+    [
+        ("noop", ["SET_KP 100", "checksum 0089H right"]),
+        ("illegal", ["illegal command 25H (SET_KP of the servo chips)",
+                     "data write of 00H after 25H", "data write of 64H after 25H",
+                     "checksum 0000H: 25H is illegal"]),
+    ],
+)  # fmt: skip
+def test_codes_of_the_servo_chips_are_read_as_the_board_sets_them(
+    tmp_path: Path, codes: str, told: list[str]
+) -> None:
+    text = f"""
+[board]
+power_on = "done"
+[chips.x]
+part = "MC1241A"
+clock = "25 MHz"
+plants = ["none", "none"]
+family_codes = "{codes}"
+"""
+    cycles = [("x", "w", 1, 0x25), ("x", "w", 0, 0), ("x", "w", 0, 100), ("x", "r", 0, 0),
+              ("x", "r", 0, 0)]  # fmt: skip
+    lines = explain(journal(tmp_path / "a.vbj", *cycles, text=text, apart=100 * US))[1:]
+    texts = [line.split(" x ")[1].split("  [")[0] for line in lines]
+    assert [text for text in texts if not text.startswith("!")] == told

@@ -13,10 +13,12 @@ from tests.unit.trace.conftest import LM629, board_of, lm629_move, read, record,
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
+from vbus.board.sections import WaveSection
 from vbus.kernel import MS, US
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.port import PortError
 from vbus.protocols.requests import LEASED, REQUESTS
+from vbus.server.recording import wave_of
 from vbus.signals import Observer
 from vbus.trace.journal import Journal
 from vbus.trace.journal_format import Entry
@@ -394,3 +396,46 @@ def test_leased_polls_at_stamps_of_their_own_play_again() -> None:
     outcome = played(file.getvalue())
     assert outcome.divergence is None
     assert outcome.ended
+
+
+WIRED = (
+    LM629
+    + """
+[chips.y]
+part = "MCP-1200"
+clock = "8 MHz"
+plant = "none"
+[nets]
+interrupt = ["x.HI", "y./STOP"]
+"""
+)
+
+
+@pytest.mark.parametrize("profile", ["full", "sigrok"])
+def test_a_run_whose_interrupt_line_is_wired_is_the_same_while_it_is_watched(profile: str) -> None:
+    """A host that waits for HI asks with SYNC how far it may run; watched lines promise less."""
+
+    def waiting(port: HostBus) -> None:
+        lm629_move(port)
+        for _ in range(20):
+            _, until = port.sync()
+            port.delay(min(until - port.now(), MS))
+
+    data = record(WIRED, waiting)
+    header, entries = read(data)
+    promised = [entry.reply for entry in entries if entry.op == "sync"]
+    assert len({until for _, until in promised}) > 3
+
+    board = board_of(header)
+    wish = WaveSection(name="", file="-", profile=profile)
+    wave = wave_of(board, wish, io.StringIO(), pytest.fail)
+    wave.start()
+    outcome = Replay(board, entries, header.families).run()
+    wave.stop()
+    assert (outcome.divergence, outcome.ended) == (None, True)
+    assert board.kernel.observations
+
+    # The levels it tells are compared all the same.
+    number, (lines, until) = next((e.number, e.reply) for e in entries if e.op == "sync")
+    wrong = played(data, changed={number: {"reply": (lines ^ 1, until)}})
+    assert difference(wrong).entry == number
