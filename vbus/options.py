@@ -27,6 +27,7 @@ class Option:
         clause: clause of a specification it belongs to.
         extremes: values, as a board file writes them, by which silicon may legally differ from
             the default: what a host must live with. The mildest comes first.
+        evidence: of a choice between readings of a manual: what speaks for each of them.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Option:
     high: float | None = None
     clause: str = ""
     extremes: tuple[Value, ...] = ()
+    evidence: str = ""
 
 
 def with_defaults(options: tuple[Option, ...], given: Settings | None = None) -> dict[str, Value]:

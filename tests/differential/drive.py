@@ -88,6 +88,7 @@ plant = "m"
 busy_clk = {random.choice((120, 200))}
 busy_jitter_clk = {random.choice((0, 40))}
 pid_overflow = "{random.choice(("saturate", "wrap"))}"
+integral_limit = "{random.choice(("term", "sum"))}"
 pwm_frame_clk = {random.choice((512, 128, 2048))}
 [plants.m]
 {plant(random, servo_motor)}
@@ -275,7 +276,7 @@ class Host:
     def words(self, command: Command) -> Iterator[int]:
         random = self.random
         if command.name == "LTRJ":
-            yield 0x002A | random.choice((0, 0, 0x800, 0x1800, 0x0015))
+            yield 0x002A | random.choice((0, 0, 0x800, 0x1800, 0x0015, 0x0401, 0x1C00))
             for value in (1 << random.randrange(24), 1 << random.randrange(26), word(random)):
                 high = value >> 16 if value > 1 else random.choice((0, 0xFFFF))
                 yield high

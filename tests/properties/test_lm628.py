@@ -79,11 +79,14 @@ moves = st.one_of(
     st.builds(lambda v, c: packet("LTRJ", c | 0x08, *long(v)),
               rate, st.sampled_from([0x0000, 0x0800, 0x1800])),
     st.sampled_from([packet("LTRJ", control) for control in (0x0100, 0x0200, 0x0400, 0x1C00)]),
+    st.builds(lambda p, c: packet("LTRJ", c | 0x02, *long(p)), st.integers(-500, 500),
+              st.sampled_from([0x0001, 0x0101, 0x0201, 0x0401, 0x1C01, 0x0400])),
     st.sampled_from([packet(name) for name in ("STT", "STT", "STT", "SIP", "DFH", "UDF")]),
     st.builds(lambda *gains: packet("LFIL", gains[4] << 8 | 0x0F, *gains[:4]),
               *[st.integers(0, 300)] * 4, st.integers(0, 5)),
     st.builds(lambda error: packet("LPES", error), st.integers(1, 500)),
-    st.builds(lambda bp: packet("SBPA", *long(bp)), st.integers(-500, 500)),
+    st.builds(lambda name, bp: packet(name, *long(bp)),
+              st.sampled_from(["SBPA", "SBPR"]), st.integers(-500, 500)),
     st.just(packet("RSTI", 0)),
     st.just(packet("PORT12")),
     st.tuples(st.just("run"), st.integers(0, 60_000 * US), st.just(0)),
@@ -307,6 +310,7 @@ def test_velocity_mode_never_changes_faster_than_its_acceleration_and_stops_on_a
     steps = 0
     while not profile.step():
         assert abs(profile.velocity) == abs(before) - accel
+        assert profile.target == profile.position >> 16
         before = profile.velocity
         steps += 1
     assert steps <= 20 * ONE // accel + 1

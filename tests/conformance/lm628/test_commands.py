@@ -56,6 +56,90 @@ def test_udf_copies_the_filter_at_the_next_sample_and_shows_in_bit_13_until_then
     assert (pid.kp, pid.ki, pid.kd, pid.il, pid.ds) == (1, 2, 3, 4, 7)
 
 
+@pytest.mark.spec("LM-CMD-5", "LM-PID-1")
+def test_udf_takes_what_is_loaded_when_it_is_executed_and_leaves_later_data_for_the_next(bench):
+    bench.next_sample()
+    bench.command("LFIL", 0x0008, 200)
+    bench.command("UDF")
+    bench.command("LFIL", 0x0708, 1000)
+    pid = bench.axis.pid
+    assert bench.axis.udf, "all of this within one sample"
+    bench.next_sample()
+    assert (pid.kp, pid.ds) == (200, 0)
+    assert not bench.axis.signals() & 0x2000
+    bench.next_sample()
+    assert (pid.kp, pid.ds) == (200, 0)
+    bench.command("UDF")
+    bench.next_sample()
+    assert (pid.kp, pid.ds) == (1000, 7)
+
+
+@pytest.mark.spec("LM-CMD-5")
+def test_of_several_udfs_in_one_sample_the_last_counts(bench):
+    bench.next_sample()
+    for kp in (200, 1000):
+        bench.command("LFIL", 0x0008, kp)
+        bench.command("UDF")
+    bench.command("LFIL", 0x0008, 5)
+    assert bench.axis.udf, "all of this within one sample"
+    bench.next_sample()
+    assert bench.axis.pid.kp == 1000
+
+
+@pytest.mark.spec("LM-CMD-5", "LM-BUS-9")
+def test_udf_takes_what_is_loaded_when_its_busy_time_ends(bench):
+    bench.command("LFIL", 0x0008, 200)
+    bench.next_sample()
+    bench.write(0, COMMANDS["UDF"].code)
+    end = bench.chip.ready_at()
+    bench.at(end - 1)
+    assert not bench.axis.udf
+    bench.at(end)
+    assert bench.axis.udf
+    bench.next_sample()
+    assert bench.axis.pid.kp == 200
+
+
+@pytest.mark.spec("LM-CMD-5")
+@pytest.mark.parametrize("later", [[], [1000], [1000, 200]])
+def test_what_udf_has_taken_outlives_a_snapshot(make, later):
+    bench, other = make(), make()
+    bench.next_sample()
+    bench.command("LFIL", 0x0008, 200)
+    bench.command("UDF")
+    for kp in later:
+        bench.command("LFIL", 0x0008, kp)
+    other.at(bench.now)
+    other.chip.load(bench.chip.save())
+    for one in (bench, other):
+        one.command("LFIL", 0x0008, 50)
+        assert one.axis.udf, "all of this within one sample"
+        one.next_sample()
+        assert one.axis.pid.kp == 200
+
+
+@pytest.mark.spec("LM-CMD-5")
+def test_a_state_that_says_nothing_of_what_udf_has_taken_means_what_is_loaded(make):
+    bench, other = make(), make()
+    bench.next_sample()
+    bench.command("LFIL", 0x0008, 200)
+    bench.command("UDF")
+    (axis, *core), *rest = bench.chip.save()
+    assert len(axis) == 22, "as in version 0.1.0, while nothing else is loaded"
+    bench.command("LFIL", 0x0008, 1000)
+    (axis, *core), *rest = bench.chip.save()
+    assert axis[22:] == ((0, 200, 0, 0, 0),)
+
+    other.at(bench.now)
+    other.chip.load(((axis[:22], *core), *rest))
+    assert other.axis.udf
+    other.command("LFIL", 0x0008, 50)
+    other.next_sample()
+    assert other.axis.pid.kp == 1000
+    (axis, *core), *rest = other.chip.save()
+    assert len(axis) == 22, "nothing waits any more"
+
+
 @pytest.mark.spec("LM-CMD-6", "LM-CMD-7", "LM-STA-2")
 def test_the_port_size_commands_set_signals_bit_8(bench):
     assert bench.report("RDSIGS") & 0x0100
@@ -322,7 +406,7 @@ def test_acceleration_loaded_is_set_by_its_words_and_cleared_by_the_stt(bench):
 
 
 @pytest.mark.spec("LM-CMD-14", "LM-AMB-9")
-def test_rdsum_reads_the_limited_term_and_not_the_sum(make):
+def test_rdsum_reads_the_limited_term_and_not_the_sum_by_default(make):
     plant = Course()
     bench = make(plant=plant)
     bench.filter(ki=20, il=50)
@@ -335,6 +419,25 @@ def test_rdsum_reads_the_limited_term_and_not_the_sum(make):
     for _ in range(6):
         bench.next_sample()
     assert bench.report("RDSUM") == -50
+
+
+@pytest.mark.spec("LM-CMD-14", "LM-AMB-9")
+@pytest.mark.parametrize("ki", [0, 20])
+def test_rdsum_reads_the_limited_summation_on_request_whatever_ki_is(make, ki):
+    plant = Course()
+    bench = make(plant=plant, integral_limit="sum")
+    bench.filter(ki=ki, il=2)
+    bench.move(0)
+    plant.counts = [-300] * 5
+    for expected in (0, 1, 2, 2, 2):
+        bench.next_sample()
+        assert bench.report("RDSUM") == expected
+        assert bench.axis.command == ki * expected
+    plant.counts = [800] * 12
+    for expected in (2, -1, -2, -2):
+        bench.next_sample()
+        assert bench.report("RDSUM") == expected
+        assert bench.axis.command == ki * expected
 
 
 def test_every_row_of_the_command_table_has_its_method_and_no_method_is_without_a_row(bench):

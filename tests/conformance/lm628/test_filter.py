@@ -10,11 +10,12 @@ from vbus.chips.lm628.pid import Pid
 ERRORS = (0, 10, 20, 30, 30, -5, -400)
 
 
-def pid(wraps: bool = False, ds: int = 0, **gains: int) -> Pid:
-    filter_ = Pid(wraps)
+def pid(wraps: bool = False, ds: int = 0, limits_sum: bool = False, **gains: int) -> Pid:
+    filter_ = Pid(wraps, limits_sum)
     for number, name in enumerate(("kp", "ki", "kd", "il"), 1):
         filter_.store(number, gains.get(name, 0))
     filter_.store(0, ds)
+    filter_.send()
     filter_.update()
     return filter_
 
@@ -160,6 +161,7 @@ def test_the_derivative_is_taken_every_ds_plus_one_samples_and_added_in_each(ds,
 def test_udf_begins_a_derivative_interval_with_its_own_sample():
     filter_ = pid(kd=1, ds=3)
     assert [filter_.step(error) for error in (10, 11)] == [10, 10]
+    filter_.send()
     filter_.update()
     assert [filter_.step(error) for error in (14, 15, 16, 17, 18)] == [4, 4, 4, 4, 4]
 
@@ -195,11 +197,60 @@ def test_a_limit_lowered_below_the_term_lets_the_sum_fall_but_not_rise():
     for _ in range(20):
         filter_.step(256)
     filter_.store(4, 50)
+    filter_.send()
     filter_.update()
     filter_.step(256)
     assert (filter_.sum, filter_.term) == (5120, 50)
     filter_.step(-256)
     assert (filter_.sum, filter_.term) == (4864, 50)
+
+
+@pytest.mark.spec("LM-PID-5")
+@pytest.mark.parametrize("limits_sum", [False, True])
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("beyond", "taken"), [(0, True), (1, False)])
+def test_a_limited_sum_may_change_sides_if_it_comes_no_further_from_zero(
+    limits_sum, sign, beyond, taken
+):
+    filter_ = pid(ki=1, il=0x7FFF, limits_sum=limits_sum)
+    filter_.step(sign * 1024)
+    filter_.store(4, 1)
+    filter_.send()
+    filter_.update()
+    filter_.step(sign * (-2048 - beyond))
+    assert (filter_.sum, filter_.term) == (sign * (-1024 if taken else 1024), -sign)
+
+
+@pytest.mark.spec("LM-PID-5", "LM-AMB-9")
+@pytest.mark.parametrize(
+    ("errors", "sums", "terms"),
+    [
+        ([300] * 4, [300, 600, 600, 600], [1, 2, 2, 2]),
+        ([767, 1, -1, -512], [767, 767, 766, 254], [2, 2, 2, 0]),
+        ([-512, -1, -1, 1], [-512, -512, -512, -511], [-2, -2, -2, -2]),
+        ([-100] * 7, [-100, -200, -300, -400, -500, -500, -500], [-1, -1, -2, -2, -2, -2, -2]),
+    ],
+)
+def test_the_limit_holds_for_the_scaled_summation_on_request(make, errors, sums, terms):
+    bench = held(make, errors, ki=10, il=2, integral_limit="sum")
+    bench.next_sample()
+    course = []
+    for _ in errors:
+        bench.next_sample()
+        course.append((bench.axis.pid.sum, bench.axis.pid.term, bench.axis.command))
+
+    assert course == [(total, term, 10 * term) for total, term in zip(sums, terms, strict=True)]
+
+
+@pytest.mark.spec("LM-PID-5", "LM-PID-6", "LM-AMB-9")
+@pytest.mark.parametrize("sign", [1, -1])
+def test_with_a_limited_summation_its_product_with_ki_overflows_like_the_others(sign):
+    saturating = pid(limits_sum=True, ki=5000, il=1000)
+    wrapping = pid(True, limits_sum=True, ki=5000, il=1000)
+    for filter_, output in ((saturating, 32767 if sign > 0 else -32768), (wrapping, sign * -7328)):
+        filter_.step(sign * 25_600), filter_.step(sign * 25_600)
+        assert filter_.step(sign * 25_600) == output
+        assert filter_.term == sign * 300
 
 
 @pytest.mark.spec("LM-PID-6", "LM-AMB-1", "LM-CFG-1")
@@ -235,7 +286,9 @@ def test_the_integral_product_overflows_before_it_is_compared_with_the_limit():
     assert wrapping.term == -4
 
 
-def reference(errors: list[int], kp: int, ki: int, kd: int, il: int, ds: int) -> list[int]:
+def reference(
+    errors: list[int], kp: int, ki: int, kd: int, il: int, ds: int, limits_sum: bool
+) -> list[int]:
     """The manual's Eq. 1 with its word widths, written straight down."""
 
     def sat(value: int) -> int:
@@ -247,11 +300,12 @@ def reference(errors: list[int], kp: int, ki: int, kd: int, il: int, ds: int) ->
         if n % (ds + 1) == 0:
             derivative, last = sat(kd * (error - last)), error
         grown = max(-0x7FFFFF, min(0x7FFFFF, total + error))
-        integral = sat(ki * (grown >> 8))
+        integral = grown >> 8 if limits_sum else sat(ki * (grown >> 8))
         limited = max(-il, min(il, integral))
         if limited == integral or abs(grown) <= abs(total):
             total = grown
-        result.append(sat(sat(kp * error) + limited + derivative))
+        term = sat(ki * limited) if limits_sum else limited
+        result.append(sat(sat(kp * error) + term + derivative))
     return result
 
 
@@ -261,9 +315,10 @@ gain = st.integers(0, 0x7FFF)
 @pytest.mark.spec("LM-PID-3", "LM-PID-4", "LM-PID-5", "LM-PID-6", "LM-PID-7")
 @given(
     st.lists(st.integers(-32768, 32767), max_size=60),
-    gain, gain, gain, gain, st.integers(0, 7),
+    gain, gain, gain, gain, st.integers(0, 7), st.booleans(),
 )  # fmt: skip
-def test_the_filter_is_the_equation(errors, kp, ki, kd, il, ds):
-    filter_ = pid(kp=kp, ki=ki, kd=kd, il=il, ds=ds)
+def test_the_filter_is_the_equation(errors, kp, ki, kd, il, ds, limits_sum):
+    filter_ = pid(kp=kp, ki=ki, kd=kd, il=il, ds=ds, limits_sum=limits_sum)
+    expected = reference(errors, kp, ki, kd, il, ds, limits_sum)
 
-    assert [filter_.step(error) for error in errors] == reference(errors, kp, ki, kd, il, ds)
+    assert [filter_.step(error) for error in errors] == expected

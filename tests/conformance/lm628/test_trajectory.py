@@ -666,3 +666,231 @@ def test_relative_data_loaded_after_stt_counts_from_the_target_of_the_one_before
     bench.command("STT")
     bench.next_sample()
     assert bench.axis.profile.target == 25, "used up"
+
+
+@pytest.mark.spec("LM-TRJ-5", "LM-TRJ-4", "LM-CMD-2")
+@pytest.mark.parametrize(
+    ("first", "second", "velocity"), [(0x1A00, 0x1C00, 0), (0x1C00, 0x1A00, 0), (0x1800, 0x1C00, 7)]
+)
+def test_of_two_stts_in_one_sample_both_count_if_the_second_may_only_stop(
+    bench, first, second, velocity
+):
+    bench.move(0x1800, accel=ONE, velocity=8 * ONE)
+    velocities(bench, 8)
+    bench.move(first, velocity=9 * ONE)
+    bench.load(second, accel=3 * ONE)
+    bench.command("STT")
+    assert bench.axis.start, "all of this within one sample"
+    bench.next_sample()
+
+    profile = bench.axis.profile
+    assert profile.velocity == velocity * ONE, "the stronger stop wins, whichever came first"
+    assert (profile.accel, profile.top) == (ONE, 9 * ONE), "what the first has taken, but no more"
+    assert profile.accel_loaded
+
+
+@pytest.mark.spec("LM-TRJ-5", "LM-CMD-2")
+def test_of_two_stts_in_one_sample_that_may_both_start_the_last_counts(bench):
+    bench.move(0x1800, accel=ONE, velocity=8 * ONE)
+    velocities(bench, 4)
+    bench.move(0x1A00)
+    bench.command("STT")
+    assert bench.axis.start, "both within one sample"
+    assert velocities(bench, 3) == [5, 6, 7], "not stopped"
+
+
+# -- the active target ----------------------------------------------------------------------------
+
+
+def run_and_stop(bench: Bench, position: int = 0, samples: int = 2) -> None:
+    """60 samples in velocity mode, and the first ones of a smooth stop."""
+    bench.command("LTRJ", 0x182A, 0x0000, 0x4000, 0x000A, 0x0000, *words(position))
+    bench.command("STT")
+    assert desired(bench, 60)[-1] == 405
+    bench.command("LTRJ", 0x1C00)
+    bench.command("STT")
+    assert desired(bench, samples)[-1] == (424.25 if samples == 2 else 600)
+
+
+def words(value: int) -> tuple[int, int]:
+    return value >> 16 & 0xFFFF, value & 0xFFFF
+
+
+@pytest.mark.spec("LM-TRJ-13", "LM-TRJ-3")
+@pytest.mark.parametrize("buffered", [0, 7000])
+def test_in_a_smooth_stop_a_relative_position_counts_from_the_desired_position(bench, buffered):
+    run_and_stop(bench, buffered)
+    bench.command("LTRJ", 0x0003, *words(100))
+    bench.command("STT")
+    bench.next_sample()
+    assert bench.axis.profile.target == 524
+    assert desired(bench, 200)[-1] == 524
+    assert bench.axis.profile.done
+
+
+@pytest.mark.spec("LM-AMB-5", "LM-CMD-22", "LM-TRJ-13")
+def test_in_a_smooth_stop_sbpr_counts_from_the_desired_position(make):
+    bench = make(plant=Follower())
+    bench.command("RSTI", 0)
+    run_and_stop(bench, 7000)
+    bench.command("SBPR", 0, 40)
+    assert (bench.axis.breakpoint, bench.axis.real) == (464, 414)
+    seen = []
+    for _ in range(6):
+        bench.next_sample()
+        seen.append((bench.report("RDRP"), bench.status()))
+    assert seen == [(424, 0), (433, 0), (442, 0), (451, 0), (459, 0), (468, 0x40)]
+
+
+@pytest.mark.spec("LM-TRJ-9", "LM-TRJ-3", "LM-AMB-5")
+@pytest.mark.parametrize("buffered", [0, 7000])
+def test_after_a_smooth_stop_relative_values_count_from_where_it_ended(bench, buffered):
+    run_and_stop(bench, buffered, 40)
+    assert bench.axis.profile.done
+    bench.command("SBPR", *words(-30))
+    assert bench.axis.breakpoint == 570
+    bench.move(0x0001, position=-100)
+    bench.next_sample()
+    assert bench.axis.profile.target == 500
+
+
+@pytest.mark.spec("LM-TRJ-9", "LM-TRJ-4")
+@pytest.mark.parametrize("mode", [0x1800, 0x0000])
+def test_a_smooth_stop_with_an_acceleration_loaded_takes_the_target_along(bench, mode):
+    bench.move(mode, accel=ONE, velocity=6 * ONE, position=1000)
+    velocities(bench, 8)
+    bench.load(0x1C00, accel=2 * ONE)
+    bench.command("STT")
+
+    profile = bench.axis.profile
+    for velocity in (5, 4, 3, 2, 1, 0):
+        bench.next_sample()
+        assert profile.velocity == velocity * ONE
+        assert profile.target == profile.position >> 16
+    assert profile.done
+    assert profile.raw[2] == 1000
+
+
+@pytest.mark.spec("LM-TRJ-5", "LM-TRJ-6", "LM-AMB-18")
+@pytest.mark.parametrize(
+    ("stop", "place"), [(0x0400, 30), (0x0200, 0), (0x0100, 1000)],
+    ids=["smoothly", "abruptly", "motor off"],
+)  # fmt: skip
+@pytest.mark.parametrize("relative", [0, 1])
+def test_a_position_loaded_with_a_stop_stays_buffered_until_the_next_stt(
+    bench, stop, place, relative
+):
+    bench.move(0, accel=ONE, velocity=5 * ONE, position=1000)
+    assert desired(bench, 6)[-1] == 20
+    bench.load(stop | relative, position=7000)
+    bench.command("STT")
+    profile = bench.axis.profile
+    bench.next_sample()
+    assert profile.target == {30: 24, 0: 0, 1000: 1000}[place]
+    assert (profile.raw[2], profile.relative[2]) == (7000, bool(relative))
+    desired(bench, 6)
+    assert profile.target == place, "where it stopped; with the motor off where the move went"
+    bench.command("SBPR", 0, 5)
+    assert bench.axis.breakpoint == place + 5
+
+    bench.command("STT")
+    bench.next_sample()
+    assert profile.target == (place + 7000 if relative else 7000)
+    bench.command("STT")
+    bench.next_sample()
+    assert profile.target == (place + 7000 if relative else 7000), "used up"
+
+
+@pytest.mark.spec("LM-TRJ-6", "LM-TRJ-5", "LM-AMB-18")
+def test_a_position_that_velocity_mode_never_started_is_reached_after_the_stop(bench):
+    run_and_stop(bench, 7000)
+    bench.command("LTRJ", 0)
+    bench.command("STT")
+    assert desired(bench, 1000)[-1] == 7000
+
+
+@pytest.mark.spec("LM-TRJ-6", "LM-TRJ-3")
+def test_a_stop_takes_relative_rates_and_its_direction_but_no_position(bench):
+    bench.move(0x1800, accel=ONE, velocity=6 * ONE, position=1000)
+    velocities(bench, 8)
+    bench.load(0x0C05, velocity=2 * ONE, position=9)
+    bench.command("STT")
+    bench.next_sample()
+
+    profile = bench.axis.profile
+    assert (profile.top, profile.forward, profile.velocity_mode) == (8 * ONE, False, True)
+    assert profile.raw == [ONE, 8 * ONE, 9]
+    assert profile.relative == [False, False, True]
+
+
+@pytest.mark.spec("LM-TRJ-13", "LM-TRJ-10", "LM-AMB-5")
+@pytest.mark.parametrize("control", [0x0100, 0x0900])
+def test_motor_off_in_velocity_mode_leaves_the_desired_position_as_the_target(make, control):
+    plant = Course()
+    bench = make(plant=plant)
+    cruise(bench)
+    bench.move(control, position=7000)
+    plant.counts = [-9, -9]
+    desired(bench, 4)
+    profile = bench.axis.profile
+    assert (profile.position, profile.target) == (8 * ONE, 8)
+    bench.command("SBPR", 0, 5)
+    assert bench.axis.breakpoint == 13
+
+
+@pytest.mark.spec("LM-TRJ-13", "LM-TRJ-10")
+def test_velocity_mode_chosen_while_the_motor_goes_off_makes_the_desired_position_the_target(bench):
+    bench.move(0, accel=ONE, velocity=5 * ONE, position=1000)
+    assert desired(bench, 6)[-1] == 20
+    bench.move(0x0900)
+    bench.next_sample()
+    assert bench.report("RDSIGS") & 0x0880 == 0x0880
+    assert bench.axis.profile.target == 20
+
+
+@pytest.mark.spec("LM-TRJ-9", "LM-POS-6")
+def test_an_error_that_ends_a_smooth_stop_leaves_the_desired_position_as_the_target(make):
+    bench = make(plant=Course())
+    bench.move(0x1800, accel=ONE, velocity=9 * ONE, position=7000)
+    assert desired(bench, 12)[-1] == 72
+    bench.command("LPES", 85)
+    bench.move(0x1C00)
+    desired(bench, 3)
+    assert bench.axis.motor_off
+    profile = bench.axis.profile
+    assert (profile.position, profile.target) == (87 * ONE, 87)
+
+
+@pytest.mark.spec("LM-POS-4", "LM-TRJ-9")
+def test_home_in_a_smooth_stop_moves_the_target_along(make):
+    bench = make(plant=Follower())
+    run_and_stop(bench, 7000)
+    assert bench.axis.real == 414
+    bench.command("DFH")
+    profile = bench.axis.profile
+    assert (profile.position, profile.target) == (0xA4000, 10)
+    bench.next_sample()
+    assert profile.target == profile.position >> 16 == 19
+    assert desired(bench, 60)[-1] == 600 - 414
+    bench.command("DFH")
+    bench.move(0x0001, position=25)
+    bench.next_sample()
+    assert profile.target == 25
+
+
+@pytest.mark.spec("LM-TRJ-5", "LM-TRJ-4", "LM-TRJ-6")
+@pytest.mark.parametrize("relative", [0, 1])
+def test_a_move_that_is_stopped_in_the_sample_that_would_begin_it_was_not_started(bench, relative):
+    bench.move(0, accel=ONE, velocity=5 * ONE, position=1000)
+    assert desired(bench, 6)[-1] == 20
+    bench.move(relative, position=7000)
+    bench.load(0x0100, accel=3 * ONE)
+    bench.command("STT")
+    assert bench.axis.start, "all of this within one sample"
+    bench.next_sample()
+    assert bench.axis.motor_off
+    assert bench.axis.profile.target == 1000
+
+    bench.move(0)
+    bench.next_sample()
+    assert bench.axis.profile.target == 7000 + 1000 * relative

@@ -8,6 +8,7 @@ from vbus.bits import clamp, wrap, wrap_word
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.pid import Pid
 from vbus.chips.lm628.profile import Profile
+from vbus.options import Settings
 
 START_NONE: Final = 0
 START_STOP: Final = 1
@@ -22,8 +23,8 @@ class Axis:
     """Registers and sample computation of one chip; knows nothing of time and pins.
 
     Args:
-        wraps: filter products wrap instead of saturating (LM-PID-6).
-        stuck: the part whose breakpoint flag cannot be reset until a breakpoint was loaded
+        settings: the chip's: ``pid_overflow``, ``integral_limit``, and ``reset_status``, where
+            ``C4`` is the part whose breakpoint flag cannot be reset until a breakpoint was loaded
             (LM-RST-5).
 
     Attributes:
@@ -58,10 +59,10 @@ class Axis:
         "real", "real_change", "sip", "start", "stop_on_error", "stuck", "threshold", "udf",
     )  # fmt: skip
 
-    def __init__(self, wraps: bool, stuck: bool) -> None:
+    def __init__(self, settings: Settings) -> None:
         self.profile: Profile = Profile()
-        self.pid: Pid = Pid(wraps)
-        self._stuck_part: bool = stuck
+        self.pid: Pid = Pid(settings["pid_overflow"] == "wrap", settings["integral_limit"] == "sum")
+        self._stuck_part: bool = settings["reset_status"] == "C4"
         self.count: i64 = 0
         self.real: i64 = 0
         self.real_change: i64 = 0
@@ -188,6 +189,11 @@ class Axis:
             profile.start()
             self.start = START_FULL
         return True
+
+    def request_update(self) -> None:
+        """UDF: have the next sample use what is loaded now (LM-CMD-5)."""
+        self.pid.send()
+        self.udf = True
 
     # -- the sample ---------------------------------------------------------------------------
 
@@ -334,12 +340,18 @@ class Axis:
         )  # fmt: skip
 
     def save(self) -> tuple[object, ...]:
-        """Return the whole state."""
+        """Return the whole state.
+
+        Coefficients that a waiting UDF has taken are part of it if LFIL has loaded others since.
+        """
+        pid = self.pid
+        sent = (tuple(pid.sent),) if self.udf and pid.sent != pid.loaded else ()
         return (
-            self.profile.save(), self.pid.save(), self.count, self.real, self.real_change,
+            self.profile.save(), pid.save(), self.count, self.real, self.real_change,
             self.error, self.following, self.command, self.flags, self.mask, self.motor_off,
             self.port8, self.threshold, self.stop_on_error, self.sip, self.index, self.start,
             self.udf, self.breakpoint, self.breakpoint_side, self.breakpoint_armed, self.stuck,
+            *sent,
         )  # fmt: skip
 
     def load(self, state: tuple[object, ...]) -> None:
@@ -349,6 +361,8 @@ class Axis:
             self.error, self.following, self.command, self.flags, self.mask, self.motor_off,
             self.port8, self.threshold, self.stop_on_error, self.sip, self.index, self.start,
             self.udf, self.breakpoint, self.breakpoint_side, self.breakpoint_armed, self.stuck,
+            *sent,
         ) = state  # type: ignore[assignment]  # fmt: skip
         self.profile.load(profile)  # type: ignore[arg-type]
         self.pid.load(pid)  # type: ignore[arg-type]
+        self.pid.sent = list(sent[0] if sent else self.pid.loaded)  # type: ignore[call-overload]

@@ -71,7 +71,7 @@ class LM628(Chip):
         self.read_low_ps = ds.READ_LOW
         self.cycle_ps = ds.CYCLE
         chosen = self.settings
-        self.axis: Axis = Axis(chosen["pid_overflow"] == "wrap", chosen["reset_status"] == "C4")
+        self.axis: Axis = Axis(chosen)
         self.output: Output = Output(pwm, int(chosen["pwm_frame_clk"]))
         self.encoder: Encoder = Encoder(clock)
         self.host: Host = Host(clock, chosen, self._host_broke)

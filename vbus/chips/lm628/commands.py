@@ -173,7 +173,7 @@ class Commands:
 
     def cmd_udf(self, step: int, word: int) -> None:
         """Update filter with the next sample."""
-        self._axis.udf = True
+        self._axis.request_update()
 
     # -- Trajectory control commands ----------------------------------------------------------
 
@@ -231,7 +231,7 @@ class Commands:
         self._host.reply(self._axis.real_velocity(), 1)
 
     def cmd_rdsum(self, step: int, word: int) -> None:
-        """Read integration-term summation value: the limited term (LM-AMB-9)."""
+        """Read integration-term summation value: what il has limited (LM-AMB-9)."""
         self._host.reply(self._axis.pid.term, 1)
 
     def save(self) -> tuple[object, ...]:

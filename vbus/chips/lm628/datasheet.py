@@ -297,6 +297,23 @@ RULES: Final = (
 
 # -- Settings (LM-CFG-1) ------------------------------------------------------------------------
 
+_OVERFLOW: Final = (
+    'The manual says: "All filter multiplications are 16-bit operations; only the bottom 16 bits of'
+    ' the product are used." `"wrap"` is this text, read literally. `"saturate"`, the default, is a'
+    " departure from it: the sentence is taken to say that products are not scaled down. For that"
+    ' speaks that the manual saturates the error "to ensure predictable behavior", that a product'
+    " which wraps reverses the torque, and that drivers in use load kd = 7FFFH."
+)
+_LIMIT: Final = (
+    '`"term"`, the default, is the manual\'s text: il "constrains the contribution of the'
+    ' integration term", and "when the magnitude of integration term value exceeds il, the il value'
+    ' (with appropriate sign) is substituted". `"sum"` is what a console log of two real LM629s'
+    " fits: il limits the scaled summation, sum / 256 rounded down; RDSUM reads it, and the"
+    " contribution is ki times it. With that go RDSUM's name in the manual, \"read integration-term"
+    ' summation value", and its range, up to the integration limit. That the sum stops growing at'
+    " the limit is a ruling, in either."
+)
+
 OPTIONS: Final = (
     Option("busy_clk", "count", BUSY_CLK, "busy after an accepted byte, in clock periods",
            low=1, high=800, clause="LM-BUS-8", extremes=(1,)),
@@ -313,7 +330,10 @@ OPTIONS: Final = (
     Option("reset_fail", "count", 0, "this many resets never come to an end",
            low=0, clause="LM-RST-9"),
     Option("pid_overflow", "choice", "saturate", "what becomes of filter products over 16 bits",
-           choices=("saturate", "wrap"), clause="LM-PID-6"),
+           choices=("saturate", "wrap"), clause="LM-PID-6", evidence=_OVERFLOW),
+    Option("integral_limit", "choice", "term",
+           "what il limits and RDSUM reads: the product with ki, or the summation before it",
+           choices=("term", "sum"), clause="LM-PID-5", evidence=_LIMIT),
     Option("pwm_frame_clk", "count", 512, "length of a PWM frame, in clock periods",
            low=PWM_FRAMES[0], high=PWM_FRAMES[-1], clause="LM-PID-10"),
     Option("counts_per_turn", "count", 2000,

@@ -24,6 +24,7 @@ class Pid:
 
     Args:
         wraps: products and their sum keep their low 16 bits instead of saturating (LM-PID-6).
+        limits_sum: il limits the scaled summation instead of the integral term (LM-PID-5).
 
     Attributes:
         kp: proportional coefficient in use, 0..7FFFh.
@@ -32,26 +33,29 @@ class Pid:
         il: integration limit in use.
         ds: derivative sampling code in use; the interval is ``ds + 1`` samples.
         loaded: what LFIL has written: ds, kp, ki, kd, il.
+        sent: what a UDF that waits for its sample has taken of it.
         sum: the 24-bit integral of the error.
-        term: limited integral term of the last sample, which RDSUM reads.
+        term: what RDSUM reads: integral term of the last sample, or scaled summation, as limited.
         derivative: derivative term, held from one derivative sample to the next.
         last_error: error at the last derivative sample.
         phase: samples since the last derivative sample began, 0..ds.
     """
 
     __slots__ = (
-        "_wraps", "derivative", "ds", "il", "kd", "ki", "kp", "last_error", "loaded", "phase",
-        "sum", "term",
+        "_limits_sum", "_wraps", "derivative", "ds", "il", "kd", "ki", "kp", "last_error",
+        "loaded", "phase", "sent", "sum", "term",
     )  # fmt: skip
 
-    def __init__(self, wraps: bool) -> None:
+    def __init__(self, wraps: bool, limits_sum: bool) -> None:
         self._wraps: bool = wraps
+        self._limits_sum: bool = limits_sum
         self.kp: i64 = 0
         self.ki: i64 = 0
         self.kd: i64 = 0
         self.il: i64 = 0
         self.ds: i64 = 0
         self.loaded: list[int] = [0, 0, 0, 0, 0]
+        self.sent: list[int] = [0, 0, 0, 0, 0]
         self.sum: i64 = 0
         self.term: i64 = 0
         self.derivative: i64 = 0
@@ -61,6 +65,7 @@ class Pid:
     def reset(self) -> None:
         """Zero everything (LM-RST-2)."""
         self.loaded = [0, 0, 0, 0, 0]
+        self.send()
         self.update()
         self.clear()
 
@@ -68,9 +73,13 @@ class Pid:
         """Store one datum of LFIL: 0 is ds, then kp, ki, kd, il (LM-PID-1)."""
         self.loaded[number] = word & COEFFICIENT_MAX
 
+    def send(self) -> None:
+        """UDF: what is loaded goes with it; later data is for the next UDF (NOTES 18)."""
+        self.sent = self.loaded[:]
+
     def update(self) -> None:
-        """Take over what LFIL has loaded; the next sample is a derivative sample (LM-PID-3)."""
-        self.ds, self.kp, self.ki, self.kd, self.il = self.loaded
+        """Use what UDF has taken; the coming sample is a derivative sample (LM-PID-3)."""
+        self.ds, self.kp, self.ki, self.kd, self.il = self.sent
         self.phase = 0
 
     def clear(self) -> None:
@@ -86,7 +95,7 @@ class Pid:
         Args:
             error: desired minus real position, saturated to 16 bits.
         """
-        wraps = self._wraps
+        wraps, limits_sum = self._wraps, self._limits_sum
         if self.phase == 0:
             change = self.kd * (error - self.last_error)
             self.derivative = wrap_word(change, _HALF) if wraps else _sat16(change)
@@ -101,8 +110,10 @@ class Pid:
             total = _SUM_MAX
         elif total < -_SUM_MAX:
             total = -_SUM_MAX
-        term = self.ki * (total >> 8)
-        term = wrap_word(term, _HALF) if wraps else _sat16(term)
+        term = total >> 8
+        if not limits_sum:
+            term = self.ki * term
+            term = wrap_word(term, _HALF) if wraps else _sat16(term)
         if term > self.il or term < -self.il:
             term = self.il if term > 0 else -self.il
             # Nearer to zero.
@@ -111,6 +122,9 @@ class Pid:
         else:
             self.sum = total
         self.term = term
+        if limits_sum:
+            term = self.ki * term
+            term = wrap_word(term, _HALF) if wraps else _sat16(term)
 
         product = self.kp * error
         if wraps:

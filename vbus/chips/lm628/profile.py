@@ -27,7 +27,8 @@ class Profile:
     Attributes:
         position: desired position.
         velocity: desired velocity, signed.
-        target: active target.
+        target: active target: where the position move under way or ended goes; the desired position
+            in velocity mode, and in and after a smooth stop (LM-AMB-5).
         top: active velocity limit.
         accel: active acceleration.
         velocity_mode: active mode.
@@ -107,16 +108,22 @@ class Profile:
         self._newer = [False, False, False]
 
     def take_buffers(self) -> None:
-        """Copy what STT took to the working set; relative data becomes absolute (LM-TRJ-3, -6)."""
+        """Copy what STT took to the working set; relative data becomes absolute (LM-TRJ-3, -6).
+
+        An STT that stops begins no move: the position stays in its buffer (LM-TRJ-5).
+        """
         self.accel = self._rate(ACCELERATION, self.accel)
         self.top = self._rate(VELOCITY, self.top)
-        value = sign_extend(self._sent_raw[POSITION], 32)
-        if self._sent_relative[POSITION]:
-            value += self.target
-        self.target = wrap(value, ds.POSITION_BITS)
-        self._resolve(POSITION, self.target & 0xFFFFFFFF)
         self.velocity_mode = bool(self.started & ds.VELOCITY_MODE)
         self.forward = bool(self.started & ds.FORWARD)
+        if not self.started & ds.STOPS:
+            value = sign_extend(self._sent_raw[POSITION], 32)
+            if self._sent_relative[POSITION]:
+                value += self.target
+            self.target = wrap(value, ds.POSITION_BITS)
+            self._resolve(POSITION, self.target & 0xFFFFFFFF)
+        if self.velocity_mode:
+            self.target = self.position >> 16
         self.accel_loaded = self._newer[ACCELERATION]
 
     def _rate(self, number: int, active: int) -> int:
@@ -151,10 +158,10 @@ class Profile:
             else:
                 self.velocity = 0
             self._move()
+            self.target = self.position >> 16
             if self.velocity:
                 return False
             # LM-TRJ-9: the axis comes to rest on a whole count.
-            self.target = self.position >> 16
             self.position = self.target << 16
             self.stopping = False
             self.done = True

@@ -10,6 +10,7 @@ from vbus.board import plugins, units
 from vbus.chips.base import Chip
 from vbus.chips.strobes import AcLimit, AcTable
 from vbus.chips.tables import Bit, Command, PinRow, Register
+from vbus.options import Option
 from vbus.signals import Rule
 from vbus.tools.generate.board_file import option_table
 from vbus.tools.generate.layout import ROOT
@@ -104,6 +105,7 @@ def page(family: str) -> str:
     lines += ["## AC limits", "", *_limits(family, sheet), ""]
     lines += ["## Other rules", "", *_rules(sheet.RULES, _tables(sheet)), ""]
     lines += ["## Options in a board file", "", *option_table(chip.OPTIONS), ""]
+    lines += _readings(chip.OPTIONS)
     lines += ["## Where the manual is silent", "", *_silent(family)]
     return "\n".join(lines) + "\n"
 
@@ -240,6 +242,14 @@ def _rules(rules: Iterable[Rule], tables: dict[str, AcTable]) -> list[str]:
         ("rule", "severity", "what is required", "clause"),
         ((f"`{r.name}`", r.severity, r.title, r.clause) for r in rules if r.name not in ac),
     )
+
+
+def _readings(options: Iterable[Option]) -> list[str]:
+    """Return what speaks for the readings of the manual that a setting chooses from."""
+    found = [f"* `{option.name}`. {option.evidence}" for option in options if option.evidence]
+    if not found:
+        return []
+    return ["Where an option chooses between readings of the manual:", "", *found, ""]
 
 
 def _silent(family: str) -> list[str]:
