@@ -135,7 +135,7 @@ class Core:
         self.following.begin(position if step_mode else self._command_register(self.bytes))
 
     def drop(self, flags: int) -> None:
-        """The host has cleared mode flags: a mode that is set again begins anew."""
+        """The host has cleared mode flags: a mode set again before a sample begins anew."""
         self._dropped |= flags
 
     @staticmethod
@@ -184,7 +184,8 @@ class Core:
         self._action = action
         self._position = position
         self._entering = mode != self._last_mode or self._dropped & mode != 0
-        if self._last_mode == 0 or self._dropped & self._last_mode:
+        # The velocity is carried into another mode, not into one that begins anew (NOTES 7).
+        if self._last_mode == 0 or self._dropped & self._last_mode & mode:
             self.command.velocity = 0
             self.command.fraction = 0
         self._dropped = 0
@@ -206,8 +207,9 @@ class Core:
         shown = sheet.shown
         position = self._position
         step_mode = image.config & ds.STEP_MODE
-        shown.flag &= ~self._profile(image)
-        self._last_mode = self.mode & shown.flag
+        cleared = self._profile(image)
+        shown.flag &= ~cleared
+        self._last_mode = self.mode & ~cleared
 
         shown.velocity = position - self.last_position
         self.last_position = position
