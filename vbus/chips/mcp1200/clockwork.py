@@ -330,8 +330,8 @@ class Clockwork:
             self._enter_control(cycle, position)
         if self.state == CONTROL:
             self._begin_control_sample(cycle, position, request == ds.HALT_CODE)
-        else:
-            self.core.last_position = position
+        if self.state == STANDING:
+            self.core.idle_sample(position)
         self._at_routine = cycle + ds.BREAK_ROUTINE_CLK if self.breakpoint.sample() else FAR
         if self.state == STANDING and self.side.sync == 0:
             self.hold_timer()

@@ -199,6 +199,17 @@ class Core:
         sheet.shown.status |= ds.BUSY
         return work_clocks(image, mode)
 
+    def idle_sample(self, position: i64) -> None:
+        """A sample of idle mode: of all results only In-position is shown (MCP-STA-4)."""
+        self.last_position = position
+        data = self.bytes
+        status = data[ds.STATUS] & ~ds.IN_POSITION
+        if self.following.near(self._command_register(data), position, data):
+            status |= ds.IN_POSITION
+        if status != data[ds.STATUS]:
+            self.sheet.settle()
+            data[ds.STATUS] = status
+
     def finish(self) -> None:
         """Compute the sample and show its results."""
         sheet = self.sheet
