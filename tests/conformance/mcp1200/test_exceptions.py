@@ -119,6 +119,23 @@ def test_deceleration_without_a_ramp_is_an_abrupt_stop(begin: Callable[[Bench], 
         assert bench.trace("COMMAND_POSITION", 3) == [9, 11, 11]
 
 
+@pytest.mark.spec("MCP-EXC-2", "MCP-AMB-33", "MCP-INT-2")
+def test_position_interpolation_that_was_stopped_waits_until_its_registers_change() -> None:
+    bench = Bench()
+    bench.write(0x04, DECEL << 2)
+    moving(bench, position_interpolation)
+    bench.drive("/STOP", LOW)
+    bench.samples(2)
+    # 320 is what it was kept from. A byte written while it is kept there does not count.
+    bench.write(0x2A, 0x02)
+    bench.samples(1)
+    bench.drive("/STOP", HIGH)
+    assert bench.trace("COMMAND_POSITION", 3) == [7, 7, 7]
+    bench.put("INTERPOLATOR_PRESET", 0)
+    bench.write(0x2A, 0x01)
+    assert bench.trace("COMMAND_POSITION", 3) == [163, 320, 320]
+
+
 @pytest.mark.spec("MCP-EXC-2")
 @pytest.mark.parametrize("begin", [profile, s_curve])
 def test_a_profile_decelerates_linearly_and_ends(begin: Callable[[Bench], None]) -> None:

@@ -256,7 +256,7 @@ class Core:
             if self._action == ds.ABRUPT:
                 cleared = ds.MODE_FLAGS
             elif mode == ds.F3:
-                self.interpolation.hold()
+                self.interpolation.hold(image.final)
         elif mode == ds.F0:
             cleared = self._point_to_point(image)
         elif mode == ds.F4:
@@ -320,23 +320,25 @@ class Core:
 
     def _interpolate_position(self, image: Picture) -> None:
         if self._entering:
-            self.interpolation.hold()
-        fresh = self._entering or image.capture & ds.INTERPOLATOR_BUSY != 0
-        point = image.final if self._entering else self._sampled_point
-        if self.interpolation.step(self.command, image, fresh, point):
+            self.interpolation.hold(image.final)
+        busy = image.capture & ds.INTERPOLATOR_BUSY != 0
+        point = self._sampled_point if busy and not self._entering else image.final
+        if self.interpolation.step(self.command, image, busy or self._entering, point):
             self.sheet.shown.capture &= ~ds.INTERPOLATOR_BUSY
 
     def _interpolate_velocity(self, image: Picture) -> None:
         ramps = self.ramps
         if self._entering:
             ramps.enter(self.command.velocity)
-        fresh = self._entering or image.capture & ds.INTERPOLATOR_BUSY != 0
-        goal = image.high_velocity if self._entering else self._sampled_velocity
+        busy = image.capture & ds.INTERPOLATOR_BUSY != 0
+        goal = self._sampled_velocity if busy and not self._entering else image.high_velocity
+        fresh = busy or self._entering
         if self._action == ds.DECELERATE:
             self._clear_velocity()
             self.velocity_point = 0
             ramps.slow_down(self.command, image)
             fresh = False
+            goal = 0
         if ramps.step(self.command, image, fresh, goal):
             self.sheet.shown.capture &= ~ds.INTERPOLATOR_BUSY
 
