@@ -10,8 +10,8 @@ from vbus.chips.mcp1200.command import Command
 from vbus.chips.mcp1200.faults import Faults
 from vbus.chips.mcp1200.following import Following
 from vbus.chips.mcp1200.interpolate import PositionInterpolation, VelocityInterpolation
-from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN, LeadFilter
-from vbus.chips.mcp1200.output import dac_code
+from vbus.chips.mcp1200.lead import LeadFilter
+from vbus.chips.mcp1200.output import dac_code, pwm_command
 from vbus.chips.mcp1200.picture import Picture
 from vbus.chips.mcp1200.pid import PidFilter
 from vbus.chips.mcp1200.scurve import SCurveMove
@@ -34,6 +34,7 @@ class Core:
 
     Args:
         sheet: the registers.
+        clip: a unipolar DAC port gives zero of a negative motor command, not its magnitude.
 
     Attributes:
         mode: flag of the control mode of this sample (F0, F3, F4, F5), 0 for position control.
@@ -50,7 +51,7 @@ class Core:
     """
 
     __slots__ = (
-        "_action", "_dropped", "_entering", "_last_mode", "_position", "_sampled_point",
+        "_action", "_clip", "_dropped", "_entering", "_last_mode", "_position", "_sampled_point",
         "_sampled_velocity", "_stopping", "abrupt", "bytes", "command", "command_written",
         "faults", "following", "goal_step", "halted", "increment_written",
         "interpolation", "last_position", "lead", "mc", "mode", "pid", "point",
@@ -58,8 +59,9 @@ class Core:
         "velocity_point",
     )  # fmt: skip
 
-    def __init__(self, sheet: Sheet) -> None:
+    def __init__(self, sheet: Sheet, clip: bool) -> None:
         self.sheet: Sheet = sheet
+        self._clip: bool = clip
         self.bytes: bytearray = sheet.bytes
         self.command: Command = Command()
         self.trapezoid: Trapezoid = Trapezoid()
@@ -375,14 +377,8 @@ class Core:
             self.mc = self.pid.step(image, error, velocity)
         else:
             self.mc = self.lead.step(image, error)
-        code = self.mc
-        pwm = self.mc
-        if image.feature & ds.DIAGNOSTIC_DAC:
-            code = limited(error * 16)
-        if image.feature & ds.DIAGNOSTIC_PWM:
-            pwm = error * 16
-        code = dac_code(image, code)
-        pwm = limited(pwm)
+        code = dac_code(image, self.mc, error, self._clip)
+        pwm = pwm_command(image, self.mc, error)
         self.sheet.shown.dac = code
         self.sheet.shown.pwm = pwm & 0xFFF
         self.sheet.live.dac = code
@@ -444,12 +440,3 @@ class Core:
         self.pid.load(pid)  # type: ignore[arg-type]
         self.stall.load(stall)  # type: ignore[arg-type]
         self.faults.load(faults)  # type: ignore[arg-type]
-
-
-def limited(command: i64) -> i64:
-    """Limit a motor command to 12 bits."""
-    if command > MC_MAX:
-        return MC_MAX
-    if command < MC_MIN:
-        return MC_MIN
-    return command
