@@ -195,6 +195,21 @@ def test_integral_velocity_stays_at_rest_until_the_flag_is_cleared(pin: str, set
     assert bench.trace("COMMAND_POSITION", 2) == [here + 4, here + 8]
 
 
+@pytest.mark.spec("MCP-EXC-1", "MCP-EXC-2")
+@pytest.mark.parametrize(("pin", "setting"), [("/STOP", DECEL << 2), ("/LIMIT", DECEL)])
+def test_integral_velocity_waits_for_a_stop_of_idle_mode_to_be_cleared(
+    pin: str, setting: int
+) -> None:
+    bench = Bench()
+    bench.write(0x04, setting)
+    low_pulse(bench, pin, US)
+    velocity(bench)
+    assert bench.trace("COMMAND_POSITION", 2) == [0, 0]
+    bench.write(0x07, 0)
+    bench.put("VELOCITY_COMMAND", 4)
+    assert bench.trace("COMMAND_POSITION", 2) == [4, 8]
+
+
 @pytest.mark.spec("MCP-EXC-2")
 def test_a_flag_that_is_only_reported_does_not_hold_integral_velocity() -> None:
     bench = Bench()
@@ -411,6 +426,67 @@ def test_a_forced_exception_acts_until_it_is_zeroed_and_sets_no_flag(action: int
         assert bench.seen("COMMAND_POSITION") == here + 12
     else:
         assert (bench.seen("COMMAND_POSITION"), bench.seen("FLAG")) == (7, 0)
+
+
+@pytest.mark.spec("MCP-EXC-6", "MCP-STA-1")
+@pytest.mark.parametrize("source", ["breakpoint", "error", "forced"])
+@pytest.mark.parametrize("action", [REPORT, GO_IDLE, DECEL, ABRUPT])
+def test_the_handler_sets_the_flags_of_pins_for_no_other_source(source: str, action: int) -> None:
+    bench = Bench()
+    bench.extended()
+    bench.write(0x04, action * 0x50)
+    moving(bench, velocity)
+    if source == "breakpoint":
+        bench.put("BREAKPOINT", 7)
+        bench.samples(1)
+        bench.write(0x02, 0x11)
+    elif source == "error":
+        bench.put("MAX_ERROR", 3)
+    else:
+        bench.write(0x46, action)
+    bench.samples(3)
+    assert bench.pin("IDLE") == (action == GO_IDLE)
+    assert bench.seen("STATUS") & 0xC8 == 0xC8
+
+
+@pytest.mark.spec("MCP-EXC-4", "MCP-EXC-2", "MCP-RST-4")
+@pytest.mark.parametrize(("pin", "bit"), [("/LIMIT", 0x80), ("/STOP", 0x40)])
+def test_the_handler_sets_the_flag_of_a_pin_that_is_low_anew(
+    bench: Bench, pin: str, bit: int
+) -> None:
+    bench.drive(pin, LOW)
+    for code, idle in ((0x00, 1), (0x03, 0), (0x01, 1)):
+        bench.write(0x05, code)
+        bench.wait(5000)
+        assert (bench.pin("IDLE"), bench.read(0x07) & bit) == (idle, 0)
+        bench.write(0x07, 0)
+        assert not bench.read(0x07) & bit
+        bench.write(0x04, 0)
+    bench.drive(pin, HIGH)
+    assert not bench.read(0x07) & bit
+    bench.write(0x07, 0)
+    assert bench.read(0x07) & bit
+
+
+@pytest.mark.spec("MCP-EXC-2", "MCP-MOD-2", "MCP-RST-4")
+@pytest.mark.parametrize("source", ["/LIMIT", "/STOP", "forced"])
+def test_the_idle_action_of_the_handler_is_no_reset(bench: Bench, source: str) -> None:
+    bench.extended()
+    bench.write(0x04, GO_IDLE | GO_IDLE << 2)
+    here = moving(bench, velocity)
+    bench.put("LEAD_GAIN", 0x21)
+    bench.put("MAX_ERROR", 0x7000)
+    if source == "forced":
+        bench.write(0x46, GO_IDLE)
+    else:
+        bench.drive(source, LOW)
+    start = bench.sample_start()
+    bench.until(start)
+    # At once, without the 320 clocks of a reset; and the sample timer goes on as it was.
+    assert (bench.pin("IDLE"), bench.sample_start()) == (1, start + 4160)
+    assert (bench.read(0x04), bench.get("LEAD_GAIN"), bench.get("MAX_ERROR")) == (5, 0x21, 0x7000)
+    assert (bench.get("COMMAND_POSITION"), bench.get("ACTUAL_POSITION")) == (here, 7)
+    assert bench.read(0x07) & 0xC0 == {"/LIMIT": 0x40, "/STOP": 0x80, "forced": 0xC0}[source]
 
 
 @pytest.mark.spec("MCP-EXC-6")
