@@ -291,6 +291,25 @@ def test_velocity_interpolation_ramps_down_over_a_segment_and_stays() -> None:
     assert bench.seen("COMMAND_POSITION") > here + 15
 
 
+@pytest.mark.spec("MCP-EXC-2", "MCP-EXC-5", "MCP-INT-2")
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_velocity_written_while_the_pin_is_low_is_lost(whole: bool) -> None:
+    bench = Bench()
+    bench.write(0x04, DECEL << 2)
+    moving(bench, velocity_interpolation)
+    bench.drive("/STOP", LOW)
+    bench.samples(6)
+    here = bench.seen("COMMAND_POSITION")
+    if whole:
+        bench.put("VELOCITY", 0x000400)
+    else:
+        bench.write(0x24, 0x04)
+    assert bench.trace("COMMAND_POSITION", 3) == [here] * 3
+    bench.drive("/STOP", HIGH)
+    assert bench.trace("COMMAND_POSITION", 3) == [here] * 3
+    assert bench.seen("VELOCITY") == 0
+
+
 @pytest.mark.spec("MCP-EXC-2")
 def test_a_velocity_loaded_before_a_deceleration_is_forgotten() -> None:
     bench = Bench()

@@ -341,19 +341,20 @@ def test_diagnostic_outputs_carry_the_position_error(feature: int, dac: int, pwm
 
 @pytest.mark.spec("MCP-OUT-4", "MCP-OUT-2")
 @pytest.mark.parametrize(
-    ("drive", "unipolar", "feature", "mc", "fraction"),
-    [("pwm", "magnitude", 0, 800, 0.5), ("pwm", "magnitude", 0, 1600, 1.0),
-     ("pwm", "magnitude", 0, -2048, -1.0), ("dac", "magnitude", 0, 1024, 0.5),
-     ("dac", "magnitude", 0, -2048, -1.0), ("dac", "magnitude", 0x04, -1024, -0.5),
-     ("pwm", "clip", 0x04, -800, -0.5), ("dac", "clip", 0, -1024, -0.5),
-     ("dac", "clip", 0x04, -1024, 0.0), ("dac", "clip", 0x04, 1024, 0.5)],
+    ("drive", "unipolar", "feature", "offset", "mc", "fraction"),
+    [("pwm", "magnitude", 0, 0, 800, 0.5), ("pwm", "magnitude", 0, 0, 1600, 1.0),
+     ("pwm", "magnitude", 0, 0, -2048, -1.0), ("dac", "magnitude", 0, 0, 1024, 0.5),
+     ("dac", "magnitude", 0, 0, -2048, -1.0), ("dac", "magnitude", 4, 0, -1024, -0.5),
+     ("dac", "magnitude", 4, 64, -1024, -0.53125), ("pwm", "clip", 4, 0, -800, -0.5),
+     ("dac", "clip", 0, 0, -1024, -0.5), ("dac", "clip", 4, 0, -1024, 0.0),
+     ("dac", "clip", 4, 64, -1024, 0.03125), ("dac", "clip", 4, 64, 960, 0.5)],
 )  # fmt: skip
 def test_the_plant_gets_the_output_the_board_names(
-    drive: str, unipolar: str, feature: int, mc: int, fraction: float
+    drive: str, unipolar: str, feature: int, offset: int, mc: int, fraction: float
 ) -> None:
     rail = Rail()
     bench = Bench(plant=rail, drive=drive, unipolar=unipolar)
-    for name, value in {**UNIT, "FEATURE": feature}.items():
+    for name, value in {**UNIT, "FEATURE": feature, "DAC_OFFSET": offset}.items():
         bench.put(name, value)
     bench.control()
     command(bench, mc)

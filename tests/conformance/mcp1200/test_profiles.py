@@ -197,6 +197,18 @@ def test_in_motion_an_end_must_be_a_stopping_distance_ahead(
     assert run(bench) == [place * way for place in course]
 
 
+@pytest.mark.spec("MCP-TRP-6", "MCP-TRP-8")
+@pytest.mark.parametrize("way", [1, -1], ids=["forwards", "backwards"])
+def test_where_a_slow_axis_is_just_now_is_no_longer_ahead_of_it(bench: Bench, way: int) -> None:
+    prepare(bench, 1000 * way, velocity=1, accel=0x0200)
+    start(bench)
+    assert bench.trace("COMMAND_POSITION", 3) == [way, 2 * way, 3 * way]
+    bench.put("FINAL_POSITION", 3 * way & 0xFFFFFF)
+    assert run(bench) == [3 * way]
+    # It was stopped there; it did not arrive.
+    assert bench.seen("DECEL_POSITION") == 3 * way
+
+
 @pytest.mark.spec("MCP-TRP-6")
 def test_in_deceleration_a_new_end_is_ignored(bench: Bench) -> None:
     prepare(bench, 100)

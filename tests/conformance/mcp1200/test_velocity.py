@@ -150,6 +150,8 @@ def test_backwards_points_and_points_across_the_end_of_the_range(bench: Bench) -
     assert bench.trace("COMMAND_POSITION", 4) == [0x7FFFFF, -0x800000, -0x7FFFFF, -0x7FFFFE]
     bench.put("FINAL_POSITION", 0x7FFFFF)
     assert bench.trace("COMMAND_POSITION", 4) == [-0x7FFFFF, -0x800000, 0x7FFFFF, 0x7FFFFF]
+    bench.samples(1)
+    assert (bench.seen("INTERPOLATOR_COUNT"), bench.seen("FLAG")) == (0, 0x08)
 
 
 @pytest.mark.spec("MCP-INT-2", "MCP-REG-27")
@@ -218,19 +220,39 @@ def test_at_a_segment_s_end_the_registers_count_as_they_stand(bench: Bench) -> N
     assert bench.trace("COMMAND_POSITION", 5) == [424, 488, 552, 616, 616]
 
 
+def during_busy(bench: Bench, name: str, value: int) -> None:
+    """Write a register while the core computes the coming sample, and let it finish."""
+    bench.until(bench.sample_start() + 20)
+    assert bench.pin("BUSY") == 1
+    bench.put(name, value)
+    bench.wait(2000)
+    assert bench.pin("BUSY") == 0
+
+
 @pytest.mark.spec("MCP-INT-2")
-def test_a_point_written_while_a_segment_begins_from_the_registers_keeps_its_latch() -> None:
-    bench = Bench()
+def test_a_point_written_while_a_segment_begins_from_the_registers_keeps_its_latch(
+    bench: Bench,
+) -> None:
     points(bench, 100, 0)
     bench.samples(4)
     bench.write(0x2A, 1)
-    bench.until(bench.sample_start() + 20)
-    assert bench.pin("BUSY") == 1
-    bench.put("FINAL_POSITION", 500)
-    bench.until(bench.cycle + 2000)
-    assert (bench.pin("BUSY"), bench.read(0x03) & 0x80) == (0, 0x80)
-    assert bench.seen("COMMAND_POSITION") == 228
+    during_busy(bench, "FINAL_POSITION", 500)
+    assert (bench.seen("COMMAND_POSITION"), bench.read(0x03) & 0x80) == (228, 0x80)
     assert bench.trace("COMMAND_POSITION", 4) == [356, 428, 500, 500]
+
+
+@pytest.mark.spec("MCP-INT-2")
+def test_a_velocity_written_while_a_ramp_begins_from_the_registers_keeps_its_latch(
+    bench: Bench,
+) -> None:
+    bench.put("INTERPOLATOR_PRESET", 0)
+    bench.write(0x00, 0x0C)
+    bench.control()
+    bench.samples(4)
+    bench.write(0x24, 4)
+    during_busy(bench, "VELOCITY", 0x000800)
+    assert (bench.seen("COMMAND_POSITION"), bench.read(0x03) & 0x80) == (2, 0x80)
+    assert bench.trace("COMMAND_POSITION", 4) == [6, 12, 20, 28]
 
 
 @pytest.mark.spec("MCP-INT-2", "MCP-INT-4")
