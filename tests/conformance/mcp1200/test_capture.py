@@ -204,6 +204,43 @@ def test_no_repeat_pulse_is_shorter_than_67_clocks() -> None:
     assert 4000 < max(widths) <= PERIOD + 67
 
 
+@pytest.mark.spec("MCP-BRK-2", "MCP-BRK-3")
+def test_leaving_repeat_mode_forgets_a_match_the_routine_has_not_seen() -> None:
+    bench, _ = moving(speed=0.0)
+    arm(bench, 5, 100)
+    bench.put("PRESET_POSITION", 5)
+    assert bench.pin("TRIG") == 0
+    bench.write(0x02, 0x10)
+    bench.samples(1)
+    # Single mode: the register is the breakpoint, and the flag waits for the host.
+    assert (bench.chip.works.breakpoint.compare, bench.pin("TRIG")) == (100, 0)
+    bench.write(0x02, 0x30)
+    bench.samples(2)
+    assert (bench.chip.works.breakpoint.compare, bench.pin("TRIG")) == (100, 0)
+    bench.write(0x07, 0)
+    bench.put("PRESET_POSITION", 100)
+    assert bench.pin("TRIG") == 0
+    bench.samples(1)
+    assert (bench.chip.works.breakpoint.compare, bench.pin("TRIG")) == (200, 1)
+
+
+@pytest.mark.spec("MCP-BRK-2", "MCP-BRK-3", "MCP-SMP-2")
+def test_leaving_repeat_mode_before_its_routine_has_come_loads_the_breakpoint() -> None:
+    bench, _ = moving(speed=0.0)
+    arm(bench, 5, 100)
+    bench.put("PRESET_POSITION", 5)
+    start = bench.sample_start()
+    bench.until(start + 10)
+    # The sample has seen the match; /SYNC holds its routine off for good.
+    bench.drive("/SYNC", LOW)
+    bench.write(0x02, 0x10)
+    bench.until(start + 2 * PERIOD)
+    assert (bench.chip.works.breakpoint.compare, bench.pin("TRIG")) == (5, 0)
+    bench.drive("/SYNC", HIGH)
+    bench.samples(1)
+    assert (bench.chip.works.breakpoint.compare, bench.pin("TRIG")) == (100, 0)
+
+
 @pytest.mark.spec("MCP-BRK-4")
 def test_clearing_the_flag_on_the_spot_does_not_trigger_again_but_returning_does() -> None:
     bench, _ = moving(speed=0.0)

@@ -119,6 +119,23 @@ def test_deceleration_without_a_ramp_is_an_abrupt_stop(begin: Callable[[Bench], 
         assert bench.trace("COMMAND_POSITION", 3) == [9, 11, 11]
 
 
+@pytest.mark.spec("MCP-EXC-2", "MCP-AMB-33", "MCP-INT-2")
+def test_position_interpolation_that_was_stopped_waits_until_its_registers_change() -> None:
+    bench = Bench()
+    bench.write(0x04, DECEL << 2)
+    moving(bench, position_interpolation)
+    bench.drive("/STOP", LOW)
+    bench.samples(2)
+    # 320 is what it was kept from. A byte written while it is kept there does not count.
+    bench.write(0x2A, 0x02)
+    bench.samples(1)
+    bench.drive("/STOP", HIGH)
+    assert bench.trace("COMMAND_POSITION", 3) == [7, 7, 7]
+    bench.put("INTERPOLATOR_PRESET", 0)
+    bench.write(0x2A, 0x01)
+    assert bench.trace("COMMAND_POSITION", 3) == [163, 320, 320]
+
+
 @pytest.mark.spec("MCP-EXC-2")
 @pytest.mark.parametrize("begin", [profile, s_curve])
 def test_a_profile_decelerates_linearly_and_ends(begin: Callable[[Bench], None]) -> None:
@@ -176,6 +193,21 @@ def test_integral_velocity_stays_at_rest_until_the_flag_is_cleared(pin: str, set
     bench.write(0x07, 0)
     bench.put("VELOCITY_COMMAND", 4)
     assert bench.trace("COMMAND_POSITION", 2) == [here + 4, here + 8]
+
+
+@pytest.mark.spec("MCP-EXC-1", "MCP-EXC-2")
+@pytest.mark.parametrize(("pin", "setting"), [("/STOP", DECEL << 2), ("/LIMIT", DECEL)])
+def test_integral_velocity_waits_for_a_stop_of_idle_mode_to_be_cleared(
+    pin: str, setting: int
+) -> None:
+    bench = Bench()
+    bench.write(0x04, setting)
+    low_pulse(bench, pin, US)
+    velocity(bench)
+    assert bench.trace("COMMAND_POSITION", 2) == [0, 0]
+    bench.write(0x07, 0)
+    bench.put("VELOCITY_COMMAND", 4)
+    assert bench.trace("COMMAND_POSITION", 2) == [4, 8]
 
 
 @pytest.mark.spec("MCP-EXC-2")
@@ -257,6 +289,25 @@ def test_velocity_interpolation_ramps_down_over_a_segment_and_stays() -> None:
     bench.put("VELOCITY", 0x000400)
     bench.samples(5)
     assert bench.seen("COMMAND_POSITION") > here + 15
+
+
+@pytest.mark.spec("MCP-EXC-2", "MCP-EXC-5", "MCP-INT-2")
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_velocity_written_while_the_pin_is_low_is_lost(whole: bool) -> None:
+    bench = Bench()
+    bench.write(0x04, DECEL << 2)
+    moving(bench, velocity_interpolation)
+    bench.drive("/STOP", LOW)
+    bench.samples(6)
+    here = bench.seen("COMMAND_POSITION")
+    if whole:
+        bench.put("VELOCITY", 0x000400)
+    else:
+        bench.write(0x24, 0x04)
+    assert bench.trace("COMMAND_POSITION", 3) == [here] * 3
+    bench.drive("/STOP", HIGH)
+    assert bench.trace("COMMAND_POSITION", 3) == [here] * 3
+    assert bench.seen("VELOCITY") == 0
 
 
 @pytest.mark.spec("MCP-EXC-2")
@@ -394,6 +445,67 @@ def test_a_forced_exception_acts_until_it_is_zeroed_and_sets_no_flag(action: int
         assert bench.seen("COMMAND_POSITION") == here + 12
     else:
         assert (bench.seen("COMMAND_POSITION"), bench.seen("FLAG")) == (7, 0)
+
+
+@pytest.mark.spec("MCP-EXC-6", "MCP-STA-1")
+@pytest.mark.parametrize("source", ["breakpoint", "error", "forced"])
+@pytest.mark.parametrize("action", [REPORT, GO_IDLE, DECEL, ABRUPT])
+def test_the_handler_sets_the_flags_of_pins_for_no_other_source(source: str, action: int) -> None:
+    bench = Bench()
+    bench.extended()
+    bench.write(0x04, action * 0x50)
+    moving(bench, velocity)
+    if source == "breakpoint":
+        bench.put("BREAKPOINT", 7)
+        bench.samples(1)
+        bench.write(0x02, 0x11)
+    elif source == "error":
+        bench.put("MAX_ERROR", 3)
+    else:
+        bench.write(0x46, action)
+    bench.samples(3)
+    assert bench.pin("IDLE") == (action == GO_IDLE)
+    assert bench.seen("STATUS") & 0xC8 == 0xC8
+
+
+@pytest.mark.spec("MCP-EXC-4", "MCP-EXC-2", "MCP-RST-4")
+@pytest.mark.parametrize(("pin", "bit"), [("/LIMIT", 0x80), ("/STOP", 0x40)])
+def test_the_handler_sets_the_flag_of_a_pin_that_is_low_anew(
+    bench: Bench, pin: str, bit: int
+) -> None:
+    bench.drive(pin, LOW)
+    for code, idle in ((0x00, 1), (0x03, 0), (0x01, 1)):
+        bench.write(0x05, code)
+        bench.wait(5000)
+        assert (bench.pin("IDLE"), bench.read(0x07) & bit) == (idle, 0)
+        bench.write(0x07, 0)
+        assert not bench.read(0x07) & bit
+        bench.write(0x04, 0)
+    bench.drive(pin, HIGH)
+    assert not bench.read(0x07) & bit
+    bench.write(0x07, 0)
+    assert bench.read(0x07) & bit
+
+
+@pytest.mark.spec("MCP-EXC-2", "MCP-MOD-2", "MCP-RST-4")
+@pytest.mark.parametrize("source", ["/LIMIT", "/STOP", "forced"])
+def test_the_idle_action_of_the_handler_is_no_reset(bench: Bench, source: str) -> None:
+    bench.extended()
+    bench.write(0x04, GO_IDLE | GO_IDLE << 2)
+    here = moving(bench, velocity)
+    bench.put("LEAD_GAIN", 0x21)
+    bench.put("MAX_ERROR", 0x7000)
+    if source == "forced":
+        bench.write(0x46, GO_IDLE)
+    else:
+        bench.drive(source, LOW)
+    start = bench.sample_start()
+    bench.until(start)
+    # At once, without the 320 clocks of a reset; and the sample timer goes on as it was.
+    assert (bench.pin("IDLE"), bench.sample_start()) == (1, start + 4160)
+    assert (bench.read(0x04), bench.get("LEAD_GAIN"), bench.get("MAX_ERROR")) == (5, 0x21, 0x7000)
+    assert (bench.get("COMMAND_POSITION"), bench.get("ACTUAL_POSITION")) == (here, 7)
+    assert bench.read(0x07) & 0xC0 == {"/LIMIT": 0x40, "/STOP": 0x80, "forced": 0xC0}[source]
 
 
 @pytest.mark.spec("MCP-EXC-6")

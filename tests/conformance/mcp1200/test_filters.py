@@ -116,6 +116,52 @@ def test_the_integral_rests_in_the_sample_after_a_saturated_one() -> None:
     assert seen == [10, 30, 30, 30, 40]
 
 
+@pytest.mark.spec("MCP-FLT-3", "MCP-REG-46")
+@pytest.mark.parametrize(("command", "limited"), [(1000, 49), (-1000, -50)])
+def test_a_lowered_limit_holds_while_the_motor_command_is_saturated(
+    bench: Bench, command: int, limited: int
+) -> None:
+    bench.write(0x02, 0x01)
+    bench.write(0x04, 0x00)
+    bench.write(0x01, 0x08)
+    for place, gain in ((0x61, 0x00), (0x62, 0xFF), (0x63, 0x00)):
+        bench.write(place, gain)
+    bench.put("COMMAND_POSITION", command & 0xFFFFFF)
+    bench.control()
+    bench.samples(8)
+    core = bench.chip.works.core
+    assert not -2048 <= core.mc <= 2047
+    assert (core.pid.integral, bench.pin("MC0-MC11")) == (
+        (5000, 0xF00) if command > 0 else (-5000, 0x0F0)
+    )
+    bench.write(0x66, 0x00)
+    bench.write(0x65, 0x64)
+    bench.samples(1)
+    # 255 * 100 / 512, one floor.
+    assert (core.mc, bench.pin("MC0-MC11")) == (limited, 0x800 + limited)
+    assert bench.read(0x09) << 8 | bench.read(0x4D) == limited << 4 & 0xFFFF
+
+
+@pytest.mark.spec("MCP-FLT-3", "MCP-OUT-1")
+@pytest.mark.parametrize(
+    ("errors", "commands", "integrals", "codes"),
+    [
+        # 255 * 4111 / 512 = 2047.5 and 255 * -4112 / 512 = -2047.9: the last that fit 12 bits.
+        ([4111, 2, 1], [2047, 2048, 2048], [4111, 4113, 4113], [0xFFF, 0xF00, 0xF00]),
+        ([-4112, -1, -1], [-2048, -2049, -2049], [-4112, -4113, -4113], [0x000, 0x0F0, 0x0F0]),
+    ],
+)  # fmt: skip
+def test_the_last_command_that_fits_is_not_saturated(
+    errors: list[int], commands: list[int], integrals: list[int], codes: list[int]
+) -> None:
+    bench = servo(pid=True, KP=0, KI=255, KD=0)
+    seen = []
+    for error in errors:
+        mc = respond(bench, [error])[0]
+        seen.append((mc, bench.chip.works.core.pid.integral, bench.pin("MC0-MC11")))
+    assert seen == list(zip(commands, integrals, codes, strict=True))
+
+
 @pytest.mark.spec("MCP-FLT-3", "MCP-REG-45", "MCP-AMB-8")
 @pytest.mark.parametrize(
     ("code", "span"),
@@ -207,21 +253,20 @@ def test_switching_the_filter_in_motion_keeps_both_histories() -> None:
 @settings(max_examples=60, deadline=None)
 @given(
     st.tuples(*[st.integers(0, 255)] * 3),
-    st.integers(0, 0x7FFF),
-    st.lists(st.integers(-3000, 3000), min_size=1, max_size=8),
+    st.lists(st.tuples(st.integers(-3000, 3000), st.integers(0, 0x7FFF)), min_size=1, max_size=8),
 )
 @pytest.mark.spec("MCP-FLT-3")
 def test_the_pid_filter_is_its_equation(
-    gains: tuple[int, ...], limit: int, errors: list[int]
+    gains: tuple[int, ...], course: list[tuple[int, int]]
 ) -> None:
     kp, ki, kd = gains
-    bench = servo(pid=True, KP=kp, KI=ki, KD=kd, INTEGRAL_LIMIT=limit)
+    bench = servo(pid=True, KP=kp, KI=ki, KD=kd)
     integral = old = 0
     saturated = False
-    expected = []
-    for error in errors:
+    for error, limit in course:
         if not saturated:
-            integral = max(-limit, min(limit, integral + error))
+            integral += error
+        integral = max(-limit, min(limit, integral))
         steps = (
             Fraction(kp * error, 32)
             + Fraction(ki * integral, 8192)
@@ -230,5 +275,5 @@ def test_the_pid_filter_is_its_equation(
         command = floor(16 * steps)
         old = error
         saturated = not -2048 <= command <= 2047
-        expected.append(command)
-    assert respond(bench, errors) == expected
+        bench.put("INTEGRAL_LIMIT", limit)
+        assert respond(bench, [error]) == [command]

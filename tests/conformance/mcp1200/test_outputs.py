@@ -21,8 +21,8 @@ def command(bench: Bench, mc: int) -> int:
     return bench.pin("MC0-MC11")
 
 
-def servo(**registers: int) -> Bench:
-    bench = Bench()
+def servo(unipolar: str = "magnitude", **registers: int) -> Bench:
+    bench = Bench(unipolar=unipolar)
     bench.extended()
     for name, value in {**UNIT, **registers}.items():
         bench.put(name, value)
@@ -66,6 +66,49 @@ def test_unipolar_gives_the_magnitude_and_leaves_pwm_and_sign(
     bench.wait(200)
     assert bench.pin("SIGN") == sign
     assert bench.chip.works.pwm.command() == max(-2048, min(2047, mc))
+
+
+@pytest.mark.spec("MCP-OUT-2", "MCP-AMB-5", "MCP-OUT-3")
+@pytest.mark.parametrize(
+    ("mc", "offset", "code", "sign"),
+    [(512, 0, 0xA00, 0), (0, 0, 0x800, 0), (-16, 0, 0x800, 1), (-512, 0, 0x800, 1),
+     (2032, 0, 0xFF0, 0), (2048, 0, 0xF00, 0), (-2048, 0, 0x800, 1), (-2064, 0, 0x800, 1),
+     (-9600, 0, 0x800, 1), (-512, 0x7F, 0x87F, 1), (-512, 0x80, 0x780, 1)],
+)  # fmt: skip
+def test_unipolar_clipped_gives_zero_of_a_negative_command(
+    mc: int, offset: int, code: int, sign: int
+) -> None:
+    bench = servo(unipolar="clip", FEATURE=0x04, DAC_OFFSET=offset)
+    assert command(bench, mc) == code
+    bench.wait(200)
+    assert bench.pin("SIGN") == sign
+    assert bench.chip.works.pwm.command() == max(-2048, min(2047, mc))
+    # In idle mode the host writes what it likes.
+    bench.write(0x05, 0x01)
+    bench.samples(1)
+    bench.write(0x08, 0x12)
+    assert bench.pin("MC0-MC11") == 0x120
+
+
+@pytest.mark.spec("MCP-OUT-2")
+@pytest.mark.parametrize("unipolar", ["magnitude", "clip"])
+@pytest.mark.parametrize(("mc", "code"), [(-512, 0x600), (512, 0xA00), (-2064, 0x0F0)])
+def test_bipolar_output_does_not_ask_what_unipolar_output_means(
+    unipolar: str, mc: int, code: int
+) -> None:
+    assert command(servo(unipolar=unipolar), mc) == code
+
+
+@pytest.mark.spec("MCP-OUT-9", "MCP-OUT-2")
+@pytest.mark.parametrize("unipolar", ["magnitude", "clip"])
+@pytest.mark.parametrize(("error", "code"), [(-3, 0x800 - 48), (3, 0x800 + 48), (-200, 0)])
+def test_the_diagnostic_error_keeps_its_sign_on_a_unipolar_output(
+    unipolar: str, error: int, code: int
+) -> None:
+    bench = servo(unipolar=unipolar, FEATURE=0x84)
+    bench.put("COMMAND_POSITION", error & 0xFFFFFF)
+    bench.samples(1)
+    assert bench.pin("MC0-MC11") == code
 
 
 @pytest.mark.spec("MCP-OUT-3", "MCP-REG-11")
@@ -298,16 +341,20 @@ def test_diagnostic_outputs_carry_the_position_error(feature: int, dac: int, pwm
 
 @pytest.mark.spec("MCP-OUT-4", "MCP-OUT-2")
 @pytest.mark.parametrize(
-    ("drive", "feature", "mc", "fraction"),
-    [("pwm", 0, 800, 0.5), ("pwm", 0, 1600, 1.0), ("pwm", 0, -2048, -1.0), ("dac", 0, 1024, 0.5),
-     ("dac", 0, -2048, -1.0), ("dac", 0x04, -1024, -0.5)],
+    ("drive", "unipolar", "feature", "offset", "mc", "fraction"),
+    [("pwm", "magnitude", 0, 0, 800, 0.5), ("pwm", "magnitude", 0, 0, 1600, 1.0),
+     ("pwm", "magnitude", 0, 0, -2048, -1.0), ("dac", "magnitude", 0, 0, 1024, 0.5),
+     ("dac", "magnitude", 0, 0, -2048, -1.0), ("dac", "magnitude", 4, 0, -1024, -0.5),
+     ("dac", "magnitude", 4, 64, -1024, -0.53125), ("pwm", "clip", 4, 0, -800, -0.5),
+     ("dac", "clip", 0, 0, -1024, -0.5), ("dac", "clip", 4, 0, -1024, 0.0),
+     ("dac", "clip", 4, 64, -1024, 0.03125), ("dac", "clip", 4, 64, 960, 0.5)],
 )  # fmt: skip
 def test_the_plant_gets_the_output_the_board_names(
-    drive: str, feature: int, mc: int, fraction: float
+    drive: str, unipolar: str, feature: int, offset: int, mc: int, fraction: float
 ) -> None:
     rail = Rail()
-    bench = Bench(plant=rail, drive=drive)
-    for name, value in {**UNIT, "FEATURE": feature}.items():
+    bench = Bench(plant=rail, drive=drive, unipolar=unipolar)
+    for name, value in {**UNIT, "FEATURE": feature, "DAC_OFFSET": offset}.items():
         bench.put(name, value)
     bench.control()
     command(bench, mc)

@@ -154,6 +154,61 @@ def test_an_end_too_near_or_behind_stops_the_move_at_once(bench: Bench, final: i
     assert bench.seen("COMMAND_POSITION") == 100
 
 
+@pytest.mark.spec("MCP-TRP-6", "MCP-TRP-5")
+@pytest.mark.parametrize("way", [1, -1], ids=["forwards", "backwards"])
+@pytest.mark.parametrize("ahead", [43, -43, 0, 1, -1, 3000])
+def test_at_rest_in_the_middle_of_a_move_every_end_can_be_reached(
+    bench: Bench, way: int, ahead: int
+) -> None:
+    bench.write(0x04, 0x00)
+    bench.write(0x27, 0x01)
+    bench.write(0x26, 0x00)
+    bench.write(0x28, 0x01)
+    bench.put("FINAL_POSITION", 100_000 * way & 0xFFFFFF)
+    bench.control()
+    start(bench)
+    bench.samples(6)
+    bench.write(0x28, 0x00)
+    bench.samples(3)
+    assert (bench.seen("COMMAND_POSITION"), bench.seen("PHASE")) == (6 * way, 4)
+    end = (6 + ahead) * way
+    bench.put("FINAL_POSITION", end & 0xFFFFFF)
+    if ahead:
+        bench.samples(4)
+        assert (bench.seen("COMMAND_POSITION"), bench.seen("FLAG")) == (6 * way, 0x05)
+        bench.write(0x28, 0x01)
+    course = run(bench)
+    assert course[-1] == end
+    assert len(course) == max(abs(ahead), 1)
+
+
+@pytest.mark.spec("MCP-TRP-6")
+@pytest.mark.parametrize("way", [1, -1], ids=["forwards", "backwards"])
+@pytest.mark.parametrize(("ahead", "reached"), [(20, True), (19, False), (0, False), (-43, False)])
+def test_in_motion_an_end_must_be_a_stopping_distance_ahead(
+    bench: Bench, way: int, ahead: int, reached: bool
+) -> None:
+    prepare(bench, 1000 * way, accel=0x0200)
+    start(bench)
+    assert bench.trace("COMMAND_POSITION", 6) == [place * way for place in (2, 6, 12, 20, 30, 40)]
+    bench.put("FINAL_POSITION", (40 + ahead) * way & 0xFFFFFF)
+    # 8 + 6 + 4 + 2 counts to standstill; a move that is stopped rests for one sample more.
+    course = [48, 54, 58, 60] if reached else [48, 54, 58, 60, 60]
+    assert run(bench) == [place * way for place in course]
+
+
+@pytest.mark.spec("MCP-TRP-6", "MCP-TRP-8")
+@pytest.mark.parametrize("way", [1, -1], ids=["forwards", "backwards"])
+def test_where_a_slow_axis_is_just_now_is_no_longer_ahead_of_it(bench: Bench, way: int) -> None:
+    prepare(bench, 1000 * way, velocity=1, accel=0x0200)
+    start(bench)
+    assert bench.trace("COMMAND_POSITION", 3) == [way, 2 * way, 3 * way]
+    bench.put("FINAL_POSITION", 3 * way & 0xFFFFFF)
+    assert run(bench) == [3 * way]
+    # It was stopped there; it did not arrive.
+    assert bench.seen("DECEL_POSITION") == 3 * way
+
+
 @pytest.mark.spec("MCP-TRP-6")
 def test_in_deceleration_a_new_end_is_ignored(bench: Bench) -> None:
     prepare(bench, 100)

@@ -25,16 +25,54 @@ READ_ONLY = {
     "CAPTURE": "MCP-REG-29", "ACCEL_DELTA": "MCP-REG-30", "ACTUAL_VELOCITY": "MCP-REG-31",
     "DECEL_POSITION": "MCP-REG-32",
 }  # fmt: skip
-ADDRESSES = {
-    "COMMAND_POSITION": (0x0C, 0x0D, 0x0E), "ACTUAL_POSITION": (0x12, 0x13, 0x14),
-    "PRESET_POSITION": (0x15, 0x16, 0x17), "VELOCITY": (0x23, 0x24, 0x25),
-    "ACCELERATION": (0x27, 0x26), "FINAL_POSITION": (0x2B, 0x2A, 0x29),
-    "POSITION_ERROR": (0x2D, 0x2C), "CAPTURE": (0x30, 0x2F, 0x2E),
-    "ACCEL_DELTA": (0x33, 0x32, 0x31), "ACTUAL_VELOCITY": (0x35, 0x34),
-    "DECEL_POSITION": (0x3B, 0x3A, 0x39), "BREAKPOINT": (0x3F, 0x3E, 0x3D),
-    "MAX_ERROR": (0x4A, 0x49), "JERK": (0x55, 0x54), "FEED_FORWARD": (0x57, 0x56),
-    "INTEGRAL_LIMIT": (0x66, 0x65), "PRESCALER": (0x10, 0x11), "ENCODER_RATIO": (0x1C, 0x1D),
+REGISTER_LIST = {
+    "FLAG": ((0x00,), 0x02), "FEATURE": ((0x01,), 0), "CONFIG": ((0x02,), 0),
+    "CAPTURE_CONTROL": ((0x03,), 0), "EXCEPTION": ((0x04,), 0x09), "MODE": ((0x05,), 0x01),
+    "PHASE": ((0x06,), 0), "STATUS": ((0x07,), 0xF8), "MOTOR_COMMAND": ((0x08,), 0x80),
+    "PWM_COMMAND": ((0x09,), 0), "DAC_OFFSET": ((0x0A,), 0), "COMMAND_INCREMENT": ((0x0B,), 0),
+    "COMMAND_POSITION": ((0x0C, 0x0D, 0x0E), 0), "SAMPLE_TIMER": ((0x0F,), 0x40),
+    "PRESCALER": ((0x10, 0x11), 0x003F), "ACTUAL_POSITION": ((0x12, 0x13, 0x14), 0),
+    "PRESET_POSITION": ((0x15, 0x16, 0x17), 0), "INTERPOLATOR_PRESET": ((0x18,), 0),
+    "INTERPOLATOR_COUNT": ((0x19,), 0), "ENCODER_PWM": ((0x1A,), 0), "STEP_WIDTH": ((0x1B,), 0x0F),
+    "ENCODER_RATIO": ((0x1C, 0x1D), 0), "LEAD_ZERO": ((0x20,), 0xE5), "LEAD_POLE": ((0x21,), 0x40),
+    "LEAD_GAIN": ((0x22,), 0x40), "VELOCITY": ((0x23, 0x24, 0x25), 0),
+    "ACCELERATION": ((0x27, 0x26), 0), "PROFILE_VELOCITY": ((0x28,), 0),
+    "FINAL_POSITION": ((0x2B, 0x2A, 0x29), 0), "POSITION_ERROR": ((0x2D, 0x2C), 0),
+    "CAPTURE": ((0x30, 0x2F, 0x2E), 0), "ACCEL_DELTA": ((0x33, 0x32, 0x31), 0),
+    "ACTUAL_VELOCITY": ((0x35, 0x34), 0), "DECEL_POSITION": ((0x3B, 0x3A, 0x39), 0),
+    "VELOCITY_COMMAND": ((0x3C,), 0), "BREAKPOINT": ((0x3F, 0x3E, 0x3D), 0x800000),
+    "BACKLASH": ((0x44,), 0), "DEADBAND": ((0x45,), 0), "FORCED_EXCEPTION": ((0x46,), 0),
+    "MAX_ERROR": ((0x4A, 0x49), 0xFFFF), "SATURATION": ((0x4B,), 0xF0),
+    "MOTOR_COMMAND_LOW": ((0x4C,), 0), "PWM_FRACTION": ((0x4D,), 0), "JERK": ((0x55, 0x54), 0),
+    "FEED_FORWARD": ((0x57, 0x56), 0), "KP": ((0x61,), 0x40), "KI": ((0x62,), 0),
+    "KD": ((0x63,), 0x40), "DERIVATIVE_SPAN": ((0x64,), 0x01),
+    "INTEGRAL_LIMIT": ((0x66, 0x65), 0x7FFF), "KA": ((0x69,), 0), "KV": ((0x6A,), 0),
 }  # fmt: skip
+"""The manual's Register Reference Table, and R46, which stands in the text: addresses, most
+significant byte first, and the value after a hard reset."""
+BYTES = {
+    "FLAG": 0x00, "FEATURE": 0x01, "CONFIG": 0x02, "CAPTURE_CONTROL": 0x03, "EXCEPTION": 0x04,
+    "MODE": 0x05, "PHASE": 0x06, "STATUS": 0x07, "MOTOR_COMMAND": 0x08, "PWM_COMMAND": 0x09,
+    "DAC_OFFSET": 0x0A, "COMMAND_INCREMENT": 0x0B, "COMMAND_MSB": 0x0C, "COMMAND_CSB": 0x0D,
+    "COMMAND_LSB": 0x0E, "SAMPLE_TIMER": 0x0F, "PRESCALER_MSB": 0x10, "PRESCALER_LSB": 0x11,
+    "ACTUAL_MSB": 0x12, "ACTUAL_CSB": 0x13, "ACTUAL_LSB": 0x14, "PRESET_MSB": 0x15,
+    "PRESET_CSB": 0x16, "PRESET_LSB": 0x17, "INTERPOLATOR_PRESET": 0x18,
+    "INTERPOLATOR_COUNT": 0x19, "ENCODER_PWM": 0x1A, "STEP_WIDTH": 0x1B, "RATIO_MSB": 0x1C,
+    "RATIO_FRACTION": 0x1D, "LEAD_ZERO": 0x20, "LEAD_POLE": 0x21, "LEAD_GAIN": 0x22,
+    "VELOCITY_MSB": 0x23, "VELOCITY_CSB": 0x24, "VELOCITY_LSB": 0x25, "ACCEL_LSB": 0x26,
+    "ACCEL_MSB": 0x27, "PROFILE_VELOCITY": 0x28, "FINAL_LSB": 0x29, "FINAL_CSB": 0x2A,
+    "FINAL_MSB": 0x2B, "ERROR_LSB": 0x2C, "ERROR_MSB": 0x2D, "CAPTURE_LSB": 0x2E,
+    "ACCEL_DELTA_LSB": 0x31, "ACTUAL_VELOCITY_LSB": 0x34, "ACTUAL_VELOCITY_MSB": 0x35,
+    "DECEL_LSB": 0x39, "VELOCITY_COMMAND": 0x3C, "BREAK_LSB": 0x3D, "BREAK_CSB": 0x3E,
+    "BREAK_MSB": 0x3F, "BACKLASH": 0x44, "DEADBAND": 0x45, "FORCED_EXCEPTION": 0x46,
+    "MAX_ERROR_LSB": 0x49, "MAX_ERROR_MSB": 0x4A, "SATURATION": 0x4B, "MOTOR_COMMAND_LOW": 0x4C,
+    "PWM_FRACTION": 0x4D, "JERK_LSB": 0x54, "JERK_MSB": 0x55, "FEED_FORWARD_LSB": 0x56,
+    "FEED_FORWARD_MSB": 0x57, "KP": 0x61, "KI": 0x62, "KD": 0x63, "DERIVATIVE_SPAN": 0x64,
+    "INTEGRAL_LIMIT_LSB": 0x65, "INTEGRAL_LIMIT_MSB": 0x66, "KA": 0x69, "KV": 0x6A,
+}  # fmt: skip
+"""The same table byte by byte, as the code names the bytes it uses."""
+HELD = {"SAMPLE_TIMER", "ACTUAL_POSITION"}
+"""Not what stands in a register: a timer that runs, a counter with a latch of its own."""
 
 
 @pytest.mark.spec(*sorted({*PLAIN.values()}), "MCP-AMB-2", "MCP-AMB-28", "MCP-AMB-32")
@@ -58,10 +96,31 @@ def test_a_result_register_cannot_be_written(bench: Bench, name: str) -> None:
         assert bench.read(address) == 0
 
 
+@pytest.mark.spec("MCP-RST-3", "MCP-REG-48", "MCP-AMB-2", "MCP-AMB-23", "MCP-AMB-28")
+def test_the_register_table_is_the_manual_s() -> None:
+    assert {row.name: (row.addresses, row.reset) for row in REGISTERS} == REGISTER_LIST
+
+
 @pytest.mark.spec("MCP-REG-48", "MCP-AMB-23", "MCP-AMB-28")
-@pytest.mark.parametrize("name", ADDRESSES)
-def test_where_the_bytes_of_a_register_lie(name: str) -> None:
-    assert REGISTERS[name].addresses == ADDRESSES[name]
+def test_the_bytes_the_code_names_are_those_of_the_table() -> None:
+    assert {name: getattr(ds, name) for name in BYTES} == BYTES
+    listed = [place for places, _ in REGISTER_LIST.values() for place in places]
+    # Of these three the code takes the least significant byte, and counts from there.
+    counted = {0x2F, 0x30, 0x32, 0x33, 0x3A, 0x3B}
+    assert sorted(listed) == sorted([*BYTES.values(), *counted])
+
+
+@pytest.mark.spec("MCP-RST-3", "MCP-BUS-9", "MCP-REG-48")
+@pytest.mark.parametrize("name", sorted(REGISTER_LIST.keys() - HELD))
+def test_every_byte_of_a_register_is_read_where_the_manual_lists_it(
+    bench: Bench, name: str
+) -> None:
+    places, value = REGISTER_LIST[name]
+    bench.extended()
+    value |= name == "CONFIG"
+    bytes_ = [value >> 8 * (len(places) - 1 - n) & 0xFF for n in range(len(places))]
+    assert [bench.read(place) for place in places] == bytes_
+    assert bench.rules() == []
 
 
 @pytest.mark.spec("MCP-REG-13")

@@ -310,14 +310,27 @@ def test_limit_low_in_idle_keeps_the_outputs_off(bench: Bench) -> None:
 
 
 @pytest.mark.spec("MCP-MOD-4")
-def test_limit_low_in_idle_is_only_reported_if_so_set(bench: Bench) -> None:
-    bench.write(0x04, 0x08)
+@pytest.mark.parametrize("action", range(4))
+def test_limit_low_in_idle_takes_the_outputs_away_whatever_r04_says(
+    bench: Bench, action: int
+) -> None:
+    bench.extended()
+    bench.write(0x04, 0x08 | action)
     bench.write(0x08, 0xC0)
+    bench.write(0x09, 0x20)
+    assert (bench.pin("MC0-MC11"), bench.read(0x09)) == (0xC00, 0x20)
     bench.drive("/LIMIT", LOW)
-    assert bench.seen("STATUS") == 0x78
-    assert bench.seen("MOTOR_COMMAND") == 0xC0
-    bench.write(0x04, 0x09)
-    assert bench.seen("MOTOR_COMMAND") == 0x80
+    assert bench.seen("STATUS") & 0xF8 == 0x78
+    assert (bench.pin("MC0-MC11"), bench.read(0x09)) == (0x800, 0)
+    bench.write(0x08, 0xC0)
+    bench.write(0x4C, 0xF0)
+    bench.write(0x09, 0x20)
+    bench.write(0x4D, 0xF0)
+    assert bench.pin("MC0-MC11") == 0x800
+    assert [bench.read(place) for place in (0x08, 0x4C, 0x09, 0x4D)] == [0x80, 0, 0, 0]
+    bench.drive("/LIMIT", HIGH)
+    bench.write(0x08, 0xC0)
+    assert bench.pin("MC0-MC11") == 0xC00
 
 
 @pytest.mark.spec("MCP-MOD-5")
@@ -338,6 +351,104 @@ def test_idle_updates_no_velocity_and_no_error_but_counts() -> None:
     assert bench.seen("POSITION_ERROR") == error
     assert bench.position > here + 200
     assert edges.seen == []
+
+
+@pytest.mark.spec("MCP-STA-4", "MCP-MOD-5")
+def test_in_position_is_updated_in_idle_at_each_sample_start(bench: Bench) -> None:
+    assert bench.read(0x07) == 0xF8
+    first = bench.sample_start()
+    bench.until(first - 1)
+    assert bench.seen("STATUS") == 0xF8
+    bench.until(first)
+    assert (bench.seen("STATUS"), bench.read(0x07)) == (0xFC, 0xFC)
+    bench.put("PRESET_POSITION", 2)
+    second = bench.sample_start()
+    assert (second, bench.cycle < second) == (first + 4160, True)
+    bench.until(second - 1)
+    assert bench.seen("STATUS") == 0xFC
+    bench.until(second)
+    assert bench.seen("STATUS") == 0xF8
+    bench.put("COMMAND_POSITION", 1)
+    bench.until(bench.sample_start())
+    assert bench.seen("STATUS") == 0xFC
+    # Nothing else of a control sample is there.
+    assert (bench.get("POSITION_ERROR"), bench.get("ACTUAL_VELOCITY")) == (0, 0)
+
+
+@pytest.mark.spec("MCP-STA-4", "MCP-MOD-5", "MCP-AMB-35")
+@pytest.mark.parametrize(
+    ("deadband", "error", "inside"),
+    [(0, 1, True), (0, -1, True), (0, 2, False), (0, -2, False), (2, 3, True), (2, -3, True),
+     (2, 4, False), (2, -4, False), (255, 256, True), (255, -257, False)],
+)  # fmt: skip
+def test_in_position_in_idle_asks_for_what_it_does_in_control(
+    bench: Bench, deadband: int, error: int, inside: bool
+) -> None:
+    bench.extended()
+    bench.put("DEADBAND", deadband)
+    # Across the end of the range, too.
+    bench.put("PRESET_POSITION", 0x7FFFFF)
+    bench.put("COMMAND_POSITION", 0x7FFFFF + error & 0xFFFFFF)
+    bench.until(bench.sample_start())
+    assert bench.pin("IDLE") == 1
+    assert bool(bench.read(0x07) & 4) == inside
+    bench.control()
+    bench.samples(1)
+    assert (bench.pin("IDLE"), bool(bench.read(0x07) & 4)) == (0, inside)
+
+
+@pytest.mark.spec("MCP-STA-4", "MCP-ERR-1")
+@pytest.mark.parametrize(("backlash", "inside"), [(10, True), (0, False)])
+def test_in_position_in_idle_counts_the_backlash_taken_up(
+    bench: Bench, backlash: int, inside: bool
+) -> None:
+    bench.extended()
+    bench.put("BACKLASH", 10)
+    bench.control()
+    bench.samples(1)
+    for command in (5, 4):
+        bench.put("COMMAND_POSITION", command)
+        bench.samples(1)
+    bench.write(0x05, 0x01)
+    bench.put("PRESET_POSITION", 4 - 10 & 0xFFFFFF)
+    bench.put("BACKLASH", backlash)
+    bench.samples(1)
+    assert (bench.pin("IDLE"), bool(bench.read(0x07) & 4)) == (1, inside)
+
+
+@pytest.mark.spec("MCP-STA-4", "MCP-MOD-5")
+def test_in_position_in_idle_follows_an_encoder_however_seldom_somebody_looks() -> None:
+    """A motor turned by hand, one count a sample: a plant, and an encoder on the nets."""
+    turned, encoder, seldom = Bench(plant=(rail := Rail())), Bench(), Bench(plant=(other := Rail()))
+    rail.speed = other.speed = 8_000_000 / 4160
+    edges = [(1, 0), (0, 0), (0, 1), (1, 1)]
+    for place in range(50):
+        for bench in (turned, encoder):
+            bench.until(bench.sample_start())
+            inside = abs(bench.position) <= 1
+            assert bench.read(0x07) & 4 == 4 * inside
+        for name, level in zip(("CHA", "CHB"), edges[place % 4], strict=True):
+            encoder.drive(name, level)
+    assert (turned.position, abs(encoder.position)) == (50, 49)
+    seldom.until(turned.cycle)
+    assert seldom.chip.works.save() == turned.chip.works.save()
+
+
+@pytest.mark.spec("MCP-STA-4", "MCP-SMP-6", "MCP-MOD-5")
+def test_a_sample_in_which_an_exception_ends_control_is_one_of_idle_mode(bench: Bench) -> None:
+    bench.write(0x04, 0x01)
+    bench.control()
+    bench.samples(2)
+    assert bench.read(0x07) & 4
+    bench.put("PRESET_POSITION", 100)
+    bench.drive("/LIMIT", LOW)
+    bench.until(bench.sample_start())
+    assert (bench.pin("IDLE"), bench.read(0x07) & 4) == (1, 0)
+    bench.drive("/LIMIT", HIGH)
+    bench.control()
+    bench.samples(1)
+    # Control again in the next sample: the motor has not moved since the last one.
+    assert (bench.pin("IDLE"), bench.get("ACTUAL_VELOCITY")) == (0, 0)
 
 
 @pytest.mark.spec("MCP-MOD-6")

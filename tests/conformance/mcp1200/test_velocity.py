@@ -150,6 +150,8 @@ def test_backwards_points_and_points_across_the_end_of_the_range(bench: Bench) -
     assert bench.trace("COMMAND_POSITION", 4) == [0x7FFFFF, -0x800000, -0x7FFFFF, -0x7FFFFE]
     bench.put("FINAL_POSITION", 0x7FFFFF)
     assert bench.trace("COMMAND_POSITION", 4) == [-0x7FFFFF, -0x800000, 0x7FFFFF, 0x7FFFFF]
+    bench.samples(1)
+    assert (bench.seen("INTERPOLATOR_COUNT"), bench.seen("FLAG")) == (0, 0x08)
 
 
 @pytest.mark.spec("MCP-INT-2", "MCP-REG-27")
@@ -178,6 +180,108 @@ def test_the_point_is_what_the_registers_held_when_their_lsb_was_written(bench: 
     bench.write(0x2A, 0x77)
     bench.samples(7)
     assert bench.seen("COMMAND_POSITION") == 0x200
+
+
+@pytest.mark.spec("MCP-INT-2", "MCP-INT-4")
+@pytest.mark.parametrize(
+    ("register", "byte", "way"), [(0x2A, 0x01, 64), (0x2B, 0x01, 0x4000), (0x2B, 0xFF, -0x4000)]
+)
+def test_one_byte_of_the_final_position_moves_an_axis_that_waits(
+    bench: Bench, register: int, byte: int, way: int
+) -> None:
+    points(bench, 200, 1)
+    bench.samples(6)
+    assert (bench.seen("COMMAND_POSITION"), bench.seen("INTERPOLATOR_COUNT")) == (200, 0)
+    bench.write(register, byte)
+    assert not bench.read(0x03) & 0x80
+    course = [200 + way * part for part in (1, 2, 3, 4, 4)]
+    assert bench.trace("COMMAND_POSITION", 5) == course
+    assert (bench.seen("INTERPOLATOR_COUNT"), bench.seen("FLAG")) == (0, 0x08)
+
+
+@pytest.mark.spec("MCP-INT-2", "MCP-INT-4")
+def test_at_a_segment_s_end_the_registers_count_as_they_stand(bench: Bench) -> None:
+    points(bench, 100, 1)
+    bench.samples(1)
+    # Taken: the latch is clear. Two bytes of a point that is never finished.
+    bench.write(0x2B, 0)
+    bench.write(0x2A, 1)
+    assert not bench.read(0x03) & 0x80
+    assert bench.trace("COMMAND_POSITION", 3) == [50, 75, 100]
+    # 0x0164, from 100: 64 counts a sample.
+    assert bench.trace("COMMAND_POSITION", 2) == [164, 228]
+    bench.put("FINAL_POSITION", 400)
+    assert bench.read(0x03) & 0x80
+    assert bench.trace("COMMAND_POSITION", 2) == [292, 356]
+    # The captured point comes first, what stands in the registers by then after it.
+    bench.write(0x29, 360 & 0xFF)
+    bench.write(0x2A, 0x02)
+    assert bench.trace("COMMAND_POSITION", 4) == [357, 358, 359, 360]
+    assert bench.trace("COMMAND_POSITION", 5) == [424, 488, 552, 616, 616]
+
+
+def during_busy(bench: Bench, name: str, value: int) -> None:
+    """Write a register while the core computes the coming sample, and let it finish."""
+    bench.until(bench.sample_start() + 20)
+    assert bench.pin("BUSY") == 1
+    bench.put(name, value)
+    bench.wait(2000)
+    assert bench.pin("BUSY") == 0
+
+
+@pytest.mark.spec("MCP-INT-2")
+def test_a_point_written_while_a_segment_begins_from_the_registers_keeps_its_latch(
+    bench: Bench,
+) -> None:
+    points(bench, 100, 0)
+    bench.samples(4)
+    bench.write(0x2A, 1)
+    during_busy(bench, "FINAL_POSITION", 500)
+    assert (bench.seen("COMMAND_POSITION"), bench.read(0x03) & 0x80) == (228, 0x80)
+    assert bench.trace("COMMAND_POSITION", 4) == [356, 428, 500, 500]
+
+
+@pytest.mark.spec("MCP-INT-2")
+def test_a_velocity_written_while_a_ramp_begins_from_the_registers_keeps_its_latch(
+    bench: Bench,
+) -> None:
+    bench.put("INTERPOLATOR_PRESET", 0)
+    bench.write(0x00, 0x0C)
+    bench.control()
+    bench.samples(4)
+    bench.write(0x24, 4)
+    during_busy(bench, "VELOCITY", 0x000800)
+    assert (bench.seen("COMMAND_POSITION"), bench.read(0x03) & 0x80) == (2, 0x80)
+    assert bench.trace("COMMAND_POSITION", 4) == [6, 12, 20, 28]
+
+
+@pytest.mark.spec("MCP-INT-2", "MCP-INT-4")
+def test_one_byte_of_the_velocity_begins_a_ramp_of_an_axis_that_keeps_its_velocity(
+    bench: Bench,
+) -> None:
+    bench.put("INTERPOLATOR_PRESET", 0)
+    bench.put("VELOCITY", 0x000400)
+    bench.write(0x00, 0x0C)
+    bench.control()
+    bench.samples(4)
+    command = bench.chip.works.core.command
+    assert command.velocity == 0x400
+    bench.write(0x24, 0x08)
+    assert not bench.read(0x03) & 0x80
+    speeds = []
+    for _ in range(3):
+        bench.samples(1)
+        speeds.append(command.velocity)
+    assert speeds == [0x600, 0x800, 0x800]
+    # With the latch set, what was captured; after it what stands in the registers.
+    bench.write(0x25, 0x00)
+    bench.write(0x24, 0x04)
+    assert bench.read(0x03) & 0x80
+    speeds = []
+    for _ in range(4):
+        bench.samples(1)
+        speeds.append(command.velocity)
+    assert speeds == [0x800, 0x800, 0x600, 0x400]
 
 
 @pytest.mark.spec("MCP-INT-2")

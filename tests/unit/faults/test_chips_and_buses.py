@@ -4,6 +4,17 @@ import pytest
 
 from tests.unit.faults.bench import DC, MC, MCP, STEPPER, Lm, Mc, Mcp, build, settle, telemetry
 from vbus.kernel import MS, US
+from vbus.signals import Observer
+
+
+class Edges(Observer):
+    """Takes down edges."""
+
+    def __init__(self) -> None:
+        self.seen: list[tuple[int, int]] = []
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        self.seen.append((when, level))
 
 
 @pytest.mark.spec("LM-RST-5")
@@ -193,6 +204,28 @@ def test_a_doubled_write_strobe_writes_twice() -> None:
     host.port.write(1, 0x00)  # both bytes of the word
     assert host.status() & 1 == 1
     assert not board.faults.unfired()
+
+
+@pytest.mark.parametrize(("at", "gap"), [(10_000, 10_000), (60_000, 20_000)])
+def test_a_strobe_is_broken_once_however_long_it_is(at: int, gap: int) -> None:
+    board = build()
+    host = Lm(board)
+    host.command(0x1E)
+    whole = Edges()
+    board.watch("x./WR", whole)
+    board.faults.arm("strobe_doubled", cycles="write", at=at, gap=gap)
+    host.port.write(1, 0x00)
+    board.run_for(10 * US)
+    begin = whole.seen[0][0]
+    assert [(when - begin, level) for when, level in whole.seen] == [
+        (0, 0), (at, 1), (at + gap, 0), (whole.seen[-1][0] - begin, 1),
+    ]  # fmt: skip
+    assert whole.seen[-1][0] - begin > at + gap
+    # The one that was to be doubled has been; the next one is whole.
+    host.ready()
+    del whole.seen[:]
+    host.port.write(1, 0x08)
+    assert [level for _, level in whole.seen] == [0, 1]
 
 
 def test_contention_is_reported_and_pulls_lines_low() -> None:

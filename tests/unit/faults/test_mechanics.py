@@ -72,6 +72,23 @@ def test_a_slipping_encoder_shows_half_of_the_way() -> None:
     assert plant.count - start == pytest.approx(2 * (host.position() - shown), abs=10)
 
 
+def test_two_slips_lose_a_share_of_what_the_other_leaves() -> None:
+    board, host = running()
+    board.faults.arm("slip", share=0.5)
+    second = board.faults.arm("slip", share=0.2)
+    settle(board, 50)
+    plant = board.plants[0]
+    start, shown = plant.count, host.position()
+    settle(board, 50)
+    # Half of it, and four fifths of that.
+    assert 0.4 * (plant.count - start) == pytest.approx(host.position() - shown, abs=10)
+    board.faults.clear(second)
+    settle(board, 50)
+    start, shown = plant.count, host.position()
+    settle(board, 50)
+    assert 0.5 * (plant.count - start) == pytest.approx(host.position() - shown, abs=10)
+
+
 def test_after_a_broken_coupling_the_encoder_stands_and_the_motor_runs() -> None:
     board, host = running()
     host.stop_on_error(100)
@@ -144,6 +161,19 @@ def test_a_reversed_motor_runs_away() -> None:
     settle(board, 50)
     assert host.position() < here - 100
     assert telemetry(board)["output"] > 0.9
+
+
+def test_a_motor_reversed_twice_runs_as_it_did() -> None:
+    (board, host), (whole, other) = running(), running()
+    board.faults.arm("motor_reversed")
+    board.faults.arm("motor_reversed")
+    for one in (board, whole):
+        settle(one, 50)
+    assert host.position() == other.position()
+    board.faults.arm("motor_reversed")
+    here = host.position()
+    settle(board, 50)
+    assert host.position() < here - 100
 
 
 def test_a_sagging_supply_limits_the_speed() -> None:

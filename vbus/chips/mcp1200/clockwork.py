@@ -69,7 +69,7 @@ class Clockwork:
         data = self.file.bytes
         self.sheet: Sheet = Sheet(self.file)
         self.live: Live = self.sheet.live
-        self.core: Core = Core(self.sheet)
+        self.core: Core = Core(self.sheet, settings["unipolar"] == "clip")
         self.timer: SampleTimer = SampleTimer(self.live)
         self.encoder: Encoder = Encoder(clock.hz)
         self.stepper: Stepper = Stepper(data)
@@ -83,9 +83,7 @@ class Clockwork:
             settings["index"] == "high",
         )
         self.pwm: Pwm = Pwm(self.live)
-        self.drive: PlantDrive = PlantDrive(
-            self.live, self.encoder, self.stepper, settings["drive"] == "dac"
-        )
+        self.drive: PlantDrive = PlantDrive(self.live, self.encoder, self.stepper, settings)
         self.rest: Rest = Rest(self.core, self.drive, self.encoder)
         self.host: HostRegisters = HostRegisters(self)
         self.side: SidePins
@@ -330,8 +328,8 @@ class Clockwork:
             self._enter_control(cycle, position)
         if self.state == CONTROL:
             self._begin_control_sample(cycle, position, request == ds.HALT_CODE)
-        else:
-            self.core.last_position = position
+        if self.state == STANDING:
+            self.core.idle_sample(position)
         self._at_routine = cycle + ds.BREAK_ROUTINE_CLK if self.breakpoint.sample() else FAR
         if self.state == STANDING and self.side.sync == 0:
             self.hold_timer()

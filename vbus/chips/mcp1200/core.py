@@ -10,8 +10,8 @@ from vbus.chips.mcp1200.command import Command
 from vbus.chips.mcp1200.faults import Faults
 from vbus.chips.mcp1200.following import Following
 from vbus.chips.mcp1200.interpolate import PositionInterpolation, VelocityInterpolation
-from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN, LeadFilter
-from vbus.chips.mcp1200.output import dac_code
+from vbus.chips.mcp1200.lead import LeadFilter
+from vbus.chips.mcp1200.output import dac_code, pwm_command
 from vbus.chips.mcp1200.picture import Picture
 from vbus.chips.mcp1200.pid import PidFilter
 from vbus.chips.mcp1200.scurve import SCurveMove
@@ -34,6 +34,7 @@ class Core:
 
     Args:
         sheet: the registers.
+        clip: a unipolar DAC port gives zero of a negative motor command, not its magnitude.
 
     Attributes:
         mode: flag of the control mode of this sample (F0, F3, F4, F5), 0 for position control.
@@ -50,7 +51,7 @@ class Core:
     """
 
     __slots__ = (
-        "_action", "_dropped", "_entering", "_last_mode", "_position", "_sampled_point",
+        "_action", "_clip", "_dropped", "_entering", "_last_mode", "_position", "_sampled_point",
         "_sampled_velocity", "_stopping", "abrupt", "bytes", "command", "command_written",
         "faults", "following", "goal_step", "halted", "increment_written",
         "interpolation", "last_position", "lead", "mc", "mode", "pid", "point",
@@ -58,8 +59,9 @@ class Core:
         "velocity_point",
     )  # fmt: skip
 
-    def __init__(self, sheet: Sheet) -> None:
+    def __init__(self, sheet: Sheet, clip: bool) -> None:
         self.sheet: Sheet = sheet
+        self._clip: bool = clip
         self.bytes: bytearray = sheet.bytes
         self.command: Command = Command()
         self.trapezoid: Trapezoid = Trapezoid()
@@ -135,7 +137,7 @@ class Core:
         self.following.begin(position if step_mode else self._command_register(self.bytes))
 
     def drop(self, flags: int) -> None:
-        """The host has cleared mode flags: a mode that is set again begins anew."""
+        """The host has cleared mode flags: a mode set again before a sample begins anew."""
         self._dropped |= flags
 
     @staticmethod
@@ -184,7 +186,8 @@ class Core:
         self._action = action
         self._position = position
         self._entering = mode != self._last_mode or self._dropped & mode != 0
-        if self._last_mode == 0 or self._dropped & self._last_mode:
+        # The velocity is carried into another mode, not into one that begins anew (NOTES 7).
+        if self._last_mode == 0 or self._dropped & self._last_mode & mode:
             self.command.velocity = 0
             self.command.fraction = 0
         self._dropped = 0
@@ -198,6 +201,17 @@ class Core:
         sheet.shown.status |= ds.BUSY
         return work_clocks(image, mode)
 
+    def idle_sample(self, position: i64) -> None:
+        """A sample of idle mode: of all results only In-position is shown (MCP-STA-4)."""
+        self.last_position = position
+        data = self.bytes
+        status = data[ds.STATUS] & ~ds.IN_POSITION
+        if self.following.near(self._command_register(data), position, data):
+            status |= ds.IN_POSITION
+        if status != data[ds.STATUS]:
+            self.sheet.settle()
+            data[ds.STATUS] = status
+
     def finish(self) -> None:
         """Compute the sample and show its results."""
         sheet = self.sheet
@@ -206,8 +220,9 @@ class Core:
         shown = sheet.shown
         position = self._position
         step_mode = image.config & ds.STEP_MODE
-        shown.flag &= ~self._profile(image)
-        self._last_mode = self.mode & shown.flag
+        cleared = self._profile(image)
+        shown.flag &= ~cleared
+        self._last_mode = self.mode & ~cleared
 
         shown.velocity = position - self.last_position
         self.last_position = position
@@ -243,7 +258,7 @@ class Core:
             if self._action == ds.ABRUPT:
                 cleared = ds.MODE_FLAGS
             elif mode == ds.F3:
-                self.interpolation.hold()
+                self.interpolation.hold(image.final)
         elif mode == ds.F0:
             cleared = self._point_to_point(image)
         elif mode == ds.F4:
@@ -307,23 +322,25 @@ class Core:
 
     def _interpolate_position(self, image: Picture) -> None:
         if self._entering:
-            self.interpolation.hold()
-        fresh = self._entering or image.capture & ds.INTERPOLATOR_BUSY != 0
-        point = image.final if self._entering else self._sampled_point
-        if self.interpolation.step(self.command, image, fresh, point):
+            self.interpolation.hold(image.final)
+        busy = image.capture & ds.INTERPOLATOR_BUSY != 0
+        point = self._sampled_point if busy and not self._entering else image.final
+        if self.interpolation.step(self.command, image, busy or self._entering, point):
             self.sheet.shown.capture &= ~ds.INTERPOLATOR_BUSY
 
     def _interpolate_velocity(self, image: Picture) -> None:
         ramps = self.ramps
         if self._entering:
             ramps.enter(self.command.velocity)
-        fresh = self._entering or image.capture & ds.INTERPOLATOR_BUSY != 0
-        goal = image.high_velocity if self._entering else self._sampled_velocity
+        busy = image.capture & ds.INTERPOLATOR_BUSY != 0
+        goal = self._sampled_velocity if busy and not self._entering else image.high_velocity
+        fresh = busy or self._entering
         if self._action == ds.DECELERATE:
             self._clear_velocity()
             self.velocity_point = 0
             ramps.slow_down(self.command, image)
             fresh = False
+            goal = 0
         if ramps.step(self.command, image, fresh, goal):
             self.sheet.shown.capture &= ~ds.INTERPOLATOR_BUSY
 
@@ -360,14 +377,8 @@ class Core:
             self.mc = self.pid.step(image, error, velocity)
         else:
             self.mc = self.lead.step(image, error)
-        code = self.mc
-        pwm = self.mc
-        if image.feature & ds.DIAGNOSTIC_DAC:
-            code = limited(error * 16)
-        if image.feature & ds.DIAGNOSTIC_PWM:
-            pwm = error * 16
-        code = dac_code(image, code)
-        pwm = limited(pwm)
+        code = dac_code(image, self.mc, error, self._clip)
+        pwm = pwm_command(image, self.mc, error)
         self.sheet.shown.dac = code
         self.sheet.shown.pwm = pwm & 0xFFF
         self.sheet.live.dac = code
@@ -429,12 +440,3 @@ class Core:
         self.pid.load(pid)  # type: ignore[arg-type]
         self.stall.load(stall)  # type: ignore[arg-type]
         self.faults.load(faults)  # type: ignore[arg-type]
-
-
-def limited(command: i64) -> i64:
-    """Limit a motor command to 12 bits."""
-    if command > MC_MAX:
-        return MC_MAX
-    if command < MC_MIN:
-        return MC_MIN
-    return command

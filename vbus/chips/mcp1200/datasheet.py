@@ -448,6 +448,10 @@ OPTIONS: Final = (
            choices=SUPPLIES, clause="MCP-CFG-1"),
     Option("drive", "choice", "pwm", "which motor command output the amplifier takes",
            choices=("pwm", "dac")),
+    Option("unipolar", "choice", "magnitude",
+           "what a unipolar DAC port gives of a negative motor command: its magnitude, while"
+           " Sign shows the direction, or zero",
+           choices=("magnitude", "clip"), clause="MCP-OUT-2"),
     Option("io_stall_clk", "count", 0, "clocks the core loses per bus cycle",
            low=0, high=16, clause="MCP-BUS-11", extremes=(1,)),
     Option("index", "choice", "low", "level of the encoder's index pulse",

@@ -10,6 +10,7 @@ from vbus.chips.mcp1200.encoder import Encoder
 from vbus.chips.mcp1200.output import DAC_ZERO
 from vbus.chips.mcp1200.picture import Live
 from vbus.chips.mcp1200.stepper import Stepper
+from vbus.options import Value
 
 FULL: Final = 1600.0
 """:data:`~vbus.chips.mcp1200.datasheet.PWM_FULL` as a float."""
@@ -23,16 +24,20 @@ class PlantDrive:
         live: the registers.
         encoder: runs the plant.
         stepper: source of steps.
-        dac: the amplifier takes the DAC port, not the PWM.
+        settings: the chip's board file keys: which output the amplifier takes, and what a
+            unipolar one means.
     """
 
-    __slots__ = ("_dac", "_encoder", "_given", "_live", "_stepper", "_steps")
+    __slots__ = ("_clip", "_dac", "_encoder", "_given", "_live", "_stepper", "_steps")
 
-    def __init__(self, live: Live, encoder: Encoder, stepper: Stepper, dac: bool) -> None:
+    def __init__(
+        self, live: Live, encoder: Encoder, stepper: Stepper, settings: dict[str, Value]
+    ) -> None:
         self._live: Live = live
         self._encoder: Encoder = encoder
         self._stepper: Stepper = stepper
-        self._dac: bool = dac
+        self._dac: bool = settings["drive"] == "dac"
+        self._clip: bool = settings["unipolar"] == "clip"
         self._given: float = 0.0
         self._steps: i64 = 0
 
@@ -49,8 +54,8 @@ class PlantDrive:
                 command = -ds.PWM_FULL
             return float(command) / FULL
         code = live.dac - DAC_ZERO
-        if live.feature & ds.UNIPOLAR and live.pwm < 0:
-            # A unipolar amplifier takes its direction from Sign.
+        if live.feature & ds.UNIPOLAR and live.pwm < 0 and not self._clip:
+            # An amplifier that gets a magnitude takes its direction from Sign.
             code = -code
         return float(code) / ZERO
 

@@ -3,6 +3,7 @@
 from mypy_extensions import i64
 
 from vbus.bits import wrap_word
+from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.picture import Picture
 
 
@@ -40,6 +41,16 @@ class Following:
     def aim(self) -> i64:
         """Where the loop pulls the axis to: command and backlash offset."""
         return self._command + self.offset
+
+    def near(self, command: i64, actual: i64, registers: bytearray) -> bool:
+        """Whether a control sample would find the axis in position, if one began now."""
+        backlash: i64 = registers[ds.BACKLASH]
+        deadband: i64 = registers[ds.DEADBAND]
+        error = command - actual
+        if backlash:
+            error += self.offset
+        error = wrap_word(error, 0x800000)
+        return -deadband - 1 <= error <= deadband + 1
 
     def step(self, image: Picture, command: i64, actual: i64) -> i64:
         """Compute one sample; return by how much the command has changed (24 bits)."""

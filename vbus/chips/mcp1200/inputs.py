@@ -230,9 +230,9 @@ class SidePins:
                 works.start_timer(self._chip.next_cycle())
 
     def guard(self) -> None:
-        """Idle with /LIMIT low: the motor outputs stay off (MCP-MOD-4)."""
+        """Idle with /LIMIT low: the motor outputs stay off, whatever R04 says (MCP-MOD-4)."""
         works = self._works
-        if works.state == STANDING and self.limit == 0 and works.file.bytes[ds.EXCEPTION] & 3:
+        if works.state == STANDING and self.limit == 0:
             works.sheet.outputs_off()
 
     def _fault(self, level: int, flag: int, cycle: int) -> None:

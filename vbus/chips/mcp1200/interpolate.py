@@ -60,9 +60,10 @@ class PositionInterpolation:
     def __init__(self) -> None:
         self.segment: Segment = Segment()
 
-    def hold(self) -> None:
-        """Stay at the command position until a new point comes."""
+    def hold(self, point: i64) -> None:
+        """Stay at the command position until the point to reach is another than ``point``."""
         self.segment.left = 0
+        self.segment.end = point
 
     def step(self, command: Command, image: Picture, fresh: bool, point: i64) -> bool:
         """Make one sample; tell whether the new ``point`` has been taken.
@@ -71,11 +72,12 @@ class PositionInterpolation:
             command: what moves.
             image: the registers at the sample's start.
             fresh: a new point is there.
-            point: position to reach by the next segment.
+            point: position to reach by the next segment. If it is not new, it is that of the
+                registers as they stand, and reached anew if it is another (MCP-INT-2).
         """
         segment = self.segment
-        taken = segment.left == 0 and fresh
-        if taken:
+        begins = segment.left == 0 and (fresh or point != wrap_word(segment.end, 0x800000))
+        if begins:
             here = command.position
             segment.begin(image, here, here + wrap_word(point - here, 0x800000))
         if segment.left == 0:
@@ -87,7 +89,7 @@ class PositionInterpolation:
         command.phase = 0
         command.position = wrap_word(segment.next(), 0x800000)
         command.velocity = segment.slope()
-        return taken
+        return begins and fresh
 
 
 class VelocityInterpolation:
@@ -109,10 +111,13 @@ class VelocityInterpolation:
             self.segment.begin(image, command.velocity, 0)
 
     def step(self, command: Command, image: Picture, fresh: bool, velocity: i64) -> bool:
-        """Make one sample; tell whether the new ``velocity`` has been taken."""
+        """Make one sample; tell whether the new ``velocity`` has been taken.
+
+        The parameters are those of :meth:`PositionInterpolation.step`.
+        """
         segment = self.segment
-        taken = segment.left == 0 and fresh
-        if taken:
+        begins = segment.left == 0 and (fresh or velocity != segment.end)
+        if begins:
             segment.begin(image, segment.end, velocity)
         command.left = segment.left
         command.phase = 0
@@ -123,4 +128,4 @@ class VelocityInterpolation:
             # The last velocity is used again: the axis runs on, and PROF says so (NOTES 26).
             command.moving = segment.end != 0
             command.move(segment.end)
-        return taken
+        return begins and fresh

@@ -12,12 +12,38 @@ from vbus.chips.mcp1200.timer import FAR
 DAC_ZERO: Final = 0x800
 
 
-def dac_code(image: Picture, command: i64) -> i64:
-    """Return the 12-bit code for an unlimited motor command in control (MCP-OUT-1 to 3)."""
+def limited(command: i64) -> i64:
+    """Limit a motor command to 12 bits."""
+    if command > MC_MAX:
+        return MC_MAX
+    if command < MC_MIN:
+        return MC_MIN
+    return command
+
+
+def pwm_command(image: Picture, command: i64, error: i64) -> i64:
+    """Return the PWM's command for an unlimited motor command in control (MCP-OUT-4, 9)."""
+    return limited(error * 16 if image.feature & ds.DIAGNOSTIC_PWM else command)
+
+
+def dac_code(image: Picture, command: i64, error: i64, clip: bool) -> i64:
+    """Return the 12-bit code for an unlimited motor command in control (MCP-OUT-1 to 3, 9).
+
+    Args:
+        image: the registers at the sample's start.
+        command: the motor command.
+        error: position error, sent instead for diagnosis; it keeps its sign (NOTES 22).
+        clip: of a negative command a unipolar output gives zero, not the magnitude (NOTES 22).
+    """
+    unipolar = image.feature & ds.UNIPOLAR
+    if image.feature & ds.DIAGNOSTIC_DAC:
+        unipolar = 0
+        command = limited(error * 16)
+    elif unipolar and clip and command < 0:
+        command = 0
     limit = image.limit
     if limit < 0x80:
         limit = ~limit & 0xFF
-    unipolar = image.feature & ds.UNIPOLAR
     code: i64
     if MC_MIN <= command <= MC_MAX:
         if unipolar and command < 0:

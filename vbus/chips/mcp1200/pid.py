@@ -13,7 +13,8 @@ LONGEST_SPAN: Final = 8
 class PidFilter:
     """MC = P/32 + I/8192 + D/8 + V/16 + A in R08 steps, in 1/16 of a step, one floor at the end.
 
-    The integrator rests in a sample after a saturated one (MCP-FLT-3).
+    The integrator takes no error in a sample after a saturated one, but is kept within the
+    integral limit in every sample (MCP-FLT-3).
     """
 
     __slots__ = (
@@ -56,11 +57,12 @@ class PidFilter:
             velocity: command velocity in 1/256 count per sample (MCP-FLT-4).
         """
         if not self._saturated:
-            limit = image.integral_limit
-            integral = self._integral + error
-            if integral < -limit:
-                integral = -limit
-            self._integral = integral if integral < limit else limit
+            self._integral += error
+        limit = image.integral_limit
+        if self._integral > limit:
+            self._integral = limit
+        elif self._integral < -limit:
+            self._integral = -limit
         span = image.span
         if span == 2:
             change = error - self._error_2

@@ -27,10 +27,10 @@ def _kinds() -> bytes:
         for address in row.addresses:
             kinds[address] = _READ_ONLY if row.access == "r" else _PLAIN
     for address in (
-        ds.FLAG, ds.CONFIG, ds.CAPTURE_CONTROL, ds.EXCEPTION, ds.MODE, ds.STATUS,
-        ds.MOTOR_COMMAND, ds.PWM_COMMAND, ds.COMMAND_INCREMENT, ds.COMMAND_MSB, ds.COMMAND_CSB,
-        ds.COMMAND_LSB, ds.ACTUAL_CSB, ds.PRESET_LSB, ds.ENCODER_PWM, ds.VELOCITY_LSB,
-        ds.FINAL_LSB, ds.MOTOR_COMMAND_LOW, ds.PWM_FRACTION,
+        ds.FLAG, ds.CONFIG, ds.CAPTURE_CONTROL, ds.MODE, ds.STATUS, ds.MOTOR_COMMAND,
+        ds.PWM_COMMAND, ds.COMMAND_INCREMENT, ds.COMMAND_MSB, ds.COMMAND_CSB, ds.COMMAND_LSB,
+        ds.ACTUAL_CSB, ds.PRESET_LSB, ds.ENCODER_PWM, ds.VELOCITY_LSB, ds.FINAL_LSB,
+        ds.MOTOR_COMMAND_LOW, ds.PWM_FRACTION,
     ):  # fmt: skip
         kinds[address] = _HOOKED
     return bytes(kinds)
@@ -132,9 +132,6 @@ class HostRegisters:
             stored[address] = data & _STORED_CAPTURE_BITS | kept
         elif address == ds.CONFIG:
             self._write_config(data, cycle)
-        elif address == ds.EXCEPTION:
-            stored[address] = data
-            works.side.guard()
         elif address == ds.ACTUAL_CSB:
             works.counter.preset(0, cycle)
         elif address == ds.PRESET_LSB:

@@ -117,14 +117,16 @@ class Trapezoid:
 
 
 def _reachable(command: Command, final: i64, accel: i64) -> bool:
-    """Whether ``final`` lies at least one stopping distance ahead."""
-    ahead = (wrap_word(final - command.position, 0x800000) << 8) - command.fraction
+    """Whether ``final`` lies at least one stopping distance ahead (NOTES 30)."""
     velocity = command.velocity
+    if velocity == 0:
+        return True
+    ahead = (wrap_word(final - command.position, 0x800000) << 8) - command.fraction
     if velocity < 0:
         ahead, velocity = -ahead, -velocity
-    if accel == 0:
+    if ahead <= 0 or accel == 0:
         return ahead > 0
     slower = velocity - accel
     if slower < 0:
         slower = 0
-    return ahead >= stopping_distance(slower, accel) and (ahead > 0 or velocity == 0)
+    return ahead >= stopping_distance(slower, accel)
