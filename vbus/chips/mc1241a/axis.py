@@ -11,6 +11,7 @@ from vbus.chips.mc1241a.datasheet import (
     COMMAND_ERROR,
     COMMAND_REFUSED,
     EVENTS,
+    GEAR,
     MOTION_COMPLETE,
     MOTION_ERROR,
     MOTOR_COMMAND_LOST,
@@ -190,14 +191,17 @@ class Axis:
             return
         if not self.motor_on:
             return  # PMD-MTR-2
-        if smooth and profile.smooth_stop():
+        if smooth and profile.mode != GEAR:
+            if profile.smooth_stop():
+                self.events |= MOTION_COMPLETE  # PMD-TRJ-10, at rest
             return
         if profile.mode in (TRAPEZOIDAL, S_CURVE):
             way = (taken.position << 32) - profile.position
             if (way > 0 and at_positive) or (way < 0 and at_negative):
                 self._refuse("the move leads toward an active limit switch")  # PMD-ERR-3
                 return
-        profile.start(self.active, given)
+        if profile.start(self.active, given):
+            self.events |= MOTION_COMPLETE  # PMD-TRJ-12
 
     def _copy(self, buffer: Registers) -> str:
         """Copy buffer to active, but for what must not change in motion; say what was refused."""
