@@ -261,8 +261,9 @@ class Axis:
         self._renumber(value)
 
     def _renumber(self, target: int) -> None:
-        self.stepper.renumber(self.profile.target(), target)
+        before = self.profile.position
         self.profile.set_target(target)
+        self.stepper.renumber(before, self.profile.position)
         self.zero_error()
 
     def motor_off(self) -> None:
