@@ -13,8 +13,9 @@ sample that a changed end may need (:meth:`SCurve.retarget`).
 
 No number is ever rounded; only what is read from outside is cut down to whole units. Python's
 integers hold the products however long a move is (PMD distances need 2^63 and more). A compiled
-build keeps what is below 2^62 in machine words: in each sample of the MCP-1200, whose ways are at
-most 2^39 units, if the acceleration lasts at most 5792 samples; longer ones are slower to compute.
+build multiplies in machine words what is below 2^30: of the MCP-1200, moves of less than 16384
+counts and those whose way is a multiple of the top velocity. All others take it some 0.2 us more in
+each sample.
 """
 
 from math import isqrt
