@@ -24,6 +24,8 @@ _SETS: Final = {"SET_INTRPT_MASK", "GET_INTRPT_MASK"}
 _RESETS: Final = {"RST_INTRPT", "RST_STATUS"}
 _STATUS: Final = {"SET_1", "SET_2", "SET_I", "GET_STATUS", "GET_INTRPT"}
 _HEX: Final = {"SET_LMT_SENSE", "GET_LMT_SWTCH", "GET_HOME", "GET_PHASE_INFO", "MULTI_UPDATE"}
+_TARGETS: Final = {"SET_POS", "GET_POS", "GET_TRGT_POS"}
+_COUNTS: Final = {"GET_ACTL_POS", "GET_CAPT", "SET_POS_ERR", "GET_POS_ERR", "GET_ACTL_POS_ERR"}
 _PROFILES: Final = ("trapezoidal", "velocity", "S-curve", "gear")
 _PARTS: Final = ("00", "01", "31", "41", "51", "5", "6", "7")
 
@@ -228,15 +230,21 @@ class Mc1241aPackets(Decoder):
 
 
 def _unit(name: str) -> str:
-    """Return the unit of a command's value, as the manual has it."""
+    """Return the unit of a command's value, as the manual has it.
+
+    Targets are microsteps; the encoder's positions, and errors against it, are counts. A
+    breakpoint's value is either or cycles, and SET_ACTL_POS gives both positions a number.
+    """
     if "JERK" in name:
-        return "cnt/cycle/cycle/cycle"
+        return "ustep/cycle/cycle/cycle"
     if "ACC" in name:
-        return "cnt/cycle/cycle"
+        return "ustep/cycle/cycle"
     if "VEL" in name:
-        return "cnt/cycle"
+        return "ustep/cycle"
     if "RATIO" in name:
-        return "cnt/step" if "STEP" in name else ""
-    if "POS" in name or "CAPT" in name:
+        return "cnt/ustep" if "STEP" in name else "ustep/cnt"
+    if name in _TARGETS:
+        return "ustep"
+    if name in _COUNTS:
         return "cnt"
     return "cycles" if name == "GET_TIME" else ""

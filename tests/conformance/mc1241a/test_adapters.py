@@ -100,8 +100,8 @@ def test_a_host_reaches_the_chip_through_the_card(name: str, watched: bool) -> N
     if watched:  # cycles are played as strobes then
         card.board.watch("m.D0-D7", Observer())
     card.command(0x6C)
-    assert card.word() == 0x4A0B
-    assert card.word() == 0x6C + 0x4A0B
+    assert card.word() == 0x4A10
+    assert card.word() == 0x6C + 0x4A10
     card.command(0x29)
     for byte in (0x12, 0x34):
         card.wait()

@@ -171,7 +171,7 @@ class AnyHost(RuleBasedStateMachine):
     def teardown(self) -> None:
         self.bench.run_for(3 * MS)
         assert self.ready
-        assert self.bench.send("GET_VRSN") in (0x4A0B, 0x420B)
+        assert self.bench.send("GET_VRSN") in (0x4A10, 0x4210)
 
 
 class AnyHostOneAxis(AnyHost):

@@ -70,7 +70,7 @@ def _write_strobe(bench: Bench, data: int, *, select_first: bool) -> None:
 def test_a_byte_is_taken_when_strobe_or_select_rises(select_first: bool) -> None:
     bench = Bench("strobe")
     _write_strobe(bench, 0x6C, select_first=select_first)  # GET_VRSN
-    assert bench.read_word() == 0x4A0B
+    assert bench.read_word() == 0x4A10
 
 
 @spec("PMD-BUS-3")
@@ -86,7 +86,7 @@ def test_data_that_move_with_the_trailing_edge_come_too_late() -> None:
     bench.drive("D0-D7", Z)
     bench.drive("~HostSlct", 1)
     bench.drive("HostCmd", 0)
-    assert bench.read_word() == 0x4A0B
+    assert bench.read_word() == 0x4A10
 
 
 @spec("PMD-BUS-3")
@@ -105,7 +105,7 @@ def test_a_read_drives_the_bus_while_select_and_strobe_are_low_and_then_lets_go(
     assert not net.driven
     bench.run_for(100 * NS)
     bench.drive("~HostRead", 0)
-    assert net.value == 0x0B
+    assert net.value == 0x10
     bench.drive("~HostSlct", 1)
     assert not net.driven
     assert bench.level("HostRdy") == 0
@@ -125,7 +125,7 @@ def test_reading_with_host_cmd_high_drives_nothing_and_is_reported() -> None:
     bench.drive("~HostSlct", 1)
     bench.drive("HostCmd", 0)
     assert bench.rules() == ["read-command"]
-    assert bench.read_word() == 0x4A0B  # the byte pointer has not moved
+    assert bench.read_word() == 0x4A10  # the byte pointer has not moved
 
 
 @spec("PMD-BUS-2")
@@ -141,7 +141,7 @@ def test_both_strobes_together_are_reported_and_the_write_counts() -> None:
     ):  # fmt: skip
         bench.drive(name, level)
     assert bench.rules() == ["both-strobes"]
-    assert bench.read_word() == 0x4A0B
+    assert bench.read_word() == 0x4A10
 
 
 @spec("PMD-BUS-2")
@@ -158,7 +158,7 @@ def test_a_write_strobe_in_the_middle_of_a_read_takes_the_bus_away_from_it() -> 
     bench.drive("~HostWrite", 1)
     bench.drive("~HostSlct", 1)
     assert bench.rules() == ["both-strobes"]
-    assert bench.read_word() == 0x4A0B  # the read that was disturbed did not count
+    assert bench.read_word() == 0x4A10  # the read that was disturbed did not count
 
 
 @spec("PMD-BUS-5", "PMD-T-3")
@@ -243,10 +243,10 @@ def test_writes_while_busy_are_lost_and_reported(bench: Bench) -> None:
 
 @spec("PMD-BUS-8")
 def test_reads_while_busy_give_the_last_byte_and_move_no_pointer(bench: Bench) -> None:
-    assert bench.send("GET_VRSN") == 0x4A0B
+    assert bench.send("GET_VRSN") == 0x4A10
     bench.byte_out(COMMAND, 0x55)  # GET_POS_ERR, 7FFFH
-    assert bench.byte_in() == 0x0B
-    assert bench.byte_in() == 0x0B
+    assert bench.byte_in() == 0x10
+    assert bench.byte_in() == 0x10
     assert bench.rules() == ["not-ready", "not-ready"]
     assert bench.read_word() == 0x7FFF
 
@@ -373,7 +373,7 @@ def test_reading_the_adapter_moves_no_strobe_and_no_pointer(bench: Bench) -> Non
     assert bench.byte_in() == 0x4A
     for _ in range(5):
         bench.byte_in(COMMAND)
-    assert bench.byte_in() == 0x0B
+    assert bench.byte_in() == 0x10
 
 
 @spec("PMD-BUS-12")

@@ -267,13 +267,125 @@ def test_minus_32768_is_taken_as_minus_32767(chip: Bench, name: str) -> None:
     assert chip.rules() == ["range"]
 
 
-@spec("PMD-UPD-1")
-def test_an_update_replaces_an_amplitude_set_past_the_buffer_and_says_so(chip: Bench) -> None:
-    chip.send("SET_MTR_CMD", 0x2000)
+@spec("PMD-UPD-1", "PMD-CMD-64", "PMD-CMD-65")
+def test_an_amplitude_set_past_the_buffer_outlives_updates(bench: Bench) -> None:
+    bench.send("SET_BUF_MTR_CMD", 0x1000)
+    bench.send("UPDATE")
+    bench.next_cycle()
+    bench.send("SET_MTR_CMD", 0x2000)
+    for _ in range(2):
+        bench.send("UPDATE")
+        bench.next_cycle()
+        assert bench.send("GET_MTR_CMD") == 0x2000
+    assert bench.send("GET_BUF_MTR_CMD") == 0x1000
+    # Once for each value: another reading of the manual has it replaced.
+    assert bench.rules() == ["motor-command-lost"]
+    assert bench.violations[0].severity == "note"
+    assert bench.violations[0].detail.startswith("axis 1: motor command 8192 set by SET_MTR_CMD")
+    assert bench.violations[0].detail.endswith("would bring the buffered 4096")
+    bench.send("SET_MTR_CMD", 0x2001)
+    bench.send("UPDATE")
+    bench.next_cycle()
+    assert bench.rules() == ["motor-command-lost"] * 2
+
+
+@spec("PMD-UPD-1", "PMD-CMD-66")
+def test_an_amplitude_given_to_the_buffer_comes_with_the_next_update(bench: Bench) -> None:
+    bench.send("SET_BUF_MTR_CMD", 0x1000)
+    bench.send("SET_MTR_CMD", 0x2000)
+    bench.send("UPDATE")
+    bench.next_cycle()
+    assert bench.send("GET_MTR_CMD") == 0x1000
+    bench.send("SET_MTR_CMD", 0x3000)
+    bench.send("SET_BUF_MTR_CMD", 0x1000)  # as it was, and given all the same
+    bench.send("UPDATE")
+    bench.next_cycle()
+    assert bench.send("GET_MTR_CMD") == 0x1000
+    assert bench.rules() == []
+
+
+@spec("PMD-UPD-1", "PMD-CMD-64")
+def test_an_amplitude_equal_to_the_buffered_one_is_nothing_to_tell_of(chip: Bench) -> None:
+    chip.send("SET_MTR_CMD", 0)
     chip.send("UPDATE")
     chip.next_cycle()
-    assert chip.send("GET_MTR_CMD") == 0
-    assert chip.rules() == ["motor-command-lost"]
+    assert chip.rules() == []
+
+
+@spec("PMD-UPD-1", "PMD-BUS-9")
+def test_updates_of_one_cycle_bring_the_amplitude_given_before_any_of_them(chip: Bench) -> None:
+    chip.next_cycle()
+    chip.send("SET_BUF_MTR_CMD", 0x1000)
+    chip.send("UPDATE")
+    chip.send("UPDATE")
+    chip.send("SET_BUF_MTR_CMD", 0x2000)
+    chip.next_cycle()
+    assert chip.send("GET_MTR_CMD") == 0x1000
+    chip.send("SET_MTR_CMD", 0x3000)
+    chip.send("UPDATE")
+    chip.next_cycle()
+    assert chip.send("GET_MTR_CMD") == 0x2000
+
+
+@spec("PMD-UPD-1", "PMD-RST-2")
+def test_reset_forgets_an_amplitude_given_to_the_buffer(bench: Bench) -> None:
+    bench.send("SET_BUF_MTR_CMD", 0x1000)
+    bench.send("RESET")
+    bench.send("SET_MTR_CMD", 0x2000)
+    bench.send("UPDATE")
+    bench.next_cycle()
+    assert bench.send("GET_MTR_CMD") == 0x2000
+    told = bench.rules()
+    bench.send("SET_BUF_MTR_CMD", 0x1000)
+    bench.send("UPDATE")
+    bench.send("RESET")
+    bench.next_cycle(2)
+    assert bench.send("GET_MTR_CMD") == 0
+    assert bench.rules() == told == ["motor-command-lost"]
+
+
+@spec("PMD-UPD-1", "PMD-UPD-2")
+def test_a_breakpoint_that_updates_keeps_an_amplitude_set_past_the_buffer(chip: Bench) -> None:
+    chip.send("SET_MTR_CMD", 0x2000)
+    chip.send("SET_POS_BRK")
+    chip.next_cycle()
+    assert chip.status() == 0x0304
+    assert chip.send("GET_MTR_CMD") == 0x2000
+
+
+@spec("PMD-CMD-14", "PMD-CMD-53")
+@pytest.mark.parametrize("mode", ["TRAP", "VEL", "S_CRV", "GEAR"])
+def test_in_motion_the_step_ratio_may_change_and_the_start_velocity_not(
+    bench: Bench, mode: str
+) -> None:
+    """Gear mode is never in motion (PMD-STA-3) and does not use the start velocity."""
+    bench.send("SET_START_VEL", 5)
+    bench.send("SET_PRFL_" + mode)
+    bench.move(pos=10_000, vel=8 << 16, acc=1 << 16, max_acc=0x7000, jerk=1 << 29)
+    bench.next_cycle(4)
+    bench.send("SET_STEP_RATIO", 128)
+    bench.send("SET_START_VEL", 6)
+    moving = mode != "GEAR"
+    assert bench.send("GET_START_VEL") == (5 if moving else 6)
+    assert bench.send("GET_STEP_RATIO") == 128
+    assert bench.status() == (0x0780 if moving else 0x0300)
+
+
+@spec("PMD-CMD-14", "PMD-CMD-53", "PMD-CMD-78", "PMD-CMD-79")
+def test_step_ratio_start_velocity_and_waveform_need_no_update_and_are_the_current_axis_s(
+    bench: Bench,
+) -> None:
+    for name, value in (("SET_START_VEL", 7), ("SET_STEP_RATIO", 80), ("SET_PHASE_2", 0)):
+        bench.send(name, value)
+    questions = ("GET_START_VEL", "GET_STEP_RATIO", "GET_PHASE_INFO")
+    assert [bench.send(name) for name in questions] == [7, 80, 8]
+    bench.send("SET_2")
+    assert [bench.send(name) for name in questions] == [0, 0, 0]
+    bench.send("SET_PHASE_2")
+    bench.send("SET_1")
+    bench.send("SET_PHASE_3")
+    bench.send("SET_2")
+    assert bench.send("GET_PHASE_INFO") == 8
 
 
 @spec("PMD-CMD-78", "PMD-CMD-79", "PMD-CMD-80", "PMD-AMB-6", "PMD-AMB-27")
@@ -364,8 +476,9 @@ def test_home_levels(chip: Bench) -> None:
 
 @spec("PMD-CMD-76", "PMD-VER-2", "PMD-AMB-4")
 def test_version_words(bench: Bench) -> None:
-    assert bench.send("GET_VRSN") == 0x4A0B
-    assert Bench(part="MC1141A").send("GET_VRSN") == 0x420B
+    assert bench.send("GET_VRSN") == 0x4A10
+    assert Bench(part="MC1141A").send("GET_VRSN") == 0x4210
+    assert Bench(version_word=0x4A0B).send("GET_VRSN") == 0x4A0B  # the manual's worked word
     assert Bench(version_word=0x4B10).send("GET_VRSN") == 0x4B10
     assert version_word(1, 2, 3, 0, 2, 0) == 0x4B10
     assert version_word(1, 1, 3, 0, 2, 0) == 0x4310
@@ -375,7 +488,10 @@ def test_version_words(bench: Bench) -> None:
 def test_fields_of_the_version_word() -> None:
     assert version_word(1, 4, 1, 0, 1, 0) == 0x5908  # MC1401 version 1.0
     assert version_word(1, 2, 1, 1, 1, 0) == 0x4928  # MC1201-P version 1.0
-    assert version_word(1, 2, 2, 0, 1, 3) == 0x4A0B == VERSIONS["MC1241A"]
+    assert version_word(1, 2, 2, 0, 1, 3) == 0x4A0B  # MC1241 version 1.3
+    # Major versions from 2 on are "A" parts.
+    assert version_word(1, 2, 2, 0, 2, 0) == 0x4A10 == VERSIONS["MC1241A"]
+    assert version_word(1, 1, 2, 0, 2, 0) == 0x4210 == VERSIONS["MC1141A"]
     with pytest.raises(ValueError, match="9 does not fit in 3 bits"):
         version_word(1, 2, 9, 0, 1, 0)
 

@@ -130,6 +130,41 @@ def test_the_angle_is_the_target_modulo_256_and_moves_only_with_generated_motion
     assert bench.seen("phase A") == PHASE_A[192]
 
 
+@spec("PMD-USTP-1", "PMD-CMD-17", "PMD-CMD-69")
+@pytest.mark.parametrize("way", ["cycle", "strobe"])
+@pytest.mark.parametrize("command", ["SYNCH_PRFL", "SET_ACTL_POS"])
+def test_a_target_that_is_renumbered_between_microsteps_keeps_the_angle(
+    way: str, command: str
+) -> None:
+    """In every look-up, though the target begins again without a fraction."""
+    plain, renumbered = Bench(way), Bench(way)
+    for bench in (plain, renumbered):
+        bench.send("SET_PHASE_2")
+        bench.send("SET_PRFL_VEL")
+        bench.move(vel=45_000, acc=45_000, buf_mtr_cmd=32_767)
+        bench.next_cycle(3)
+    assert plain.seen("target") == 3 * 45_000 >> 16 == 2
+    rest = plain.seen_time() - 3
+    for _ in range(40):
+        if command == "SYNCH_PRFL":
+            for bench, name in ((plain, "GET_MODE"), (renumbered, command)):
+                bench.send(name)
+                bench.send("UPDATE")
+        else:
+            plain.send("SET_BRK_PNT", 100)
+            renumbered.send(command, 100)
+        assert plain.now // CYCLE == renumbered.now // CYCLE
+        start = (plain.now // CYCLE + 1) * CYCLE
+        for j in range(1, 9):
+            for bench in (plain, renumbered):
+                bench.run_until(start + (j - 1) * SLOT)
+            angle = 45_000 * (8 * (plain.seen_time() - rest - 1) + j) // (8 << 16)
+            seen = [bench.seen("phase A") for bench in (plain, renumbered)]
+            assert seen == [PHASE_A[angle % 256]] * 2
+        target = 0 if command == "SYNCH_PRFL" else 100
+        assert renumbered.chip.axes[0].profile.position == (target << 32) + (45_000 << 16)
+
+
 @spec("PMD-USTP-2")
 @pytest.mark.parametrize("speed", [64, 5, -5, 1])
 def test_eight_look_ups_a_cycle_divide_the_way_evenly(speed: int) -> None:

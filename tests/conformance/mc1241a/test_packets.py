@@ -42,8 +42,8 @@ def test_checksum_and_data_may_be_left_unread(bench: Bench) -> None:
     bench.command(COMMANDS["GET_POS_ERR"].code)
     bench.command(COMMANDS["GET_TIME"].code)
     bench.read_word()
-    assert bench.send("GET_VRSN") == 0x4A0B
-    assert bench.checksum() == 0x6C + 0x4A0B
+    assert bench.send("GET_VRSN") == 0x4A10
+    assert bench.checksum() == 0x6C + 0x4A10
     assert bench.rules() == []
 
 

@@ -1,5 +1,7 @@
 """S-curve point to point (PMD-TRJ-4, PMD-TRJ-5, PMD-TRJ-10, PMD-ERR-2)."""
 
+from itertools import pairwise
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -56,17 +58,21 @@ def test_a_short_move_does_not_reach_its_velocity(chip: Bench) -> None:
 
 
 @spec("PMD-TRJ-4", "PMD-T-10")
-def test_what_is_left_over_takes_one_slow_cycle(chip: Bench) -> None:
-    s_curve(chip, 2003)
-    steps, last = [], 0
-    for _ in range(311):
-        chip.next_cycle()
-        profile = chip.chip.axes[0].profile
-        steps.append(profile.position - last)
-        last = profile.position
-    assert 3 << 32 in steps
-    assert chip.seen("target") == 2003
-    assert chip.status() == 0x0301
+def test_the_move_of_2003_is_one_cycle_longer_and_a_little_slower(bench: Bench) -> None:
+    s_curve(bench, 2003)
+    now, seen = 0, []
+    for cycle in (32, 80, 112, 201, 233, 281):
+        bench.next_cycle(cycle - now)
+        now = cycle
+        seen.append((bench.seen("target"), phase(bench)))
+        if cycle in (112, 201):
+            assert bench.send("GET_TRGT_VEL") == (2003 << 16) // 201
+    assert seen == [(23, 1), (268, 2), (568, 3), (1454, 4), (1750, 5), (1983, 6)]
+    bench.next_cycle(310 - now)
+    assert bench.status() == 0x0700
+    bench.next_cycle()
+    assert bench.seen("target") == 2003
+    assert bench.status() == 0x0301
 
 
 @spec("PMD-TRJ-4")
@@ -85,13 +91,39 @@ def test_the_start_velocity_is_not_used(chip: Bench) -> None:
     assert chip.seen("target") == 23
 
 
-@spec("PMD-TRJ-4")
-@pytest.mark.parametrize("missing", ["vel", "max_acc", "jerk"])
-def test_without_velocity_acceleration_or_jerk_nothing_moves(chip: Bench, missing: str) -> None:
-    s_curve(chip, 2000, **{missing: 0})
+@spec("PMD-TRJ-4", "PMD-TRJ-8", "PMD-TRJ-12", "PMD-ERR-2")
+@pytest.mark.parametrize(
+    ("missing", "value"), [("vel", 10 << 16), ("max_acc", 0x2000), ("jerk", 0x01000000)]
+)
+def test_without_velocity_acceleration_or_jerk_nothing_is_in_motion(
+    bench: Bench, missing: str, value: int
+) -> None:
+    s_curve(bench, 2000, **{missing: 0})
+    bench.next_cycle(50)
+    assert bench.seen("target") == 0
+    assert bench.status() == 0x0300
+    bench.move(**{missing: value})
+    bench.next_cycle(309)
+    assert bench.status() == 0x0700
+    bench.next_cycle()
+    assert bench.seen("target") == 2000
+    assert bench.status() == 0x0301
+    assert bench.rules() == []
+
+
+@spec("PMD-TRJ-8", "PMD-TRJ-10")
+def test_smooth_stop_of_a_move_that_could_not_begin_completes_motion(chip: Bench) -> None:
+    s_curve(chip, 2000, jerk=0)
+    chip.next_cycle(3)
+    chip.send("SMOOTH_STOP")
+    chip.move(jerk=0x01000000)
+    chip.next_cycle()
+    assert chip.status() == 0x0301
     chip.next_cycle(50)
     assert chip.seen("target") == 0
-    assert chip.status() == 0x0700
+    chip.move()
+    chip.next_cycle(310)
+    assert chip.seen("target") == 2000
 
 
 @spec("PMD-TRJ-5")
@@ -248,13 +280,17 @@ def test_every_s_curve_ends_on_its_destination_within_its_limits(
     active.position, active.velocity = goal, top
     active.max_acceleration, active.jerk = accel, jerk
     profile.set_mode(2, 0)
-    profile.start(active, True)
-    before, cycle = 0, 0
-    while not profile.step(active, 0, 0):
-        assert abs(profile.velocity) <= top << 16
-        if profile.phase() < 5:
-            assert abs(profile.velocity - before) <= (accel << 16) + 1
-        before = profile.velocity
-        cycle += 1
-        assert cycle < 30_000
+    done = profile.start(active, True)
+    ways = [0, 0]
+    while not done:
+        assert profile.in_motion()
+        done = profile.step(active, 0, 0) != 0
+        ways.append(profile.moved)
+        assert len(ways) < 30_000
     assert profile.position == goal << 32
+    # Positions are cut down to 2^-32 ustep, so each way is off by less than 1.
+    ways += [0, 0]
+    assert max(map(abs, ways)) <= top << 16
+    accelerations = [b - a for a, b in pairwise(ways)]
+    assert max(map(abs, accelerations)) <= (accel << 16) + 1
+    assert max(abs(b - a) for a, b in pairwise(accelerations)) <= jerk + 3

@@ -10,6 +10,7 @@ from tests.conformance.mc1241a.conftest import CYCLE, words
 from vbus.board.board import Board
 from vbus.chips.mc1241a import MC1241A
 from vbus.chips.mc1241a.datasheet import COMMANDS
+from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.kernel import MS, SECOND, US
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor
@@ -64,6 +65,8 @@ NUMBERS = {
     "SET_VEL": st.integers(0, 20 << 16),
     "SET_ACC": st.integers(-(4 << 16), 4 << 16),
     "SET_MAX_ACC": st.integers(0, 32767),
+    "SET_MTR_CMD": st.integers(-32768, 32767),
+    "SET_BUF_MTR_CMD": st.integers(-32768, 32767),
     "SET_JERK": st.integers(1 << 24, 2**31 - 1),
     "SET_RATIO": st.integers(-(4 << 16), 4 << 16),
     "SET_START_VEL": st.integers(0, 2 << 16),
@@ -201,6 +204,88 @@ def test_the_widest_s_curve_can_be_saved_and_hashed() -> None:
     other = Rig()
     other.board.load(rig.board.save())
     assert other.board.state_hash() == rig.board.state_hash()
+
+
+# -- states of the first version ---------------------------------------------------------------
+
+
+def older(rig: Rig, motor_command: int = 0) -> tuple[object, ...]:
+    """Return the state of axis 1 as the first version stored it.
+
+    Args:
+        rig: whose.
+        motor_command: 1 if SET_MTR_CMD had set the active one, else 0.
+    """
+    plain, *rest = rig.chip.axes[0].save()
+    assert isinstance(plain, tuple)
+    return ((*plain[:7], motor_command, *plain[8:]), *rest)
+
+
+@pytest.mark.spec("PMD-UPD-1")
+@pytest.mark.parametrize("updated", [False, True])
+def test_a_buffered_amplitude_in_a_state_of_the_first_version_still_comes(updated: bool) -> None:
+    first, second = Rig(), Rig()
+    for rig in (first, second):
+        rig.board.run_until(5 * CYCLE + MS // 10)
+    first.send("SET_BUF_MTR_CMD", 0x1000)
+    if updated:
+        first.board.run_until(59 * CYCLE - MS // 5)
+        first.port.write(1, 0x1A)
+        first.board.run_until(59 * CYCLE - MS // 10)
+        assert first.chip.telemetry()["time"] == 58
+    second.chip.axes[0].load(older(first))
+    if not updated:
+        second.send("UPDATE")
+    second.board.run_for(2 * CYCLE)
+    second.board.catch_up()
+    assert second.chip.axes[0].active.motor_command == 0x1000
+
+
+@pytest.mark.spec("PMD-UPD-1")
+def test_an_amplitude_past_the_buffer_in_a_state_of_the_first_version_stays() -> None:
+    first, second = Rig(), Rig()
+    first.send("SET_MTR_CMD", 0x2000)
+    second.chip.axes[0].load(older(first, 1))
+    second.send("UPDATE")
+    second.board.run_for(2 * CYCLE)
+    second.board.catch_up()
+    assert second.chip.axes[0].active.motor_command == 0x2000
+
+
+@pytest.mark.spec("PMD-TRJ-8")
+@pytest.mark.parametrize("mode", ["TRAP", "S_CRV"])
+def test_a_move_that_the_first_version_kept_in_motion_for_ever_can_be_begun(mode: str) -> None:
+    first, second = Rig(), Rig()
+    first.send("SET_PRFL_" + mode)
+    for name, value in (("POS", 100), ("VEL", 4 << 16), ("MAX_ACC", 0x7000)):
+        first.send("SET_" + name, value)
+    first.send("UPDATE")
+    first.board.run_for(2 * CYCLE)
+    first.board.catch_up()
+    state = list(older(first))
+    profile = list(state[4])  # type: ignore[call-overload]
+    assert profile[4] == 0
+    profile[4] = 1  # under way
+    if mode == "S_CRV":
+        profile[10] = " ".join(str(n) for n in (100 << 32, *[0] * 8, 1, *[0] * 8))
+    state[4] = tuple(profile)
+    second.chip.axes[0].load(tuple(state))
+    second.board.run_for(CYCLE)
+    for name, value in (("ACC", 1 << 16), ("JERK", 1 << 29)):
+        second.send("SET_" + name, value)
+    second.send("UPDATE")
+    second.board.run_for(100 * CYCLE)
+    assert second.chip.telemetry()["target 1"] == 100
+    assert second.chip.telemetry()["status 1"] == 0x0301
+
+
+@pytest.mark.spec("PMD-USTP-1")
+def test_an_angle_stored_in_whole_microsteps_is_the_same() -> None:
+    stepper = Microstepper(True)
+    stepper.load((1, 200, 0, 0, -1, 0, 0))
+    stepper.begin_cycle(10 << 32, 0)
+    assert stepper.angle(8) == 210
+    assert stepper.save() == (1, 200, 210 << 32, 0, -1, 0, 0)
 
 
 @pytest.mark.parametrize("motor", [None, StepperMotor])

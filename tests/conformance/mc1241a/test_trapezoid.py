@@ -101,12 +101,89 @@ def test_in_motion_from_the_update_s_cycle_to_the_last(chip: Bench) -> None:
     assert chip.seen("status") == 0x0301
 
 
-@spec("PMD-TRJ-8")
-def test_a_move_that_cannot_begin_is_in_motion_all_the_same(chip: Bench) -> None:
-    chip.move(pos=100, vel=0, acc=1 << 16)
+@spec("PMD-TRJ-8", "PMD-TRJ-12", "PMD-ERR-1")
+@pytest.mark.parametrize(("vel", "acc"), [(0, 1 << 16), (4 << 16, 0), (0, 0), (4 << 16, 1 << 30)])
+def test_a_move_that_cannot_begin_is_not_in_motion(bench: Bench, vel: int, acc: int) -> None:
+    bench.send("SET_START_VEL", 1 << 16)
+    bench.move(pos=20, vel=vel, acc=acc)  # an acceleration has 30 bits
+    bench.next_cycle(5)
+    assert bench.status() == 0x0300
+    assert bench.seen("target") == 0
+    bench.send("SET_START_VEL", 0)
+    bench.move(vel=4 << 16, acc=1 << 16)
+    bench.next_cycle()
+    assert bench.seen("target") == 1
+    assert bench.status() == 0x0700
+    bench.next_cycle(7)
+    assert bench.seen("target") == 20
+    assert bench.status() == 0x0301
+    assert bench.rules() == []
+
+
+@spec("PMD-TRJ-8", "PMD-TRJ-12")
+def test_a_move_whose_top_velocity_becomes_0_ends_in_motion_complete(bench: Bench) -> None:
+    bench.move(pos=1000, vel=4 << 16, acc=2 << 16)
+    bench.next_cycle(5)
+    at = bench.seen("target")
+    bench.move(vel=0)
+    bench.next_cycle()
+    assert (bench.seen("target"), bench.seen("status")) == (at + 2, 0x0700)
+    bench.next_cycle()
+    assert (bench.seen("target"), bench.seen("status")) == (at + 2, 0x0301)
+    bench.send("CLR_STATUS")
+    bench.next_cycle(5)
+    assert bench.status() == 0x0300
+    bench.move(vel=4 << 16, acc=1 << 16)  # any parameter may change now
+    bench.next_cycle(400)
+    assert bench.seen("target") == 1000
+    assert bench.status() == 0x0301
+
+
+@spec("PMD-TRJ-12")
+def test_a_top_velocity_of_0_that_comes_while_the_move_turns_round_completes_it(
+    chip: Bench,
+) -> None:
+    chip.send("SET_START_VEL", 3 << 16)
+    chip.move(pos=1000, vel=4 << 16, acc=2 << 16)
     chip.next_cycle(5)
-    assert chip.status() == 0x0700
-    assert chip.seen("target") == 0
+    chip.move(pos=-1000)
+    chip.next_cycle()
+    assert chip.seen("velocity") == 0
+    assert chip.seen("status") == 0x0700
+    at = chip.seen("target")
+    chip.move(vel=0)
+    chip.next_cycle()
+    assert (chip.seen("target"), chip.seen("status")) == (at, 0x0301)
+    chip.next_cycle(5)
+    assert (chip.seen("target"), chip.seen("status")) == (at, 0x0301)
+
+
+@spec("PMD-TRJ-12")
+def test_a_move_that_turns_round_and_is_put_on_its_destination_is_complete(chip: Bench) -> None:
+    chip.send("SET_START_VEL", 3 << 16)
+    chip.send("SET_ACTL_POS", -1000)
+    chip.move(pos=0, vel=4 << 16, acc=2 << 16)
+    chip.next_cycle(5)
+    chip.move(pos=-1000)
+    chip.next_cycle()
+    assert chip.seen("velocity") == 0
+    chip.send("SYNCH_PRFL")  # the encoder has stayed at -1000
+    chip.move()
+    chip.next_cycle()
+    assert (chip.seen("target"), chip.seen("status")) == (-1000, 0x0301)
+
+
+@spec("PMD-TRJ-8", "PMD-TRJ-2")
+def test_a_fraction_of_velocity_left_by_an_s_curve_is_no_motion_without_acceleration(
+    chip: Bench,
+) -> None:
+    chip.send("SET_PRFL_S_CRV")
+    chip.move(pos=2000, vel=10 << 16, max_acc=1, jerk=1)
+    chip.next_cycle(3)
+    assert 0 < chip.chip.axes[0].profile.velocity < 1 << 16
+    chip.send("SET_PRFL_TRAP")
+    chip.next_cycle()
+    assert chip.status() == 0x0301
 
 
 @spec("PMD-TRJ-12")
@@ -157,12 +234,12 @@ def test_every_move_lands_exactly_within_its_limits(
     """Also after changes of the destination on the way: |dv| <= A above the start velocity."""
     profile, active = Profile(), Registers()
     active.position, active.velocity, active.acceleration = goal, top, accel
-    profile.start(active, True)
+    done = profile.start(active, True)
     cycle, slow = 0, 0
     pending = list(turns)
     while True:
         before = profile.velocity >> 16
-        events = profile.step(active, start, 0)
+        done = profile.step(active, start, 0) != 0 or done
         speed = profile.moved >> 16
         assert abs(speed) <= top
         if abs(before) > start and abs(speed) > start and (speed > 0) == (before > 0):
@@ -172,12 +249,12 @@ def test_every_move_lands_exactly_within_its_limits(
         cycle += 1
         if pending and cycle == pending[0][0]:
             active.position = pending.pop(0)[1]
-            profile.start(active, True)
-        elif events:
+            done = profile.start(active, True)
+        elif done:
             if not pending:
                 break
             active.position = pending.pop(0)[1]
-            profile.start(active, True)
+            done = profile.start(active, True)
         assert cycle < 30_000
     assert profile.position == active.position << 32
     assert profile.velocity == 0

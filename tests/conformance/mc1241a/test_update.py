@@ -194,6 +194,90 @@ def test_a_synchronised_s_curve_still_ends_on_its_destination(chip: Bench) -> No
     assert chip.seen("target") == 2000
 
 
+# -- two updates in one cycle -----------------------------------------------------------------
+
+
+def at_rest(way: str, mode: str, phase: int, complete: bool) -> Bench:
+    """Return an axis at rest some twentieths of a cycle after the beginning of a cycle.
+
+    Args:
+        way: how bytes reach the chip.
+        mode: profile mode.
+        phase: how many twentieths.
+        complete: whether motion has been completed before.
+    """
+    bench = Bench(way)
+    bench.send("SET_PRFL_" + mode)
+    bench.load(vel=10 << 16, acc=1 << 14, max_acc=0x2000, jerk=1 << 24, brk_pnt=-5)
+    if complete:
+        bench.send("STOP")
+        bench.send("UPDATE")
+    bench.next_cycle()
+    assert bench.seen("status") == 0x0300 | complete
+    bench.run_for(phase * CYCLE // 20)
+    return bench
+
+
+@spec("PMD-TRJ-10", "PMD-UPD-2", "PMD-CMD-32")
+@pytest.mark.parametrize("way", ["cycle", "strobe"])
+@pytest.mark.parametrize("mode", ["TRAP", "S_CRV"])
+@pytest.mark.parametrize("first", ["SMOOTH_STOP", "STOP", "SET_POS"])
+def test_a_move_after_a_stop_at_rest_begins_in_every_phase_of_the_cycle(
+    way: str, mode: str, first: str
+) -> None:
+    """The breakpoint's update comes in the stop's own cycle, or in the next."""
+    together = set()
+    for phase in range(20):
+        bench = at_rest(way, mode, phase, complete=True)
+        bench.send(first)
+        bench.send("UPDATE")
+        acts = bench.now // CYCLE
+        bench.send("SET_POS", 185)
+        bench.send("SET_MTN_CMPLT_BRK")
+        together.add(bench.now // CYCLE == acts)
+        bench.next_cycle(400)
+        assert (bench.seen("target"), bench.seen("status")) == (185, 0x0305), phase
+    assert together == {True, False}
+
+
+@spec("PMD-TRJ-10", "PMD-TRJ-12", "PMD-UPD-2")
+@pytest.mark.parametrize("way", ["cycle", "strobe"])
+@pytest.mark.parametrize(
+    ("mode", "first"),
+    [(mode, stop) for mode in ("TRAP", "S_CRV", "VEL") for stop in ("SMOOTH_STOP", "STOP")]
+    + [("TRAP", "SET_POS"), ("S_CRV", "SET_POS")],
+)
+def test_what_completes_motion_at_rest_does_in_every_phase_of_the_cycle(
+    way: str, mode: str, first: str
+) -> None:
+    """Also if a breakpoint's update follows in the same cycle."""
+    for phase in range(20):
+        bench = at_rest(way, mode, phase, complete=False)
+        bench.load(vel=0)
+        bench.send(first)
+        bench.send("UPDATE")
+        bench.send("SET_POS_BRK")
+        bench.next_cycle(2)
+        assert (bench.seen("target"), bench.seen("status")) == (0, 0x0305), phase
+
+
+@spec("PMD-TRJ-10", "PMD-UPD-2")
+@pytest.mark.parametrize("mode", ["TRAP", "S_CRV"])
+def test_a_move_that_is_smoothly_stopped_in_its_first_cycle_is_complete(
+    chip: Bench, mode: str
+) -> None:
+    chip.send("SET_PRFL_" + mode)
+    chip.load(pos=185, vel=10 << 16, acc=1 << 14, max_acc=0x2000, jerk=1 << 24)
+    chip.next_cycle()
+    chip.send("UPDATE")
+    chip.send("SMOOTH_STOP")
+    chip.send("SET_POS_BRK")
+    chip.next_cycle()
+    assert (chip.seen("target"), chip.seen("status")) == (0, 0x0305)
+    chip.next_cycle(5)
+    assert (chip.seen("target"), chip.seen("status")) == (0, 0x0305)
+
+
 # -- command errors ---------------------------------------------------------------------------
 
 

@@ -306,6 +306,20 @@ def test_an_s_curve_passes_all_seven_phases(bench: Bench) -> None:
     assert phases == [1] * 4 + [2] * 16 + [3] * 4 + [4] * 76 + [5] * 4 + [6] * 16 + [7] + [0]
 
 
+@pytest.mark.spec("MCP-SCV-1", "MCP-SCV-3", "MCP-SCV-5")
+def test_an_s_curve_whose_way_is_no_multiple_of_its_velocity_is_one_sample_longer(
+    bench: Bench,
+) -> None:
+    prepare(bench, 1003, velocity=10, accel=0x80, jerk=0x2000)
+    start(bench)
+    bench.samples(24)
+    # The peak is 1003 / 101: 13 of it while accelerating, 11 while decelerating.
+    assert (bench.seen("COMMAND_POSITION"), bench.get("ACCEL_DELTA")) == (129, 129)
+    phases = bench.trace("PHASE", 99)
+    assert phases == [4] * 77 + [5] * 4 + [6] * 16 + [7] + [0]
+    assert (bench.seen("COMMAND_POSITION"), bench.get("DECEL_POSITION")) == (1003, 893)
+
+
 @pytest.mark.spec("MCP-SCV-2")
 def test_an_s_curve_backwards_is_the_mirror_image(bench: Bench) -> None:
     prepare(bench, -1000, velocity=10, accel=0x80, jerk=0x2000)

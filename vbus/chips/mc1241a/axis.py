@@ -11,6 +11,7 @@ from vbus.chips.mc1241a.datasheet import (
     COMMAND_ERROR,
     COMMAND_REFUSED,
     EVENTS,
+    GEAR,
     MOTION_COMPLETE,
     MOTION_ERROR,
     MOTOR_COMMAND_LOST,
@@ -28,6 +29,13 @@ from vbus.signals import Rule
 
 ERROR_LIMIT: Final = 32_767
 """Largest position error the axis tolerates after reset."""
+
+UPDATED: Final = 0
+"""The active motor command has come from the buffer."""
+DIRECT: Final = 1
+"""SET_MTR_CMD has set it."""
+DIRECT_TOLD: Final = 2
+"""The same, and an update that left it as it was has been reported."""
 
 Report = Callable[[Rule, str], None]
 """Takes a rule the host has broken on an axis, and what happened."""
@@ -67,8 +75,10 @@ class Axis:
         """SET_POS was given since the last update (PMD-TRJ-12)."""
         self._update_pending: bool = False
         self._position_taken: bool = False
-        self.motor_command_direct: bool = False
-        """The active motor command was set by SET_MTR_CMD, past the buffer."""
+        self.motor_command_given: bool = False
+        """SET_BUF_MTR_CMD was given since the last update (NOTES 6)."""
+        self._motor_command_taken: bool = False
+        self._motor_command_from: int = UPDATED
         self.interrupt_mask: int = 0
         self.breakpoint_mode: int = BRK_OFF
         self.breakpoint_value: int = 0
@@ -163,6 +173,8 @@ class Axis:
         taken.stop, taken.smooth_stop, taken.synch = stop, smooth_stop, synch
         self._position_taken |= self.position_given
         self.position_given = False
+        self._motor_command_taken |= self.motor_command_given
+        self.motor_command_given = False
         self._update_pending = True
 
     def _update(self, at_positive: bool, at_negative: bool) -> None:
@@ -190,14 +202,17 @@ class Axis:
             return
         if not self.motor_on:
             return  # PMD-MTR-2
-        if smooth and profile.smooth_stop():
+        if smooth and profile.mode != GEAR:
+            if profile.smooth_stop():
+                self.events |= MOTION_COMPLETE  # PMD-TRJ-10, at rest
             return
         if profile.mode in (TRAPEZOIDAL, S_CURVE):
             way = (taken.position << 32) - profile.position
             if (way > 0 and at_positive) or (way < 0 and at_negative):
                 self._refuse("the move leads toward an active limit switch")  # PMD-ERR-3
                 return
-        profile.start(self.active, given)
+        if profile.start(self.active, given):
+            self.events |= MOTION_COMPLETE  # PMD-TRJ-12
 
     def _copy(self, buffer: Registers) -> str:
         """Copy buffer to active, but for what must not change in motion; say what was refused."""
@@ -223,21 +238,34 @@ class Axis:
             active.jerk = buffer.jerk
         active.position = buffer.position
         active.ratio = buffer.ratio
-        if self.motor_command_direct and buffer.motor_command != active.motor_command:
+        self._copy_motor_command(buffer.motor_command)
+        return refused
+
+    def _copy_motor_command(self, buffered: int) -> None:
+        """Copy the buffered motor command if SET_BUF_MTR_CMD has given one (NOTES 6)."""
+        active = self.active
+        if self._motor_command_taken:
+            active.motor_command = buffered
+            self._motor_command_from = UPDATED
+            self._motor_command_taken = False
+        elif self._motor_command_from == DIRECT and active.motor_command != buffered:
+            self._motor_command_from = DIRECT_TOLD
             self._report(
                 MOTOR_COMMAND_LOST,
                 f"axis {self.number + 1}: motor command {active.motor_command} set by SET_MTR_CMD"
-                f" is replaced by the buffered {buffer.motor_command}",
+                f" stays; an update of every register would bring the buffered {buffered}",
             )
-        active.motor_command = buffer.motor_command
-        self.motor_command_direct = False
-        return refused
 
     def _refuse(self, why: str) -> None:
         self.events |= COMMAND_ERROR
         self._report(COMMAND_REFUSED, f"axis {self.number + 1}: {why}")
 
     # -- commands of this axis ----------------------------------------------------------------
+
+    def set_motor_command(self, value: int) -> None:
+        """SET_MTR_CMD: past the buffer (PMD-CMD-64)."""
+        self.active.motor_command = value
+        self._motor_command_from = DIRECT
 
     def set_start_velocity(self, value: int) -> None:
         """SET_START_VEL: at once, but not in motion (PMD-CMD-14)."""
@@ -257,8 +285,9 @@ class Axis:
         self._renumber(value)
 
     def _renumber(self, target: int) -> None:
-        self.stepper.renumber(self.profile.target(), target)
+        before = self.profile.position
         self.profile.set_target(target)
+        self.stepper.renumber(before, self.profile.position)
         self.zero_error()
 
     def motor_off(self) -> None:
@@ -317,7 +346,9 @@ class Axis:
             (
                 self.events, int(self.motor_on), self.auto_stop, self.auto_update,
                 int(self._update_pending), int(self.position_given), int(self._position_taken),
-                int(self.motor_command_direct),
+                # States of the first version have the last of these bits only.
+                self._motor_command_from | int(self.motor_command_given) << 2
+                | int(self._motor_command_taken) << 3,
                 self.interrupt_mask, self.breakpoint_mode, self.breakpoint_value,
                 self.start_velocity, self.step_ratio, self.position_error_limit,
                 self.position_error, self._error_offset,
@@ -331,7 +362,7 @@ class Axis:
         plain, buffer, taken, active, profile, limits, encoder, stepper = state
         (
             self.events, motor_on, self.auto_stop, self.auto_update,
-            update_pending, position_given, position_taken, motor_command_direct,
+            update_pending, position_given, position_taken, motor_command,
             self.interrupt_mask, self.breakpoint_mode, self.breakpoint_value,
             self.start_velocity, self.step_ratio, self.position_error_limit,
             self.position_error, self._error_offset,
@@ -340,10 +371,19 @@ class Axis:
         self._update_pending = bool(update_pending)  # type: ignore[has-type]
         self.position_given = bool(position_given)  # type: ignore[has-type]
         self._position_taken = bool(position_taken)  # type: ignore[has-type]
-        self.motor_command_direct = bool(motor_command_direct)  # type: ignore[has-type]
+        self._motor_command_from = motor_command & 3  # type: ignore[has-type]
+        self.motor_command_given = motor_command & 4 != 0  # type: ignore[has-type]
+        self._motor_command_taken = motor_command & 8 != 0  # type: ignore[has-type]
         self.buffer.load(buffer)  # type: ignore[arg-type]
         self._taken.load(taken)  # type: ignore[arg-type]
         self.active.load(active)  # type: ignore[arg-type]
+        if not motor_command:  # type: ignore[has-type]
+            # A state of the first version, unless both are False: the buffers tell what was given.
+            command = self.active.motor_command
+            self.motor_command_given = self.buffer.motor_command != command
+            self._motor_command_taken = (
+                self._update_pending and self._taken.motor_command != command
+            )
         self.profile.load(profile)  # type: ignore[arg-type]
         self.limits.load(limits)  # type: ignore[arg-type]
         self.encoder.load(encoder)  # type: ignore[arg-type]

@@ -259,15 +259,15 @@ class Commands:
     def cmd_set_mtr_cmd(self, value: int) -> int:
         """Amplitude, at the next look-up (PMD-CMD-64)."""
         self._chip.cycles.hold_outputs(self.current)
-        axis = self._axis
-        axis.active.motor_command = self._motor_command(COMMANDS["SET_MTR_CMD"], value)
-        axis.motor_command_direct = True
+        self._axis.set_motor_command(self._motor_command(COMMANDS["SET_MTR_CMD"], value))
         return 0
 
     def cmd_set_buf_mtr_cmd(self, value: int) -> int:
         """Amplitude from the next update on (PMD-CMD-66)."""
         row = COMMANDS["SET_BUF_MTR_CMD"]
-        self._axis.buffer.motor_command = self._motor_command(row, value)
+        axis = self._axis
+        axis.buffer.motor_command = self._motor_command(row, value)
+        axis.motor_command_given = True
         return 0
 
     # -- miscellaneous ------------------------------------------------------------------------

@@ -428,10 +428,10 @@ def version_word(
 
 
 VERSIONS: Final = {
-    "MC1241A": version_word(1, 2, 2, 0, 1, 3),
-    "MC1141A": version_word(1, 1, 2, 0, 1, 3),
+    "MC1241A": version_word(1, 2, 2, 0, 2, 0),
+    "MC1141A": version_word(1, 1, 2, 0, 2, 0),
 }
-"""The manual's worked word, and the same with one axis (PMD-VER-2)."""
+"""The manual's worked word with the first version of "A" parts, 2.0 (PMD-VER-2, NOTES 22)."""
 
 # -- pins ----------------------------------------------------------------------------------------
 
@@ -562,8 +562,8 @@ COMMAND_REFUSED: Final = Rule(
 )  # fmt: skip
 MOTOR_COMMAND_LOST: Final = Rule(
     "mc1241a.motor-command-lost", "PMD-UPD-1",
-    "An update copies the buffered motor command, also over a value set by SET_MTR_CMD.",
-    "warning",
+    "An update should find the motor command set by SET_MTR_CMD equal to the buffered one.",
+    "note",
 )  # fmt: skip
 TWO_CHANNELS: Final = Rule(
     "mc1241a.quadrature", "PMD-ENC-1", "Only one of A and B may change at a time."
@@ -585,7 +585,7 @@ OPTIONS: Final = (
     Option("family_codes", "choice", "illegal",
            "what codes of the family's servo chips do: nothing legal, or nothing at all",
            choices=("illegal", "noop"), clause="PMD-PKT-6"),
-    Option("version_word", "count", 0, "what GET_VRSN returns; 0 is the manual's word",
+    Option("version_word", "count", 0, "what GET_VRSN returns; 0 is the part's own word",
            low=0, high=0xFFFF, clause="PMD-VER-2"),
     Option("pwm_sign", "choice", "low", "level of the PWMSign pins for positive outputs",
            choices=("low", "high"), clause="PMD-AMB-23"),

@@ -10,6 +10,7 @@ FULL_SCALE: Final = 32_767
 STEPS: Final = 256
 """Microsteps in an electrical cycle: four full steps of 64 (PMD-USTP-1)."""
 _CYCLE: Final = (STEPS << 32) - 1
+_FRACTION: Final = (1 << 32) - 1
 _WAY: Final = 8 * (STEPS << 32) - 1
 """Eighths of a way: what lies beyond makes whole electrical cycles."""
 
@@ -91,7 +92,7 @@ class Microstepper:
             start: target position at the cycle's start (2^-32 usteps).
             moved: what the profile generator adds to it in this cycle.
         """
-        self._from = start + (self._shift << 32)
+        self._from = start + self._shift
         self._moved = moved
         self._reduce()
 
@@ -101,11 +102,12 @@ class Microstepper:
         self._way = self._moved & _WAY
 
     def renumber(self, before: int, after: int) -> None:
-        """The target changes its number from ``before`` to ``after`` (usteps) and the angle stays.
+        """The target becomes ``after`` instead of ``before`` (2^-32 usteps) and the angle stays.
 
-        SET_ACTL_POS and SYNCH_PRFL give a position another name; no step is made (PMD-USTP-1).
+        SET_ACTL_POS and SYNCH_PRFL give a position another name; no step is made, nor a part of
+        one (PMD-USTP-1).
         """
-        self._shift = self._shift + before - after & (STEPS - 1)
+        self._shift = self._shift + before - after & _CYCLE
 
     def angle(self, slot: i64) -> i64:
         """Return the place in the electrical cycle (0..255) of slot 1 to 8 of this cycle."""
@@ -139,17 +141,19 @@ class Microstepper:
         return self._moved == 0
 
     def save(self) -> tuple[int, ...]:
-        """Return the whole state."""
+        """Return the whole state; a shift's fraction stands above its whole usteps."""
+        whole, fraction = self._shift >> 32, self._shift & _FRACTION
         return (
-            int(self.two_phase), self._shift, self._from, self._moved,
+            int(self.two_phase), whole | fraction << 8, self._from, self._moved,
             self._held_slot, self._held_a, self._held_b,
         )  # fmt: skip
 
     def load(self, state: tuple[int, ...]) -> None:
         """Take back what :meth:`save` gave."""
         (
-            two_phase, self._shift, self._from, self._moved,
+            two_phase, shift, self._from, self._moved,
             self._held_slot, self._held_a, self._held_b,
         ) = state  # fmt: skip
         self.two_phase = bool(two_phase)
+        self._shift = (shift & STEPS - 1) << 32 | shift >> 8
         self._reduce()

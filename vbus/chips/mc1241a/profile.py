@@ -33,6 +33,11 @@ _FAR_INSIDE: Final = 1 << 61
 """Positions nearer to 0 are far from the ends of their range, and fit a machine word."""
 
 
+def _can_begin(active: Registers) -> bool:
+    """Whether a trapezoid with these registers ever leaves rest (NOTES 21)."""
+    return active.velocity != 0 and active.acceleration & MAGNITUDE_MASK != 0
+
+
 class Profile:
     """Target position and velocity, and the mode that moves them once a cycle.
 
@@ -136,43 +141,55 @@ class Profile:
         self._clear_curve()
 
     def smooth_stop(self) -> bool:
-        """Begin to decelerate; tell whether this mode can (PMD-TRJ-10)."""
-        if self.mode == GEAR:
-            return False
+        """Begin to decelerate; tell whether motion is complete at once: at rest (PMD-TRJ-10).
+
+        Not for electronic gear.
+        """
         if self.mode == S_CURVE:
             self._curve.stop()
-        self._smooth = True
-        self._state = RUNNING
-        return True
+            rests = self._curve.done
+        else:
+            rests = self.velocity == 0
+        self._smooth = not rests
+        self._state = DONE if rests else RUNNING
+        return rests
 
-    def start(self, active: Registers, given: bool) -> None:
+    def start(self, active: Registers, given: bool) -> bool:
         """Go on after an update, toward the active destination.
 
         Args:
             active: the active registers.
             given: a destination was given, be it the present position (PMD-TRJ-12).
+
+        Returns:
+            Whether motion is complete at once: the axis rests on the destination given.
         """
         if self.mode in (VELOCITY, GEAR):
             self._smooth = False
             self._state = RUNNING
-            return
-        if self.mode == S_CURVE and self._state == RUNNING:
+            return False
+        running = self._state == RUNNING
+        if self.mode == S_CURVE and running:
             if active.position != self._destination and self._retarget(active.position):
                 self._destination = active.position
-            return
+            return False
         self._smooth = False
         self._destination = active.position
         way = (active.position << 32) - self.position
-        if way == 0 and self.velocity == 0 and not given:
+        if way == 0 and self.velocity == 0 and not given and not running:
             self._state = DONE
-            return
-        self._state = RUNNING
+            return False
         if self.mode == S_CURVE:
             self._sign = -1 if way < 0 else 1
             self._start = self.position
-            self._curve.plan(
+            moves = self._curve.plan(
                 abs(way), active.velocity << 16, active.max_acceleration << 16, active.jerk
             )
+        else:
+            moves = self.velocity != 0 or (way != 0 and _can_begin(active))
+        self._state = RUNNING if moves else DONE
+        # What cannot begin has not ended either (NOTES 21).
+        return not moves and (way == 0 or running)
 
     def _retarget(self, destination: int) -> bool:
         """Stretch or cut a running S-curve to end elsewhere, if that can be (PMD-TRJ-5)."""
@@ -220,7 +237,9 @@ class Profile:
             remaining, self.velocity >> 16, active.velocity, acceleration, start_velocity
         )
         self.moved = (position + velocity << 16) - self.position
-        if arrived(remaining - velocity, velocity, acceleration, start_velocity):
+        if arrived(remaining - velocity, velocity, acceleration, start_velocity) or (
+            velocity == 0 and not _can_begin(active)
+        ):
             self.velocity = 0
             self._state = DONE
             return True
@@ -292,3 +311,6 @@ class Profile:
         ) = state  # type: ignore[assignment]  # fmt: skip
         self._smooth = bool(smooth)
         self._curve.load(tuple(int(number) for number in curve.split()))  # type: ignore[attr-defined]
+        if self.mode == S_CURVE and self._state == RUNNING and self._curve.rise == 0:
+            # The first version kept a move that could not begin in motion for ever (NOTES 21).
+            self._state = DONE

@@ -91,7 +91,7 @@ def _host(bus: Bus) -> None:
     chip = _Packets(bus)
 
     step = Step(bus, "look at version and status after reset")
-    step.found("version", 0x4A0B, chip.send("GET_VRSN"), digits=4)
+    step.found("version", 0x4A10, chip.send("GET_VRSN"), digits=4)
     step.found("status of axis 2", 0x1300, chip.send("SET_2"), digits=4)
     step.found("status of axis 1", 0x0300, chip.send("SET_1"), digits=4)
 
