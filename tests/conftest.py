@@ -9,7 +9,7 @@ import pytest
 from hypothesis import settings
 
 import vbus
-from tests import left_out, repeat
+from tests import costs, left_out, repeat
 from tests.clauses import Clause, read_clauses, stale, unknown, untested
 from vbus.compiled import core, is_compiled, why
 
@@ -34,6 +34,7 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     config.pluginmanager.register(repeat)
     config.pluginmanager.register(left_out)
+    config.pluginmanager.register(costs)
     config.stash[CLAUSES] = read_clauses(Path(__file__).parent / "conformance")
     config.stash[MARKED] = set()
     if config.pluginmanager.hasplugin("xdist"):

@@ -28,8 +28,9 @@ def suite(pytester: pytest.Pytester) -> pytest.Pytester:
     """A small suite of its own, with this project's plug-in and one list of clauses."""
     here = Path(__file__).parents[1]
     tests = pytester.mkpydir("tests")
-    for name in ("conftest.py", "clauses.py", "left_out.py", "repeat.py", "waiting.py"):
-        shutil.copy(here / name, tests / name)
+    names = ("conftest", "clauses", "costs", "left_out", "repeat", "waiting")
+    for name in names:
+        shutil.copy(here / f"{name}.py", tests / f"{name}.py")
     (tests / "conformance" / "x").mkdir(parents=True)
     (tests / "conformance" / "x" / "clauses.toml").write_text(LIST)
     pytester.makeini(
