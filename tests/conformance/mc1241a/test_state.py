@@ -252,6 +252,19 @@ def test_an_amplitude_past_the_buffer_in_a_state_of_the_first_version_stays() ->
     assert second.chip.axes[0].active.motor_command == 0x2000
 
 
+@pytest.mark.spec("PMD-UPD-1")
+def test_once_an_update_has_replaced_it_an_amplitude_past_the_buffer_has_left_no_trace() -> None:
+    first, second = Rig(), Rig()
+    first.send("SET_MTR_CMD", 0x2000)
+    second.send("SET_POS_ERR", 32767)  # as it is; takes as long
+    for rig in (first, second):
+        rig.send("SET_BUF_MTR_CMD", 0x1000)
+        rig.send("UPDATE")
+        rig.board.run_for(2 * CYCLE)
+        rig.board.catch_up()
+    assert first.chip.axes[0].save()[0] == second.chip.axes[0].save()[0]
+
+
 @pytest.mark.spec("PMD-TRJ-8")
 @pytest.mark.parametrize("mode", ["TRAP", "S_CRV"])
 def test_a_move_that_the_first_version_kept_in_motion_for_ever_can_be_begun(mode: str) -> None:

@@ -225,14 +225,18 @@ def at_rest(way: str, mode: str, phase: int, complete: bool) -> Bench:
 def test_a_move_after_a_stop_at_rest_begins_in_every_phase_of_the_cycle(
     way: str, mode: str, first: str
 ) -> None:
-    """The breakpoint's update comes in the stop's own cycle, or in the next."""
+    """The breakpoint's update comes in the stop's own cycle, or in the next.
+
+    It brings a parameter that no move under way would take (PMD-ERR-1, PMD-ERR-2).
+    """
     together = set()
+    changed = {"acc": 1 << 15} if mode == "TRAP" else {"jerk": 1 << 25}
     for phase in range(20):
         bench = at_rest(way, mode, phase, complete=True)
         bench.send(first)
         bench.send("UPDATE")
         acts = bench.now // CYCLE
-        bench.send("SET_POS", 185)
+        bench.load(pos=185, **changed)
         bench.send("SET_MTN_CMPLT_BRK")
         together.add(bench.now // CYCLE == acts)
         bench.next_cycle(400)
@@ -253,7 +257,8 @@ def test_what_completes_motion_at_rest_does_in_every_phase_of_the_cycle(
     """Also if a breakpoint's update follows in the same cycle."""
     for phase in range(20):
         bench = at_rest(way, mode, phase, complete=False)
-        bench.load(vel=0)
+        if mode == "VEL":
+            bench.load(vel=0)
         bench.send(first)
         bench.send("UPDATE")
         bench.send("SET_POS_BRK")

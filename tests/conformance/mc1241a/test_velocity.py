@@ -297,6 +297,21 @@ def test_a_stopped_axis_does_not_follow_when_gear_is_chosen(chip: Bench) -> None
 
 
 @spec("PMD-TRJ-10", "PMD-TRJ-13")
+def test_a_smooth_stop_at_rest_is_not_remembered(chip: Bench) -> None:
+    chip.load(pos=100, vel=8 << 16, acc=1 << 16, ratio=2 << 16)
+    chip.send("SMOOTH_STOP")
+    chip.move()
+    chip.next_cycle()
+    assert chip.status() == 0x0301
+    chip.send("SET_PRFL_GEAR")
+    Crank(chip).turn(1)
+    chip.next_cycle()
+    assert chip.seen("target") == 2
+    chip.send("SET_PRFL_TRAP")  # at 2 usteps/cycle
+    assert chip.trace("target", 3) == [5, 9, 14]
+
+
+@spec("PMD-TRJ-10", "PMD-TRJ-13")
 def test_a_smooth_stop_asked_for_in_gear_is_not_remembered(chip: Bench) -> None:
     chip.send("SET_PRFL_GEAR")
     chip.send("SMOOTH_STOP")

@@ -444,6 +444,16 @@ def test_a_saved_move_goes_on_where_it_was(move, after, stop):
     assert copy.done is curve.done is True
 
 
+@pytest.mark.spec("MCP-SCV-1")
+def test_a_move_with_nothing_left_over_is_stored_as_the_first_version_stored_it():
+    curve = pmd(2000)
+    run(curve, 100)
+    assert curve.save() == (
+        2000 << 32, 1936426270720, 41842376704, 3, 0, 32, 48, 88, 10 << 32, 2560, 0, 0, 0,
+        12, 2494, 2560, 12, 0,
+    )  # fmt: skip
+
+
 @pytest.mark.spec("MCP-SCV-3")
 def test_a_move_stored_with_what_was_left_over_goes_on_as_it_was_planned():
     """The first version planned an extra sample for every distance: here 3 of 2003."""

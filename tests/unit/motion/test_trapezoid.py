@@ -115,6 +115,15 @@ def test_with_a_start_velocity_a_reversal_rests_one_sample():
     assert next_velocity(1000, 0, 100, 10, 20) == 20
 
 
+@pytest.mark.spec("PMD-TRJ-2")
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_reversal_still_runs_at_exactly_the_start_velocity_before_it_rests(sign):
+    velocities = [sign * -40]
+    for _ in range(4):
+        velocities.append(next_velocity(sign * 1000, velocities[-1], 100, 10, 20))
+    assert velocities == [sign * v for v in (-40, -30, -20, 0, 20)]
+
+
 def literal_fastest(r: int, a: int, vs: int) -> int:
     """The formula of PMD-TRJ-2 (with vs = 0: LM-TRJ-12) as it is written there."""
     if r < vs:

@@ -145,6 +145,7 @@ def test_an_end_stop_takes_the_impact_and_holds(command, stop):
     assert plant.velocity == 0.0
     assert plant.resting()
     assert abs(plant.current) == pytest.approx(9.6)
+    assert plant._course()[-1] + plant._base == stop + 0.5, "in the middle of its count"
     # It lets go in the other direction.
     assert abs(run(plant, -command, 0.005).count - stop) > 20
 
@@ -156,6 +157,22 @@ def test_the_course_hardly_depends_on_the_period(period):
     for _ in range(round(0.064 / period)):
         plant.drive(0.5, 0)
     assert plant.count == pytest.approx(6310, rel=0.015)
+
+
+def test_a_new_length_of_the_period_forgets_the_course_of_the_last_one_and_its_rest():
+    plant = run(motor(), 1.0, 0.3)
+    rested = motor()
+    for period in (64e-6, PERIOD, 64e-6):
+        plant.drive(1.0, 0)
+        rested.drive(0.0, 0)
+        assert plant.count_at(0.5) < plant.count
+        assert plant.fraction_at(plant.count) > 0.5
+        assert rested.resting()
+        plant.prepare(period)
+        rested.prepare(period)
+        assert plant.count_at(0.5) == plant.count_at(0.001) == plant.count
+        assert plant.fraction_at(plant.count) == 0.0
+        assert not rested.resting()
 
 
 @pytest.mark.parametrize(

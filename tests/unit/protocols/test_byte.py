@@ -5,8 +5,9 @@ import pytest
 from tests.unit.fake_port import LINES, OUTPUTS, PINS, FakePort
 from vbus.kernel import NEVER, US
 from vbus.protocols.byte import ByteProtocol
+from vbus.protocols.codes import NO_SUCH
 from vbus.protocols.hello import decode_hello
-from vbus.protocols.port import ChipInfo, PortInfo
+from vbus.protocols.port import ChipInfo, PortError, PortInfo
 
 
 @pytest.fixture
@@ -166,6 +167,46 @@ def test_half_a_request_is_forgotten_when_a_session_ends(wire: ByteProtocol) -> 
     assert say(wire, "33 00 05 01 02") == ""
     wire.reset()
     assert say(wire, "02 07") == "4507"
+
+
+@pytest.mark.parametrize(
+    ("name", "begun", "reply"),
+    [("read", "32 01 03", "42021415"), ("write", "33 01 03 aabbcc", "42021213")],
+)
+def test_a_run_of_cycles_refused_midway_leaves_nothing_to_the_next_one(
+    wire: ByteProtocol,
+    port: FakePort,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    begun: str,
+    reply: str,
+) -> None:
+    cycle = getattr(port, name)
+
+    def refused(*values: int) -> int | None:
+        if port.time == 2 * US:
+            port.time += US
+            raise PortError(NO_SUCH, "gone")
+        result: int | None = cycle(*values)
+        return result
+
+    monkeypatch.setattr(port, name, refused)
+    assert say(wire, begun) == "58020000"
+    assert len(port.calls) == 2
+    port.calls.clear()
+    assert say(wire, "33 01 02 dd ee 32 01 02") == reply
+    assert port.calls == [("write", 1, 0xDD), ("write", 1, 0xEE), ("read", 1), ("read", 1)]
+
+
+@pytest.mark.parametrize("half", ["20", "32 01", "33 01 05 aa bb"])
+def test_half_a_request_at_the_end_of_a_message_is_refused_and_counted(
+    wire: ByteProtocol, port: FakePort, half: str
+) -> None:
+    assert say(wire, "02 07" + half) == "4507"
+    assert wire.finish()
+    assert wire.take().hex() == "58040001"
+    assert say(wire, "02 09 30 ee") == "4509" + "58020003"
+    assert port.calls == []
 
 
 def test_requests_without_a_reply_are_counted_and_the_count_wraps(wire: ByteProtocol) -> None:
