@@ -11,7 +11,7 @@ call then. Between two calls of :meth:`LM628.sample` lie the bytes whose busy ti
 from math import isqrt
 
 MOTOR_OFF, BREAKPOINT, POSITION_ERROR, WRAPAROUND = 0x80, 0x40, 0x20, 0x10
-INDEX, TRAJECTORY_COMPLETE, COMMAND_ERROR, BUSY = 0x08, 0x04, 0x02, 0x01
+INDEX, TRAJECTORY_COMPLETE, COMMAND_ERROR = 0x08, 0x04, 0x02
 INTERRUPTS = 0x7E
 
 FORWARD, VELOCITY_MODE = 0x1000, 0x0800
@@ -406,7 +406,7 @@ class LM628:
             self.target = loaded["position"].resolve_position(self.target)
 
     def turn_off(self) -> None:
-        """Motor off, by STT or by an excessive error (LM-TRJ-10)."""
+        """Motor off, by STT or by an excessive error (LM-TRJ-10, LM-STA-4)."""
         if not self.motor_off and not self.on_target:
             self.flags |= TRAJECTORY_COMPLETE
         self.motor_off = True
@@ -415,9 +415,8 @@ class LM628:
         self.summation = 0
 
     def reach_target(self) -> None:
-        """On target: trajectory-complete is latched as the OR with motor-off rises (LM-STA-4)."""
-        if not self.motor_off and not self.on_target:
-            self.flags |= TRAJECTORY_COMPLETE
+        """On target, and before neither that nor off: trajectory-complete rises (LM-STA-4)."""
+        self.flags |= TRAJECTORY_COMPLETE
         self.on_target = True
 
     def generate(self) -> None:

@@ -10,7 +10,7 @@ seed alone; ``run(seed, samples)`` does it again.
 import os
 from collections import deque
 from collections.abc import Iterator
-from itertools import count, cycle
+from itertools import count, cycle, islice
 from random import Random
 
 import pytest
@@ -30,6 +30,7 @@ RDDV, RDDP, RDIP, RDRP, RDRV, RDSIGS, RDSUM = range(7, 14)
 LPES, LPEI, MSKI, RSTI, LFIL, LTRJ, SBPA, SBPR = range(0x1A, 0x22)
 REPORTED = {RDDV: 4, RDDP: 4, RDIP: 4, RDRP: 4, RDRV: 2, RDSIGS: 2, RDSUM: 2}
 """Bytes of each report."""
+NAMES = ("RDDV", "RDDP", "RDIP", "RDRP", "RDRV", "RDSIGS", "RDSUM")
 ROTATING = (RDDP, RDDV, RDRP, RDSUM, RDRV, RDDP, RDSUM, RDIP)
 READ = -1
 """In a packet's data: a byte is read, not written."""
@@ -240,9 +241,14 @@ class Pair:
 
     # -- the host -----------------------------------------------------------------------------
 
-    def access(self, kind: str, byte: int = 0) -> None:
-        """Make one bus cycle at the data or command port, and wait until busy has fallen."""
+    def access(self, kind: str, byte: int = 0) -> tuple[int, int]:
+        """Make one bus cycle at the data or command port, and wait until busy has fallen.
+
+        Returns:
+            What the chip and the model gave to be read.
+        """
         chip, model = self.chip, self.model
+        got = ours = 0
         self.run_for(400 * NS)
         if self.polls:
             self.read_status(0)
@@ -253,11 +259,11 @@ class Pair:
         else:
             chip.begin_read(1)
             ours, busy = model.read()
-            self.agree("data", chip.end_read(), ours)
+            got = chip.end_read()
         if kind == "command" and byte == RESET:
             model.command(byte)
             self.run_reset(1)
-            return
+            return 0, 0
         ready = chip.ready_at()
         is_busy = ready > self.bench.now
         if is_busy:
@@ -269,6 +275,7 @@ class Pair:
         elif kind == "write":
             busy = model.write(byte)
         self.agree("busy", is_busy, busy)
+        return got, ours
 
     def poke(self, ready: int, busy: int) -> None:
         """Do what was asked for while the chip is busy: nothing comes of it (LM-BUS-10)."""
@@ -298,7 +305,7 @@ class Pair:
     def data(self, *data: int) -> None:
         for byte in data:
             if byte == READ:
-                self.access("read")
+                self.agree("data", *self.access("read"))
             else:
                 self.access("write", byte)
 
@@ -326,7 +333,7 @@ class Pair:
         self.run_reset(0)
 
     def run_reset(self, busy: int) -> None:
-        """Wait for the end of the reset that begins now (LM-RST-4)."""
+        """Wait for the end of the reset that begins now (LM-RST-4), and look at its result."""
         ready = self.reset_at = self.chip.ready_at()
         self.agree("length of the reset", ready - self.bench.now, self.reset_time)
         self.poke(ready, busy)
@@ -336,9 +343,8 @@ class Pair:
         self.run_to(ready)
         self.read_status(0)
         self.compare_pins()
-
-    def wait(self, duration: int) -> None:
-        self.run_for(duration)
+        for code in REPORTED:
+            self.report(code)
 
     def edge(self, before: int) -> None:
         """Wait until so much before the next sample."""
@@ -363,10 +369,14 @@ class Pair:
         self.compare_pins()
         self.compare_drives()
         if not self.model.to_write and not self.model.to_read:
-            for report in (RDSIGS, next(self.reports)):
-                self.access("command", report)
-                for _ in range(REPORTED[report]):
-                    self.access("read")
+            self.report(RDSIGS)
+            self.report(next(self.reports))
+
+    def report(self, code: int) -> None:
+        self.access("command", code)
+        both = [self.access("read") for _ in range(REPORTED[code])]
+        got, ours = (int.from_bytes(data, "big") for data in zip(*both, strict=True))
+        self.agree(NAMES[code - RDDV], got, ours)
 
     def read_status(self, busy: int) -> None:
         self.chip.begin_read(0)
@@ -724,3 +734,27 @@ def run(seed: int, samples: int) -> None:
 def test_chip_and_reference_agree(first: int) -> None:
     for seed in range(first, first + SEEDS_OF_A_TEST):
         run(seed, BOARD_SAMPLES)
+
+
+def test_the_same_seed_makes_the_same_host() -> None:
+    first, second = (list(islice(Host(5).steps(), 500)) for _ in range(2))
+    assert first == second
+    assert first != list(islice(Host(6).steps(), 500))
+
+
+def test_a_difference_is_told_with_all_it_takes_to_find_it() -> None:
+    pair = Pair(7)
+    for number in range(30):
+        pair.packet(SBPA, *long(number))
+    pair.packet(RDSIGS, READ, READ)
+    pair.passes(3)
+    sample = pair.samples
+    pair.model.real += 0x1234
+    with pytest.raises(AssertionError) as told:
+        pair.report(RDRP)
+    lines = str(told.value).splitlines()
+    assert lines[0] == f"seed 7, sample {sample}: RDRP is 0h, in the reference 1234h"
+    assert "pid_overflow" in lines[1]
+    assert len(lines) == 3 + 20
+    shown = [line.partition(": ")[2] for line in lines[-3:]]
+    assert shown == ["20 00 00 00 1C", "20 00 00 00 1D", "0C rd rd"]
