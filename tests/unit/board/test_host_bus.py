@@ -204,6 +204,60 @@ def test_a_read_of_several_chips_that_agree_is_no_fight() -> None:
     assert list(board.violations) == []
 
 
+@pytest.mark.parametrize("costs", [(1, 3, 2), (3, 1, 2), (2, 1, 3)])
+def test_a_cycle_costs_what_the_slowest_of_the_selected_chips_costs(
+    costs: tuple[int, ...],
+) -> None:
+    board, port = bench(chips=3)
+    assert port.cost(*(cost * US for cost in costs)) == [US] * 3
+    for mask in range(1, 8):
+        port.select(mask)
+        begun = board.now
+        port.write(1, 0x55)
+        slowest = max(cost for number, cost in enumerate(costs) if mask >> number & 1)
+        assert board.now - begun == slowest * US
+
+    port.select(0b011)
+    port.cost(7 * US, 5 * US, 9 * US)
+    begun = board.now
+    port.write(1, 0x55)
+    assert board.now - begun == 7 * US, "of those that were selected before"
+
+
+def test_in_real_time_each_chip_has_its_own_shortest_cycle() -> None:
+    board = Board("bench", "realtime")
+    for number, cycle_ps in enumerate((300_000, 700_000)):
+        board.add_chip(Toy, f"t{number}", "TOY", 8_000_000).cycle_ps = cycle_ps
+    board.power_on()
+    board.limit = US
+    port = board.open_port("host")
+    assert [chip.cycle_ps for chip in port.info().chips] == [300_000, 700_000]
+    for mask, instant in ((0b01, 300_000), (0b10, 1_000_000), (0b11, 1_700_000)):
+        port.select(mask)
+        port.write(1, 0x55)
+        assert board.now == instant
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_each_chip_counts_its_own_cycles_and_the_board_those_of_the_bus(watched: bool) -> None:
+    board, port = bench(chips=3)
+    if watched:
+        board.watch("t0./WR", Log())
+    port.select(0b101)
+    port.write(1, 0x55)
+    port.write(1, 0x56)
+    port.select(0b100)
+    port.write(1, 0x57)
+    port.read(1)
+    port.polled(0, 4)
+    port.select(0)
+    port.write(1, 0x58)
+    port.read(1)
+
+    assert [(chip.reads, chip.writes) for chip in board.chips] == [(0, 2), (0, 0), (5, 3)]
+    assert (board.counters["reads"], board.counters["writes"]) == (6, 4)
+
+
 def test_reading_with_no_chip_selected_finds_the_last_value_on_a_floating_bus() -> None:
     _, port = bench(chips=2)
     port.write(1, 0x77)
