@@ -118,6 +118,7 @@ clock = "{random.choice(("8 MHz", "20 MHz", "19999999 Hz"))}"
 plant = "m"
 drive = "{random.choice(("pwm", "dac"))}"
 io_stall_clk = {random.choice((0, 0, 3))}
+unipolar = "{random.choice(("magnitude", "clip"))}"
 [plants.m]
 {plant(random, servo_motor, step_motor)}
 """

@@ -205,6 +205,19 @@ def test_the_output_latch_follows_the_register_until_cs_rises(strobes: Strober) 
     assert bench.chip.bus_net.value & 1 == 0
 
 
+@pytest.mark.spec("MCP-BUS-6", "MCP-STA-4")
+def test_in_position_shows_on_the_bus_in_the_clock_in_which_it_changes(strobes: Strober) -> None:
+    """In idle mode, where no other output moves with the samples."""
+    bench = strobes.bench
+    edges = bench.watch(DATA)
+    strobes.begin(SEPARATE, 0x07, 1)
+    strobes.set(bus=Z, oe=0)
+    assert (bench.pin("IDLE"), bench.chip.bus_net.value) == (1, 0xF8)
+    start = bench.sample_start()
+    bench.kernel.run_until(bench.clock.ps(start + 3000))
+    assert edges.seen[-1] == (start, DATA, 0xFC)
+
+
 @pytest.mark.spec("MCP-BUS-6")
 def test_a_live_register_moves_on_the_bus_while_it_is_read(strobes: Strober) -> None:
     bench = strobes.bench

@@ -197,7 +197,8 @@ class MCP1200(Chip):
     def next_event(self) -> int:
         """Return an instant not later than the next change of an output (ps)."""
         self.advance()
-        due = self.works.next_output()
+        # The data bus follows a register that is read, in idle mode too (MCP-BUS-6).
+        due = self.works.next_output() if self._reading < 0 else self.works.next()
         if self._pulse_heard:
             due = min(due, self.outputs.pulse_edge(self.cycle_now()))
         return NEVER if due == FAR else self.clock.ps(due)
