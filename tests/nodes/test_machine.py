@@ -297,6 +297,26 @@ def test_a_pause_on_one_node_stops_all_and_a_step_lets_time_run_that_far(machine
     assert made.trace_hash() == machine.trace_hash()
 
 
+def test_steps_given_before_time_has_run_add_up() -> None:
+    made = Machine(FILE, SOURCE, played())
+    first = made.conductors[1]
+    first.pause()
+    first.step(2_000 * US)
+    first.step(3_000 * US)
+    made.run()
+    assert {c.participant.granted for c in made.conductors} == {5_000 * US}
+
+
+def test_the_worst_of_late_edges_is_told_whichever_comes_first() -> None:
+    made = Machine(FILE, SOURCE, played(8))
+    made.run()
+    node = made.nodes[1]
+    wire = next(rank for rank, end in node.ends.items() if 2 in end.far)
+    on_time = node.board.kernel.now - node.wires[wire].delay
+    node.accept([(on_time - late, 2, 900 + late, wire, 1, False) for late in (0, 10, 30, 20)])
+    assert (node.late, node.worst_late) == (3, 30)
+
+
 def test_a_node_with_another_board_is_refused_by_name() -> None:
     part = Participant(("a", "b"), 0, 10, "1111")
     with pytest.raises(NodeMismatchError, match="node b runs another board file") as caught:

@@ -329,19 +329,17 @@ def test_updates_of_one_cycle_bring_the_amplitude_given_before_any_of_them(chip:
 
 @spec("PMD-UPD-1", "PMD-RST-2")
 def test_reset_forgets_an_amplitude_given_to_the_buffer(bench: Bench) -> None:
-    bench.send("SET_BUF_MTR_CMD", 0x1000)
-    bench.send("RESET")
-    bench.send("SET_MTR_CMD", 0x2000)
-    bench.send("UPDATE")
-    bench.next_cycle()
-    assert bench.send("GET_MTR_CMD") == 0x2000
-    told = bench.rules()
-    bench.send("SET_BUF_MTR_CMD", 0x1000)
-    bench.send("UPDATE")
-    bench.send("RESET")
-    bench.next_cycle(2)
-    assert bench.send("GET_MTR_CMD") == 0
-    assert bench.rules() == told == ["motor-command-lost"]
+    for updated in (False, True):
+        bench.next_cycle()
+        bench.send("SET_BUF_MTR_CMD", 0x1000)
+        if updated:
+            bench.send("UPDATE")  # to act at the next cycle, which does not come
+        bench.send("RESET")
+        assert bench.send("GET_MTR_CMD") == 0
+        bench.send("SET_MTR_CMD", 0x2000)
+        bench.send("UPDATE")
+        bench.next_cycle()
+        assert bench.send("GET_MTR_CMD") == 0x2000
 
 
 @spec("PMD-UPD-1", "PMD-UPD-2")

@@ -392,6 +392,25 @@ def test_a_wrap_of_the_target_is_no_position_error(chip: Bench) -> None:
     assert chip.seen("error") in range(10, 15)
 
 
+@spec("PMD-STL-1", "PMD-TRJ-1")
+@pytest.mark.parametrize("sign", [1, -1])
+def test_wraps_out_and_back_again_are_no_position_error(bench: Bench, sign: int) -> None:
+    bench.send("SET_STEP_RATIO", 256)
+    bench.send("SET_ACTL_POS", 2**30 - 10 if sign > 0 else 10 - 2**30)
+    bench.send("SET_PRFL_VEL")
+    bench.move(vel=4 << 16, acc=sign * (4 << 16))
+    bench.next_cycle(5)
+    end = sign * (10 - 2**30)
+    assert (bench.seen("target"), bench.seen("error")) == (end, 20 * sign)
+    bench.move(acc=-sign * (4 << 16))
+    bench.next_cycle(6)  # through rest, and five cycles back
+    end = sign * (2**30 - 10)
+    assert (bench.seen("target"), bench.seen("error")) == (end, 0)
+    bench.next_cycle(2)
+    assert bench.seen("error") == -8 * sign
+    assert bench.status() == 0x0702
+
+
 # -- motor on and off -------------------------------------------------------------------------
 
 

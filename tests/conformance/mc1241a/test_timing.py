@@ -119,6 +119,22 @@ def test_in_strict_mode_a_write_that_breaks_a_limit_is_lost(
     assert good.read_word() == 0x7FFF
 
 
+@spec("PMD-TIM-18", "PMD-BUS-5")
+def test_in_strict_mode_a_high_byte_that_is_lost_is_no_half_of_a_word() -> None:
+    bench = judged(Policy(STRICT))
+    bench.chip.judged = False
+    bench.command(0x29)  # SET_POS_ERR
+    bench.wait_ready()
+    bench.chip.judged = True
+    steps = [step for step in WRITE if step[1] not in ("HostCmd", "D0-D7")]
+    data = [(-90, "D0-D7", 0x12), (29, "D0-D7", 0x11), (40, "D0-D7", Z)]
+    play(bench, [*steps, *data], bench.now // NS + 1000)
+    assert broken(bench) == [("T16", 29, 30)]
+    bench.chip.judged = False
+    bench.write_word(0x0123)
+    assert bench.send("GET_POS_ERR") == 0x0123
+
+
 def test_limits_are_not_judged_where_time_stands_still() -> None:
     bench = Bench("strobe")
     for _, pin, level in WRITE:

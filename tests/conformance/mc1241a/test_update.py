@@ -283,6 +283,32 @@ def test_a_move_that_is_smoothly_stopped_in_its_first_cycle_is_complete(
     assert (chip.seen("target"), chip.seen("status")) == (0, 0x0305)
 
 
+@spec("PMD-TRJ-9", "PMD-TRJ-10", "PMD-CMD-17", "PMD-BUS-9")
+@pytest.mark.parametrize("name", ["STOP", "SMOOTH_STOP", "SYNCH_PRFL"])
+def test_an_action_outlives_a_second_update_in_its_cycle(bench: Bench, name: str) -> None:
+    cruise(bench)
+    target = bench.seen("target")
+    bench.send(name)
+    bench.send("UPDATE")
+    bench.send("UPDATE")
+    bench.next_cycle()
+    if name == "SYNCH_PRFL":
+        assert (bench.seen("target"), bench.seen("status")) == (4, 0x0700)
+    else:
+        assert (bench.seen("target"), bench.seen("status")) == (target, 0x0301)
+
+
+@spec("PMD-TRJ-12", "PMD-BUS-9")
+def test_a_given_present_position_outlives_a_second_update_in_its_cycle(bench: Bench) -> None:
+    bench.load(vel=4 << 16, acc=4 << 16)
+    bench.next_cycle()
+    bench.send("SET_POS", 0)
+    bench.send("UPDATE")
+    bench.send("UPDATE")
+    bench.next_cycle()
+    assert bench.seen("status") == 0x0301
+
+
 # -- command errors ---------------------------------------------------------------------------
 
 
@@ -340,6 +366,18 @@ def test_a_move_toward_an_active_limit_switch_is_ignored(
     chip.move(pos=-100 * sign)  # away from it
     chip.next_cycle(100)
     assert chip.seen("target") == -100 * sign
+
+
+@spec("PMD-ERR-3", "PMD-TRJ-12")
+@pytest.mark.parametrize("switch", ["PosLimit1", "NegLimit1"])
+def test_the_present_position_leads_toward_no_limit_switch(bench: Bench, switch: str) -> None:
+    bench.drive(switch, 1)
+    bench.next_cycle()
+    bench.send("CLR_STATUS")
+    bench.move(pos=0, vel=4 << 16, acc=4 << 16)
+    bench.next_cycle()
+    assert bench.status() == 0x0301
+    assert bench.rules() == []
 
 
 @spec("PMD-ERR-3")

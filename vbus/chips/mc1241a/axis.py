@@ -378,12 +378,10 @@ class Axis:
         self._taken.load(taken)  # type: ignore[arg-type]
         self.active.load(active)  # type: ignore[arg-type]
         if not motor_command:  # type: ignore[has-type]
-            # A state of the first version, unless both are False: the buffers tell what was given.
+            # Of a state of the first version the buffers tell what was given; in others they agree.
             command = self.active.motor_command
             self.motor_command_given = self.buffer.motor_command != command
-            self._motor_command_taken = (
-                self._update_pending and self._taken.motor_command != command
-            )
+            self._motor_command_taken = self._taken.motor_command != command
         self.profile.load(profile)  # type: ignore[arg-type]
         self.limits.load(limits)  # type: ignore[arg-type]
         self.encoder.load(encoder)  # type: ignore[arg-type]
