@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from coverage import Coverage
 
+from tests.mutation import trial
 from tests.mutation.mutants import Layout
 
 BETWEEN = "between tests"
@@ -84,6 +85,9 @@ class _Contexts:
         self.draws: set[str] = set()
         self.passed: set[str] = set()
 
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        trial.draw(items, trial.FEW)
+
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         self.coverage.switch_context(item.nodeid)
@@ -93,7 +97,7 @@ class _Contexts:
         finally:
             self.seconds[item.nodeid] = time.process_time() - start
             self.coverage.switch_context(BETWEEN)
-            if getattr(getattr(item, "obj", None), "is_hypothesis_test", False):
+            if trial.draws(item):
                 self.draws.add(item.nodeid)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
@@ -103,8 +107,19 @@ class _Contexts:
             self.passed.discard(report.nodeid)
 
 
-def measure(root: Path, package: str, options: list[str], path: Path) -> list[str]:
-    """Run tests with coverage and put them into the map; return those that do not pass."""
+def measure(root: Path, package: str, tests: str, options: list[str], path: Path) -> list[str]:
+    """Run a folder or file of tests with coverage, and put them into the map.
+
+    Args:
+        root: the checkout.
+        package: what is covered.
+        tests: the folder or file.
+        options: of pytest.
+        path: the map.
+
+    Returns:
+        those that do not pass.
+    """
     coverage = Coverage(
         data_file=None, config_file=False, include=[f"{root}/{package}/*"], messages=False
     )
@@ -113,23 +128,15 @@ def measure(root: Path, package: str, options: list[str], path: Path) -> list[st
     pytest.main(options, plugins=[contexts])
     coverage.stop()
     found = Map.load(path)
-    _drop(found, options)
-    tests = {name: Measured(contexts.seconds[name], name in contexts.draws, {})
+    found.tests = {name: it for name, it in found.tests.items() if not name.startswith(tests)}
+    passed = {name: Measured(contexts.seconds[name], name in contexts.draws, {})
              for name in contexts.passed}  # fmt: skip
     data = coverage.get_data()
     for measured in data.measured_files():
-        _enter(found, tests, measured, Path(measured).relative_to(root).as_posix(), data)
-    found.tests.update(tests)
+        _enter(found, passed, measured, Path(measured).relative_to(root).as_posix(), data)
+    found.tests.update(passed)
     found.save(path)
     return sorted(contexts.seconds.keys() - contexts.passed)
-
-
-def _drop(found: Map, options: list[str]) -> None:
-    """Forget what is known of the tests that have run again."""
-    again = tuple(option.removesuffix("/") for option in options)
-    for name in list(found.tests):
-        if name.startswith(again):
-            del found.tests[name]
 
 
 def _enter(found: Map, tests: dict[str, Measured], path: str, file: str, data: Any) -> None:

@@ -23,7 +23,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Any, Final
+from typing import Final
 
 import hypothesis
 import pytest
@@ -39,7 +39,11 @@ OPTIONS: Final = (
 )  # fmt: skip
 """Of every run of pytest here; a warm parent has imported what pytest would rewrite."""
 
-QUICK, FULL = "mutation", "mutation-full"
+PHASES: Final = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
+"""What has failed need not be found small."""
+SETTINGS: Final = "_hypothesis_internal_use_settings"
+FEW: Final = 20
+"""Examples of each test that draws them, before all are tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +55,7 @@ class Task:
         limit: seconds of processor time.
         file: the mutated file; empty for none.
         source: its text.
-        profile: of Hypothesis.
+        examples: how many at most Hypothesis draws for a test; 0: as many as the test says.
         log: where what pytest prints goes.
     """
 
@@ -59,7 +63,7 @@ class Task:
     limit: float
     file: str = ""
     source: str = ""
-    profile: str = QUICK
+    examples: int = FEW
     log: Path | None = None
 
 
@@ -83,6 +87,10 @@ class Outcome:
 def warm(root: Path) -> None:
     """Import what every child needs; children are forked from here."""
     sys.path.insert(0, str(root))
+    # Of processes that tests start, too.
+    os.environ["PYTHONPATH"] = os.pathsep.join(
+        filter(None, (str(root), os.environ.get("PYTHONPATH", "")))
+    )
     sys.dont_write_bytecode = False
     sys.pycache_prefix = str(root / "build" / "mutation" / "pycache")
     os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = str(root / "build" / "mutation" / "hypothesis")
@@ -92,15 +100,6 @@ def warm(root: Path) -> None:
                  "mypy_extensions"):  # fmt: skip
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
-    # What fails need not be made small.
-    phases = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
-    common: dict[str, Any] = {
-        "derandomize": True, "deadline": None, "phases": phases, "print_blob": False,
-        "report_multiple_bugs": False,
-        "suppress_health_check": list(hypothesis.HealthCheck),
-    }  # fmt: skip
-    hypothesis.settings.register_profile(QUICK, max_examples=25, **common)
-    hypothesis.settings.register_profile(FULL, **common)
     gc.collect()
     gc.freeze()
 
@@ -139,11 +138,28 @@ class _Finder(importlib.abc.MetaPathFinder):
         return importlib.util.spec_from_file_location(fullname, self._path, loader=loader)
 
 
+def draws(item: pytest.Item) -> bool:
+    """Whether Hypothesis draws the examples of a test."""
+    return bool(getattr(getattr(item, "obj", None), "is_hypothesis_test", False))
+
+
+def draw(items: Sequence[pytest.Item], examples: int) -> None:
+    """Let Hypothesis draw no more than a number of examples, and not look for smaller ones."""
+    for item in filter(draws, items):
+        test = item.obj  # type: ignore[attr-defined]
+        # A state machine has its settings elsewhere, and keeps them.
+        if own := getattr(test, SETTINGS, None):
+            number = min(own.max_examples, examples or own.max_examples)
+            new = hypothesis.settings(own, max_examples=number, phases=PHASES)
+            setattr(test, SETTINGS, new)
+
+
 class _Chosen:
     """Plug-in: runs the chosen tests in their order, and notes what failed first."""
 
-    def __init__(self, tests: Sequence[str]) -> None:
+    def __init__(self, tests: Sequence[str], examples: int) -> None:
         self._tests = tests
+        self._examples = examples
         self.missing: list[str] = []
         self.failed: list[str] = []
 
@@ -156,6 +172,7 @@ class _Chosen:
         others = [name for name in there if name.partition("[")[0] in functions]
         chosen = dict.fromkeys([name for name in self._tests if name in there] + others)
         items[:] = [there[name] for name in chosen]
+        draw(items, self._examples)
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         if report.failed:
@@ -178,17 +195,17 @@ def _child(root: Path, task: Task, folder: str, answer: int) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (LONGEST_FILE, LONGEST_FILE))
     seconds = int(task.limit) + 1
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 2))
-    signal.signal(signal.SIGXCPU, signal.SIG_DFL)
+    for number in (signal.SIGXCPU, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
     log = os.open(task.log or os.devnull, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     for stream in (1, 2):
         os.dup2(log, stream)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.chdir(root)
-    os.environ["HYPOTHESIS_PROFILE"] = task.profile
     os.environ["TMPDIR"] = tempfile.tempdir = folder
     if task.file:
         sys.meta_path.insert(0, _Finder(root, task.file, task.source))
-    chosen = _Chosen(task.tests)
+    chosen = _Chosen(task.tests, task.examples)
     code = pytest.main(_options(task, folder), plugins=[chosen])
     os.write(answer, json.dumps([int(code), chosen.failed[:1], chosen.missing[:1]]).encode())
 
