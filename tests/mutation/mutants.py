@@ -1,0 +1,282 @@
+"""Which mutants there are, how each is named, and which of them make the sample.
+
+The operators are those of cosmic-ray. A *site* is a place in the source where operators of one
+kind apply. A mutant is named by what stands at its site, not by line numbers, so that an edit
+elsewhere neither renames it nor changes whether it is in the sample.
+"""
+
+import ast
+import hashlib
+import warnings
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import mutate_code
+from cosmic_ray.operators.keyword_replacer import KeywordReplacementOperator
+from cosmic_ray.plugins import get_operator, operator_names
+from parso.python.tree import Keyword, Number
+from parso.python.tree import Operator as Sign
+from parso.tree import BaseNode
+
+from tests.mutation.unobservable import same_by_construction, unobservable
+
+# Of 2,000. What is left over where a folder has fewer sites is not made up for.
+QUOTAS: Final = {
+    "vbus/chips/lm628": 300,
+    "vbus/chips/mcp1200": 420,
+    "vbus/chips/mc1241a": 360,
+    "vbus/chips/motion": 90,
+    "vbus/chips": 30,  # base, registers, strobes, tables
+    "vbus/plant": 90,
+    "vbus/protocols": 100,
+    "vbus/board": 170,
+    "vbus/trace": 190,
+    "vbus/nodes": 90,
+    "vbus/faults": 80,
+    "vbus/signals": 40,
+    "vbus/kernel": 40,
+}
+SAMPLE: Final = sum(QUOTAS.values())
+
+WITH_ARGUMENTS: Final = ("VariableReplacer", "VariableInserter")
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """One change of one file.
+
+    Attributes:
+        id: names it, as long as its line and scope stay as they are.
+        file: path from the root of the checkout.
+        scope: function, or class and name, or name whose value is changed.
+        line: where it is now.
+        statement: first and last line of what it is part of; of an ``if``, the condition.
+        runs: whether it is in a function, so that only a call gets there.
+        operator: name in cosmic-ray.
+        occurrence: number of the place among all where this operator applies in the file.
+        rank: the lower, the sooner it is in a sample.
+        digest: of the source of its scope.
+    """
+
+    id: str
+    file: str
+    scope: str
+    line: int
+    statement: tuple[int, int]
+    runs: bool
+    operator: str
+    occurrence: int
+    rank: str
+    digest: str
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """A function, or a statement outside of all functions."""
+
+    name: str
+    first: int
+    last: int
+    runs: bool
+    digest: str
+
+
+def digest(*parts: object) -> str:
+    """Hash texts and numbers."""
+    return hashlib.sha256("\0".join(map(str, parts)).encode()).hexdigest()
+
+
+class Layout:
+    """Lines of a file: which scope and statement each belongs to, and its key.
+
+    Attributes:
+        keys: of each line, from index 1: names the line as long as it stays in its scope as it is.
+    """
+
+    def __init__(self, source: str) -> None:
+        self.lines = ["", *source.splitlines()]
+        self.scopes: list[Scope] = [Scope("", 1, len(self.lines) - 1, False, digest(source))]
+        self.statements: list[tuple[int, int]] = []
+        self._read(ast.parse(source).body, "", False)
+        seen: Counter[tuple[str, str]] = Counter()
+        self.keys: list[str] = []
+        for number, text in enumerate(self.lines):
+            where = (self.scope(number).name, text.strip())
+            self.keys.append(digest(*where, seen[where])[:12])
+            seen[where] += 1
+
+    def scope(self, line: int) -> Scope:
+        """Return the innermost scope of a line."""
+        found = [scope for scope in self.scopes if scope.first <= line <= scope.last]
+        return min(found or self.scopes[:1], key=lambda it: (it.last - it.first, not it.runs))
+
+    def statement(self, line: int) -> tuple[int, int]:
+        """Return the first and last line of the innermost statement, without its body."""
+        found = [span for span in self.statements if span[0] <= line <= span[1]]
+        return min(found, key=lambda span: span[1] - span[0], default=(line, line))
+
+    def _read(self, body: Iterable[ast.stmt], outer: str, runs: bool) -> None:
+        for node in body:
+            first = min([node.lineno, *(d.lineno for d in getattr(node, "decorator_list", ()))])
+            last = node.end_lineno or node.lineno
+            inner = [part for field in ("body", "handlers", "orelse", "finalbody", "cases")
+                     for part in getattr(node, field, ())]  # fmt: skip
+            begin = _line(inner[0]) if inner else last + 1
+            self.statements.append((first, max(begin - 1, node.lineno)))
+            name = _name(node)
+            function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+            if name and not runs:
+                name = f"{outer}.{name}" if outer else name
+                text = digest("\n".join(self.lines[first : last + 1]))
+                self.scopes.append(Scope(name, first, last, False, text))
+                if function:  # its decorators and defaults are evaluated before any call
+                    self.scopes.append(Scope(name, begin, last, True, text))
+            where = name if name and not runs and hasattr(node, "decorator_list") else outer
+            self._read((part for part in inner if isinstance(part, ast.stmt)), where,
+                       runs or function)  # fmt: skip
+            for part in inner:
+                if not isinstance(part, ast.stmt):
+                    self._read(part.body, outer, runs)
+
+
+def _line(part: ast.AST) -> int:
+    return part.pattern.lineno if isinstance(part, ast.match_case) else part.lineno  # type: ignore[attr-defined]
+
+
+def _name(node: ast.stmt) -> str:
+    match node:
+        case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
+            return node.name
+        case ast.AnnAssign(target=ast.Name(name)) | ast.Assign(targets=[ast.Name(name), *_]):
+            return name
+    return ""
+
+
+@cache
+def _operators() -> dict[str, list[tuple[str, Any]]]:
+    """Return the operators by the kind of node they may apply to."""
+    kinds = defaultdict(list)
+    for full in operator_names():
+        name = full.partition("/")[2]
+        if name in WITH_ARGUMENTS or same_by_construction(name):
+            continue
+        operator = get_operator(full)
+        if name.startswith("ReplaceBinaryOperator"):
+            kind = operator.examples()[0].pre_mutation_code.split()[1]
+        elif name == "NumberReplacer":
+            kind = "number"
+        elif issubclass(operator, KeywordReplacementOperator):
+            kind = operator.from_keyword
+        else:
+            kind = "node"
+        kinds[kind].append((name, operator()))
+    return kinds
+
+
+def _kind(node: Any) -> str:
+    if isinstance(node, Sign | Keyword):
+        return node.value
+    if isinstance(node, Number):
+        return "number"
+    return "node" if isinstance(node, BaseNode) else ""
+
+
+def mutants(root: Path, file: str) -> list[Mutant]:
+    """Return every mutant of a file."""
+    source = (root / file).read_text()
+    layout = Layout(source)
+    hidden = unobservable(source)
+    found: list[Mutant] = []
+    counts: Counter[str] = Counter()
+    texts: dict[int, str] = {}
+    for node in ast_nodes(get_ast(source)):
+        for name, operator in _operators().get(_kind(node), ()):
+            for index, (begin, end) in enumerate(operator.mutation_positions(node)):
+                occurrence = counts[name]
+                counts[name] += 1
+                if name == "RemoveDecorator":  # begins with its @, ends with the line
+                    begin, end = (begin[0], begin[1] + 1), (begin[0], begin[1] + 2)
+                if any(a <= begin and end <= b for a, b in hidden):
+                    continue
+                line = begin[0]
+                scope = layout.scope(line)
+                texts.setdefault(line, layout.lines[line].strip())
+                column = begin[1] - layout.lines[line].index(texts[line])
+                site = digest(file, layout.keys[line], column, name.partition("_")[0])
+                own = digest(site, name, index)
+                found.append(
+                    Mutant(own[:10], file, scope.name, line, layout.statement(line), scope.runs,
+                           name, occurrence, f"{site}/{own}", scope.digest)
+                )  # fmt: skip
+    return found
+
+
+def one_per_site(found: Iterable[Mutant]) -> list[Mutant]:
+    """Keep the mutants of the lowest rank of each site, in order of rank."""
+    best: dict[str, Mutant] = {}
+    for mutant in sorted(found, key=lambda mutant: mutant.rank):
+        best.setdefault(mutant.rank.partition("/")[0], mutant)
+    return list(best.values())
+
+
+def mutated(root: Path, mutant: Mutant) -> str:
+    """Return the source of the mutant's file with the change made; empty if it does not compile."""
+    source = (root / mutant.file).read_text()
+    changed = mutate_code(source, get_operator(f"core/{mutant.operator}")(), mutant.occurrence)
+    assert changed is not None, mutant
+    return changed if _compiles(changed) else ""
+
+
+def _compiles(source: str) -> bool:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            compile(source, "mutant", "exec")
+        except SyntaxError:
+            return False
+    return True
+
+
+def difference(root: Path, mutant: Mutant) -> tuple[str, str]:
+    """Return the changed line before and after."""
+    old = (root / mutant.file).read_text().splitlines()
+    new = mutated(root, mutant).splitlines()
+    at = next(i for i, (a, b) in enumerate(zip(old, new, strict=False)) if a != b)
+    return old[at].strip(), new[at].strip()
+
+
+def folder(file: str) -> str:
+    """Return the quota a file counts for."""
+    return max((name for name in QUOTAS if file.startswith(f"{name}/")), key=len, default="")
+
+
+def files(root: Path, package: str = "vbus") -> Iterator[str]:
+    """Give the files that are mutated."""
+    for path in sorted((root / package).rglob("*.py")):
+        file = path.relative_to(root).as_posix()
+        if package != "vbus" or folder(file):
+            yield file
+
+
+def sample(root: Path, size: int, seed: str, only: tuple[str, ...], package: str) -> list[Mutant]:
+    """Return the mutants to run: by quota, or if paths are named, the first of those there."""
+    by_folder: dict[str, list[Mutant]] = {}
+    for file in files(root, package):
+        if not only or file.startswith(only):
+            by_folder.setdefault("" if only else folder(file), []).extend(mutants(root, file))
+    chosen: list[Mutant] = []
+    for name, found in by_folder.items():
+        wanted = size * QUOTAS[name] // SAMPLE if name else size
+        sites = one_per_site(found)
+        if seed:
+            sites.sort(key=lambda mutant: digest(seed, mutant.rank))
+        for mutant in sites:
+            if wanted and mutated(root, mutant):
+                chosen.append(mutant)
+                wanted -= 1
+    return chosen

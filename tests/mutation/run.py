@@ -1,0 +1,430 @@
+"""Mutation testing: does a test fail when a line is wrong?
+
+    python tests/mutation/run.py map                  which tests execute which lines
+    python tests/mutation/run.py run --jobs 2         try the sample; goes on where it was ended
+    python tests/mutation/run.py report               what was killed, and who survives
+    python tests/mutation/run.py gate                 thirty known mutants that must be killed
+    python tests/mutation/run.py show ID              one mutant as a diff
+    python tests/mutation/run.py try ID               one mutant, with what pytest says
+
+See README.md here.
+"""
+
+import argparse
+import difflib
+import os
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tests.mutation import cover, records, trial
+from tests.mutation.choose import choose
+from tests.mutation.mutants import (
+    SAMPLE,
+    Mutant,
+    difference,
+    files,
+    folder,
+    mutants,
+    mutated,
+    sample,
+)
+from tests.mutation.records import Entry, Result
+
+HERE: Final = Path(__file__).resolve().parent
+TESTS: Final = ("tests/conformance", "tests/properties", "tests/reference", "tests/frozen",
+                "tests/unit", "tests/nodes/test_machine.py", "tests/nodes/test_orders.py",
+                "tests/nodes/test_board_file.py")  # fmt: skip
+LEFT_OUT: Final = (
+    "tests/unit/native", "tests/unit/client", "tests/unit/transports",
+    "tests/unit/test_clauses.py", "tests/unit/test_repeat.py",
+    "tests/unit/testing/test_plugin.py", "tests/unit/testing/test_robot.py",
+    "tests/unit/testing/test_execute.py",
+)  # fmt: skip
+"""Programs in C, links, and tests about tests: nothing of what is mutated, or in processes."""
+
+CHOSEN: Final = 40.0
+"""Seconds, as measured with coverage, of all tests chosen for a mutant."""
+FIRST: Final = 2.0
+"""Seconds of those tried first; most mutants go no further."""
+FIRST_FILES: Final = 4
+LEAST: Final = 10.0
+MOST: Final = 60.0
+FACTOR: Final = 4.0
+"""Of what was measured: the limit of processor time, and its bounds in seconds."""
+GATE: Final = 30
+
+
+class Bed:
+    """Where things are, and what was asked for."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self.options = options
+        self.root: Path = options.root.resolve()
+        self.package: str = options.package
+        self.build: Path = self.root / "build" / "mutation"
+        self.map: Path = self.build / "map.json"
+        self.results: Path = options.results or self.build / "results.jsonl"
+        self.survivors: Path = options.lists / "survivors.toml"
+        self.gate: Path = options.lists / "gate.toml"
+
+    def sample(self) -> list[Mutant]:
+        """Return the mutants that were asked for."""
+        options = self.options
+        size = options.sample or SAMPLE
+        return sample(self.root, size, options.seed, tuple(options.only or ()), self.package)
+
+    def find(self, name: str) -> Mutant:
+        """Return the mutant of an id."""
+        for file in files(self.root, self.package):
+            for mutant in mutants(self.root, file):
+                if mutant.id == name:
+                    return mutant
+        sys.exit(f"no mutant {name}: its line or its function has changed")
+
+    def entry(self, mutant: Mutant, tests: Sequence[str] = ()) -> Entry:
+        """Return a mutant as it is listed."""
+        before, after = difference(self.root, mutant)
+        return Entry(mutant.id, mutant.file, mutant.scope, before, after, "", tests)
+
+
+# -- map ------------------------------------------------------------------------------------------
+
+
+def do_map(bed: Bed) -> int:
+    """Measure which tests execute which lines."""
+    trial.warm(bed.root)
+    os.chdir(bed.root)
+    for path in bed.options.tests or _test_paths(bed.root):
+        _share(1, lambda _, path=path: _measure(bed, path))
+    found = cover.Map.load(bed.map)
+    print(f"{len(found.tests)} tests, {sum(it.seconds for it in found.tests.values()):.0f} s")
+    return 0
+
+
+def _test_paths(root: Path) -> list[str]:
+    """Return folders and files of tests; each runs in a process of its own."""
+    paths = []
+    for name in TESTS:
+        path = root / name
+        inner = sorted(path.glob("*")) if path.is_dir() else [path] if path.exists() else []
+        for it in inner:
+            if it.name.startswith("test_") or (it.is_dir() and list(it.glob("test_*.py"))):
+                paths.append(it.relative_to(root).as_posix())
+    return paths
+
+
+def _measure(bed: Bed, path: str) -> None:
+    print(f"-- {path}", flush=True)
+    tests = path.removesuffix("/")
+    if tests in LEFT_OUT:
+        return
+    options = [*trial.OPTIONS, tests, *(f"--ignore={name}" for name in LEFT_OUT)]
+    for name in cover.measure(bed.root, bed.package, tests, options, bed.map):
+        print(f"not used, it does not pass: {name}")
+
+
+# -- run ------------------------------------------------------------------------------------------
+
+
+def do_run(bed: Bed) -> int:
+    """Try the sample."""
+    options = bed.options
+    found = cover.Map.load(bed.map)
+    if not found.tests:
+        sys.exit("no coverage map: run `map` first")
+    number, count = (int(part) for part in options.shard.split("/"))
+    chosen = sorted(bed.sample(), key=lambda mutant: mutant.rank)[number - 1 :: count]
+    known = records.read_results(bed.results)
+    todo = [mutant for mutant in chosen if _open(mutant, known.get(mutant.id), options.again)]
+    print(f"{len(chosen)} mutants, {len(todo)} to try", flush=True)
+    trial.warm(bed.root)
+    _prune(bed, found)
+    start = time.monotonic()
+    _share(options.jobs, lambda part: _work(bed, found, todo[part :: options.jobs]))
+    _verify(bed, {mutant.id for mutant in todo})
+    print(f"{len(todo)} mutants in {time.monotonic() - start:.0f} s")
+    return 0
+
+
+def _open(mutant: Mutant, result: Result | None, again: bool) -> bool:
+    if result is None or result.digest != mutant.digest:
+        return True
+    return again and result.verdict == "survived"
+
+
+def _share(jobs: int, work: Callable[[int], None]) -> None:
+    """Do work in several processes; none outlives this one."""
+    pids = []
+    for part in range(jobs):
+        pid = os.fork()
+        if pid == 0:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            code = 1
+            try:
+                work(part)
+                code = 0
+            finally:
+                sys.stdout.flush()
+                os._exit(code)
+        pids.append(pid)
+    try:
+        codes = [os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for pid in pids]
+    except BaseException:
+        for pid in pids:
+            os.kill(pid, signal.SIGTERM)
+        raise
+    if any(codes):
+        sys.exit("a worker has failed")
+
+
+def _prune(bed: Bed, found: cover.Map) -> None:
+    """Forget tests that are there no more."""
+    there = trial.collected(bed.root, sorted({name.partition("::")[0] for name in found.tests}))
+    for name in found.tests.keys() - there:
+        del found.tests[name]
+
+
+def _work(bed: Bed, found: cover.Map, todo: Sequence[Mutant]) -> None:
+    for mutant in todo:
+        result = try_mutant(bed, found, mutant)
+        records.append(bed.results, result)
+        print(f"{result.verdict:8} {result.cpu:6.2f} s {mutant.id} {mutant.file}:{mutant.line}"
+              f" {result.by}", flush=True)  # fmt: skip
+
+
+def try_mutant(bed: Bed, found: cover.Map, mutant: Mutant) -> Result:
+    """Try one mutant: with a few tests, with all chosen, with all examples of those that draw."""
+    tests = choose(bed.root, found, mutant, CHOSEN)
+    source = mutated(bed.root, mutant)
+    few = _few(found, tests)
+    draw = [name for name in tests if found.tests[name].draws]
+    stages = ((few, trial.FEW), (tests[len(few) :], trial.FEW), (draw, 0))
+    cpu = 0.0
+    verdict, by = "survived", ""
+    for names, examples in stages:
+        if names:
+            task = trial.Task(names, _limit(bed, found, names), mutant.file, source, examples)
+            outcome = trial.attempt(bed.root, task)
+            cpu += outcome.cpu
+            verdict, by = outcome.verdict, outcome.by
+            if verdict != "survived":
+                break
+    return Result(mutant.id, mutant.digest, verdict, by, len(tests), round(cpu, 2))
+
+
+def _few(found: cover.Map, tests: Sequence[str]) -> list[str]:
+    few: list[str] = []
+    places: set[str] = set()
+    seconds = 0.0
+    for name in tests:
+        places.add(name.partition("::")[0])
+        seconds += found.tests[name].seconds
+        if few and (seconds > FIRST or len(places) > FIRST_FILES):
+            break
+        few.append(name)
+    return few
+
+
+def _limit(bed: Bed, found: cover.Map, tests: Sequence[str]) -> float:
+    measured = sum(found.tests[name].seconds for name in tests)
+    return min(MOST, max(bed.options.least, FACTOR * measured))
+
+
+def _verify(bed: Bed, tried: set[str]) -> None:
+    """See that what has killed mutants passes without a mutant; else its verdicts are void."""
+    found = cover.Map.load(bed.map)
+    results = records.read_results(bed.results)
+    killers = sorted({it.by for it in results.values() if it.id in tried and it.by in found.tests})
+    bad = set()
+    while killers:
+        task = trial.Task(killers, 600.0)
+        outcome = trial.attempt(bed.root, task)
+        if outcome.verdict == "survived":
+            break
+        if outcome.by not in killers:
+            sys.exit(f"tests do not pass without a mutant: {outcome.verdict} {outcome.by}")
+        bad.add(outcome.by)
+        killers.remove(outcome.by)
+    if bad:
+        kept = [it for it in results.values() if it.by not in bad]
+        bed.results.unlink()
+        for result in kept:
+            records.append(bed.results, result)
+        sys.exit("\n".join(["fail without a mutant; what they killed is open again:", *bad]))
+
+
+# -- report ---------------------------------------------------------------------------------------
+
+
+def do_report(bed: Bed) -> int:
+    """Say what was killed; fail if the list of survivors is not right."""
+    chosen = bed.sample()
+    listed = records.read_entries(bed.survivors)
+    if bed.options.only:
+        listed = [entry for entry in listed if entry.file.startswith(tuple(bed.options.only))]
+    valid, problems, new = records.judge(chosen, records.read_results(bed.results), listed)
+    table: dict[str, Counter[str]] = {}
+    for mutant in chosen:
+        if mutant.id in valid:
+            for row in (folder(mutant.file) or bed.package, "all"):
+                table.setdefault(row, Counter())[valid[mutant.id].verdict] += 1
+    print(f"{'':24}{'tried':>7}{'killed':>8}{'timeout':>9}{'survived':>10}{'killed':>9}")
+    for name, counts in sorted(table.items()):
+        total = counts.total()
+        share = (total - counts["survived"]) / total
+        print(f"{name:24}{total:7}{counts['killed']:8}{counts['timeout']:9}"
+              f"{counts['survived']:10}{share:9.1%}")  # fmt: skip
+    seconds = sum(result.cpu for result in valid.values())
+    print(f"{seconds:.0f} s of processor time, {seconds / max(1, len(valid)):.2f} s each\n")
+    for mutant in new:
+        before, after = difference(bed.root, mutant)
+        print(f"{mutant.file}:{mutant.line}: {mutant.scope}: {mutant.operator} [{mutant.id}]"
+              f" {valid[mutant.id].tests} tests\n  - {before}\n  + {after}")  # fmt: skip
+    if bed.options.entries:
+        for mutant in new:
+            print(records.entry_text(bed.entry(mutant)))
+    for problem in problems:
+        print(problem)
+    return bool(problems)
+
+
+# -- gate -----------------------------------------------------------------------------------------
+
+
+def do_gate(bed: Bed) -> int:
+    """Try the mutants of the gate; with ``--renew`` choose them anew from the results."""
+    if bed.options.renew:
+        return _renew(bed)
+    entries = records.read_entries(bed.gate)
+    by_id = {mutant.id: mutant for file in sorted({entry.file for entry in entries})
+             if (bed.root / file).exists() for mutant in mutants(bed.root, file)}  # fmt: skip
+    gone = [entry for entry in entries if entry.id not in by_id]
+    for entry in gone:
+        print(f"no longer applies: {entry.id} {entry.file}: {entry.before}")
+    trial.warm(bed.root)
+    tests = list(dict.fromkeys(name for entry in entries for name in entry.tests))
+    start = time.monotonic()
+    plain = trial.attempt(bed.root, trial.Task(tests, MOST))
+    if plain.verdict != "survived":
+        sys.exit(f"tests of the gate without a mutant: {plain.verdict} {plain.by}")
+    there = [entry for entry in entries if entry.id in by_id]
+
+    def work(part: int) -> None:
+        alive = 0
+        for entry in there[part :: bed.options.jobs]:
+            mutant = by_id[entry.id]
+            task = trial.Task(entry.tests, LEAST, mutant.file, mutated(bed.root, mutant))
+            if trial.attempt(bed.root, task).verdict == "survived":
+                alive += 1
+                print(f"survives: {entry.id} {mutant.file}:{mutant.line}\n"
+                      f"  - {entry.before}\n  + {entry.after}", flush=True)  # fmt: skip
+        if alive:
+            sys.exit(1)
+
+    _share(bed.options.jobs, work)
+    print(f"{len(there)} mutants killed in {time.monotonic() - start:.0f} s")
+    return bool(gone)
+
+
+def _renew(bed: Bed) -> int:
+    """Take the cheapest mutants that one test kills, no two of one file if it can be helped."""
+    results = records.read_results(bed.results)
+    tests = cover.Map.load(bed.map).tests
+    good = [mutant for mutant in bed.sample()
+            if (it := results.get(mutant.id)) and it.digest == mutant.digest
+            and it.verdict == "killed" and it.by in tests]  # fmt: skip
+    good.sort(key=lambda mutant: tests[results[mutant.id].by].seconds)
+    place: Counter[str] = Counter()
+    order = []
+    for mutant in good:
+        order.append((place[mutant.file], place[folder(mutant.file)], mutant))
+        place[mutant.file] += 1
+        place[folder(mutant.file)] += 1
+    order.sort(key=lambda item: item[:2])
+    picked = sorted((mutant for *_, mutant in order[:GATE]), key=lambda it: (it.file, it.line))
+    text = (
+        "# Made by `run.py gate --renew`: mutants of all folders, and the test that kills each.\n\n"
+    )
+    bed.gate.write_text(
+        text + "\n".join(records.entry_text(bed.entry(it, [results[it.id].by])) for it in picked)
+    )
+    return 0
+
+
+# -- one mutant -----------------------------------------------------------------------------------
+
+
+def do_show(bed: Bed) -> int:
+    """Print a mutant as a diff."""
+    mutant = bed.find(bed.options.id)
+    old, new = (bed.root / mutant.file).read_text(), mutated(bed.root, mutant)
+    lines = difflib.unified_diff(
+        old.splitlines(), new.splitlines(), f"a/{mutant.file}", f"b/{mutant.file}", lineterm=""
+    )
+    print("\n".join([f"{mutant.id} {mutant.operator} in {mutant.scope}", *lines]))
+    return 0
+
+
+def do_try(bed: Bed) -> int:
+    """Try one mutant and show what pytest says."""
+    do_show(bed)
+    mutant = bed.find(bed.options.id)
+    found = cover.Map.load(bed.map)
+    tests = bed.options.tests or choose(bed.root, found, mutant, CHOSEN)
+    trial.warm(bed.root)
+    log = bed.build / f"{mutant.id}.log"
+    log.unlink(missing_ok=True)
+    task = trial.Task(tests, MOST, mutant.file, mutated(bed.root, mutant), 0, log)
+    outcome = trial.attempt(bed.root, task)
+    print(log.read_text())
+    print(f"{outcome.verdict} {outcome.by} ({len(tests)} tests, {outcome.cpu} s)")
+    return outcome.verdict == "survived"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--root", type=Path, default=HERE.parents[1], help="of the checkout")
+    parser.add_argument("--package", default="vbus")
+    parser.add_argument("--lists", type=Path, default=HERE, help="folder of the checked-in lists")
+    parser.add_argument("--results", type=Path, help="build/mutation/results.jsonl")
+    orders = parser.add_subparsers(required=True)
+    made = {}
+    for do in (do_map, do_run, do_report, do_gate, do_show, do_try):
+        name = do.__name__.removeprefix("do_")
+        made[name] = orders.add_parser(name, help=(do.__doc__ or "").partition("\n")[0])
+        made[name].set_defaults(do=do)
+    for name in ("run", "report", "gate"):
+        made[name].add_argument("--sample", type=int, metavar="N", help=f"how many ({SAMPLE})")
+        made[name].add_argument("--seed", default="", help="another sample")
+        made[name].add_argument("--only", action="append", metavar="PATH", help="the first N here")
+    for name in ("run", "gate"):
+        made[name].add_argument("--jobs", type=int, default=2)
+    for name in ("show", "try"):
+        made[name].add_argument("id")
+    made["map"].add_argument("tests", nargs="*", help="paths; what is known of others stays")
+    made["run"].add_argument("--shard", default="1/1", metavar="I/N")
+    made["run"].add_argument("--again", action="store_true", help="survivors once more")
+    made["run"].add_argument("--least", type=float, default=LEAST, metavar="S",
+                             help="seconds of processor time each mutant may use")  # fmt: skip
+    made["report"].add_argument("--entries", action="store_true", help="survivors as TOML rows")
+    made["gate"].add_argument("--renew", action="store_true", help="choose from the results")
+    made["try"].add_argument("tests", nargs="*", help="node ids, instead of those of the map")
+    return parser
+
+
+def main() -> int:
+    """Do what the command line says."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    options = _parser().parse_args()
+    return int(options.do(Bed(options)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

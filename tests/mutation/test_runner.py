@@ -1,0 +1,334 @@
+"""The runner itself, on a package of a few lines: it tells killed from survived."""
+
+import subprocess
+import sys
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from tests.mutation.mutants import Mutant, mutants, mutated, one_per_site, sample
+from tests.mutation.records import Entry, Result, judge, read_results
+from tests.mutation.unobservable import same_by_construction
+
+RUN = Path(__file__).with_name("run.py")
+
+CODE = """\
+import os
+
+LIMIT = 5
+FIRST = {3: 7}[3]
+
+
+def double(value):
+    return value * 2
+
+
+def forgotten(value):
+    return value * 3
+
+
+def unseen(value):
+    return value * 4
+
+
+def wait():
+    done = True
+    while not done:
+        pass
+
+
+def stop():
+    if False:
+        os.abort()
+"""
+
+TESTS = """\
+from toy.code import FIRST, LIMIT, double, forgotten, stop, wait
+
+
+def test_double():
+    assert double(5) == 10
+
+
+def test_forgotten():
+    forgotten(5)
+
+
+def test_values():
+    assert (FIRST, LIMIT) == (7, 5)
+
+
+def test_wait():
+    wait()
+
+
+def test_stop():
+    stop()
+
+
+def test_broken():
+    assert False
+"""
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A package, its tests, its coverage map and the results of all mutants."""
+    root = tmp_path_factory.mktemp("toy")
+    (root / "toy").mkdir()
+    (root / "toy" / "__init__.py").touch()
+    (root / "toy" / "code.py").write_text(CODE)
+    (root / "checks").mkdir()
+    (root / "checks" / "test_toy.py").write_text(TESTS)
+    (root / "pytest.ini").touch()
+    mapped = run(root, "map", "checks")
+    assert "not used, it does not pass: checks/test_toy.py::test_broken" in mapped.stdout
+    run(root, "run", "--sample", "1000", "--least", "1", "--jobs", "1")
+    return root
+
+
+def run(root: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    options = ("--root", str(root), "--package", "toy", "--lists", str(root))
+    return subprocess.run(
+        [sys.executable, RUN, *options, *words], capture_output=True, text=True, check=False
+    )
+
+
+def results(root: Path) -> dict[str, set[tuple[str, str]]]:
+    """Return what became of the mutants of each scope."""
+    by_id = {mutant.id: mutant for mutant in mutants(root, "toy/code.py")}
+    found: dict[str, set[tuple[str, str]]] = {}
+    for result in read_results(root / "build" / "mutation" / "results.jsonl").values():
+        found.setdefault(by_id[result.id].scope, set()).add((result.verdict, result.by))
+    return found
+
+
+def test_killed_survived_hanging_crashed_and_not_importable_are_told_apart(toy: Path) -> None:
+    tests = "checks/test_toy.py::test_"
+    assert results(toy) == {
+        "LIMIT": {("killed", f"{tests}values")},
+        "FIRST": {("killed", f"{tests}values"), ("killed", "collection")},
+        "double": {("killed", f"{tests}double")},
+        "forgotten": {("survived", "")},
+        "unseen": {("survived", "")},
+        "wait": {("timeout", "")},
+        "stop": {("killed", "SIGABRT")},
+    }
+
+
+def test_only_tests_that_execute_the_line_are_chosen(toy: Path) -> None:
+    by_id = {mutant.id: mutant for mutant in mutants(toy, "toy/code.py")}
+    counts = {
+        by_id[result.id].scope: result.tests
+        for result in read_results(toy / "build" / "mutation" / "results.jsonl").values()
+    }
+    assert (counts["double"], counts["forgotten"], counts["unseen"]) == (1, 1, 0)
+
+
+def test_no_file_is_touched_and_what_is_done_is_not_done_again(toy: Path) -> None:
+    assert (toy / "toy" / "code.py").read_text() == CODE
+    again = run(toy, "run", "--sample", "1000", "--jobs", "1")
+    assert ", 0 to try" in again.stdout
+
+
+def test_the_report_fails_as_long_as_a_survivor_is_not_listed(toy: Path) -> None:
+    report = run(toy, "report", "--sample", "1000", "--entries")
+    assert report.returncode == 1
+    assert "- return value * 3" in report.stdout
+    entries = report.stdout[report.stdout.index("[[mutant]]") : report.stdout.rindex('reason = ""')]
+    text = entries + 'reason = ""\n'
+    (toy / "survivors.toml").write_text(text)
+    assert "is listed without a reason" in run(toy, "report", "--sample", "1000").stdout
+    (toy / "survivors.toml").write_text(text.replace('reason = ""', 'reason = "a toy"'))
+    assert run(toy, "report", "--sample", "1000").returncode == 0
+
+
+def test_the_gate_fails_when_a_mutant_survives_or_is_gone(toy: Path) -> None:
+    assert run(toy, "gate", "--renew", "--sample", "1000").returncode == 0
+    passed = run(toy, "gate", "--jobs", "1")
+    assert passed.returncode == 0, passed.stdout + passed.stderr
+    code, tests = toy / "toy" / "code.py", toy / "checks" / "test_toy.py"
+    try:
+        tests.write_text(TESTS.replace("assert double(5) == 10", "double(5)"))
+        failed = run(toy, "gate", "--jobs", "1")
+        assert failed.returncode == 1
+        assert "survives: " in failed.stdout
+        assert "- return value * 2" in failed.stdout
+        tests.write_text(TESTS.replace("test_double", "test_twice"))
+        assert "missing checks/test_toy.py::test_double" in run(toy, "gate").stderr
+        tests.write_text(TESTS)
+        code.write_text(CODE.replace("value * 2", "2 * value"))
+        failed = run(toy, "gate", "--jobs", "1")
+        assert failed.returncode == 1
+        assert "no longer applies: " in failed.stdout
+    finally:
+        code.write_text(CODE)
+        tests.write_text(TESTS)
+
+
+def test_a_killer_that_fails_without_a_mutant_makes_its_verdicts_void(
+    toy: Path, tmp_path: Path
+) -> None:
+    tests = toy / "checks" / "test_toy.py"
+    own = tmp_path / "results.jsonl"
+    try:
+        tests.write_text(TESTS.replace("double(5) == 10", "double(5) == 11"))
+        done = run(toy, "--results", str(own), "run", "--sample", "1000", "--least", "1")
+    finally:
+        tests.write_text(TESTS)
+    assert done.returncode == 1
+    assert "checks/test_toy.py::test_double" in done.stderr
+    assert {it.by for it in read_results(own).values()}.isdisjoint(
+        ["checks/test_toy.py::test_double"]
+    )
+
+
+# -- which mutants there are ----------------------------------------------------------------------
+
+
+def of(tmp_path: Path, source: str) -> list[Mutant]:
+    (tmp_path / "toy").mkdir(exist_ok=True)
+    (tmp_path / "toy" / "code.py").write_text(textwrap.dedent(source))
+    return mutants(tmp_path, "toy/code.py")
+
+
+def lines(found: Sequence[Mutant]) -> set[int]:
+    return {mutant.line for mutant in found}
+
+
+def test_what_nobody_can_observe_is_left_out(tmp_path: Path) -> None:
+    found = of(
+        tmp_path,
+        '''\
+        """A text with 1 + 1."""
+        from collections.abc import Callable
+        from dataclasses import dataclass
+        from functools import cache
+        from typing import TYPE_CHECKING, ClassVar, cast
+        Number = int | float
+        Report = Callable[[int | None], None]
+        if TYPE_CHECKING:
+            X = 1
+        class A:
+            __slots__ = ("a", "b")
+            a: int | None
+            b: "ClassVar[int | None]"
+            def f(self, x: int | None) -> int | None:
+                return cast(int | None, x)
+            @cache
+            def g(self):
+                pass
+        ''',
+    )
+    assert lines(found) == set()
+
+
+def test_tables_defaults_and_decorators_are_mutated(tmp_path: Path) -> None:
+    found = of(
+        tmp_path,
+        """\
+        KP = 0x61
+        BOTH = KP | 2
+        class A:
+            TABLE: "dict[int, int]" = {
+                3: 4,
+            }
+            @property
+            def f(self, x: int = 7) -> int:
+                return x
+        """,
+    )
+    assert lines(found) == {1, 2, 5, 7, 8}
+    assert {mutant.scope for mutant in found} == {"KP", "BOTH", "A.TABLE", "A.f"}
+    assert not any(mutant.runs for mutant in found)
+
+
+def test_the_frozen_of_a_dataclass_is_left_out_and_its_order_is_not(tmp_path: Path) -> None:
+    found = of(
+        tmp_path,
+        """\
+        @dataclass(frozen=True, slots=True)
+        class A: ...
+        @dataclass(frozen=True, order=True)
+        class B: ...
+        """,
+    )
+    assert [mutant.scope for mutant in found if "True" in mutant.operator] == ["B"]
+
+
+def test_is_and_equal_are_taken_as_the_same(tmp_path: Path) -> None:
+    assert same_by_construction("ReplaceComparisonOperator_Eq_Is")
+    assert not same_by_construction("ReplaceComparisonOperator_Eq_IsNot")
+    found = of(tmp_path, "def f(a, b):\n    return a == b\n")
+    assert {mutant.operator.rpartition("_")[2] for mutant in found} == {
+        "NotEq", "Lt", "LtE", "Gt", "GtE", "IsNot",
+    }  # fmt: skip
+
+
+def test_a_mutant_keeps_its_name_when_something_else_is_edited(tmp_path: Path) -> None:
+    plain = of(tmp_path, CODE)
+    edited = CODE.replace("LIMIT = 5", "LIMIT = 9\nMORE = 3").replace("value * 3", "value * 33")
+    moved = of(tmp_path, edited)
+    lost = {mutant.scope for mutant in plain if mutant.id not in {it.id for it in moved}}
+    assert lost == {"LIMIT", "forgotten"}
+
+
+def test_two_equal_lines_of_a_function_are_two_mutants_and_of_another_function_others(
+    tmp_path: Path,
+) -> None:
+    found = of(tmp_path, "def f():\n    a = 1\n    a = 1\n\ndef g():\n    a = 1\n")
+    assert len({mutant.id for mutant in found}) == 6
+
+
+def test_a_sample_has_one_mutant_of_a_site_and_takes_no_notice_of_new_code(
+    tmp_path: Path,
+) -> None:
+    of(tmp_path, CODE)
+    few = sample(tmp_path, 5, "", (), "toy")
+    assert len(few) == 5
+    every = sample(tmp_path, 1000, "", (), "toy")
+    assert len(every) == len({mutant.rank.partition("/")[0] for mutant in every})
+    new = of(tmp_path, CODE + "\ndef added():\n    return 1\n")
+    assert {mutant.id for mutant in every} < {mutant.id for mutant in one_per_site(new)}
+    assert few != sample(tmp_path, 5, "another", (), "toy")
+
+
+def test_a_mutant_that_does_not_compile_is_none(tmp_path: Path) -> None:
+    (star,) = {mutant.id: mutant for mutant in of(tmp_path, "def f(a, *, b): ...\n")
+               if mutant.operator.endswith("Mul_Add")}.values()  # fmt: skip
+    assert mutated(tmp_path, star) == ""
+
+
+# -- the report -----------------------------------------------------------------------------------
+
+MUTANT = Mutant("1", "a.py", "f", 3, (3, 3), True, "NumberReplacer", 0, "x/y", "d")
+
+
+def verdict(name: str, digest: str = "d") -> dict[str, Result]:
+    return {"1": Result("1", digest, name, "", 1, 0.1)}
+
+
+def listed(reason: str, number: str = "1") -> list[Entry]:
+    return [Entry(number, "a.py", "f", "1", "2", reason)]
+
+
+@pytest.mark.parametrize(
+    ("results", "entries", "problems"),
+    [
+        (verdict("killed"), [], []),
+        (verdict("timeout"), [], []),
+        (verdict("survived"), listed("so"), []),
+        (verdict("survived"), [], ["a.py:3: 1 survives and is not listed"]),
+        (verdict("survived"), listed(""), ["a.py: 1 is listed without a reason"]),
+        (verdict("killed"), listed("so"), ["a.py:3: 1 is listed, but killed"]),
+        (verdict("killed"), listed("so", "2"), ["a.py: 2 is listed, but is not in the sample"]),
+        (verdict("killed", "e"), [], ["1 of 1 mutants have not been tried as they are now"]),
+        ({}, [], ["1 of 1 mutants have not been tried as they are now"]),
+    ],
+)
+def test_what_the_report_complains_of(
+    results: dict[str, Result], entries: list[Entry], problems: list[str]
+) -> None:
+    assert judge([MUTANT], results, entries)[1] == problems

@@ -1,0 +1,297 @@
+"""One mutant, one process: a fork of a warm parent that runs pytest over the mutated module.
+
+The parent has imported pytest, Hypothesis and other libraries, nothing of the package. In the
+child an import hook gives the mutated module its changed source; no file is touched.
+"""
+
+import contextlib
+import gc
+import importlib.abc
+import importlib.machinery
+import importlib.util
+import json
+import os
+import resource
+import select
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import CodeType, ModuleType
+from typing import Final
+
+import hypothesis
+import pytest
+from cosmic_ray.exceptions import CosmicRayTestingException
+
+MEMORY: Final = 4 << 30
+LONGEST_FILE: Final = 1 << 30
+WALL: Final = 4
+"""Wall seconds allowed for one of processor time: other work on the machine makes no time-out."""
+
+OPTIONS: Final = (
+    "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:tests.repeat", "--assert=plain",
+)  # fmt: skip
+"""Of every run of pytest here; a warm parent has imported what pytest would rewrite."""
+
+PHASES: Final = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
+"""What has failed need not be found small."""
+SETTINGS: Final = "_hypothesis_internal_use_settings"
+FEW: Final = 20
+"""Examples of each test that draws them, before all are tried."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What a child does.
+
+    Attributes:
+        tests: node ids, in the order in which they run.
+        limit: seconds of processor time.
+        file: the mutated file; empty for none.
+        source: its text.
+        examples: how many at most Hypothesis draws for a test; 0: as many as the test says.
+        log: where what pytest prints goes.
+    """
+
+    tests: Sequence[str]
+    limit: float
+    file: str = ""
+    source: str = ""
+    examples: int = FEW
+    log: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a child ended.
+
+    Attributes:
+        verdict: "survived", "killed" or "timeout"; "missing" if a test is not there.
+        by: the failed test, "collection", or the signal that ended the process.
+        cpu: seconds of processor time.
+        wall: seconds.
+    """
+
+    verdict: str
+    by: str
+    cpu: float
+    wall: float
+
+
+def warm(root: Path) -> None:
+    """Import what every child needs; children are forked from here."""
+    sys.path.insert(0, str(root))
+    # Of processes that tests start, too.
+    os.environ["PYTHONPATH"] = os.pathsep.join(
+        filter(None, (str(root), os.environ.get("PYTHONPATH", "")))
+    )
+    sys.dont_write_bytecode = False
+    sys.pycache_prefix = str(root / "build" / "mutation" / "pycache")
+    os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = str(root / "build" / "mutation" / "hypothesis")
+    for name in ("_hypothesis_pytestplugin", "pytest_asyncio.plugin", "hypothesis.stateful",
+                 "hypothesis.internal.conjecture.engine", "hypothesis.core", "msgpack", "msgspec",
+                 "click", "rich.console", "serial", "vcd", "zenoh", "asyncio", "unittest.mock",
+                 "mypy_extensions"):  # fmt: skip
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
+    gc.collect()
+    gc.freeze()
+
+
+class _Mutated(importlib.machinery.SourceFileLoader):
+    """Loads the mutated source under the name and path of the file as it is."""
+
+    def __init__(self, name: str, path: str, source: str) -> None:
+        super().__init__(name, path)
+        self._source = source
+
+    def get_code(self, fullname: str) -> CodeType:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return compile(self._source, self.path, "exec", dont_inherit=True)
+
+    def exec_module(self, module: ModuleType) -> None:
+        vars(module)[CosmicRayTestingException.__name__] = CosmicRayTestingException
+        super().exec_module(module)
+
+
+class _Finder(importlib.abc.MetaPathFinder):
+    """Finds the mutated module, and nothing else."""
+
+    def __init__(self, root: Path, file: str, source: str) -> None:
+        self._path = str(root / file)
+        self._name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+        self._source = source
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        if fullname != self._name:
+            return None
+        loader = _Mutated(fullname, self._path, self._source)
+        return importlib.util.spec_from_file_location(fullname, self._path, loader=loader)
+
+
+def draws(item: pytest.Item) -> bool:
+    """Whether Hypothesis draws the examples of a test."""
+    return bool(getattr(getattr(item, "obj", None), "is_hypothesis_test", False))
+
+
+def draw(items: Sequence[pytest.Item], examples: int) -> None:
+    """Let Hypothesis draw no more than a number of examples, and not look for smaller ones."""
+    for item in filter(draws, items):
+        test = item.obj  # type: ignore[attr-defined]
+        # A state machine has its settings elsewhere, and keeps them.
+        if own := getattr(test, SETTINGS, None):
+            number = min(own.max_examples, examples or own.max_examples)
+            new = hypothesis.settings(own, max_examples=number, phases=PHASES)
+            setattr(test, SETTINGS, new)
+
+
+class _Chosen:
+    """Plug-in: runs the chosen tests in their order, and notes what failed first."""
+
+    def __init__(self, tests: Sequence[str], examples: int) -> None:
+        self._tests = tests
+        self._examples = examples
+        self.missing: list[str] = []
+        self.failed: list[str] = []
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        there = {item.nodeid: item for item in items}
+        self.missing = [name for name in self._tests if name not in there]
+        # A mutated table may give cases other names.
+        functions = {name.partition("[")[0] for name in self.missing}
+        others = [name for name in there if name.partition("[")[0] in functions]
+        chosen = dict.fromkeys([name for name in self._tests if name in there] + others)
+        items[:] = [there[name] for name in chosen]
+        draw(items, self._examples)
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        if report.failed:
+            self.failed.append("collection")
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            self.failed.append(report.nodeid)
+
+
+def _options(task: Task, folder: str) -> list[str]:
+    files = dict.fromkeys(name.partition("::")[0] for name in task.tests)
+    return ["-x", *OPTIONS, f"--basetemp={folder}/pytest", *files]
+
+
+def _child(root: Path, task: Task, folder: str, answer: int) -> None:
+    os.setsid()
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (LONGEST_FILE, LONGEST_FILE))
+    seconds = int(task.limit) + 1
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 2))
+    for number in (signal.SIGXCPU, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
+    log = os.open(task.log or os.devnull, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    for stream in (1, 2):
+        os.dup2(log, stream)
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.chdir(root)
+    os.environ["TMPDIR"] = tempfile.tempdir = folder
+    if task.file:
+        sys.meta_path.insert(0, _Finder(root, task.file, task.source))
+    chosen = _Chosen(task.tests, task.examples)
+    code = pytest.main(_options(task, folder), plugins=[chosen])
+    os.write(answer, json.dumps([int(code), chosen.failed[:1], chosen.missing[:1]]).encode())
+
+
+def attempt(root: Path, task: Task) -> Outcome:
+    """Run a task in a fork of this process, and wait for it."""
+    folder = tempfile.mkdtemp(prefix="mutant-")
+    read, write = os.pipe()
+    started = time.monotonic()
+    pid = os.fork()
+    if pid == 0:
+        try:
+            os.close(read)
+            _child(root, task, folder, write)
+        finally:
+            os._exit(0)
+    os.close(write)
+    try:
+        late = not _ends(pid, WALL * task.limit)
+    finally:
+        # It, and what its tests have left running.
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(pid, signal.SIGKILL)
+        _, status, usage = os.wait4(pid, 0)
+        answer = os.read(read, 65536)
+        os.close(read)
+        shutil.rmtree(folder, ignore_errors=True)
+    verdict, by = _verdict(task, status, answer, late)
+    cpu = usage.ru_utime + usage.ru_stime
+    return Outcome(verdict, by, round(cpu, 2), round(time.monotonic() - started, 2))
+
+
+def _ends(pid: int, seconds: float) -> bool:
+    """Wait for the end of a child."""
+    ended = os.pidfd_open(pid)
+    poll = select.poll()
+    poll.register(ended, select.POLLIN)
+    try:
+        return bool(poll.poll(seconds * 1000))
+    finally:
+        os.close(ended)
+
+
+def _verdict(task: Task, status: int, answer: bytes, late: bool) -> tuple[str, str]:
+    number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
+    if late or (number == signal.SIGXCPU and not answer):
+        return "timeout", ""
+    if not answer:
+        return "killed", signal.Signals(number).name if number else "the process ended"
+    code, failed, missing = json.loads(answer)
+    if code in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
+        return ("missing", missing[0]) if missing and not task.file else ("survived", "")
+    return "killed", failed[0] if failed else f"pytest ended with {pytest.ExitCode(code).name}"
+
+
+def collected(root: Path, paths: Sequence[str]) -> set[str]:
+    """Return the node ids of all tests there are."""
+    read, write = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        try:
+            os.close(read)
+            _collect(root, paths, write)
+        finally:
+            os._exit(0)
+    os.close(write)
+    with open(read) as file:
+        text = file.read()
+    os.waitpid(pid, 0)
+    return set(text.splitlines())
+
+
+def _collect(root: Path, paths: Sequence[str], answer: int) -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    os.chdir(root)
+    chosen = _All()
+    pytest.main(["--collect-only", *OPTIONS, *paths], plugins=[chosen])
+    with open(answer, "w") as file:
+        file.write("\n".join(chosen.names))
+
+
+class _All:
+    """Plug-in: notes the names of all tests."""
+
+    names: Sequence[str] = ()
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        self.names = [item.nodeid for item in items]
