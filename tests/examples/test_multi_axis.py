@@ -20,7 +20,7 @@ import pytest
 
 from tests.examples.boards import EXAMPLES, expected
 from tests.namespaces import computers
-from tests.waiting import until
+from tests.waiting import Starved, until
 from vbus.board.config import read_board_file
 from vbus.errors import TransportError, VbusError
 from vbus.kernel import MS, US
@@ -37,6 +37,8 @@ BOUNDS = {
     "gear_mc1241a": ("gear error of q, -1.25: ", 6.0),
 }
 PATIENCE = 120
+LATE = ("is a node overloaded?", " ms too late")
+"""What a run in real time says that the computer has kept waiting."""
 DEMOS = pytest.mark.parametrize("demo", BOUNDS)
 
 
@@ -102,6 +104,8 @@ def run(name: str, folder: Path, *options: str) -> str:
     """Run an example to its end; return what it printed."""
     with started(name, folder, *options) as process:
         out, errors = process.communicate(timeout=PATIENCE)
+        if any(said in out + errors for said in LATE):
+            raise Starved(out + errors)
         assert process.returncode == 0, out + errors
         assert errors == ""
         return out
@@ -190,7 +194,8 @@ def test_in_real_time_the_contour_is_the_same_and_skew_is_told(tmp_path: Path) -
     assert worst("xy_circle_lm629", out) <= BOUNDS["xy_circle_lm629"][1]
     assert "skew of common bus cycles, chip time: p50 0 us, p99 0 us, max 0 us" in lines[2]
     assert re.match(r"skew between nodes, wall time: p50 \d+ us, p99 \d+ us, max \d+ us", lines[3])
-    assert lines[4] == "late: 0 bus cycles, 0 edges on wires"
+    if lines[4] != "late: 0 bus cycles, 0 edges on wires":
+        raise Starved(lines[4])
     assert (tmp_path / "circle.svg").exists()
     assert sorted(file.name for file in (tmp_path / "kept").iterdir()) == [
         "left.trace",
