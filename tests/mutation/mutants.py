@@ -43,6 +43,9 @@ QUOTAS: Final = {
 }
 SAMPLE: Final = sum(QUOTAS.values())
 
+SIGNS: Final = tuple(f"ReplaceBinaryOperator_{name}_" for name in ("Mul", "Pow", "Div"))
+"""These stand in lists of parameters as well, where no other operator may."""
+
 WITH_ARGUMENTS: Final = ("VariableReplacer", "VariableInserter")
 
 
@@ -263,20 +266,27 @@ def files(root: Path, package: str = "vbus") -> Iterator[str]:
             yield file
 
 
-def sample(root: Path, size: int, seed: str, only: tuple[str, ...], package: str) -> list[Mutant]:
-    """Return the mutants to run: by quota, or if paths are named, the first of those there."""
-    by_folder: dict[str, list[Mutant]] = {}
-    for file in files(root, package):
-        if not only or file.startswith(only):
-            by_folder.setdefault("" if only else folder(file), []).extend(mutants(root, file))
-    chosen: list[Mutant] = []
-    for name, found in by_folder.items():
-        wanted = size * QUOTAS[name] // SAMPLE if name else size
-        sites = one_per_site(found)
-        if seed:
-            sites.sort(key=lambda mutant: digest(seed, mutant.rank))
-        for mutant in sites:
-            if wanted and mutated(root, mutant):
-                chosen.append(mutant)
-                wanted -= 1
+def sample(root: Path, size: int, seed: str) -> list[Mutant]:
+    """Return mutants of all folders, in the shares of ``QUOTAS``."""
+    by_folder: dict[str, list[str]] = {}
+    for file in files(root):
+        by_folder.setdefault(folder(file), []).append(file)
+    return [
+        mutant
+        for name, inside in by_folder.items()
+        for mutant in first(root, inside, size * QUOTAS[name] // SAMPLE, seed)
+    ]
+
+
+def first(root: Path, inside: Iterable[str], size: int, seed: str) -> list[Mutant]:
+    """Return the first mutants of some files."""
+    sites = one_per_site(mutant for file in inside for mutant in mutants(root, file))
+    if seed:
+        sites.sort(key=lambda mutant: digest(seed, mutant.rank))
+    chosen = []
+    for mutant in sites:
+        if len(chosen) == size:
+            break
+        if not mutant.operator.startswith(SIGNS) or mutated(root, mutant):
+            chosen.append(mutant)
     return chosen

@@ -30,6 +30,7 @@ from tests.mutation.mutants import (
     Mutant,
     difference,
     files,
+    first,
     folder,
     mutants,
     mutated,
@@ -50,7 +51,7 @@ LEFT_OUT: Final = (
 """Programs in C, links, and tests about tests: nothing of what is mutated, or in processes."""
 
 CHOSEN: Final = 40.0
-"""Seconds, as measured with coverage, of all tests chosen for a mutant."""
+"""Seconds of processor time, as measured with coverage, of all tests chosen for a mutant."""
 FIRST: Final = 2.0
 """Seconds of those tried first; most mutants go no further."""
 FIRST_FILES: Final = 4
@@ -59,6 +60,8 @@ MOST: Final = 60.0
 FACTOR: Final = 4.0
 """Of what was measured: the limit of processor time, and its bounds in seconds."""
 GATE: Final = 30
+GATE_SECONDS: Final = 1.0
+"""Longest test of the gate."""
 
 
 class Bed:
@@ -77,8 +80,12 @@ class Bed:
     def sample(self) -> list[Mutant]:
         """Return the mutants that were asked for."""
         options = self.options
-        size = options.sample or SAMPLE
-        return sample(self.root, size, options.seed, tuple(options.only or ()), self.package)
+        only = tuple(options.only or ())
+        if only and options.sample:
+            inside = [file for file in files(self.root, self.package) if file.startswith(only)]
+            return first(self.root, inside, options.sample, options.seed)
+        found = sample(self.root, options.sample or SAMPLE, options.seed)
+        return [mutant for mutant in found if not only or mutant.file.startswith(only)]
 
     def find(self, name: str) -> Mutant:
         """Return the mutant of an id."""
@@ -121,6 +128,7 @@ def _test_paths(root: Path) -> list[str]:
 
 
 def _measure(bed: Bed, path: str) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # pytest takes an exit for a failed test
     print(f"-- {path}", flush=True)
     tests = path.removesuffix("/")
     if tests in LEFT_OUT:
@@ -165,7 +173,6 @@ def _share(jobs: int, work: Callable[[int], None]) -> None:
     for part in range(jobs):
         pid = os.fork()
         if pid == 0:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
             code = 1
             try:
                 work(part)
@@ -201,7 +208,7 @@ def _work(bed: Bed, found: cover.Map, todo: Sequence[Mutant]) -> None:
 
 def try_mutant(bed: Bed, found: cover.Map, mutant: Mutant) -> Result:
     """Try one mutant: with a few tests, with all chosen, with all examples of those that draw."""
-    tests = choose(bed.root, found, mutant, CHOSEN)
+    tests = choose(bed.root, found, mutant, bed.options.seconds)
     source = mutated(bed.root, mutant)
     few = _few(found, tests)
     draw = [name for name in tests if found.tests[name].draws]
@@ -299,7 +306,7 @@ def do_report(bed: Bed) -> int:
 
 
 def do_gate(bed: Bed) -> int:
-    """Try the mutants of the gate; with ``--renew`` choose them anew from the results."""
+    """Try the mutants of the gate; with ``--renew`` fill it up from the results."""
     if bed.options.renew:
         return _renew(bed)
     entries = records.read_entries(bed.gate)
@@ -334,27 +341,33 @@ def do_gate(bed: Bed) -> int:
 
 
 def _renew(bed: Bed) -> int:
-    """Take the cheapest mutants that one test kills, no two of one file if it can be helped."""
+    """Keep the mutants of the gate that still apply, and fill it up with others that were killed.
+
+    A place in a function is preferred, in a folder and a file that have few.
+    """
     results = records.read_results(bed.results)
     tests = cover.Map.load(bed.map).tests
-    good = [mutant for mutant in bed.sample()
-            if (it := results.get(mutant.id)) and it.digest == mutant.digest
-            and it.verdict == "killed" and it.by in tests]  # fmt: skip
-    good.sort(key=lambda mutant: tests[results[mutant.id].by].seconds)
-    place: Counter[str] = Counter()
-    order = []
-    for mutant in good:
-        order.append((place[mutant.file], place[folder(mutant.file)], mutant))
-        place[mutant.file] += 1
-        place[folder(mutant.file)] += 1
-    order.sort(key=lambda item: item[:2])
-    picked = sorted((mutant for *_, mutant in order[:GATE]), key=lambda it: (it.file, it.line))
+    there = [it for file in files(bed.root, bed.package) for it in mutants(bed.root, file)]
+    old = {entry.id: entry for entry in records.read_entries(bed.gate)}
+    kept = [mutant for mutant in there if mutant.id in old]
+    good = [
+        mutant for mutant in there
+        if mutant.id not in old and (it := results.get(mutant.id)) and it.digest == mutant.digest
+        and it.verdict == "killed" and it.by in tests and tests[it.by].seconds < GATE_SECONDS
+    ]  # fmt: skip
+    for _ in range(min(GATE - len(kept), len(good))):
+        of_file = Counter(mutant.file for mutant in kept)
+        of_folder = Counter(folder(mutant.file) for mutant in kept)
+        best = min(good, key=lambda it: (of_folder[folder(it.file)], of_file[it.file], not it.runs,
+                                         it.rank))  # fmt: skip
+        good.remove(best)
+        kept.append(best)
+    kept.sort(key=lambda mutant: (mutant.file, mutant.line))
+    rows = [old.get(it.id) or bed.entry(it, [results[it.id].by]) for it in kept]
     text = (
-        "# Made by `run.py gate --renew`: mutants of all folders, and the test that kills each.\n\n"
+        "# Made by `run.py gate --renew`: mutants of all folders, and a test that kills each.\n\n"
     )
-    bed.gate.write_text(
-        text + "\n".join(records.entry_text(bed.entry(it, [results[it.id].by])) for it in picked)
-    )
+    bed.gate.write_text(text + "\n".join(map(records.entry_text, rows)))
     return 0
 
 
@@ -400,10 +413,15 @@ def _parser() -> argparse.ArgumentParser:
         name = do.__name__.removeprefix("do_")
         made[name] = orders.add_parser(name, help=(do.__doc__ or "").partition("\n")[0])
         made[name].set_defaults(do=do)
-    for name in ("run", "report", "gate"):
+    for name in ("run", "report"):
         made[name].add_argument("--sample", type=int, metavar="N", help=f"how many ({SAMPLE})")
         made[name].add_argument("--seed", default="", help="another sample")
-        made[name].add_argument("--only", action="append", metavar="PATH", help="the first N here")
+        made[name].add_argument(
+            "--only",
+            action="append",
+            metavar="PATH",
+            help="of the sample what is here; with --sample the first N here",
+        )
     for name in ("run", "gate"):
         made[name].add_argument("--jobs", type=int, default=2)
     for name in ("show", "try"):
@@ -411,10 +429,12 @@ def _parser() -> argparse.ArgumentParser:
     made["map"].add_argument("tests", nargs="*", help="paths; what is known of others stays")
     made["run"].add_argument("--shard", default="1/1", metavar="I/N")
     made["run"].add_argument("--again", action="store_true", help="survivors once more")
+    made["run"].add_argument("--seconds", type=float, default=CHOSEN, metavar="S",
+                             help=f"tests to choose for each ({CHOSEN:.0f})")  # fmt: skip
     made["run"].add_argument("--least", type=float, default=LEAST, metavar="S",
                              help="seconds of processor time each mutant may use")  # fmt: skip
     made["report"].add_argument("--entries", action="store_true", help="survivors as TOML rows")
-    made["gate"].add_argument("--renew", action="store_true", help="choose from the results")
+    made["gate"].add_argument("--renew", action="store_true", help="fill it up from the results")
     made["try"].add_argument("tests", nargs="*", help="node ids, instead of those of the map")
     return parser
 

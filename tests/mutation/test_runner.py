@@ -3,16 +3,28 @@
 import subprocess
 import sys
 import textwrap
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
-from tests.mutation.mutants import Mutant, mutants, mutated, one_per_site, sample
+from tests.mutation.mutants import (
+    QUOTAS,
+    Mutant,
+    first,
+    folder,
+    mutants,
+    mutated,
+    one_per_site,
+    sample,
+)
 from tests.mutation.records import Entry, Result, judge, read_results
 from tests.mutation.unobservable import same_by_construction
 
 RUN = Path(__file__).with_name("run.py")
+
+ALL = ("--only", "toy", "--sample", "1000")
 
 CODE = """\
 import os
@@ -85,7 +97,7 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (root / "pytest.ini").touch()
     mapped = run(root, "map", "checks")
     assert "not used, it does not pass: checks/test_toy.py::test_broken" in mapped.stdout
-    run(root, "run", "--sample", "1000", "--least", "1", "--jobs", "1")
+    run(root, "run", *ALL, "--least", "1", "--jobs", "1")
     return root
 
 
@@ -129,24 +141,24 @@ def test_only_tests_that_execute_the_line_are_chosen(toy: Path) -> None:
 
 def test_no_file_is_touched_and_what_is_done_is_not_done_again(toy: Path) -> None:
     assert (toy / "toy" / "code.py").read_text() == CODE
-    again = run(toy, "run", "--sample", "1000", "--jobs", "1")
+    again = run(toy, "run", *ALL, "--jobs", "1")
     assert ", 0 to try" in again.stdout
 
 
 def test_the_report_fails_as_long_as_a_survivor_is_not_listed(toy: Path) -> None:
-    report = run(toy, "report", "--sample", "1000", "--entries")
+    report = run(toy, "report", *ALL, "--entries")
     assert report.returncode == 1
     assert "- return value * 3" in report.stdout
     entries = report.stdout[report.stdout.index("[[mutant]]") : report.stdout.rindex('reason = ""')]
     text = entries + 'reason = ""\n'
     (toy / "survivors.toml").write_text(text)
-    assert "is listed without a reason" in run(toy, "report", "--sample", "1000").stdout
+    assert "is listed without a reason" in run(toy, "report", *ALL).stdout
     (toy / "survivors.toml").write_text(text.replace('reason = ""', 'reason = "a toy"'))
-    assert run(toy, "report", "--sample", "1000").returncode == 0
+    assert run(toy, "report", *ALL).returncode == 0
 
 
 def test_the_gate_fails_when_a_mutant_survives_or_is_gone(toy: Path) -> None:
-    assert run(toy, "gate", "--renew", "--sample", "1000").returncode == 0
+    assert run(toy, "gate", "--renew").returncode == 0
     passed = run(toy, "gate", "--jobs", "1")
     assert passed.returncode == 0, passed.stdout + passed.stderr
     code, tests = toy / "toy" / "code.py", toy / "checks" / "test_toy.py"
@@ -171,18 +183,20 @@ def test_the_gate_fails_when_a_mutant_survives_or_is_gone(toy: Path) -> None:
 def test_a_killer_that_fails_without_a_mutant_makes_its_verdicts_void(
     toy: Path, tmp_path: Path
 ) -> None:
+    killer = "checks/test_toy.py::test_double"
     tests = toy / "checks" / "test_toy.py"
     own = tmp_path / "results.jsonl"
+    known = (toy / "build" / "mutation" / "results.jsonl").read_text().splitlines(keepends=True)
+    own.write_text("".join(line for line in known if killer not in line))
     try:
         tests.write_text(TESTS.replace("double(5) == 10", "double(5) == 11"))
-        done = run(toy, "--results", str(own), "run", "--sample", "1000", "--least", "1")
+        done = run(toy, "--results", str(own), "run", *ALL)
     finally:
         tests.write_text(TESTS)
     assert done.returncode == 1
-    assert "checks/test_toy.py::test_double" in done.stderr
-    assert {it.by for it in read_results(own).values()}.isdisjoint(
-        ["checks/test_toy.py::test_double"]
-    )
+    assert killer in done.stdout
+    assert killer in done.stderr
+    assert killer not in {it.by for it in read_results(own).values()}
 
 
 # -- which mutants there are ----------------------------------------------------------------------
@@ -286,13 +300,31 @@ def test_a_sample_has_one_mutant_of_a_site_and_takes_no_notice_of_new_code(
     tmp_path: Path,
 ) -> None:
     of(tmp_path, CODE)
-    few = sample(tmp_path, 5, "", (), "toy")
+    few = first(tmp_path, ["toy/code.py"], 5, "")
     assert len(few) == 5
-    every = sample(tmp_path, 1000, "", (), "toy")
+    every = first(tmp_path, ["toy/code.py"], 1000, "")
     assert len(every) == len({mutant.rank.partition("/")[0] for mutant in every})
     new = of(tmp_path, CODE + "\ndef added():\n    return 1\n")
     assert {mutant.id for mutant in every} < {mutant.id for mutant in one_per_site(new)}
-    assert few != sample(tmp_path, 5, "another", (), "toy")
+    assert few != first(tmp_path, ["toy/code.py"], 5, "another")
+
+
+def test_a_sample_takes_its_share_of_each_folder(tmp_path: Path) -> None:
+    for name in ("vbus/chips/lm628", "vbus/chips", "vbus/kernel", "vbus/tools"):
+        (tmp_path / name).mkdir(parents=True, exist_ok=True)
+        rows = "".join(f"V{i} = {i}\n" for i in range(50))
+        (tmp_path / name / "one.py").write_text(rows)
+    found = sample(tmp_path, 200, "")
+    assert Counter(folder(mutant.file) for mutant in found) == {
+        "vbus/chips/lm628": QUOTAS["vbus/chips/lm628"] // 10,
+        "vbus/chips": QUOTAS["vbus/chips"] // 10,
+        "vbus/kernel": QUOTAS["vbus/kernel"] // 10,
+    }
+
+
+def test_the_sample_is_as_large_as_it_has_to_be() -> None:
+    assert sum(QUOTAS.values()) >= 2000
+    assert sum(share for name, share in QUOTAS.items() if name.startswith("vbus/chips")) >= 1200
 
 
 def test_a_mutant_that_does_not_compile_is_none(tmp_path: Path) -> None:

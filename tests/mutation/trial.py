@@ -10,6 +10,7 @@ import importlib.abc
 import importlib.machinery
 import importlib.util
 import json
+import math
 import os
 import resource
 import select
@@ -193,7 +194,7 @@ def _child(root: Path, task: Task, folder: str, answer: int) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_FSIZE, (LONGEST_FILE, LONGEST_FILE))
-    seconds = int(task.limit) + 1
+    seconds = math.ceil(task.limit)
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 2))
     for number in (signal.SIGXCPU, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
