@@ -174,7 +174,7 @@ def test_a_clause_in_two_lists_is_refused(tmp_path: Path) -> None:
 
 # -- the lists of the chips -----------------------------------------------------------------------
 
-PACKAGES = ("vbus.chips.lm628",)
+PACKAGES = ("vbus.chips.lm628", "vbus.chips.mcp1200")
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -133,6 +133,17 @@ def test_an_open_clause_says_why_it_has_no_test() -> None:
     )
 
 
+def test_steps_that_comments_name_are_numbered_in_the_clause() -> None:
+    """In core.py: "steps 1 and 3 of MCP-SMP-5", "steps 8 and 9"."""
+    lines = explain("MCP-SMP-5")
+    assert [line for line in lines if line[2:4] in ("1.", "3.", "8.", "9.")] == [
+        "  1. exceptions: limit, stop, forced, maximum error, breakpoint;",
+        "  3. mode and profile give the command position;",
+        "  8. filter, or number of steps;",
+        "  9. outputs.",
+    ]
+
+
 def test_items_of_a_list_keep_their_indent() -> None:
     lines = explain("LM-TRJ-12")
     at = lines.index("  1. If A = 0 the velocity stays u.")
