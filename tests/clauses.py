@@ -1,46 +1,29 @@
 """Which clauses of the chips' specifications have a test.
 
-Each chip's list is ``tests/conformance/<chip>/clauses.toml``: a table ``[clauses]`` with one row
-per clause, ``ID = { state = "tested", title = "..." }`` or
-``ID = { state = "open", title = "...", reason = "..." }``. A test names the clauses it would fail
-without: ``@pytest.mark.spec("LM-BUS-7", "LM-BUS-9")``.
+Each chip's list is ``vbus/chips/<chip>/clauses.toml``: see ``vbus.chips.clauses``. A test names the
+clauses it would fail without: ``@pytest.mark.spec("LM-BUS-7", "LM-BUS-9")``.
 """
 
-import tomllib
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
-
-@dataclass(frozen=True)
-class Clause:
-    """One row of a list."""
-
-    name: str
-    title: str
-    tested: bool
-    reason: str
+from vbus.chips import clauses as lists
+from vbus.chips.clauses import Clause
 
 
 def read_clauses(folder: Path) -> dict[str, Clause]:
     """Return every clause of every ``*/clauses.toml`` under ``folder``.
 
     Raises:
-        ValueError: a row is incomplete, or a clause stands in two lists.
+        ValueError: a clause is incomplete, or stands in two lists.
     """
     clauses: dict[str, Clause] = {}
-    for path in sorted(folder.glob("*/clauses.toml")):
-        for name, row in tomllib.loads(path.read_text())["clauses"].items():
-            where = f"{path.parent.name}/{path.name}: {name}"
+    for path in sorted(folder.glob(f"*/{lists.LIST}")):
+        where = f"{path.parent.name}/{path.name}"
+        for name, clause in lists.read_clauses(path.read_text(), where).items():
             if name in clauses:
-                raise ValueError(f"{where} stands in two lists")
-            if row.get("state") not in ("tested", "open") or not row.get("title"):
-                raise ValueError(f'{where} needs a title and state = "tested" or "open"')
-            if (row["state"] == "open") != bool(row.get("reason")):
-                raise ValueError(f"{where}: a reason belongs to an open clause, and only to one")
-            clauses[name] = Clause(
-                name, row["title"], row["state"] == "tested", row.get("reason", "")
-            )
+                raise ValueError(f"{where}: {name} stands in two lists")
+            clauses[name] = clause
     return clauses
 
 

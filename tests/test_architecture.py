@@ -9,15 +9,21 @@ from pathlib import Path
 import pytest
 
 import vbus
+from tests.clauses import family, read_clauses
 
 ROOT = Path(next(iter(vbus.__path__)))
 FILES = sorted(ROOT.rglob("*.py"))
-TEXTS = sorted(
-    path
-    for folder in (ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
-    for path in folder.rglob("*")
-    if path.suffix in {".py", ".md", ".toml", ".c", ".h", ".txt"}
-)
+
+
+def texts(*folders: Path) -> list[Path]:
+    """Return every text in these folders, those below them included."""
+    suffixes = {".py", ".md", ".toml", ".c", ".h", ".txt"}
+    return sorted(
+        path for folder in folders for path in folder.rglob("*") if path.suffix in suffixes
+    )
+
+
+TEXTS = texts(ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
 LEAVES = {"bits", "errors", "options"}
 SIGNALS = LEAVES | {"kernel", "signals"}
 BOARD = SIGNALS | {"board", "chips", "faults", "plant", "protocols", "trace"}
@@ -54,6 +60,12 @@ IMPURE = {"asyncio", "time", "random", "socket", "threading", "select", "os", "s
 SHARED_BY_CHIPS = {"base", "motion", "registers", "strobes", "tables"}
 DATA = {"tables", "datasheet"}
 LONGEST = 450
+CLAUSES = read_clauses(ROOT / "chips")
+CLAUSE = re.compile(
+    rf"\b((?:{'|'.join(sorted({family(name) for name in CLAUSES}))})-[A-Z]+)-(\d+)"
+    r"((?:(?:,| to| and|, and) -?\d+\b)*)"
+)
+"""A clause, and the numbers of others in its group that follow: "LM-TRJ-3, -6", "LM-BUS-1 to 3"."""
 BANNED = re.compile(
     r"(?<![\w.~])/(work|root|home)/|(?i:\b(sub-?agents?|LLM|work sessions?)\b)|TODO|FIXME"
 )
@@ -94,6 +106,17 @@ def test_one_file_is_one_idea(path: Path) -> None:
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT.parent)))
 def test_the_text_speaks_of_the_product_only(path: Path) -> None:
     assert not BANNED.search(path.read_text())
+
+
+def test_every_clause_that_is_named_can_be_read() -> None:
+    named = {
+        (f"{group}-{number}", str(path.relative_to(ROOT.parent)))
+        for path in [*TEXTS, *texts(ROOT.parent / "tests")]
+        for group, first, others in CLAUSE.findall(path.read_text())
+        for number in (first, *re.findall(r"\d+", others))
+    }
+    assert len(named) > len(CLAUSES)
+    assert sorted((name, path) for name, path in named if name not in CLAUSES) == []
 
 
 @pytest.mark.parametrize("chip", ["lm628", "mc1241a"])

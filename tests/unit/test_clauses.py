@@ -1,19 +1,36 @@
 """The clause lists, and how a run of the tests reports on them."""
 
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from tests.clauses import read_clauses
+from vbus.chips.clauses import MANUAL, Clause, clauses_of, proofs_of
 
 pytest_plugins = ["pytester"]
 
 LIST = """
-[clauses]
-X-A-1 = { state = "tested", title = "first" }
-X-A-2 = { state = "tested", title = "second" }
-X-A-3 = { state = "open", title = "third", reason = "cannot be seen" }
+[X-A-1]
+title = "first"
+section = "Table 1"
+kind = "manual"
+state = "tested"
+text = '''
+A thing.
+
+1. And its
+   parts.
+'''
+[X-A-2]
+title = "second"
+state = "tested"
+[X-A-3]
+title = "third"
+state = "open"
+reason = "cannot be seen"
 """
 
 BOTH = """
@@ -31,8 +48,9 @@ def suite(pytester: pytest.Pytester) -> pytest.Pytester:
     names = ("conftest", "clauses", "costs", "left_out", "repeat", "waiting")
     for name in names:
         shutil.copy(here / f"{name}.py", tests / f"{name}.py")
-    (tests / "conformance" / "x").mkdir(parents=True)
-    (tests / "conformance" / "x" / "clauses.toml").write_text(LIST)
+    chip = pytester.path / "vbus" / "chips" / "x"
+    chip.mkdir(parents=True)
+    (chip / "clauses.toml").write_text(LIST)
     pytester.makeini(
         "[pytest]\ntestpaths = tests\npythonpath = .\nmarkers = spec(*clauses): clauses\n"
         "addopts = -p no:cacheprovider\n"
@@ -99,21 +117,51 @@ def test_a_marker_that_does_not_fit_the_list_fails_any_run(
 @pytest.mark.parametrize(
     ("row", "complaint"),
     [
-        ('Y-1 = { state = "done", title = "t" }', "x/clauses.toml: Y-1 needs a title and state"),
-        ('Y-1 = { state = "tested" }', "x/clauses.toml: Y-1 needs a title"),
-        ('Y-1 = { state = "open", title = "t" }', "x/clauses.toml: Y-1: a reason belongs to an"),
+        ('state = "done"\ntitle = "t"', 'Y-1: state is "tested" or "open"'),
+        ('state = "tested"', "Y-1 needs title"),
+        ('title = "t"', "Y-1 needs state"),
+        ('state = "tested"\ntitle = " "', "Y-1: title is not one of title, state, section, kind"),
         (
-            'Y-1 = { state = "tested", title = "t", reason = "r" }',
-            "x/clauses.toml: Y-1: a reason belongs to an open clause, and only to one",
+            'state = "tested"\ntitle = "t"\nwhy = "w"',
+            "Y-1: why is not one of title, state, section",
+        ),
+        (
+            'state = "tested"\ntitle = "t"\nkind = "guess"',
+            "Y-1: kind is one of manual, ruling, silicon",
+        ),
+        ('state = "open"\ntitle = "t"', "Y-1: a reason belongs to an open clause"),
+        (
+            'state = "tested"\ntitle = "t"\nreason = "r"',
+            "Y-1: a reason belongs to an open clause, and only to one",
         ),
     ],
 )
-def test_an_incomplete_row_is_refused(tmp_path: Path, row: str, complaint: str) -> None:
+def test_an_incomplete_clause_is_refused(tmp_path: Path, row: str, complaint: str) -> None:
     (tmp_path / "x").mkdir()
-    (tmp_path / "x" / "clauses.toml").write_text(f"[clauses]\n{row}\n")
+    (tmp_path / "x" / "clauses.toml").write_text(f"[Y-1]\n{row}\n")
 
-    with pytest.raises(ValueError, match=complaint):
+    with pytest.raises(ValueError, match=rf"^x/clauses\.toml: {complaint}"):
         read_clauses(tmp_path)
+
+
+def test_what_is_no_clause_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x" / "clauses.toml").write_text('title = "t"\n')
+
+    with pytest.raises(ValueError, match=r"^x/clauses\.toml: title is no table$"):
+        read_clauses(tmp_path)
+
+
+def test_a_clause_is_read_with_all_it_says(tmp_path: Path) -> None:
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x" / "clauses.toml").write_text(LIST)
+
+    first, second, third = read_clauses(tmp_path).values()
+    assert first == Clause(
+        "X-A-1", "first", "Table 1", MANUAL, "A thing.\n\n1. And its\n   parts.", "tested", ""
+    )
+    assert (second.tested, second.text) == (True, "")
+    assert (third.tested, third.reason) == (False, "cannot be seen")
 
 
 def test_a_clause_in_two_lists_is_refused(tmp_path: Path) -> None:
@@ -123,3 +171,55 @@ def test_a_clause_in_two_lists_is_refused(tmp_path: Path) -> None:
 
     with pytest.raises(ValueError, match=r"y/clauses\.toml: X-A-1 stands in two lists"):
         read_clauses(tmp_path)
+
+
+# -- the lists of the chips -----------------------------------------------------------------------
+
+PACKAGES = ("vbus.chips.lm628", "vbus.chips.mcp1200")
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_clause_of_a_chip_says_what_is_required_and_where_the_manual_says_it(
+    package: str,
+) -> None:
+    clauses = clauses_of(package)
+    assert len(clauses) > 100
+    for clause in clauses.values():
+        assert clause.section, clause
+        assert clause.kind, clause
+        assert clause.text.endswith((".", ".|")), clause
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_clause_that_is_tested_names_its_tests(package: str) -> None:
+    tested = [clause.name for clause in clauses_of(package).values() if clause.tested]
+    assert list(proofs_of(package)) == tested
+
+
+def test_a_package_without_lists_has_no_clauses() -> None:
+    assert clauses_of("vbus.chips.motion") == proofs_of("vbus.chips.motion") == {}
+
+
+OPENED = """
+import sys
+opened = []
+def hook(event, arguments):
+    if event == "open" and str(arguments[0]).endswith(".toml"):
+        opened.append(arguments[0])
+sys.addaudithook(hook)
+{code}
+assert not opened, opened
+assert "vbus.chips.clauses" not in sys.modules
+"""
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import vbus.client.lm628, vbus.client.mc1241a, vbus.client.mcp1200, vbus.client.aio",
+        "from vbus.tools.cli import cli; cli.main(['--version'], standalone_mode=False)",
+        "from vbus.board import plugins; plugins.chip_classes()",
+    ],
+)
+def test_clauses_are_read_by_nobody_who_does_not_ask(code: str) -> None:
+    subprocess.run([sys.executable, "-c", OPENED.format(code=code)], check=True)

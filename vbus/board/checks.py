@@ -11,7 +11,6 @@ from vbus.board.source import Source
 from vbus.board.toml_lines import Path
 from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
-from vbus.errors import PluginError
 from vbus.kernel import Clock, Kernel
 from vbus.signals import Rule
 
@@ -345,10 +344,6 @@ def all_rules() -> list[Rule]:
     Chips whose plug-in is broken are left out.
     """
     rules = {rule.name: rule for rule in board.RULES}
-    for name in plugins.names(plugins.CHIPS):
-        try:
-            found = plugins.chip_class(name)
-        except PluginError:
-            continue
-        rules.update({rule.name: rule for rule in found.RULES})
+    for chip in plugins.chip_classes():
+        rules.update({rule.name: rule for rule in chip.RULES})
     return [rules[name] for name in sorted(rules)]

@@ -105,6 +105,21 @@ def chip_class(part: str) -> type[Chip]:
     return _class(CHIPS, max(fitting, key=len), Chip)
 
 
+def chip_classes() -> list[type[Chip]]:
+    """Return every chip that is registered, each once; those whose plug-in is broken are left out.
+
+    Raises:
+        PluginError: none is registered at all, or a name is claimed twice.
+    """
+    found: dict[type[Chip], None] = {}
+    for name in names(CHIPS):
+        try:
+            found[_class(CHIPS, name, Chip)] = None
+        except PluginError:
+            continue
+    return list(found)
+
+
 def plant_class(model: str) -> type[Plant]:
     """Return the class behind a plant model.
 

@@ -35,7 +35,7 @@ COMPILED: Final = (
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what works in every sample or bus cycle."""
 
-COLD: Final = frozenset({"__init__.py", "datasheet.py", "tables.py"})
+COLD: Final = frozenset({"__init__.py", "clauses.py", "datasheet.py", "tables.py"})
 """Tables, and what reads them once; by the names of their files."""
 
 OPTIMIZE: Final = "2"

@@ -34,15 +34,17 @@ def command(
     says so), in hexadecimal: "vbus explain lm628 1F 00 2A". A BYTE may also be a bus cycle as
     transcripts have it, "w 0 1F" or "r 0 84", or a word by name, "signals=8544".
 
-    WHAT may be a rule ("lm628.T14"), a clause ("LM-BUS-7"), or a journal: "run.vbj" is all of it,
-    "run.vbj:17" its entry 17, "run.vbj:17-40" several.
+    WHAT may be a rule ("lm628.T14", or "T14" for that of every chip), a clause ("LM-BUS-7"), or a
+    journal: "run.vbj" is all of it, "run.vbj:17" its entry 17, "run.vbj:17-40" several.
     """
     words = [
         f"{name}={value}"
         for name, value in (("status", status), ("signals", signals), ("mode", mode))
         if value is not None
     ]
-    lines = _rule(what)
+    from vbus.tools.explain_clauses import explained, unknown_clause
+
+    lines = explained(what)
     if not lines:
         _refuse_unknown_rule(what)
     decoder = None if lines else _decoder(what)
@@ -67,8 +69,9 @@ def command(
             click.echo(line)
         return exit_codes.OK
     raise click.UsageError(
-        f'"{what}" is neither a chip ({_families()}), nor a rule ("vbus check --rules" lists them),'
-        " nor a clause, nor a journal"
+        unknown_clause(what)
+        or f'"{what}" is neither a chip ({_families()}), nor a rule ("vbus check --rules" lists'
+        " them), nor a clause, nor a journal"
     )
 
 
@@ -148,30 +151,3 @@ def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:
 def _packet(packet: Packet) -> Iterator[str]:
     clause = f"  [{packet.clause}]" if packet.clause else ""
     yield f"{' '.join(f'{cycle.data:02X}' for cycle in packet.cycles)}: {packet.text}{clause}"
-
-
-def _rule(name: str) -> list[str]:
-    """Explain a rule or a clause; nothing if there is none of that name."""
-    from vbus.board.checks import all_rules
-
-    lines: list[str] = []
-    for rule in all_rules():
-        if name in (rule.name, rule.clause):
-            lines.append(f"{rule.name} ({rule.severity}, {rule.clause}): {rule.title}")
-            lines.extend(_limit(rule.name))
-    from vbus.trace.tables import commands, registers
-
-    for family, row in commands():
-        if name == row.clause:
-            lines.append(f"{family}: {row.name} ({row.code:02X}H): {row.title}")
-    for family, register in registers():
-        if name == register.clause:
-            where = " ".join(f"{address:02X}H" for address in register.addresses)
-            lines.append(f"{family}: {register.name} ({where}): {register.title}")
-    return lines
-
-
-def _limit(name: str) -> Iterator[str]:
-    from vbus.trace.tables import ac_limits
-
-    return (f"  AC row {limit}" for limit in ac_limits(name))

@@ -5,8 +5,10 @@ import re
 import pytest
 
 from vbus.board.checks import all_rules
-from vbus.tools.generate.chip_pages import page, targets
+from vbus.chips.clauses import clauses_of
+from vbus.tools.generate.chip_pages import clause_page, page, targets
 from vbus.tools.generate.layout import ROOT
+from vbus.tools.generate.targets import stale
 from vbus.trace import tables
 
 FAMILIES = ("lm628", "mcp1200", "mc1241a")
@@ -41,10 +43,42 @@ def test_every_note_of_a_chip_is_named_on_its_page() -> None:
         assert re.findall(r"^(\d+)\. ", silent, re.MULTILINE) == numbers
 
 
-def test_links_of_the_pages_lead_to_files() -> None:
-    for path, make in targets():
-        for link in re.findall(r"\]\(([^)]+)\)", make()):
-            assert (ROOT / path).parent.joinpath(link).exists(), (path, link)
+def test_the_pages_are_up_to_date() -> None:
+    assert stale(targets()) == [], 'run "python -m vbus.tools.generate documents"'
+
+
+def test_links_of_the_pages_lead_to_files_and_headings() -> None:
+    pages = {path: make() for path, make in targets()}
+    headings = {
+        path: {line.strip("# ").lower() for line in text.splitlines() if line.startswith("###")}
+        for path, text in pages.items()
+    }
+    for path, text in pages.items():
+        for link in re.findall(r"\]\(([^)]+)\)", text):
+            file, _, heading = link.partition("#")
+            assert (ROOT / path).parent.joinpath(file).exists(), (path, link)
+            assert not heading or heading in headings[f"docs/chips/{file}"], (path, link)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_clause_of_a_chip_is_on_a_page_and_linked_from_its_rows(family: str) -> None:
+    text = clause_page(family)
+
+    for clause in clauses_of(f"vbus.chips.{family}").values():
+        assert f"\n### {clause.name}\n\n**{clause.title}**\n" in text
+    for rule in all_rules():
+        if rule.name.startswith(f"{family}."):
+            link = f"[{rule.clause}]({family}-clauses.md#{rule.clause.lower()})"
+            assert link in page(family)
+
+
+def test_a_clause_on_its_page_says_what_explain_says() -> None:
+    text = clause_page("lm628").partition("\n### LM-BUS-14\n")[2].partition("\n### ")[0]
+
+    assert text.startswith("\n**Busy gates; the status read itself is not required**\n(manual: ")
+    assert clauses_of("vbus.chips.lm628")["LM-BUS-14"].text in text
+    assert "No test: The manual itself calls it untestable" in clause_page("lm628")
+    assert "Rules: `lm628.busy-write`, `lm628.busy-read`." in clause_page("lm628")
 
 
 def test_ac_limits_differ_by_supply_and_by_speed_grade() -> None:

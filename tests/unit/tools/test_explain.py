@@ -6,6 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from vbus.board.build import load_board_text
+from vbus.chips.clauses import proofs_of
 from vbus.kernel import US
 from vbus.tools.explain import command
 from vbus.trace.journal import Journal
@@ -56,19 +57,99 @@ def test_lines_of_a_transcript_are_read() -> None:
 def test_a_rule_is_explained_with_its_row_of_the_ac_table() -> None:
     lines = explain("mcp1200.tSDR")
     assert lines[0].startswith("mcp1200.tSDR (error, MCP-TIM-15): Write Data Setup Time")
-    assert lines[1:] == [
+    assert lines[1:3] == [
         "  AC row tSDR at 5 V: at least 2.1 ns",
         "  AC row tSDR at 3.3 V: at least 3.1 ns",
     ]
+    assert lines[3] == "  MCP-TIM-15: Write data before /CS rise"
     assert explain("mc1241a.T6")[1] == "  AC row T6: at least 15 ns, at most 2000 ns"
 
 
-def test_a_clause_names_its_rules_and_commands() -> None:
-    assert [line.split(" ")[0] for line in explain("LM-BUS-10")] == [
-        "lm628.busy-read", "lm628.busy-write",
+def test_a_rule_is_explained_with_the_text_of_its_clause() -> None:
+    assert explain("lm628.T18") == [
+        "lm628.T18 (error, LM-TIM-18): Write recovery at least 120 ns (data port)",
+        "  AC row T18: at least 120 ns",
+        "  LM-TIM-18: T18: write recovery",
+        "    T18: from the end of a write to the data port to the beginning of the next",
+        "    write to that port pass at least 120 ns. Commands have no such limit.",
+    ]
+
+
+def test_a_rule_without_its_family_is_that_of_every_chip() -> None:
+    def heads(name: str) -> list[str]:
+        return [line.split(":")[0] for line in explain(name) if line[:1] not in ("", " ")]
+
+    assert heads("T5") == ["lm628.T5 (error, LM-TIM-5)", "mc1241a.T5 (error, PMD-TIM-7)"]
+    assert heads("t5") == heads("T5")
+    assert heads("tSDR") == ["mcp1200.tSDR (error, MCP-TIM-15)"]
+    assert heads("range") == [
+        "lm628.range (warning, LM-TRJ-2)", "mc1241a.range (warning, PMD-CMD-82)",
     ]  # fmt: skip
-    assert explain("LM-CMD-20") == ["lm628: LTRJ (1FH): Load Trajectory"]
-    assert explain("MCP-REG-6") == ["mcp1200: MODE (05H): Mode Brancher"]
+
+
+def test_a_clause_is_told_with_its_source_its_rules_and_its_tests() -> None:
+    lines = explain("LM-BUS-11")
+    assert lines == [
+        "LM-BUS-11: A command cuts an unfinished packet short",
+        "  manual: Typical Applications, Programming LM628 Host Handshaking",
+        "",
+        "  A command byte written while an earlier command still has data to come, in",
+        "  either direction, ends that command and begins its own. Words that were",
+        "  complete keep their effect: they stay in the buffers they were meant for. A",
+        "  single byte of a word is dropped.",
+        "",
+        "  Ruled here: this sets no command error, but is reported (`lm628.cut-packet`).",
+        "  A long value of which only one word arrived keeps the other half of the value",
+        "  before it (NOTES 7).",
+        "",
+        "lm628.cut-packet (warning, LM-BUS-11): A command is written only after the data of the one"
+        " before it is complete.",
+        "",
+        "Tests:",
+        *(f"  {test}" for test in proofs_of("vbus.chips.lm628")["LM-BUS-11"]),
+    ]
+    assert (
+        "  tests/conformance/lm628/test_bus.py::"
+        "test_a_command_ends_a_report_that_was_not_read_to_its_end" in lines
+    )
+    assert explain("lm-bus-11") == lines
+
+
+def test_a_clause_names_the_rows_and_settings_it_is_of() -> None:
+    assert "lm628: LTRJ (1FH): Load Trajectory" in explain("LM-CMD-20")
+    assert "mcp1200: MODE (05H): Mode Brancher" in explain("MCP-REG-6")
+    assert (
+        "lm628: setting reset_status: status after reset (hexadecimal)" in explain("LM-RST-5")
+    )  # fmt: skip
+    timing = explain("LM-TIM-5")
+    assert "  AC row T5: at least 125 ns, at most 1000 ns" in timing
+    assert any(line.endswith("[T5 longest]") for line in timing)
+
+
+def test_an_open_clause_says_why_it_has_no_test() -> None:
+    assert explain("LM-TIM-13")[-1] == (
+        "No test: The manual itself calls it untestable; busy is visible at the next status read"
+        " (LM-BUS-7)."
+    )
+
+
+def test_steps_that_comments_name_are_numbered_in_the_clause() -> None:
+    """In core.py: "steps 1 and 3 of MCP-SMP-5", "steps 8 and 9"."""
+    lines = explain("MCP-SMP-5")
+    assert [line for line in lines if line[2:4] in ("1.", "3.", "8.", "9.")] == [
+        "  1. exceptions: limit, stop, forced, maximum error, breakpoint;",
+        "  3. mode and profile give the command position;",
+        "  8. filter, or number of steps;",
+        "  9. outputs.",
+    ]
+
+
+def test_items_of_a_list_keep_their_indent() -> None:
+    lines = explain("LM-TRJ-12")
+    at = lines.index("  1. If A = 0 the velocity stays u.")
+    assert lines[at + 1].startswith("  2. If u < 0 the axis moves away")
+    assert lines[at + 2].startswith("     ")
+    assert max(map(len, lines[: at + 20])) <= 80
 
 
 @pytest.mark.parametrize(
@@ -83,6 +164,8 @@ def test_a_clause_names_its_rules_and_commands() -> None:
         (["lm628", "--status", "123"], "123H does not fit into the 8 bits of status"),
         (["mcp1200", "05"], "write pairs of address and data byte"),
         (["nothing"], '"nothing" is neither a chip (lm628, mc1241a, mcp1200), nor a rule'),
+        (["lm-bus-77"], 'there is no clause "lm-bus-77"; did you mean "LM-BUS-7"?'),
+        (["LM-BUS-7", "12"], '"LM-BUS-7" is no chip; bytes and words belong to lm628'),
         (["nothing", "12"], '"nothing" is no chip; bytes and words belong to lm628'),
     ],
 )

@@ -1,13 +1,14 @@
-"""Makes the page of each chip family: what its tables hold, and where its manual is silent."""
+"""Makes the pages of each chip family: what its tables hold, and its clauses in full."""
 
 import importlib
 import re
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
+from functools import cache, partial
 from typing import Any, Final
 
 from vbus.board import plugins, units
 from vbus.chips.base import Chip
+from vbus.chips.clauses import Clause, clauses_of
 from vbus.chips.strobes import AcLimit, AcTable
 from vbus.chips.tables import Bit, Command, PinRow, Register
 from vbus.options import Option
@@ -64,7 +65,14 @@ _SCOPES: Final = {"c": "current axis", "g": "chip set", "i": "interrupting axis"
 
 def targets() -> list[tuple[str, Callable[[], str]]]:
     """Return every page and what makes it."""
-    return [(f"docs/chips/{family}.md", partial(page, family)) for family in _TITLES]
+    return [
+        target
+        for family in _TITLES
+        for target in (
+            (f"docs/chips/{family}.md", partial(page, family)),
+            (f"docs/chips/{family}-clauses.md", partial(clause_page, family)),
+        )
+    ]
 
 
 def page(family: str) -> str:
@@ -81,8 +89,9 @@ def page(family: str) -> str:
         "",
         "What `vbus` knows of this chip, from its own tables.",
         f"Other chips: {others}. See also: [Board file](../board-file.md).",
-        "\nClause ids such as `" + next(iter(sheet.RULES)).clause + "` name rows of the"
-        f" [list of clauses](../../tests/conformance/{family}/clauses.toml); each has its tests.",
+        "",
+        f"What the chip has to do stands in [its clauses]({family}-clauses.md); ids such as"
+        f" {next(iter(sheet.RULES)).clause} lead there.",
         "",
         "## Parts",
         "",
@@ -107,7 +116,7 @@ def page(family: str) -> str:
     lines += ["## Options in a board file", "", *option_table(chip.OPTIONS), ""]
     lines += _readings(chip.OPTIONS)
     lines += ["## Where the manual is silent", "", *_silent(family)]
-    return "\n".join(lines) + "\n"
+    return _linked("\n".join(lines) + "\n")
 
 
 def _chip(family: str) -> type[Chip]:
@@ -264,3 +273,62 @@ def _notes(text: str) -> Iterator[str]:
         match = re.match(r"(\d+)\. (?:\*\*(.+?)\*\*|([^.]+)\.)", line)
         if match is not None:
             yield f"{match[1]}. {(match[2] or match[3]).rstrip('.')}."
+
+
+# -- clauses --------------------------------------------------------------------------------------
+
+
+def clause_page(family: str) -> str:
+    """Return the page with the clauses of a chip family."""
+    sheet = importlib.import_module(f"vbus.chips.{family}.datasheet")
+    clauses = clauses_of(f"vbus.chips.{family}")
+    folder = f"../../vbus/chips/{family}"
+    rows = ((clause.name, clause.title, clause.kind) for clause in clauses.values())
+    lines = [
+        f"# Clauses of the {_TITLES[family]}",
+        "",
+        "<!-- Made from clauses.toml of the chip by vbus.tools.generate; change that. -->",
+        "",
+        f"What the [chip]({family}.md) has to do. Of the kinds of clauses, *manual* is what its"
+        " manual states; *ruling* is what was decided where the manual is silent or contradicts"
+        " itself; *silicon* is decided by what real parts, or drivers that work with them, are"
+        " known to do. `vbus explain ID` also names the tests of a clause; NOTES are those of"
+        f" [NOTES.md]({folder}/NOTES.md).",
+        "",
+        *_table(("clause", "title", "kind"), rows),
+    ]
+    for clause in clauses.values():
+        lines += ["", f"### {clause.name}", "", *_clause(clause, sheet.RULES)]
+    return _linked("\n".join(lines) + "\n")
+
+
+def _clause(clause: Clause, rules: Iterable[Rule]) -> Iterator[str]:
+    yield f"**{clause.title}**"
+    if clause.section:
+        yield f"({clause.kind}: {clause.section})"
+    if clause.text:
+        yield from ("", clause.text)
+    if cited := [f"`{rule.name}`" for rule in rules if rule.clause == clause.name]:
+        yield from ("", f"Rules: {', '.join(cited)}.")
+    if not clause.tested:
+        yield from ("", f"No test: {clause.reason}")
+
+
+@cache
+def _pages() -> dict[str, str]:
+    """Return the page of every clause, by id."""
+    return {name: family for family in _TITLES for name in clauses_of(f"vbus.chips.{family}")}
+
+
+def _linked(text: str) -> str:
+    """Make links of the clause ids in a page, but for those in headings."""
+    pages = _pages()
+
+    def link(match: re.Match[str]) -> str:
+        name = match[0]
+        return f"[{name}]({pages[name]}-clauses.md#{name.lower()})" if name in pages else name
+
+    ids = re.compile(r"\b[A-Z]+-[A-Z]+-\d+\b")
+    return "\n".join(
+        line if line.startswith("#") else ids.sub(link, line) for line in text.split("\n")
+    )

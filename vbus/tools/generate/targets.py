@@ -13,6 +13,7 @@ from vbus.tools.generate import (
     lm628,
     mc1241a,
     mcp1200,
+    proofs,
     sigrok,
 )
 from vbus.tools.generate.layout import ROOT
@@ -56,6 +57,7 @@ def _twin(path: Path) -> str:
 GROUPS: Final[dict[str, tuple[Callable[[], list[Target]], ...]]] = {
     "clients": (lambda: FAMILIES, twins),
     "documents": (lambda: DOCUMENTS, chip_pages.targets),
+    "proofs": (proofs.targets,),
     "sigrok": (sigrok.targets,),
 }
 """Groups by name; what stands later may be made from what stands earlier."""
