@@ -24,8 +24,8 @@ KINDS: Final = (MANUAL, RULING, SILICON)
 
 _TESTED: Final = "tested"
 _OPEN: Final = "open"
-_REQUIRED: Final = ("title", "state")
-_KEYS: Final = (*_REQUIRED, "section", "kind", "text", "reason")
+_REQUIRED: Final = ("title", "section", "kind", "text", "state")
+_KEYS: Final = (*_REQUIRED, "reason")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ def read_clauses(text: str, where: str) -> dict[str, Clause]:
             raise ValueError(f"{place} needs {' and '.join(missing)}")
         if row["state"] not in (_TESTED, _OPEN):
             raise ValueError(f'{place}: state is "{_TESTED}" or "{_OPEN}"')
-        if row.get("kind", MANUAL) not in KINDS:
+        if row["kind"] not in KINDS:
             raise ValueError(f"{place}: kind is one of {', '.join(KINDS)}")
         if (row["state"] == _OPEN) != ("reason" in row):
             raise ValueError(f"{place}: a reason belongs to an open clause, and only to one")

@@ -72,6 +72,14 @@ def test_every_clause_of_a_chip_is_on_a_page_and_linked_from_its_rows(family: st
             assert link in page(family)
 
 
+def test_every_rule_that_a_clause_names_is_one() -> None:
+    rules = {rule.name for rule in all_rules()}
+    for family in FAMILIES:
+        for clause in clauses_of(f"vbus.chips.{family}").values():
+            named = re.findall(rf"`({family}\.[\w-]+)`", clause.text)
+            assert set(named) <= rules, clause.name
+
+
 def test_a_clause_on_its_page_says_what_explain_says() -> None:
     text = clause_page("lm628").partition("\n### LM-BUS-14\n")[2].partition("\n### ")[0]
 

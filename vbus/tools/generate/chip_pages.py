@@ -304,10 +304,8 @@ def clause_page(family: str) -> str:
 
 def _clause(clause: Clause, rules: Iterable[Rule]) -> Iterator[str]:
     yield f"**{clause.title}**"
-    if clause.section:
-        yield f"({clause.kind}: {clause.section})"
-    if clause.text:
-        yield from ("", clause.text)
+    yield f"({clause.kind}: {clause.section})"
+    yield from ("", clause.text)
     if cited := [f"`{rule.name}`" for rule in rules if rule.clause == clause.name]:
         yield from ("", f"Rules: {', '.join(cited)}.")
     if not clause.tested:
