@@ -321,6 +321,7 @@ def test_ls_sees_a_running_board_with_chips_links_time_and_lag(board: Path, runt
             "name": "x",
             "part": "ACME-1",
             "family": "acme",
+            "bus_settings": {},
             "clock_hz": 8_000_000,
             "reads": 0,
             "writes": 0,
