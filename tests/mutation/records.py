@@ -90,6 +90,12 @@ def _string(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
+def share(results: Iterable[Result]) -> float:
+    """Return which part of the mutants was killed."""
+    killed = [result.verdict != "survived" for result in results]
+    return sum(killed) / len(killed) if killed else 1.0
+
+
 def judge(
     chosen: Sequence[Mutant], results: dict[str, Result], listed: Iterable[Entry]
 ) -> tuple[dict[str, Result], list[str], list[Mutant]]:
@@ -109,11 +115,12 @@ def judge(
         entry = entries.get(mutant.id)
         if result.verdict == "survived" and entry is None:
             new.append(mutant)
-            problems.append(f"{mutant.file}:{mutant.line}: {mutant.id} survives and is not listed")
         elif result.verdict != "survived" and entry is not None:
             problems.append(
                 f"{mutant.file}:{mutant.line}: {mutant.id} is listed, but {result.verdict}"
             )
+    if new:
+        problems.append(f"{len(new)} mutants survive and are not listed")
     if missing := len(chosen) - len(valid):
         problems.append(f"{missing} of {len(chosen)} mutants have not been tried as they are now")
     known = {mutant.id for mutant in chosen}

@@ -59,6 +59,9 @@ LEAST: Final = 10.0
 MOST: Final = 60.0
 FACTOR: Final = 4.0
 """Of what was measured: the limit of processor time, and its bounds in seconds."""
+WANTED: Final = {"vbus/chips": 0.95}
+ELSEWHERE: Final = 0.9
+"""Part of the mutants that has to be killed."""
 GATE: Final = 30
 GATE_SECONDS: Final = 1.0
 """Longest test of the gate."""
@@ -277,17 +280,20 @@ def do_report(bed: Bed) -> int:
     if bed.options.only:
         listed = [entry for entry in listed if entry.file.startswith(tuple(bed.options.only))]
     valid, problems, new = records.judge(chosen, records.read_results(bed.results), listed)
-    table: dict[str, Counter[str]] = {}
+    rows: dict[str, list[Result]] = {}
     for mutant in chosen:
         if mutant.id in valid:
-            for row in (folder(mutant.file) or bed.package, "all"):
-                table.setdefault(row, Counter())[valid[mutant.id].verdict] += 1
+            whole = next((name for name in WANTED if mutant.file.startswith(name)), "")
+            for row in (folder(mutant.file), f"all in {whole}" if whole else "all elsewhere"):
+                rows.setdefault(row, []).append(valid[mutant.id])
     print(f"{'':24}{'tried':>7}{'killed':>8}{'timeout':>9}{'survived':>10}{'killed':>9}")
-    for name, counts in sorted(table.items()):
-        total = counts.total()
-        share = (total - counts["survived"]) / total
-        print(f"{name:24}{total:7}{counts['killed']:8}{counts['timeout']:9}"
-              f"{counts['survived']:10}{share:9.1%}")  # fmt: skip
+    for name, found in sorted(rows.items(), key=lambda row: (row[0].startswith("all"), row[0])):
+        counts = Counter(result.verdict for result in found)
+        print(f"{name:24}{len(found):7}{counts['killed']:8}{counts['timeout']:9}"
+              f"{counts['survived']:10}{records.share(found):9.1%}")  # fmt: skip
+        wanted = WANTED.get(name.removeprefix("all in "), ELSEWHERE)
+        if name.startswith("all") and records.share(found) < wanted:
+            problems.append(f"{name}: less than {wanted:.0%} are killed")
     seconds = sum(result.cpu for result in valid.values())
     print(f"{seconds:.0f} s of processor time, {seconds / max(1, len(valid)):.2f} s each\n")
     for mutant in new:
@@ -310,6 +316,8 @@ def do_gate(bed: Bed) -> int:
     if bed.options.renew:
         return _renew(bed)
     entries = records.read_entries(bed.gate)
+    if not entries:
+        sys.exit(f"{bed.gate} is empty; fill it with --renew")
     by_id = {mutant.id: mutant for file in sorted({entry.file for entry in entries})
              if (bed.root / file).exists() for mutant in mutants(bed.root, file)}  # fmt: skip
     gone = [entry for entry in entries if entry.id not in by_id]

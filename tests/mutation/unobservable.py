@@ -67,6 +67,8 @@ def _left_out(tree: ast.Module) -> Iterator[ast.expr | ast.stmt]:
                 if not isinstance(node, ast.ClassDef) and node.returns is not None:
                     yield node.returns
                 yield from _guards(node.decorator_list)
+                yield from (word.value for word in getattr(node, "keywords", ())
+                            if word.arg in GUARDS)  # fmt: skip
 
 
 def _is_alias(statement: ast.Assign) -> bool:
