@@ -149,6 +149,7 @@ def test_a_board_tells_what_it_is_and_what_was_done_on_it() -> None:
                 "name": "t",
                 "part": "TOY",
                 "family": "toy",
+                "bus_settings": {},
                 "clock_hz": 8_000_000,
                 "reads": 1,
                 "writes": 1,
