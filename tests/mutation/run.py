@@ -11,6 +11,7 @@ See README.md here.
 """
 
 import argparse
+import contextlib
 import difflib
 import os
 import signal
@@ -188,7 +189,8 @@ def _share(jobs: int, work: Callable[[int], None]) -> None:
         codes = [os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for pid in pids]
     except BaseException:
         for pid in pids:
-            os.kill(pid, signal.SIGTERM)
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGTERM)
         raise
     if any(codes):
         sys.exit("a worker has failed")
