@@ -518,8 +518,9 @@ class Host(Pair):
         """Tell whether a command would lead to where chip and model are known to differ.
 
         With the motor off SMOOTH_STOP does not set motion complete at its update (NOTES 8, as STOP
-        does); a motor may also stall while SMOOTH_STOP is loaded. A move that is refused in an
-        S-curve under way (PMD-ERR-3) leaves its destination to a trapezoid chosen after it.
+        does); a motor may also stall while SMOOTH_STOP is loaded. A destination refused in motion
+        (PMD-ERR-3) is the one of a trapezoid chosen after that. An S-curve that has wrapped, and is
+        then given another position, takes no new end (NOTES 14).
         """
         axis = self.model.current
         if name == "SMOOTH_STOP":
@@ -528,7 +529,10 @@ class Host(Pair):
             pending = axis.pending[1] if axis.pending else set()
             return "SMOOTH_STOP" in axis.told | pending
         if name in PROFILES:
-            return axis.curve is not None and axis.active["POS"] != axis.buffered["POS"]
+            moving = axis.velocity != 0 or axis.in_motion()
+            return moving and axis.active["POS"] != axis.buffered["POS"]
+        if name in ("SET_ACTL_POS", "SYNCH_PRFL"):
+            return axis.curve is not None and abs(axis.target) > 1 << 61
         return False
 
     def send(self, name: str, value: int = 0, checksum: bool = False) -> int:
