@@ -5,7 +5,6 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.base import Chip
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import Axis
 from vbus.chips.lm628.clock_input import check_clock, judge_clock
@@ -13,6 +12,7 @@ from vbus.chips.lm628.commands import UNKNOWN, Commands
 from vbus.chips.lm628.encoder import Encoder
 from vbus.chips.lm628.encoder_pins import EncoderPins
 from vbus.chips.lm628.host import Host
+from vbus.chips.lm628.interface import HostInterface
 from vbus.chips.lm628.output import Output, OutputPins
 from vbus.chips.lm628.pins import BusPins, edges_of
 from vbus.chips.tables import PinRow
@@ -26,7 +26,7 @@ _RESET_BY_COMMAND: Final = 2
 _UNPOWERED: Final = 3
 
 
-class LM628(Chip):
+class LM628(HostInterface):
     """Motion controller with a trapezoidal profile, a PID filter and one quadrature encoder.
 
     One class for the LM628 (converter output) and the LM629 (sign and magnitude PWM), in both
@@ -96,7 +96,7 @@ class LM628(Chip):
         self._due_at: i64 = NEVER
         self._reset_fell: i64 = 0
         self._front: BusPins = BusPins(self)
-        self._encoder_pins: EncoderPins = EncoderPins(self)
+        self._encoder_pins: EncoderPins = EncoderPins(self, self.encoder)
         self.pins["/RST"].net.watch(Watcher(kernel, self._reset_moved))
         self._hi: Pin = self.pins["HI"]
         self._hi.drive(LOW)

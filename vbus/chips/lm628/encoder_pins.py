@@ -1,15 +1,10 @@
 """The encoder front-end: edges on A, B and /IN where something drives these nets."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from vbus.chips.lm628 import datasheet as ds
+from vbus.chips.lm628.encoder import Encoder
+from vbus.chips.lm628.interface import HostInterface
 from vbus.chips.motion import quadrature as q
 from vbus.signals import Watcher
-
-if TYPE_CHECKING:
-    from vbus.chips.lm628.chip import LM628
 
 
 class EncoderPins:
@@ -17,11 +12,13 @@ class EncoderPins:
 
     Args:
         chip: the chip whose pins these are.
+        encoder: takes the counts.
     """
 
-    def __init__(self, chip: LM628) -> None:
-        self._chip: LM628 = chip
-        self._inputs: q.Quadrature = chip.encoder.inputs
+    def __init__(self, chip: HostInterface, encoder: Encoder) -> None:
+        self._chip: HostInterface = chip
+        self._encoder: Encoder = encoder
+        self._inputs: q.Quadrature = encoder.inputs
         self._pins = (chip.pins["A"], chip.pins["B"], chip.pins["/IN"])
         self._t1: int = ds.AC.minimum("T1", chip.clock)
         self._t2: int = ds.AC.minimum("T2", chip.clock)
@@ -41,7 +38,7 @@ class EncoderPins:
     def look(self) -> None:
         """Take in the levels as they are, unless no clock does it."""
         chip = self._chip
-        if not chip.powered or chip.encoder.plant is not None or chip.clock.stopped:
+        if not chip.powered or self._encoder.plant is not None or chip.clock.stopped:
             return
         chip.advance()
         now = chip.kernel.now

@@ -1,17 +1,13 @@
 """The bus front-end: edges on /CS, /PS, /RD, /WR become bus cycles, and AC limits are judged."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
+from vbus.chips.lm628.interface import HostInterface
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, STRICT, Watcher, Z
-
-if TYPE_CHECKING:
-    from vbus.chips.lm628.chip import LM628
 
 _LONG_AGO: Final = -(1 << 60)
 _FLOATING: Final = 0xFF
@@ -45,8 +41,8 @@ class BusPins:
         chip: the chip whose front-end this is.
     """
 
-    def __init__(self, chip: LM628) -> None:
-        self._chip: LM628 = chip
+    def __init__(self, chip: HostInterface) -> None:
+        self._chip: HostInterface = chip
         self._kernel = chip.kernel
         self._cs = chip.pins["/CS"]
         self._ps = chip.pins["/PS"]

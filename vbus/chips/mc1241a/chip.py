@@ -5,8 +5,8 @@ from typing import ClassVar
 
 from mypy_extensions import i64
 
-from vbus.chips.base import Chip
 from vbus.chips.mc1241a.axis import Axis
+from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.commands import Commands
 from vbus.chips.mc1241a.cycle import Cycles, Shared
 from vbus.chips.mc1241a.datasheet import (
@@ -24,7 +24,6 @@ from vbus.chips.mc1241a.datasheet import (
     SLOT_CLK,
     STATUS_NO_INTERRUPT,
     STATUS_READY,
-    VERSIONS,
 )
 from vbus.chips.mc1241a.encoder import Encoder
 from vbus.chips.mc1241a.events import NOBODY, Interrupts, mode_word, status_word
@@ -38,7 +37,7 @@ from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Z
 
 
-class MC1241A(Chip):
+class MC1241A(ChipSet):
     """MC1241A (two axes) and MC1141A (one): microstepping motion processors.
 
     Addresses of a whole cycle: 0 data, 1 command; reading 1 gives the *adapter's* status byte
@@ -78,11 +77,8 @@ class MC1241A(Chip):
         self.axis_count = 2 if part == "MC1241A" else 1
         self.read_low_ps = 100_000
         self.cycle_ps = 200_000
-        self.instant: i64 = 0
-        """Instant of what the chip is doing now (ps)."""
         self.busy_stretch: int = 0
         """Fault: this much is added to every busy time (ps)."""
-        self.version: int = int(self.settings["version_word"]) or VERSIONS[part]
         self.interrupts: Interrupts = Interrupts()
         b_leads = self.settings["phase_b"] == "leads"
         self.axes: list[Axis] = [
@@ -92,15 +88,15 @@ class MC1241A(Chip):
         ]  # fmt: skip
         self.cycles: Cycles = Cycles(self, self.axes)
         self.shared: Shared = self.cycles.shared
-        self.port: HostPort = HostPort(self)
-        self.commands: Commands = Commands(self)
-        self.output: Output = Output(self)
+        self.commands: Commands = Commands(self, self.axes, self.cycles, self.interrupts)
+        self.port: HostPort = HostPort(self, self.commands)
+        self.output: Output = Output(self, self.cycles, self.axis_count)
         self._slot_busy: bool = self.settings["host_busy"] == "slot"
         self._wake: i64 = 0
         self._hold_at: i64 = NEVER
         self._held: bool = False
         self._adapter_read: bool = False
-        self.host_pins: HostPins = HostPins(self)
+        self.host_pins: HostPins = HostPins(self, self.port)
         self._ready_pin: Pin = self.pins["HostRdy"]
         self._interrupt_pin: Pin = self.pins["~HostIntrpt"]
         self.restart(self.kernel.now, 0)
@@ -191,13 +187,6 @@ class MC1241A(Chip):
         self.instant = when
         self.put(self._ready_pin, HIGH if ready else LOW)
 
-    def put(self, pin: Pin, level: int) -> None:
-        """Drive an output at the instant of what the chip is doing, be it found out later."""
-        if pin.level != level:
-            pin.drive(level)
-            if pin.net.changed_at == self.kernel.now:
-                pin.net.changed_at = self.instant
-
     # -- reset --------------------------------------------------------------------------------
 
     def power_on(self, done: bool) -> None:
@@ -231,6 +220,18 @@ class MC1241A(Chip):
             self._held = False
             self.restart(self.kernel.now)
         self.rearm()
+
+    def reset_command(self) -> None:
+        """RESET: like ~Reset, counted from when the command was written (PMD-CMD-75)."""
+        self.restart(self.port.busy_since)
+
+    def follow_encoders(self) -> None:
+        """Bring the position counters up to the present instant."""
+        self.cycles.follow_encoders()
+
+    def begin_slot(self, clk: int) -> None:
+        """A microstep look-up begins at clock ``clk``: outputs follow."""
+        self.output.begin_slot(clk)
 
     def restart(self, since: int, clocks: int = RESET_CLK) -> None:
         """Take every reset value; the host port is ready ``clocks`` after ``since`` (PMD-RST-1)."""
@@ -323,7 +324,7 @@ class MC1241A(Chip):
         """Return a lower bound of the next change of an output (ps)."""
         self.advance()
         due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at, self.output.due())
-        if self.output.heard:
+        if self.cycles.heard:
             due = min(due, self.cycles.boundary)
         if self.interrupts.axis == NOBODY and any(axis.interrupt_mask for axis in self.axes):
             due = min(due, self.cycles.next_event())
@@ -364,10 +365,6 @@ class MC1241A(Chip):
             )
         self.cycles.connect(axis, plant)
         self._reckon()
-
-    def find(self, rule: Rule, detail: str) -> None:
-        """File a finding about the host at the instant of what the chip is doing."""
-        self.report(rule, detail=detail, when=self.instant)
 
     # -- state --------------------------------------------------------------------------------
 

@@ -1,9 +1,11 @@
 """Commands: plain parameters straight from the table, and one method for each other row."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from vbus.bits import clamp
+from vbus.chips.mc1241a.axis import Axis
+from vbus.chips.mc1241a.chipset import ChipSet
+from vbus.chips.mc1241a.cycle import Cycles
 from vbus.chips.mc1241a.datasheet import (
     BUFFERED,
     CAPTURE_HOME,
@@ -21,15 +23,12 @@ from vbus.chips.mc1241a.datasheet import (
     TWO_PHASE,
     UNUSED_BITS,
     VELOCITY,
+    VERSIONS,
 )
-from vbus.chips.mc1241a.events import NOBODY, mode_word, status_word
+from vbus.chips.mc1241a.events import NOBODY, Interrupts, mode_word, status_word
 from vbus.chips.mc1241a.microstep import FULL_SCALE
 from vbus.chips.mc1241a.parameters import fit, in_range
 from vbus.chips.tables import Command
-
-if TYPE_CHECKING:
-    from vbus.chips.mc1241a.axis import Axis
-    from vbus.chips.mc1241a.chip import MC1241A
 
 
 class Commands:
@@ -40,10 +39,19 @@ class Commands:
 
     Args:
         chip: the chip set.
+        axes: its axes.
+        cycles: what they do when, and what they have in common.
+        interrupts: which of them interrupts.
     """
 
-    def __init__(self, chip: "MC1241A") -> None:
-        self._chip: MC1241A = chip
+    def __init__(
+        self, chip: ChipSet, axes: list[Axis], cycles: Cycles, interrupts: Interrupts
+    ) -> None:
+        self._chip: ChipSet = chip
+        self._axes: list[Axis] = axes
+        self._cycles: Cycles = cycles
+        self._interrupts: Interrupts = interrupts
+        self._version: int = int(chip.settings["version_word"]) or VERSIONS[chip.part]
         self.current: int = 0
         """Current axis, 0-based."""
         self._methods: dict[int, Callable[[int], int]] = {
@@ -57,8 +65,8 @@ class Commands:
         return result & ((1 << 16 * row.read) - 1)
 
     @property
-    def _axis(self) -> "Axis":
-        return self._chip.axes[self.current]
+    def _axis(self) -> Axis:
+        return self._axes[self.current]
 
     def _fit(self, row: Command, name: str, value: int) -> int:
         """Cut data to a parameter's width, and say so if that changed it (PMD-CMD-82)."""
@@ -72,7 +80,7 @@ class Commands:
         name = row.parameter
         holder: object
         if row.scope == "g":
-            holder = self._chip.shared
+            holder = self._cycles.shared
         elif row.buffered:
             holder = self._axis.buffer
         elif name in BUFFERED:
@@ -107,14 +115,14 @@ class Commands:
 
     def cmd_set_2(self, _: int) -> int:
         """Current axis 2, or still 1 where there is no other; its status (PMD-CMD-2)."""
-        if len(self._chip.axes) == 1:
+        if len(self._axes) == 1:
             self._chip.find(NO_SUCH_AXIS, f"SET_2: the {self._chip.part} has one axis")
             return self._select(0)
         return self._select(1)
 
     def cmd_set_i(self, _: int) -> int:
         """Current axis := the interrupting one, if any; its status (PMD-CMD-3)."""
-        number = self._chip.interrupts.axis
+        number = self._interrupts.axis
         return self._select(self.current if number == NOBODY else number)
 
     # -- profile generation -------------------------------------------------------------------
@@ -169,8 +177,8 @@ class Commands:
 
     def cmd_multi_update(self, value: int) -> int:
         """Update several axes in one cycle (PMD-CMD-37)."""
-        self._check_unused(COMMANDS["MULTI_UPDATE"], value, len(self._chip.axes))
-        for axis in self._chip.axes:
+        self._check_unused(COMMANDS["MULTI_UPDATE"], value, len(self._axes))
+        for axis in self._axes:
             if value >> axis.number & 1:
                 axis.request_update()
         return 0
@@ -179,14 +187,14 @@ class Commands:
 
     def cmd_get_intrpt(self, _: int) -> int:
         """Status of the interrupting axis, else of the current one (PMD-CMD-42)."""
-        number = self._chip.interrupts.axis
-        return status_word(self._chip.axes[self.current if number == NOBODY else number])
+        number = self._interrupts.axis
+        return status_word(self._axes[self.current if number == NOBODY else number])
 
     def cmd_rst_intrpt(self, value: int) -> int:
         """Clear events of the interrupting axis and release the line (PMD-INT-3)."""
-        number = self._chip.interrupts.axis
+        number = self._interrupts.axis
         if number != NOBODY:
-            self._chip.axes[number].clear_events(value)
+            self._axes[number].clear_events(value)
             self._chip.release_interrupt()
         return 0
 
@@ -215,7 +223,7 @@ class Commands:
         return self._axis.encoder.actual
 
     def _set_capture(self, source: int) -> int:
-        self._chip.cycles.follow_encoders()
+        self._cycles.follow_encoders()
         self._axis.encoder.set_source(source)
         return 0
 
@@ -229,7 +237,7 @@ class Commands:
 
     def cmd_get_capt(self, _: int) -> int:
         """Captured position; a new capture may come (PMD-CMD-52)."""
-        self._chip.cycles.follow_encoders()
+        self._cycles.follow_encoders()
         return self._axis.encoder.collect()
 
     def cmd_set_step_ratio(self, value: int) -> int:
@@ -258,7 +266,7 @@ class Commands:
 
     def cmd_set_mtr_cmd(self, value: int) -> int:
         """Amplitude, at the next look-up (PMD-CMD-64)."""
-        self._chip.cycles.hold_outputs(self.current)
+        self._cycles.hold_outputs(self.current)
         self._axis.set_motor_command(self._motor_command(COMMANDS["SET_MTR_CMD"], value))
         return 0
 
@@ -274,53 +282,53 @@ class Commands:
 
     def cmd_set_actl_pos(self, value: int) -> int:
         """Give both positions a number (PMD-CMD-69)."""
-        self._chip.cycles.follow_encoders()
+        self._cycles.follow_encoders()
         row = COMMANDS["SET_ACTL_POS"]
         self._axis.set_actual_position(self._fit(row, "position", value))
         return 0
 
     def cmd_get_lmt_swtch(self, _: int) -> int:
         """Levels of the limit switch inputs (PMD-CMD-71)."""
-        self._chip.cycles.follow_encoders()
+        self._cycles.follow_encoders()
         word = 0
-        for axis in self._chip.axes:
+        for axis in self._axes:
             positive, negative = axis.encoder.limit_levels()
             word |= (positive | negative << 1) << 2 * axis.number
         return word
 
     def cmd_lmts_on(self, _: int) -> int:
         """Sense limit switches; one that is active already is a hit (PMD-LIM-4)."""
-        self._chip.shared.sensing = True
-        for axis in self._chip.axes:
+        self._cycles.shared.sensing = True
+        for axis in self._axes:
             axis.limits.forget()
         return 0
 
     def cmd_lmts_off(self, _: int) -> int:
         """Stop sensing; bits already set stay (PMD-CMD-73)."""
-        self._chip.shared.sensing = False
+        self._cycles.shared.sensing = False
         return 0
 
     def cmd_get_home(self, _: int) -> int:
         """Levels of the home inputs (PMD-CMD-74)."""
-        self._chip.cycles.follow_encoders()
+        self._cycles.follow_encoders()
         word = 0
-        for axis in self._chip.axes:
+        for axis in self._axes:
             word |= axis.encoder.home_level() << axis.number
         return word
 
     def cmd_reset(self, _: int) -> int:
         """Like ~Reset; ready 2 ms after the command was written (PMD-CMD-75)."""
-        self._chip.restart(self._chip.port.busy_since)
+        self._chip.reset_command()
         return 0
 
     def cmd_get_vrsn(self, _: int) -> int:
         """Version word (PMD-CMD-76)."""
-        return self._chip.version
+        return self._version
 
     # -- microstepping ------------------------------------------------------------------------
 
     def _set_phases(self, two: bool) -> int:
-        self._chip.cycles.hold_outputs(self.current)
+        self._cycles.hold_outputs(self.current)
         self._axis.stepper.two_phase = two
         return 0
 

@@ -1,16 +1,14 @@
 """The cycle and its eight slots: profiles, look-ups and motors in step, and rest passed over."""
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from mypy_extensions import i64
 
 from vbus.chips.mc1241a.axis import Axis
+from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.datasheet import CYCLE_CLK, OUTPUT_PWM, SLOT_CLK, SLOTS
 from vbus.kernel import NEVER
 from vbus.signals import Plant
-
-if TYPE_CHECKING:
-    from vbus.chips.mc1241a.chip import MC1241A
 
 FOR_EVER: Final = (1 << 62) - 1
 """More cycles than there will be."""
@@ -61,13 +59,15 @@ class Cycles:
         axes: its axes.
     """
 
-    def __init__(self, chip: "MC1241A", axes: list[Axis]) -> None:
-        self._chip: MC1241A = chip
+    def __init__(self, chip: ChipSet, axes: list[Axis]) -> None:
+        self._chip: ChipSet = chip
         self._axes: list[Axis] = axes
         self.shared: Shared = Shared()
         self.motors: list[Plant | None] = [None] * len(axes)
         self.boundary: i64 = NEVER
         """Instant at which the next slot or cycle begins (ps); NEVER while ~Reset is held."""
+        self.heard: bool = False
+        """Somebody looks at the output pins: every slot counts."""
         self.skipping: bool = True
         """Whether cycles in which nothing happens are passed over; the results are the same."""
         self.run_count: int = 0
@@ -148,8 +148,8 @@ class Cycles:
             for number, motor in enumerate(self.motors):
                 if motor is not None:
                     self._drive(number, motor, slot)
-            if chip.output.heard:
-                chip.output.begin_slot(slot * SLOT_CLK)
+            if self.heard:
+                chip.begin_slot(slot * SLOT_CLK)
             self._slot = slot + 1
             self.boundary = self._slot_end
             return
@@ -210,7 +210,7 @@ class Cycles:
 
     def choose_slots(self) -> None:
         """Run every slot if a motor or an observer of the outputs takes it, else cycles only."""
-        slotted = self._chip.output.heard or any(motor is not None for motor in self.motors)
+        slotted = self.heard or any(motor is not None for motor in self.motors)
         if slotted != self._slotted:
             self._slotted = slotted
             if self.boundary != NEVER:
@@ -294,7 +294,7 @@ class Cycles:
         # The cycle under way is run: a command may still change what its slots put out.
         clk = self._chip.clock.cycle_at(now) - self._origin
         over = (clk - self._slot * SLOT_CLK) // CYCLE_CLK
-        if over == 0 or not self.skipping or self._chip.output.heard:
+        if over == 0 or not self.skipping or self.heard:
             return False
         cycles = min(self._idle(), over)
         if cycles == 0:
@@ -318,7 +318,7 @@ class Cycles:
         """Whether all coming cycles would change nothing but the time."""
         if self.boundary == NEVER:
             return True
-        if self._slot == 0 or self._chip.output.heard or not self.skipping:
+        if self._slot == 0 or self.heard or not self.skipping:
             return False
         # A command may have changed what the next look-up gives.
         for number, motor in enumerate(self.motors):

@@ -1,10 +1,11 @@
 """One axis's inputs: encoder counts, index, home, position capture, limit switches."""
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from mypy_extensions import i64
 
 from vbus.bits import wrap, wrap_word
+from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.datasheet import (
     AC,
     CAPTURE_HOME,
@@ -26,9 +27,6 @@ from vbus.chips.motion.quadrature import (
 )
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, Pin, Plant, Switch, Watcher
-
-if TYPE_CHECKING:
-    from vbus.chips.mc1241a.chip import MC1241A
 
 FAR: Final = (1 << 62) - 1
 """Beyond every count."""
@@ -63,9 +61,9 @@ class Encoder:
         source: axis whose plant turns this encoder.
     """
 
-    def __init__(self, chip: "MC1241A", number: int, source: int) -> None:
+    def __init__(self, chip: ChipSet, number: int, source: int) -> None:
         n = number + 1
-        self._chip: MC1241A = chip
+        self._chip: ChipSet = chip
         self._number: int = number
         self._source: int = source
         self._plant: Plant | None = None
@@ -274,7 +272,7 @@ class Encoder:
         now = chip.kernel.now
         self._settle(now)
         if not self._wired and (self._a.net.driven or self._b.net.driven):
-            chip.cycles.follow_encoders()
+            chip.follow_encoders()
             self._wired = True
         self._unsettled = True
         found = self._decoder.edge(now, self._a.value, self._b.value, self._index.value)
@@ -291,7 +289,7 @@ class Encoder:
         """~Home has moved."""
         chip = self._chip
         chip.advance()
-        chip.cycles.follow_encoders()
+        chip.follow_encoders()
         self._home_wired = self._home.net.driven
         self._unsettled = True
         self._home_filter.edge(chip.kernel.now, self._home.value)

@@ -1,9 +1,10 @@
 """Status and mode words, and the host interrupt."""
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from mypy_extensions import i64
 
+from vbus.chips.mc1241a.axis import Axis
 from vbus.chips.mc1241a.datasheet import (
     AUTO_STOP,
     AUTO_UPDATE_OFF,
@@ -17,13 +18,10 @@ from vbus.chips.mc1241a.datasheet import (
 )
 from vbus.kernel import NEVER
 
-if TYPE_CHECKING:
-    from vbus.chips.mc1241a.axis import Axis
-
 NOBODY: Final = -1
 
 
-def status_word(axis: "Axis") -> int:
+def status_word(axis: Axis) -> int:
     """Return the status word of an axis (PMD-STA-1)."""
     word = axis.events | AXIS_ON | axis.number << AXIS_SHIFT
     if axis.motor_on:
@@ -33,7 +31,7 @@ def status_word(axis: "Axis") -> int:
     return word
 
 
-def mode_word(axis: "Axis") -> int:
+def mode_word(axis: Axis) -> int:
     """Return the mode word of an axis (PMD-STA-5)."""
     mode = axis.profile.mode
     word = mode << PROFILE_SHIFT

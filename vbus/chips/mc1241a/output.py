@@ -1,17 +1,16 @@
 """Motor output pins: PWM frames and DAC words, made only while somebody looks at them."""
 
 from heapq import heappop, heappush
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from mypy_extensions import i64
 
+from vbus.chips.mc1241a.chipset import ChipSet
+from vbus.chips.mc1241a.cycle import Cycles
 from vbus.chips.mc1241a.datasheet import FRAME_CLK, OUTPUT_DAC16, OUTPUT_PWM
 from vbus.chips.mc1241a.microstep import dac_word, pwm_magnitude
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, Pin
-
-if TYPE_CHECKING:
-    from vbus.chips.mc1241a.chip import MC1241A
 
 _NEVER: Final[i64] = int(NEVER)
 """As a machine word: a compiled core keeps a literal this large as an object."""
@@ -40,11 +39,14 @@ class Output:
 
     Args:
         chip: the chip set whose pins they are.
+        cycles: when its axes look up what.
+        axes: how many there are.
     """
 
-    def __init__(self, chip: "MC1241A") -> None:
-        self._chip: MC1241A = chip
-        self.heard: bool = False
+    def __init__(self, chip: ChipSet, cycles: Cycles, axes: int) -> None:
+        self._chip: ChipSet = chip
+        self._cycles: Cycles = cycles
+        self._axes: int = axes
         self._positive_sign: int = HIGH if chip.settings["pwm_sign"] == "high" else LOW
         names = [f"PWM{kind}{phase}" for phase in PHASES for kind in ("Mag", "Sign")]
         self._pins: tuple[Pin, ...] = tuple(chip.pins[name] for name in (*names, *DAC_PINS))
@@ -59,11 +61,11 @@ class Output:
             next_clk: clocks since the count began, to find the next frame from.
         """
         heard = any(pin.net.heard for pin in self._pins)
-        if heard and not self.heard:
+        if heard and not self._cycles.heard:
             self._frame = max(0, -(-next_clk // FRAME_CLK))
         if not heard:
             self._queue = []
-        self.heard = heard
+        self._cycles.heard = heard
 
     def reset(self) -> None:
         """All outputs rest; frames are counted anew."""
@@ -78,11 +80,11 @@ class Output:
 
     def due(self) -> i64:
         """Return the instant of the next edge or frame (ps), NEVER if nobody looks."""
-        if not self.heard or self._chip.stopped():
+        if not self._cycles.heard or self._chip.stopped():
             return _NEVER
         due: i64 = self._queue[0][0] if self._queue else NEVER
-        if self._chip.shared.output_mode == OUTPUT_PWM:
-            frame = self._chip.cycles.ps_of(self._frame * FRAME_CLK)
+        if self._cycles.shared.output_mode == OUTPUT_PWM:
+            frame = self._cycles.ps_of(self._frame * FRAME_CLK)
             return frame if frame < due else due
         return due
 
@@ -92,8 +94,8 @@ class Output:
             _, _, number, level = heappop(self._queue)
             self._chip.put(self._pins[number], level)
         if (
-            self._chip.shared.output_mode == OUTPUT_PWM
-            and self._chip.cycles.ps_of(self._frame * FRAME_CLK) == when
+            self._cycles.shared.output_mode == OUTPUT_PWM
+            and self._cycles.ps_of(self._frame * FRAME_CLK) == when
         ):
             self._begin_frame()
 
@@ -101,8 +103,8 @@ class Output:
         chip = self._chip
         start = self._frame * FRAME_CLK
         self._frame += 1
-        for axis in range(len(chip.axes)):
-            for phase, output in enumerate(chip.cycles.phase_outputs(axis)):
+        for axis in range(self._axes):
+            for phase, output in enumerate(self._cycles.phase_outputs(axis)):
                 number = 2 * (2 * axis + phase)
                 positive = output >= 0
                 sign = self._positive_sign if positive else 1 - self._positive_sign
@@ -110,18 +112,17 @@ class Output:
                 high = pwm_magnitude(output)
                 chip.put(self._pins[number], HIGH if high else LOW)
                 if 0 < high < FRAME_CLK:
-                    self._push(chip.cycles.ps_of(start + high), number, LOW)
+                    self._push(self._cycles.ps_of(start + high), number, LOW)
 
     def begin_slot(self, clk: int) -> None:
         """A microstep look-up begins: write the DAC words (PMD-USTP-5)."""
-        chip = self._chip
-        if not self.heard or chip.shared.output_mode != OUTPUT_DAC16:
+        if not self._cycles.heard or self._cycles.shared.output_mode != OUTPUT_DAC16:
             return
         address, select, data, low, write, strobe = range(8, 14)
-        for axis in range(len(chip.axes)):
-            for phase, output in enumerate(chip.cycles.phase_outputs(axis)):
+        for axis in range(self._axes):
+            for phase, output in enumerate(self._cycles.phase_outputs(axis)):
                 number = 2 * axis + phase
-                start = chip.cycles.ps_of(clk + number * CLOCK_OUT_CLK)
+                start = self._cycles.ps_of(clk + number * CLOCK_OUT_CLK)
                 word = dac_word(output)
                 self._push(start + ADDRESS_PS, address, DAC_ADDRESS)
                 self._push(start + ADDRESS_PS, select, number)
@@ -131,7 +132,7 @@ class Output:
                 self._push(start + SELECT_PS, strobe, HIGH)
                 self._push(start + WRITTEN_PS, strobe, LOW)
                 self._push(start + WRITTEN_PS, write, HIGH)
-        end = chip.cycles.ps_of(clk + 2 * len(chip.axes) * CLOCK_OUT_CLK)
+        end = self._cycles.ps_of(clk + 2 * self._axes * CLOCK_OUT_CLK)
         self._push(end + ADDRESS_PS, address, 0)
 
     def _push(self, when: int, number: int, level: int) -> None:

@@ -1,9 +1,11 @@
 """The host port: HostRdy, words, packets, checksums."""
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from mypy_extensions import i64
 
+from vbus.chips.mc1241a.chipset import ChipSet
+from vbus.chips.mc1241a.commands import Commands
 from vbus.chips.mc1241a.datasheet import (
     ABORTED,
     COMMANDS,
@@ -17,9 +19,6 @@ from vbus.chips.mc1241a.datasheet import (
 )
 from vbus.chips.tables import Command
 from vbus.kernel import NEVER
-
-if TYPE_CHECKING:
-    from vbus.chips.mc1241a.chip import MC1241A
 
 _NEVER: Final[i64] = int(NEVER)
 """As a machine word: a compiled core keeps a literal this large as an object."""
@@ -36,10 +35,12 @@ class HostPort:
 
     Args:
         chip: the chip set behind the port.
+        commands: carries out whole packets.
     """
 
-    def __init__(self, chip: "MC1241A") -> None:
-        self._chip: MC1241A = chip
+    def __init__(self, chip: ChipSet, commands: Commands) -> None:
+        self._chip: ChipSet = chip
+        self._commands: Commands = commands
         self._noop_codes: bool = chip.settings["family_codes"] == "noop"
         self.busy_until: i64 = 0
         """HostRdy rises at this instant (ps), NEVER if no end is in sight."""
@@ -187,7 +188,7 @@ class HostPort:
         if row is not None:
             self._open(row, row.write, row.read)
             if not row.write:
-                self._result = self._chip.commands.execute(row, 0)
+                self._result = self._commands.execute(row, 0)
             return
         if code == RESERVED_CODE:
             self._open(None, 0, 0)  # PMD-PKT-5
@@ -210,7 +211,7 @@ class HostPort:
         self._value = self._value << 16 | word
         self._checksum = (self._checksum + word) & 0xFFFF
         if self._given == self._writes and self._row is not None:
-            self._result = self._chip.commands.execute(self._row, self._value)
+            self._result = self._commands.execute(self._row, self._value)
 
     # -- state --------------------------------------------------------------------------------
 

@@ -1,7 +1,8 @@
 """The host bus as pins: strobes to bus cycles, and the AC limits of the manual."""
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.datasheet import (
     AC,
     BOTH_STROBES,
@@ -9,10 +10,8 @@ from vbus.chips.mc1241a.datasheet import (
     DATA_PORT,
     READ_COMMAND,
 )
+from vbus.chips.mc1241a.packet import HostPort
 from vbus.signals import LOW, Net, Watcher
-
-if TYPE_CHECKING:
-    from vbus.chips.mc1241a.chip import MC1241A
 
 LONG_AGO: Final = -1_000_000_000_000
 """An instant from which every interval is long enough."""
@@ -26,10 +25,12 @@ class HostPins:
 
     Args:
         chip: the chip set.
+        port: the host port behind the pins.
     """
 
-    def __init__(self, chip: "MC1241A") -> None:
-        self._chip: MC1241A = chip
+    def __init__(self, chip: ChipSet, port: HostPort) -> None:
+        self._chip: ChipSet = chip
+        self._port: HostPort = port
         self._select: Net = chip.pins["~HostSlct"].net
         self._write: Net = chip.pins["~HostWrite"].net
         self._read: Net = chip.pins["~HostRead"].net
@@ -125,7 +126,7 @@ class HostPins:
                 return
         self._driving = True
         chip.begin_read(DATA_PORT)
-        chip.data_pin.drive(chip.port.last_driven)
+        chip.data_pin.drive(self._port.last_driven)
 
     def _end_read(self, now: int) -> None:
         chip = self._chip
@@ -135,7 +136,7 @@ class HostPins:
         if self._driving:
             self._driving = False
             if chip.judged and self._too_short("T10", now - self._read_fell):
-                chip.port.cancel_read()
+                self._port.cancel_read()
             chip.end_read()
             chip.data_pin.release()
         elif self._command.before and not clashed:
@@ -148,7 +149,7 @@ class HostPins:
             self._chip.report(BOTH_STROBES)
         if self._driving:
             self._driving = False
-            self._chip.port.cancel_read()
+            self._port.cancel_read()
             self._chip.data_pin.release()
 
     def _released(self, now: int) -> None:
@@ -157,7 +158,7 @@ class HostPins:
         held = now - self._strobe_ended
         self._after_strobe("T6", held)
         limit = AC["T6"].max_ps
-        busy = chip.port.busy_since == self._strobe_ended
+        busy = self._port.busy_since == self._strobe_ended
         if chip.judged and busy and held > limit:
             chip.report(AC.rules["T6"], held, limit)
 
@@ -205,8 +206,8 @@ class HostPins:
 
     def _seen_too_early(self, begun: int) -> bool:
         """Whether the host took HostRdy for high while it was still falling (T13)."""
-        since = self._chip.port.busy_since
-        if begun >= since and self._chip.port.busy_until > begun:
+        since = self._port.busy_since
+        if begun >= since and self._port.busy_until > begun:
             return self._too_short("T13", begun - since)
         return False
 
@@ -214,7 +215,7 @@ class HostPins:
         """Judge a hold time; what was latched too soon released is lost again (strict)."""
         chip = self._chip
         if chip.judged and self._too_short(symbol, held) and self._last_was_write:
-            chip.port.lose()
+            self._port.lose()
             chip.rearm()
 
     # -- state --------------------------------------------------------------------------------

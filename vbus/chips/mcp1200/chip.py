@@ -3,15 +3,14 @@
 from collections.abc import Callable
 from typing import ClassVar, Final
 
-from vbus.chips.base import Chip
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.clockwork import Clockwork
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
+from vbus.chips.mcp1200.interface import HostInterface
 from vbus.chips.mcp1200.outputs import OutputPins
 from vbus.chips.mcp1200.pins import LONG_AGO, HostPins
 from vbus.chips.mcp1200.states import STANDING
 from vbus.chips.mcp1200.timer import FAR
-from vbus.chips.strobes import AcTable
 from vbus.chips.tables import PinRow
 from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Option, Settings
@@ -26,7 +25,7 @@ MODES: Final = {
 }  # fmt: skip
 
 
-class MCP1200(Chip):
+class MCP1200(HostInterface):
     """MCP-1200, a motion controller with the register map of the HCTL-1100, extended.
 
     All of its own time is counted in clock cycles, by :class:`Clockwork`; this class is the
@@ -56,7 +55,6 @@ class MCP1200(Chip):
         file: Callable[[Violation], None] | None = None,
     ) -> None:
         super().__init__(name, part, kernel, clock, settings, policy, file)
-        self.ac: AcTable = ds.AC[str(self.settings["supply"])]
         self.read_low_ps = self.ac["tALDB"].max_ps
         self.cycle_ps = STROBE_PS + self.ac.minimum("tCSAL", clock)
         self.works: Clockwork = Clockwork(clock, self.settings, self._report_at)
@@ -69,9 +67,8 @@ class MCP1200(Chip):
         self._own: dict[str, Watcher] = {}
         self.outputs: OutputPins = OutputPins(self, self.works)
         self.side: SidePins = SidePins(self, self.works)
-        self.works.side = self.side
         self.encoder_pins: EncoderPins = EncoderPins(self, self.works)
-        self.works.encoder_pins = self.encoder_pins
+        self.works.attach(self.side, self.encoder_pins)
         self.bus: HostPins = HostPins(self)
         self._own = {"TRIG": self.side.own, ds.DATA: self.bus.own}
         self._judge_clock()
@@ -102,6 +99,10 @@ class MCP1200(Chip):
     def drop_read(self) -> None:
         """A read that was begun does not take place; the latch keeps what it had."""
         self._reading = -1
+
+    def drop_write(self) -> None:
+        """The byte just written does not count after all (strict policy)."""
+        self.works.writes.lose()
 
     def output(self) -> int:
         """What /OE puts on the bus now."""
@@ -155,15 +156,6 @@ class MCP1200(Chip):
         return edges
 
     # -- time ---------------------------------------------------------------------------------
-
-    def cycle_now(self) -> int:
-        """Clock cycle that is under way."""
-        return self.clock.cycle_at(self.kernel.now)
-
-    def next_cycle(self) -> int:
-        """First clock cycle that starts now or later: when an edge now is taken in."""
-        cycle = self.cycle_now()
-        return cycle if self.clock.ps(cycle) == self.kernel.now else cycle + 1
 
     def advance(self) -> None:
         """Bring the chip up to now."""
@@ -272,28 +264,6 @@ class MCP1200(Chip):
 
     def _report_at(self, rule: Rule, measured: int, limit: int, detail: str, when: int) -> bool:
         return self.report(rule, measured, limit, detail, when)
-
-    def limit(self, symbol: str) -> int:
-        """Smallest legal interval (ps) of an AC row at this clock and supply."""
-        return self.ac.minimum(symbol, self.clock)
-
-    def judge(self, symbol: str, measured: int) -> bool:
-        """Report an interval below its minimum; tell whether the access is lost."""
-        least = self.ac.minimum(symbol, self.clock)
-        return measured < least and self.report(self.ac.rules[symbol], measured, least)
-
-    def judge_latest(self, symbol: str, measured: int) -> None:
-        """Report a host that takes an output before its longest delay is over."""
-        most = self.ac[symbol].max_ps
-        if measured < most:
-            self.report(self.ac.rules[symbol], measured, most)
-
-    def judge_filtered(self, symbol: str, measured: int, divider: int) -> None:
-        """Report an encoder interval below its minimum, which counts filter clocks."""
-        row = self.ac[symbol]
-        least = row.min_ps + self.clock.span_up(int(row.min_clk) * divider)
-        if measured < least:
-            self.report(self.ac.rules[symbol], measured, least)
 
     def _judge_clock(self) -> None:
         """Judge what the board file says about the clock and the edges of inputs."""

@@ -1,39 +1,21 @@
 """What happens inside at which clock cycle: writes, resets, samples, counts, plant periods."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.capture import Breakpoint
-from vbus.chips.mcp1200.core import IDLE, Core
-from vbus.chips.mcp1200.counter import PositionCounter
-from vbus.chips.mcp1200.drive import PlantDrive
-from vbus.chips.mcp1200.encoder import Encoder
-from vbus.chips.mcp1200.output import Pwm
-from vbus.chips.mcp1200.picture import Live
+from vbus.chips.mcp1200.blocks import Blocks, Report
+from vbus.chips.mcp1200.core import IDLE
+from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
 from vbus.chips.mcp1200.registers import HostRegisters
-from vbus.chips.mcp1200.rest import Rest
-from vbus.chips.mcp1200.sheet import Sheet
 from vbus.chips.mcp1200.states import CONTROL, HELD, NO_REQUEST, RESETTING, STANDING
-from vbus.chips.mcp1200.stepper import Stepper
-from vbus.chips.mcp1200.timer import FAR, SampleTimer
-from vbus.chips.mcp1200.writes import Writes
-from vbus.chips.registers import RegisterFile
+from vbus.chips.mcp1200.timer import FAR
 from vbus.kernel import Clock
 from vbus.options import Value
-from vbus.signals import Rule
-
-if TYPE_CHECKING:
-    from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
-
-Report = Callable[[Rule, int, int, str, int], bool]
 
 
-class Clockwork:
+class Clockwork(Blocks):
     """Everything inside that has its instant, as a clock cycle, worked off in order.
 
     At one cycle the order is: position counter (encoder, breakpoint, index), written bytes
@@ -48,51 +30,20 @@ class Clockwork:
         clock: the CLK input.
         settings: the chip's board file keys.
         report: files a violation.
-
-    Attributes:
-        state: :data:`HELD`, :data:`RESETTING`, :data:`STANDING` or :data:`CONTROL`.
-        released: cycle in which Pulse is high after a hard reset, else -1.
-        writes: what the host has written, before it is visible.
     """
 
     __slots__ = (
-        "_aiming", "_at_reset", "_at_results", "_at_routine", "_at_sample", "_clock", "_report",
-        "_request", "_stall_clk", "_target", "breakpoint", "core", "counter", "drive", "encoder",
-        "encoder_pins", "file", "host", "live", "pwm", "released", "rest", "sheet", "side",
-        "state", "stepper", "timer", "writes",
+        "_aiming", "_at_reset", "_at_results", "_at_routine", "_at_sample", "_request",
+        "_stall_clk", "_target", "encoder_pins", "host", "side",
     )  # fmt: skip
 
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
-        self._clock: Clock = clock
-        self._report: Report = report
-        self.file: RegisterFile = RegisterFile(ds.REGISTERS)
-        data = self.file.bytes
-        self.sheet: Sheet = Sheet(self.file)
-        self.live: Live = self.sheet.live
-        self.core: Core = Core(self.sheet, settings["unipolar"] == "clip")
-        self.timer: SampleTimer = SampleTimer(self.live)
-        self.encoder: Encoder = Encoder(clock.hz)
-        self.stepper: Stepper = Stepper(data)
-        self.breakpoint: Breakpoint = Breakpoint(self.live)
-        self.counter: PositionCounter = PositionCounter(
-            self.core,
-            self.live,
-            self.encoder,
-            self.stepper,
-            self.breakpoint,
-            settings["index"] == "high",
-        )
-        self.pwm: Pwm = Pwm(self.live)
-        self.drive: PlantDrive = PlantDrive(self.live, self.encoder, self.stepper, settings)
-        self.rest: Rest = Rest(self.core, self.drive, self.encoder)
-        self.host: HostRegisters = HostRegisters(self)
+        super().__init__(clock, settings, report)
+        self.host: HostRegisters
         self.side: SidePins
         self.encoder_pins: EncoderPins
-        self.state: int = HELD
-        self.released: i64 = -1
         self._stall_clk: int = int(settings["io_stall_clk"])
         self._request: int = NO_REQUEST
-        self.writes: Writes = Writes()
         self._aiming: bool = False
         """The loop has closed: followers may follow its aim."""
         self._target: i64 = 0
@@ -100,6 +51,12 @@ class Clockwork:
         self._at_sample: i64 = FAR
         self._at_results: i64 = FAR
         self._at_routine: i64 = FAR
+
+    def attach(self, side: SidePins, encoder_pins: EncoderPins) -> None:
+        """Take the inputs beside the host bus."""
+        self.side = side
+        self.encoder_pins = encoder_pins
+        self.host = HostRegisters(self, side, encoder_pins)
 
     # -- order --------------------------------------------------------------------------------
 
@@ -217,10 +174,6 @@ class Clockwork:
                 self.core.enter_idle()
         elif self.state < STANDING:
             self._request = NO_REQUEST
-
-    def report(self, rule: Rule, cycle: int = -1, measured: int = 0, detail: str = "") -> None:
-        """File a violation of clock cycle ``cycle``, or of just now."""
-        self._report(rule, measured, 0, detail, -1 if cycle < 0 else self._clock.ps(cycle))
 
     # -- what the inputs do -------------------------------------------------------------------
 

@@ -1,22 +1,18 @@
 """The inputs beside the host bus: encoder, limits, trigger, reset and sync."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.blocks import Blocks
 from vbus.chips.mcp1200.capture import index_edge, trigger_edge
-from vbus.chips.mcp1200.clockwork import Clockwork
+from vbus.chips.mcp1200.interface import HostInterface
 from vbus.chips.mcp1200.states import STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.motion.quadrature import COUNTED, INDEX_FELL, INDEX_ROSE, SKIPPED, Quadrature
 from vbus.kernel import NEVER
 from vbus.signals import Watcher
-
-if TYPE_CHECKING:
-    from vbus.chips.mcp1200.chip import MCP1200
 
 LONG_AGO: Final = 1 - (1 << 62)
 
@@ -41,9 +37,9 @@ class EncoderPins:
         "_a", "_a_at", "_b", "_b_at", "_chip", "_index", "_index_at", "_works", "at", "decoder",
     )  # fmt: skip
 
-    def __init__(self, chip: MCP1200, works: Clockwork) -> None:
-        self._chip: MCP1200 = chip
-        self._works: Clockwork = works
+    def __init__(self, chip: HostInterface, works: Blocks) -> None:
+        self._chip: HostInterface = chip
+        self._works: Blocks = works
         self.decoder: Quadrature = Quadrature(ds.FILTER_STAGES, ds.FILTER_STAGES)
         self.decoder.preset(1, 1, 1)
         self._a: int = 1
@@ -162,9 +158,9 @@ class SidePins:
         "stop", "sync",
     )  # fmt: skip
 
-    def __init__(self, chip: MCP1200, works: Clockwork) -> None:
-        self._chip: MCP1200 = chip
-        self._works: Clockwork = works
+    def __init__(self, chip: HostInterface, works: Blocks) -> None:
+        self._chip: HostInterface = chip
+        self._works: Blocks = works
         self._levels: list[int] = [1, 1, 1, 1]
         self._fell: list[int] = [LONG_AGO] * 4
         self.limit: int = 1

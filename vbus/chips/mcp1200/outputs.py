@@ -1,17 +1,11 @@
 """The output pins: status lines, motor command port, Pulse and Sign."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
+from vbus.chips.base import Chip
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.clockwork import Clockwork
 from vbus.chips.mcp1200.states import CONTROL, HELD, STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.signals import HIGH, LOW, Pin
-
-if TYPE_CHECKING:
-    from vbus.chips.mcp1200.chip import MCP1200
 
 
 class OutputPins:
@@ -29,7 +23,7 @@ class OutputPins:
         "_busy", "_dac", "_idle", "_prof", "_pulse", "_shown", "_sign", "_trig", "_works",
     )  # fmt: skip
 
-    def __init__(self, chip: MCP1200, works: Clockwork) -> None:
+    def __init__(self, chip: Chip, works: Clockwork) -> None:
         self._works: Clockwork = works
         self._shown: int = -1
         self._prof: Pin = chip.pins["PROF"]

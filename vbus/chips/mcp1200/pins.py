@@ -1,15 +1,11 @@
 """The host bus at the pins: /ALE, /CS, /OE, R/W and the multiplexed address/data bus."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.interface import HostInterface
 from vbus.kernel import NEVER
 from vbus.signals import LOW, Net, Watcher, Z
-
-if TYPE_CHECKING:
-    from vbus.chips.mcp1200.chip import MCP1200
 
 LONG_AGO: Final = 1 - (1 << 62)
 
@@ -38,8 +34,8 @@ class HostPins:
         "_was_write", "own",
     )  # fmt: skip
 
-    def __init__(self, chip: MCP1200) -> None:
-        self._chip: MCP1200 = chip
+    def __init__(self, chip: HostInterface) -> None:
+        self._chip: HostInterface = chip
         self._ale: int = 1
         self._cs: int = 1
         self._oe: int = 1
@@ -110,7 +106,7 @@ class HostPins:
     def _read_write(self, rw: int, now: int) -> None:
         chip = self._chip
         if chip.judged and chip.judge("tWH", now - self._cs_rose):
-            chip.works.writes.lose()
+            chip.drop_write()
         # If /CS rises in the same batch, the old level is what counts there: ``before``.
         self._rw = rw
         self._rw_at = now
@@ -238,7 +234,7 @@ class HostPins:
         # After a read nothing of the host's needs holding.
         if self._was_write and self._cs:
             if chip.judge("tH", now - self._cs_rose):
-                chip.works.writes.lose()
+                chip.drop_write()
         elif not self._open and self._fresh:
             self._judge("tH", now - self._closed_at)
 

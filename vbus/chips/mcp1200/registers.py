@@ -1,14 +1,11 @@
 """What reading and writing a register does, beyond storing a byte."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from vbus.bits import sign_extend
 from vbus.chips.mcp1200 import datasheet as ds
-
-if TYPE_CHECKING:
-    from vbus.chips.mcp1200.clockwork import Clockwork
+from vbus.chips.mcp1200.blocks import Blocks
+from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
 
 _PLAIN: Final = 0
 _READ_ONLY: Final = 1
@@ -47,12 +44,18 @@ class HostRegisters:
 
     Args:
         works: whose registers.
+        side: the inputs that registers guard and show.
+        encoder_pins: the filter that R1A sets.
     """
 
-    __slots__ = ("_bytes", "_held_csb", "_held_msb", "_noted", "_works")
+    __slots__ = (
+        "_bytes", "_encoder_pins", "_held_csb", "_held_msb", "_noted", "_side", "_works",
+    )  # fmt: skip
 
-    def __init__(self, works: Clockwork) -> None:
-        self._works: Clockwork = works
+    def __init__(self, works: Blocks, side: SidePins, encoder_pins: EncoderPins) -> None:
+        self._works: Blocks = works
+        self._side: SidePins = side
+        self._encoder_pins: EncoderPins = encoder_pins
         self._bytes: bytearray = works.file.bytes
         self._held_msb: int = 0
         self._held_csb: int = 0
@@ -142,7 +145,7 @@ class HostRegisters:
             if (stored[address] ^ data) & ds.SWAP_AB:
                 works.encoder.swap(bool(data & ds.SWAP_AB), cycle)
             stored[address] = data
-            works.encoder_pins.configure(cycle)
+            self._encoder_pins.configure(cycle)
         elif address == ds.FINAL_LSB:
             stored[address] = data
             value = stored[ds.FINAL_MSB] << 16 | stored[ds.FINAL_CSB] << 8 | data
@@ -157,10 +160,10 @@ class HostRegisters:
                 stored[ds.CAPTURE_CONTROL] |= ds.INTERPOLATOR_BUSY
         elif address in (ds.MOTOR_COMMAND, ds.PWM_COMMAND):
             stored[address] = data
-            works.side.guard()
+            self._side.guard()
         else:
             stored[address] = data & 0xF0
-            works.side.guard()
+            self._side.guard()
 
     def _write_flag(self, data: int) -> None:
         """One flag by number, set or cleared (MCP-FLG-1, 2)."""
@@ -180,9 +183,9 @@ class HostRegisters:
     def clear_errors(self) -> None:
         """Any write to R07: flags off, except of a pin that is still low (MCP-STA-2)."""
         flags = ds.ERROR_FLAGS
-        if self._works.side.limit == 0:
+        if self._side.limit == 0:
             flags &= ~ds.LIMIT_OK
-        if self._works.side.stop == 0:
+        if self._side.stop == 0:
             flags &= ~ds.STOP_OK
         self._bytes[ds.STATUS] = self._bytes[ds.STATUS] & ~ds.ERROR_FLAGS | flags
 

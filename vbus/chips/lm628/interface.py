@@ -1,0 +1,40 @@
+"""What the pins of an LM628 ask of the chip behind them."""
+
+from vbus.chips.base import Chip
+
+
+class HostInterface(Chip):
+    """What the front-ends ask of their chip, beyond what every chip answers."""
+
+    @property
+    def powered(self) -> bool:
+        """Whether supply is up."""
+        raise NotImplementedError
+
+    def touched(self) -> None:
+        """Something from outside has changed the chip: pins and timers follow."""
+        raise NotImplementedError
+
+    def index_seen(self, count: int) -> None:
+        """The index has come at encoder ``count``; if armed, store its position (LM-POS-3)."""
+        raise NotImplementedError
+
+    def lose_read(self) -> None:
+        """The read under way counts for nothing; its byte is FFh."""
+        raise NotImplementedError
+
+    def shown(self) -> int:
+        """Return what D0-D7 show in the read under way."""
+        raise NotImplementedError
+
+    def expect(self, when: int) -> None:
+        """The front-end has something to do at instant ``when``."""
+        raise NotImplementedError
+
+    def save_core(self) -> tuple[object, ...]:
+        """Return the state of everything behind the front-end."""
+        raise NotImplementedError
+
+    def load_core(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save_core` gave, now or a little while ago."""
+        raise NotImplementedError
