@@ -4,6 +4,7 @@ import ast
 import importlib
 import re
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,7 @@ def texts(*folders: Path) -> list[Path]:
 
 
 TEXTS = texts(ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
-LEAVES = {"bits", "errors", "options"}
+LEAVES = {"bits", "errors", "options", "version"}
 SIGNALS = LEAVES | {"kernel", "signals"}
 BOARD = SIGNALS | {"board", "chips", "faults", "plant", "protocols", "trace"}
 NODES = BOARD | {"nodes"}
@@ -34,6 +35,7 @@ MAY_IMPORT = {
     "bits": set(),
     "errors": set(),
     "options": set(),
+    "version": set(),
     "kernel": LEAVES | {"kernel"},
     "signals": SIGNALS,
     "chips": SIGNALS | {"chips"},
@@ -53,7 +55,7 @@ MAY_IMPORT = {
     "tools": EDGE | {"client", "compiled", "native", "tools"},
     "__main__": {"tools"},
     "compiled": set(),
-    "__init__": EDGE | {"client", "compiled"},  # all but the last for type checkers only
+    "__init__": EDGE | {"client", "compiled", "version"},  # all but the last for type checkers only
 }
 PURE = NODES
 IMPURE = {"asyncio", "time", "random", "socket", "threading", "select", "os", "subprocess"}
@@ -95,6 +97,26 @@ def test_a_file_keeps_to_its_layer(path: Path) -> None:
             assert rest[1] in SHARED_BY_CHIPS | {places[1]}, f"one chip must not know {module}"
         if mine == "client" and rest[0] == "chips":
             assert DATA & set(rest), f"a client knows a chip's tables, not {module}"
+
+
+def module_of(path: Path) -> str:
+    """Return the name a file is imported by."""
+    name = ".".join(path.relative_to(ROOT.parent).with_suffix("").parts)
+    return name.removesuffix(".__init__")
+
+
+def test_no_imports_run_in_circles() -> None:
+    modules = {module_of(path): path for path in FILES}
+    graph = {
+        name: {
+            known
+            for found in imports(path)
+            for known in [found if found in modules else found.rpartition(".")[0]]
+            if known in modules and known != name
+        }
+        for name, path in modules.items()
+    }
+    TopologicalSorter(graph).prepare()  # raises CycleError, which names a circle
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))

@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from vbus import compiled
+from vbus.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from vbus.board.board import Board as Board
@@ -12,8 +13,6 @@ if TYPE_CHECKING:
     from vbus.errors import VbusError as VbusError
     from vbus.server.serving import serve as serve
     from vbus.signals.violation import Violation as Violation
-
-__version__ = "0.1.0"
 
 if compiled.pure_wanted():
     compiled.interpret()

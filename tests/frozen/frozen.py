@@ -20,8 +20,7 @@ from vbus.kernel import US
 from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
-from vbus.signals import Observer, Violation
-from vbus.trace.hash import TraceHash
+from vbus.signals import Observer, TraceHash, Violation
 from vbus.trace.journal_format import Entry, Header, JournalReader
 from vbus.trace.player import FINDINGS, Player
 from vbus.trace.replay import Replay

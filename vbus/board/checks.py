@@ -1,6 +1,6 @@
 """What cannot be seen in one key alone: names that must exist, owners there may be one of."""
 
-from vbus.board import board, cards, plugins
+from vbus.board import cards, circuit, plugins
 from vbus.board.metrics_checks import check_metrics
 from vbus.board.network_checks import NETWORK_SCHEME, check_network
 from vbus.board.node_checks import NodeChecks
@@ -320,7 +320,7 @@ class _Checks:
 
     def _violations(self) -> None:
         wanted = [name for name in self._file.violations if name != "default"]
-        known = _rule_names([*board.RULES, *(r for c in self._parts.values() for r in c.RULES)])
+        known = _rule_names([*circuit.RULES, *(r for c in self._parts.values() for r in c.RULES)])
         if all(name in known for name in wanted):
             return
         known |= _rule_names(all_rules())
@@ -343,7 +343,7 @@ def all_rules() -> list[Rule]:
 
     Chips whose plug-in is broken are left out.
     """
-    rules = {rule.name: rule for rule in board.RULES}
+    rules = {rule.name: rule for rule in circuit.RULES}
     for chip in plugins.chip_classes():
         rules.update({rule.name: rule for rule in chip.RULES})
     return [rules[name] for name in sorted(rules)]

@@ -1,12 +1,11 @@
 """One host's hold on a board: bus cycles, strobes, pins and time."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from mypy_extensions import i64, mypyc_attr
 
 from vbus.board.cards import Card
+from vbus.board.circuit import Circuit
 from vbus.board.host_reach import HostReach
 from vbus.board.strobe_watch import SETTLE_EVERY, StrobeWatch
 from vbus.chips.base import Chip
@@ -15,12 +14,22 @@ from vbus.protocols import codes
 from vbus.protocols.port import PortError
 from vbus.signals import Z
 
-if TYPE_CHECKING:
-    from vbus.board.board import Board
-
 FLOATING: Final = 0xFF
 LONGEST_LEASE: Final = 100_000 * US
 """How far ahead a lease reaches at most: a host that polls for ever is heard of now and then."""
+
+
+class Hosts:
+    """The hosts of one board.
+
+    Attributes:
+        ports: what each has of the board, in the order they came.
+        claims: who has claimed a chip, by its name.
+    """
+
+    def __init__(self) -> None:
+        self.ports: list[HostBus] = []
+        self.claims: dict[str, HostBus] = {}
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -34,6 +43,7 @@ class HostBus(HostReach):
 
     Args:
         board: the board.
+        hosts: those that hold on to it, this one included once it is open.
         label: the host's name in traces.
         chips: what the session may select, in order.
         cycle_ps: cost of a whole cycle; 0: 1 us, or the chip's minimum in real time.
@@ -41,9 +51,16 @@ class HostBus(HostReach):
     """
 
     def __init__(
-        self, board: Board, label: str, chips: list[Chip], cycle_ps: int, card: Card | None
+        self,
+        board: Circuit,
+        hosts: "Hosts",
+        label: str,
+        chips: list[Chip],
+        cycle_ps: int,
+        card: Card | None,
     ) -> None:
         super().__init__(board, label, chips, cycle_ps, card)
+        self._hosts: Hosts = hosts
         self.every_cycle: bool = False
         """Whether each poll of POLLED must be run, though nobody could tell: for a journal."""
         self._leased_until: int = 0
@@ -67,7 +84,7 @@ class HostBus(HostReach):
 
     def claim(self) -> bool:
         """Hold the selected chips' bus; False while another session has one of them."""
-        claims = self.board.claims
+        claims = self._hosts.claims
         if self.yield_to_claim():
             return False
         self.held = False
@@ -75,20 +92,20 @@ class HostBus(HostReach):
             if claims.get(chip.name) is None:
                 claims[chip.name] = self
                 self._claimed.append(chip.name)
-        for port in self.board.ports:
+        for port in self._hosts.ports:
             port.yield_to_claim()
         return True
 
     def unclaim(self) -> None:
         """Let the bus go, and let those go on who wait for it."""
         for name in self._claimed:
-            del self.board.claims[name]
+            del self._hosts.claims[name]
         if self._claimed:
             self._claimed = []
             self._wake_others()
 
     def _wake_others(self) -> None:
-        for port in list(self.board.ports):
+        for port in list(self._hosts.ports):
             if port is not self and port.held and port.hold_until == NEVER:
                 port.held = False
                 if not port.yield_to_claim() and port.on_resume is not None:
@@ -96,7 +113,7 @@ class HostBus(HostReach):
 
     def yield_to_claim(self) -> bool:
         """Hold this session, if another one has claimed a chip it has selected."""
-        claims = self.board.claims
+        claims = self._hosts.claims
         if claims and any(claims.get(chip.name, self) is not self for chip in self._selected):
             self._hold(NEVER)
             return True
@@ -160,7 +177,7 @@ class HostBus(HostReach):
             or address not in chip.FREE_READS
             or board.policy == "realtime"
             or board.disturbed
-            or len(board.ports) > 1
+            or len(self._hosts.ports) > 1
         ):
             return None
         outputs = self._pins.output_word()
@@ -373,8 +390,8 @@ class HostBus(HostReach):
         self._pins.unsolder()
         self.strobes.after()
         self.unclaim()
-        if self in self.board.ports:
-            self.board.ports.remove(self)
+        if self in self._hosts.ports:
+            self._hosts.ports.remove(self)
 
     def let_go(self) -> None:
         """Let go of lines, pins, claims, events and promises, as if the session began anew."""
@@ -416,7 +433,7 @@ class HostBus(HostReach):
         self.held = False
         self.unclaim()
         for name in claimed:  # type: ignore[attr-defined]
-            self.board.claims[name] = self
+            self._hosts.claims[name] = self
             self._claimed.append(name)
         self._pins.watch(watched)  # type: ignore[arg-type]
         self._pins.load(pins)  # type: ignore[arg-type]

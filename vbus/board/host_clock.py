@@ -1,19 +1,15 @@
 """One host's time: its stamps, its waits, and being held until time may run on."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from itertools import accumulate
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from mypy_extensions import i64, mypyc_attr
 
+from vbus.board.circuit import Circuit
 from vbus.kernel import NEVER, US, Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import HostPort, PortError
-
-if TYPE_CHECKING:
-    from vbus.board.board import Board
 
 APPROACH: Final = 1000 * US
 """How long before a host's time stamp the board may be brought there: longer than any strobe."""
@@ -29,8 +25,8 @@ class HostClock(HostPort):
         board: the board.
     """
 
-    def __init__(self, board: Board) -> None:
-        self.board: Board = board
+    def __init__(self, board: Circuit) -> None:
+        self.board: Circuit = board
         self.held = False
         self.hold_until = 0
         self._kernel: Kernel = board.kernel

@@ -1,13 +1,12 @@
 """What one host reaches: its chips, their pins, a card's addresses, and all of it by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from mypy_extensions import mypyc_attr
 
 from vbus.board.cards import Card
+from vbus.board.circuit import Circuit
 from vbus.board.host_clock import HostClock
 from vbus.board.host_pins import HostPins
 from vbus.board.pin_maps import PinMap, wiring
@@ -16,9 +15,6 @@ from vbus.kernel import US
 from vbus.protocols import codes
 from vbus.protocols.port import ChipInfo, PortError, PortInfo
 from vbus.protocols.requests import FORESEEING
-
-if TYPE_CHECKING:
-    from vbus.board.board import Board
 
 LOCKSTEP_CYCLE: Final = US
 """Default duration of a whole bus cycle where time moves only by cycles: an ISA bus, a fast MCU.
@@ -38,7 +34,7 @@ class HostReach(HostClock):
     """
 
     def __init__(
-        self, board: Board, label: str, chips: list[Chip], cycle_ps: int, card: Card | None
+        self, board: Circuit, label: str, chips: list[Chip], cycle_ps: int, card: Card | None
     ) -> None:
         super().__init__(board)
         self.label: str = label

@@ -11,12 +11,12 @@ from typing import Any, Final
 
 import msgpack
 
-import vbus
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.errors import SnapshotError, VbusError
 from vbus.protocols.base import Protocol
+from vbus.version import __version__
 
 MAGIC: Final = b"vbus snapshot\n"
 VERSION: Final = 1
@@ -101,7 +101,7 @@ def take(board: Board, wires: Hosts | None = None) -> Snapshot:
     except (TypeError, ValueError, OverflowError) as error:
         raise SnapshotError(_culprit(board, error)) from error
     return Snapshot(
-        board.now, board.name, board.file, board.text, vbus.__version__,
+        board.now, board.name, board.file, board.text, __version__,
         {chip.name: chip.part for chip in board.chips}, hosts, state, dict(board.counters), digest,
     )  # fmt: skip
 
@@ -283,8 +283,8 @@ def check_version(snapshot: Snapshot) -> None:
     Raises:
         VbusError: it is of another version.
     """
-    if snapshot.vbus != vbus.__version__:
+    if snapshot.vbus != __version__:
         raise VbusError(
-            f"the snapshot was taken with vbus {snapshot.vbus}, this is {vbus.__version__}: a chip"
+            f"the snapshot was taken with vbus {snapshot.vbus}, this is {__version__}: a chip"
             " may keep other things now; replay a journal instead"
         )

@@ -1,16 +1,12 @@
 """Bus cycles of a host that moves the control lines itself, told as those of any other host."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from vbus.board.circuit import Circuit
 from vbus.chips.base import Chip
 from vbus.signals import Net
 from vbus.trace.bus_watch import WATCHES, BusWatch
-
-if TYPE_CHECKING:
-    from vbus.board.board import Board
 
 SETTLE_EVERY: Final = 4096
 """Bus cycles after which lazy chips are brought up to date, to bound what observers hold."""
@@ -31,10 +27,10 @@ class StrobeWatch:
         chips: chips whose strobes the host can move.
     """
 
-    def __init__(self, board: Board, label: str, chips: list[Chip]) -> None:
+    def __init__(self, board: Circuit, label: str, chips: list[Chip]) -> None:
         self.found: Found | None = None
         """Takes each cycle too, before the observers: for a journal."""
-        self._board: Board = board
+        self._board: Circuit = board
         self._label: str = label
         self._rows: list[_Row] = [
             _Row(chip, WATCHES[chip.FAMILY]()) for chip in chips if chip.FAMILY in WATCHES

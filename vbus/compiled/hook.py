@@ -30,7 +30,7 @@ COMPILED: Final = (
     "bits.py", "kernel/*.py", "signals/*.py", "chips/**/*.py", "plant/*.py",
     "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
     "protocols/port.py",
-    "board/board.py", "board/host_*.py", "board/strobe_*.py",
+    "board/board.py", "board/circuit.py", "board/host_*.py", "board/strobe_*.py",
     "trace/journal_rows.py", "trace/recorded_bus.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what works in every sample or bus cycle."""

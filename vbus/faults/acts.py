@@ -1,9 +1,8 @@
 """What the faults that act do, by what they act on."""
 
-from __future__ import annotations
+from typing import Any
 
-from typing import TYPE_CHECKING, Any
-
+from vbus.board.circuit import Circuit
 from vbus.faults import chip as chips
 from vbus.faults.armed import ACTING, Armed, LinkActs
 from vbus.faults.axis import AxisFaults
@@ -12,9 +11,6 @@ from vbus.faults.clock import CLOCKS, ClockFaults
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE
 from vbus.faults.table import FAULTS
 from vbus.options import Value
-
-if TYPE_CHECKING:
-    from vbus.board.board import Board
 
 
 class Acts:
@@ -29,8 +25,8 @@ class Acts:
         links: does the faults of links; None where nobody serves the board.
     """
 
-    def __init__(self, board: Board, later: Later) -> None:
-        self._board: Board = board
+    def __init__(self, board: Circuit, later: Later) -> None:
+        self._board: Circuit = board
         self._later: Later = later
         self._axes: dict[str, AxisFaults] = {}
         self._clocks: dict[str, ClockFaults] = {}

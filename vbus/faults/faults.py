@@ -1,13 +1,12 @@
 """The faults of one board: armed, acting, over."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from vbus.board.circuit import Circuit
 from vbus.board.settings import listed, suggestion
 from vbus.chips.base import Chip
 from vbus.faults.acts import Acts
@@ -32,9 +31,6 @@ from vbus.faults.trigger import (
 from vbus.faults.watch import BusEyes, EdgeEyes, write_of
 from vbus.kernel import US
 from vbus.signals import HIGH, LOW
-
-if TYPE_CHECKING:
-    from vbus.board.board import Board
 
 LOOK: Final = 100 * US
 """How often a trigger looks at a position."""
@@ -63,8 +59,8 @@ class Faults:
         log: evidence, oldest first; the latest thousand.
     """
 
-    def __init__(self, board: Board) -> None:
-        self._board: Board = board
+    def __init__(self, board: Circuit) -> None:
+        self._board: Circuit = board
         self.log: deque[Evidence] = deque(maxlen=KEPT)
         self._armed: dict[int, Armed] = {}
         self._last: int = 0
@@ -118,8 +114,7 @@ class Faults:
             self._last + 1, fault, place, trigger, end, check_parameters(fault, parameters)
         )
         self._prepare(armed)
-        for port in list(self._board.ports):
-            port.end_lease()
+        self._board.end_leases()
         self._last += 1
         self._armed[armed.number] = armed
         self._note("arm", [name, place, trigger.text, end.text, armed.values])
@@ -149,8 +144,7 @@ class Faults:
                 hint = suggestion(str(number), names)
                 raise ValueError(f'no fault "{number}" is armed; {hint}there are {listed(names)}')
             live = [armed for armed in live if armed in known]
-        for port in list(self._board.ports):
-            port.end_lease()
+        self._board.end_leases()
         for armed in live:
             self._note("clear", [armed.number])
             armed.cleared = True

@@ -1,20 +1,14 @@
 """Which chip, axis or link a fault is about."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
+from vbus.board.circuit import Circuit
 from vbus.board.settings import listed
 from vbus.chips.base import Chip
 from vbus.faults.fitting import STROBES
 from vbus.faults.row import CHIP, LINK, Fault
 from vbus.plant.shaft import Shaft
 
-if TYPE_CHECKING:
-    from vbus.board.board import Board
 
-
-def find_target(board: Board, fault: Fault, target: str) -> str:
+def find_target(board: Circuit, fault: Fault, target: str) -> str:
     """Return the full name of what ``target`` means for ``fault``: "x", "x.1", "host0".
 
     Raises:
@@ -48,7 +42,7 @@ def find_target(board: Board, fault: Fault, target: str) -> str:
     return _axis(board, fault, chip, number or "1")
 
 
-def _axis(board: Board, fault: Fault, chip: Chip, number: str) -> str:
+def _axis(board: Circuit, fault: Fault, chip: Chip, number: str) -> str:
     if not number.isdecimal() or not 1 <= int(number) <= chip.axis_count:
         raise ValueError(
             f'{fault.name} target "{chip.name}.{number}": axes of "{chip.name}" are 1 to'

@@ -1,19 +1,13 @@
 """A host's hold on a node whose time is granted by all nodes: nothing happens beyond the grant."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from vbus.board.cards import Card
-from vbus.board.host_bus import HostBus
+from vbus.board.circuit import Circuit
+from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
 from vbus.kernel import NEVER
 from vbus.nodes.orders import READ, WRITE, Order, Orders
 from vbus.protocols import codes
 from vbus.protocols.port import NotYet, PortError
-
-if TYPE_CHECKING:
-    from vbus.board.board import Board
 
 
 class NodeBus(HostBus):
@@ -28,9 +22,15 @@ class NodeBus(HostBus):
     """
 
     def __init__(
-        self, board: Board, label: str, chips: list[Chip], cycle_ps: int, card: Card | None
+        self,
+        board: Circuit,
+        hosts: Hosts,
+        label: str,
+        chips: list[Chip],
+        cycle_ps: int,
+        card: Card | None,
     ) -> None:
-        super().__init__(board, label, chips, cycle_ps, card)
+        super().__init__(board, hosts, label, chips, cycle_ps, card)
         self.uses_time: bool = False
         self._orders: Orders = Orders(board, label, saved=False)
         self._ordered: int = -1

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 from typing import Final
 
-from vbus.board.board import Board
+from vbus.board.circuit import Circuit
 from vbus.board.host_pins import HostPins
 from vbus.board.strobe_player import together
 from vbus.chips.base import Chip
@@ -62,8 +62,8 @@ class Orders:
         saved: whether it is part of the board's saved state.
     """
 
-    def __init__(self, board: Board, label: str, saved: bool = True) -> None:
-        self.board: Board = board
+    def __init__(self, board: Circuit, label: str, saved: bool = True) -> None:
+        self.board: Circuit = board
         self.label: str = label
         self.last: int = -1
         """Instant of the last order given."""

@@ -6,13 +6,13 @@ from typing import Final
 
 import msgspec
 
-import vbus
 from vbus.board import plugins
 from vbus.board.build import assemble, rest_of
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.kernel import SECOND, Clock, Kernel
 from vbus.nodes.node import Node, Wire
+from vbus.version import __version__
 
 LONGEST_QUANTUM: Final = SECOND
 """Quantum of a board whose nodes have no wires between them (ps)."""
@@ -102,7 +102,7 @@ def _digest(file: BoardFile) -> str:
         file, path="", board=board, nodes=nodes, hosts=(), cards=(), pinmaps=(), waves=(),
         record=type(file.record)(), zenoh=type(file.zenoh)(),
     )  # fmt: skip
-    text = vbus.__version__.encode() + msgspec.json.encode(core)
+    text = __version__.encode() + msgspec.json.encode(core)
     return hashlib.sha256(text).hexdigest()[:16]
 
 

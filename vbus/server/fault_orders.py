@@ -1,13 +1,13 @@
 """Faults of a running board: ordered (see :mod:`vbus.server.control`), and those of its links."""
 
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Callable
+from typing import Any, Final
 
 from vbus.faults.armed import Armed
+from vbus.faults.faults import Faults
+from vbus.server.control import Control
 from vbus.server.message_session import MessageSession
 from vbus.server.session import Session
-
-if TYPE_CHECKING:
-    from vbus.server.server import Server
 
 _KEYS: Final = ("name", "target", "when", "until", "parameters")
 
@@ -68,15 +68,26 @@ class FaultOrders:
     """``fault.arm``, ``fault.clear``, ``fault.list`` and ``fault.log``; and faults of links.
 
     Args:
-        server: the board's server.
+        faults: those of the board.
+        control: takes the orders from now on.
+        sessions_of: gives the sessions of a host entry, None if there is no such entry.
+        soon: ends a session when what it does now is done.
     """
 
-    def __init__(self, server: "Server") -> None:
-        self._server: Server = server
+    def __init__(
+        self,
+        faults: Faults,
+        control: Control,
+        sessions_of: Callable[[int], list[Session] | None],
+        soon: Callable[[Session, str], None],
+    ) -> None:
+        self._faults: Faults = faults
+        self._sessions_of: Callable[[int], list[Session] | None] = sessions_of
+        self._soon: Callable[[Session, str], None] = soon
         self.acting: dict[int, tuple[int, str, list[_Meddler]]] = {}
         """Faults that act on links, by number: place of the host, name, sessions."""
-        server.board.faults.links = self
-        orders = server.control.orders
+        faults.links = self
+        orders = control.orders
         orders["fault.arm"] = self._arm
         orders["fault.clear"] = self._clear
         orders["fault.list"] = self._list
@@ -89,17 +100,17 @@ class FaultOrders:
         parameters = given["parameters"] or {}
         if not isinstance(parameters, dict):
             raise ValueError("parameters are a JSON object")
-        armed = self._server.board.faults.arm(
+        armed = self._faults.arm(
             str(request["name"]), given["target"] or "", given["when"], given["until"], **parameters
         )
         return _told(armed)
 
     def _clear(self, request: dict[str, Any]) -> list[dict[str, Any]]:
         which = request.get("which", "all")
-        return [_told(armed) for armed in self._server.board.faults.clear(which)]
+        return [_told(armed) for armed in self._faults.clear(which)]
 
     def _list(self, request: dict[str, Any]) -> list[dict[str, Any]]:
-        return [_told(armed) for armed in self._server.board.faults.all()]
+        return [_told(armed) for armed in self._faults.all()]
 
     def _log(self, request: dict[str, Any]) -> list[dict[str, Any]]:
         return [
@@ -111,7 +122,7 @@ class FaultOrders:
                 "what": evidence.what,
                 "text": evidence.text,
             }
-            for evidence in self._server.board.faults.log
+            for evidence in self._faults.log
         ]
 
     # -- links --------------------------------------------------------------------------------
@@ -123,7 +134,7 @@ class FaultOrders:
             ValueError: there is no such link, nobody is connected, or it carries messages.
         """
         place = int(target[4:])
-        sessions = self._server.sessions_of(place)
+        sessions = self._sessions_of(place)
         if sessions is None:
             raise ValueError(f"there is no link {target}: count the [[hosts]] from 0")
         if any(isinstance(session, MessageSession) for session in sessions):
@@ -132,7 +143,7 @@ class FaultOrders:
             raise ValueError(f"nobody is connected to {target}")
         if name == "link_closed":
             for session in sessions:
-                self._server.soon(session, "closed by a fault")
+                self._soon(session, "closed by a fault")
             return f"{len(sessions)} sessions closed"
         meddlers = [_Meddler(session, name, once) for session in sessions]
         if not once:

@@ -121,8 +121,10 @@ class Server:
         self._status: UnixTransport | None = None
         self._watching: Watching = Watching(board, self.statistics)
         self.control: Control = Control(board.name, self.pacer.catch_up)
-        SnapshotOrders(self)
-        self.faults: FaultOrders = FaultOrders(self)
+        SnapshotOrders(board, self.pacer, self.control, self.sessions)
+        self.faults: FaultOrders = FaultOrders(
+            board.faults, self.control, self.sessions_of, self.soon
+        )
         self._loop: asyncio.AbstractEventLoop | None = None
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
         self._metrics: MetricsPort | None = None

@@ -1,15 +1,16 @@
 """Snapshots of a running board: taken and loaded on orders (see :mod:`vbus.server.control`)."""
 
 import base64
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from typing import Any
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.board.snapshot import Hosts, Snapshot, check_version, read, restore, take, write
 from vbus.errors import SnapshotError
-
-if TYPE_CHECKING:
-    from vbus.server.server import Server
+from vbus.server.control import Control
+from vbus.server.pacer import Pacer
+from vbus.server.session import Session
 
 
 def load_into(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> None:
@@ -32,25 +33,36 @@ class SnapshotOrders:
     """``snap.save`` and ``snap.load``, for one served board.
 
     Args:
-        server: the board's server; its control socket takes the orders from now on.
+        board: the board.
+        pacer: what moves its time.
+        control: takes the orders from now on.
+        sessions: gives those that are open.
     """
 
-    def __init__(self, server: "Server") -> None:
-        self._server: Server = server
-        server.control.orders["snap.save"] = self._save
-        server.control.orders["snap.load"] = self._load
+    def __init__(
+        self,
+        board: Board,
+        pacer: Pacer,
+        control: Control,
+        sessions: Callable[[], Iterator[Session]],
+    ) -> None:
+        self._board: Board = board
+        self._pacer: Pacer = pacer
+        self._sessions: Callable[[], Iterator[Session]] = sessions
+        control.orders["snap.save"] = self._save
+        control.orders["snap.load"] = self._load
 
     def _wires(self) -> Hosts:
         """Return the wire formats of all sessions, by the place of their port."""
-        wires = {id(session.port): session.protocol for session in self._server.sessions()}
+        wires = {id(session.port): session.protocol for session in self._sessions()}
         return {
             number: wires[id(port)]
-            for number, port in enumerate(self._server.board.ports)
+            for number, port in enumerate(self._board.ports)
             if id(port) in wires
         }
 
     def _save(self, request: dict[str, Any]) -> dict[str, Any]:
-        snapshot = take(self._server.board, self._wires())
+        snapshot = take(self._board, self._wires())
         data = write(snapshot)
         return {
             "when_ps": snapshot.when,
@@ -60,9 +72,8 @@ class SnapshotOrders:
 
     def _load(self, request: dict[str, Any]) -> dict[str, Any]:
         snapshot = read(base64.b64decode(request["data"], validate=True))
-        server = self._server
-        load_into(server.board, snapshot, self._wires())
-        server.pacer.jumped()
-        for session in list(server.sessions()):
+        load_into(self._board, snapshot, self._wires())
+        self._pacer.jumped()
+        for session in list(self._sessions()):
             session.resume()
         return {"when_ps": snapshot.when, "hash": snapshot.digest}

@@ -3,6 +3,7 @@
 from vbus.signals.axis import Plant, Switch
 from vbus.signals.net import HIGH, LOW, Net, Pin, Watcher, Z
 from vbus.signals.observer import Observer
+from vbus.signals.trace_hash import TraceHash
 from vbus.signals.violation import OFF, STRICT, WARN, Policy, Rule, Violation
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "Policy",
     "Rule",
     "Switch",
+    "TraceHash",
     "Violation",
     "Watcher",
     "Z",

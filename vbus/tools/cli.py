@@ -7,10 +7,10 @@ from typing import Any, Final
 
 import click
 
-import vbus
 from vbus.compiled import core
 from vbus.errors import CaptureError, ConfigError, PluginError, TransportError, VbusError
 from vbus.tools import exit_codes
+from vbus.version import __version__
 
 _COMMANDS: Final = {
     "cflags": "Print the compiler options of the C client.",
@@ -75,9 +75,7 @@ class _Lazy(click.Group):
     context_settings={"help_option_names": ["-h", "--help"]},
     help="A virtual hardware bus server: motion-control chips, bit for bit, for real drivers.",
 )
-@click.version_option(
-    vbus.__version__, "-V", "--version", message=f"vbus %(version)s ({core()} core)"
-)
+@click.version_option(__version__, "-V", "--version", message=f"vbus %(version)s ({core()} core)")
 def cli() -> None:
     """Hold the subcommands."""
 

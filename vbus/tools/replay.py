@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-import vbus
 from vbus.tools import exit_codes
 from vbus.tools.journal_lines import instant, moving, no_progress, opened, progress
 from vbus.trace.replay import Outcome
+from vbus.version import __version__
 
 
 @click.command("replay")
@@ -65,6 +65,6 @@ def _lines(outcome: Outcome, damage: str, version: str) -> list[str]:
         f"  recorded: {found.recorded}",
         f"  now:      {found.now}",
     ]
-    if version != vbus.__version__:
-        lines.append(f"  recorded with vbus {version}, played with vbus {vbus.__version__}")
+    if version != __version__:
+        lines.append(f"  recorded with vbus {version}, played with vbus {__version__}")
     return lines

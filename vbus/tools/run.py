@@ -69,6 +69,7 @@ def command(
     """
     from vbus.board.config import read_board_file
     from vbus.server.serving import serve
+    from vbus.tools.ready_lines import lines_of
 
     file, source = read_board_file(board)
     if file.nodes:
@@ -107,21 +108,3 @@ def command(
     record = {key: value for key, value in wanted.items() if value is not None}
     serve(board, rate, ready, say, record, metrics or "", start or "")
     return exit_codes.OK
-
-
-def lines_of(status: dict[str, Any]) -> list[str]:
-    """Return what people are told of a board that is ready."""
-    from vbus.board.units import show
-
-    time = status["policy"]
-    if time == "realtime" and status["rate"] != 1:
-        time += f", rate {status['rate']}"
-    lines = [f"{status['board']}: {time}, process {status['pid']}"]
-    for chip in status["chips"]:
-        lines.append(f"  chip {chip['name']}: {chip['part']} at {show(chip['clock_hz'], 'Hz')}")
-    for link in status["links"]:
-        chips = ", ".join(link["chips"])
-        lines.append(f"  link {link['url']}: {link['protocol']} protocol, to {chips}")
-    if status["metrics"]:
-        lines.append(f"  metrics {status['metrics']}")
-    return lines

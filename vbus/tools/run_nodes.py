@@ -25,7 +25,7 @@ def run(file: "BoardFile", source: "Source", wishes: "NodeWishes", as_json: bool
     """
     from vbus.nodes.machine import trace_hash
     from vbus.server.nodes import serve_nodes
-    from vbus.tools.run import lines_of
+    from vbus.tools.ready_lines import lines_of
 
     def ready(servers: "list[Server]") -> None:
         states = [server.statistics() for server in servers]

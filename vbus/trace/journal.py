@@ -5,10 +5,10 @@ import platform
 from collections.abc import Callable
 from typing import BinaryIO
 
-import vbus
 from vbus.board.board import Board
 from vbus.board.cards import Card
-from vbus.board.host_bus import HostBus
+from vbus.board.circuit import Circuit
+from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
 from vbus.errors import VbusError
 from vbus.signals import Observer, Violation
@@ -16,6 +16,7 @@ from vbus.trace.decode import settings_for_decoders
 from vbus.trace.journal_format import CODE, Header, header_block, rows_block
 from vbus.trace.journal_rows import JournalRows
 from vbus.trace.recorded_bus import RecordedBus
+from vbus.version import __version__
 
 
 def end_of(board: Board) -> tuple[str, str, int]:
@@ -79,7 +80,7 @@ class Journal(Observer):
             board.seed,
             board.policy,
             {chip.name: chip.FAMILY for chip in board.chips},
-            vbus.__version__,
+            __version__,
             platform.python_version(),
             settings=settings_for_decoders(board.chips),
         )
@@ -88,10 +89,16 @@ class Journal(Observer):
         board.listen(self)
 
     def _port(
-        self, board: Board, label: str, chips: list[Chip], cycle_ps: int, card: Card | None
+        self,
+        board: Circuit,
+        hosts: Hosts,
+        label: str,
+        chips: list[Chip],
+        cycle_ps: int,
+        card: Card | None,
     ) -> HostBus:
         self._ports += 1
-        return RecordedBus(board, label, chips, cycle_ps, card, self.rows, self._ports - 1)
+        return RecordedBus(board, hosts, label, chips, cycle_ps, card, self.rows, self._ports - 1)
 
     def violation(self, violation: Violation) -> None:
         """Write a finding down."""

@@ -1,18 +1,16 @@
 """A host's port that writes down every call made on it."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mypy_extensions import i64
 
 from vbus.board.cards import Card
-from vbus.board.host_bus import HostBus
+from vbus.board.circuit import Circuit
+from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
 from vbus.protocols.port import PortError
 from vbus.trace.journal_format import CODE, PORTS
 from vbus.trace.journal_rows import JournalRows
-
-if TYPE_CHECKING:
-    from vbus.board.board import Board
 
 
 class RecordedBus(HostBus):
@@ -20,6 +18,7 @@ class RecordedBus(HostBus):
 
     Args:
         board: the board.
+        hosts: its hosts.
         label: the host's name in traces.
         chips: what the session may select, in order.
         cycle_ps: cost of a whole cycle; 0 for the default.
@@ -30,7 +29,8 @@ class RecordedBus(HostBus):
 
     def __init__(
         self,
-        board: "Board",
+        board: Circuit,
+        hosts: Hosts,
         label: str,
         chips: list[Chip],
         cycle_ps: int,
@@ -38,7 +38,7 @@ class RecordedBus(HostBus):
         rows: JournalRows,
         number: int,
     ) -> None:
-        super().__init__(board, label, chips, cycle_ps, card)
+        super().__init__(board, hosts, label, chips, cycle_ps, card)
         self.every_cycle = True
         self.strobes.found = self._strobed
         self._rows: JournalRows = rows

@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final
 from xml.sax.saxutils import escape, quoteattr
 
-import vbus
 from vbus.protocols.quantities import format_instant
 from vbus.trace.report import Finding, Line, Report
 from vbus.trace.tables import ac_rules
+from vbus.version import __version__
 
 _INFORMATION: Final = "https://pypi.org/project/vbus/"
 
@@ -101,7 +101,7 @@ def as_json(report: Report) -> str:
     ]
     value = {
         "board": report.board,
-        "vbus": vbus.__version__,
+        "vbus": __version__,
         "cycles": report.cycles,
         "violations": findings,
         "counts": counts,
@@ -204,7 +204,7 @@ def sarif(report: Report) -> str:
         results.append(result)
     driver = {
         "name": "vbus",
-        "version": vbus.__version__,
+        "version": __version__,
         "informationUri": _INFORMATION,
         "rules": [
             {

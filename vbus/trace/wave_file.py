@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any, Final, TextIO
 
-import vbus
 from vbus.trace.wave_signals import FULL, Signal, Value, bit_names
+from vbus.version import __version__
 
 TICK: Final = 100
 """Picoseconds of the time scale: limits of the MCP-1200 have tenths of nanoseconds."""
@@ -33,7 +33,7 @@ class VcdFile:
             self._file,
             timescale="100 ps",
             date="",
-            version=f"vbus {vbus.__version__}",
+            version=f"vbus {__version__}",
             init_timestamp=first // TICK,
         )
         used: set[str] = set()

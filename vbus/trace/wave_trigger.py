@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 from typing import Final
 
-from vbus.board import board as board_module
+from vbus.board import circuit
 from vbus.board.board import Board
 from vbus.board.settings import suggestion
 from vbus.errors import VbusError
@@ -104,7 +104,7 @@ class Trigger:
 
 def _rules(board: Board) -> list[str]:
     """Return the rules and families that may be broken on a board."""
-    rules = [rule.name for rule in board_module.RULES]
+    rules = [rule.name for rule in circuit.RULES]
     rules += [rule.name for chip in board.chips for rule in type(chip).RULES]
     families = [name.partition(".")[0] for name in rules]
     return list(dict.fromkeys([*families, *rules]))

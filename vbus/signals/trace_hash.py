@@ -2,7 +2,8 @@
 
 import hashlib
 
-from vbus.signals import Observer, Violation
+from vbus.signals.observer import Observer
+from vbus.signals.violation import Violation
 
 
 class TraceHash(Observer):

@@ -1,0 +1,288 @@
+"""Circuit: chips, plants and nets under one virtual time, and what is found out about them."""
+
+from collections import deque
+from collections.abc import Iterable
+from typing import Final
+
+from mypy_extensions import i64
+
+from vbus.board.breath import breathe
+from vbus.board.strobe_player import StrobePlayer
+from vbus.chips.base import Chip
+from vbus.kernel import NEVER, Clock, Kernel
+from vbus.options import Settings
+from vbus.signals import Net, Observer, Pin, Plant, Policy, Rule, Violation
+
+CONTENTION: Final = Rule(
+    "board.contention", "decision 9", "Two outputs on one net must not drive different levels."
+)
+RULES: Final = (CONTENTION,)
+
+POLICIES: Final = ("realtime", "lockstep", "slaved")
+
+STRETCH: Final = 20_000_000_000_000
+"""Chip time, shared among the chips, that is computed without a look at Ctrl-C (ps)."""
+SHORTEST: Final = 1_000_000_000
+
+
+class Circuit:
+    """What is on a board, without the hosts: see :class:`~vbus.board.board.Board`."""
+
+    def __init__(
+        self,
+        name: str,
+        policy: str = "lockstep",
+        rate: float = 1.0,
+        violations: Policy | None = None,
+        seed: int = 0,
+        clock_step: int = 1_000_000,
+    ) -> None:
+        if policy not in POLICIES:
+            raise ValueError(f"time policy {policy!r}: allowed are {', '.join(POLICIES)}")
+        self.name: str = name
+        self.policy: str = policy
+        self.rate: float = rate
+        self.seed: int = seed
+        self.clock_step: int = clock_step
+        self.violation_policy: Policy = violations if violations is not None else Policy()
+        self.kernel: Kernel = Kernel()
+        self.limit: i64 = NEVER - 1
+        """Time may run to this instant without the wall clock (ps); set by the pacer."""
+        self.chips: list[Chip] = []
+        self.plants: list[Plant] = []
+        self.axes: dict[str, Plant] = {}
+        """The plants by axis, ``"x.1"``."""
+        self.nets: dict[str, Net] = {}
+        self.buses: dict[str, list[str]] = {}
+        self.observers: list[Observer] = []
+        self.listeners: list[Observer] = []
+        """Observers that are told of violations only: bus cycles cost nothing for them."""
+        self.violations: deque[Violation] = deque(maxlen=1000)
+        """The latest violations; :attr:`counters` has the totals."""
+        self._counters: dict[str, int] = {"reads": 0, "writes": 0, "violations": 0}
+        self.reads: int = 0
+        """Read cycles hosts have made."""
+        self.writes: int = 0
+        """Write cycles hosts have made."""
+        self.player: StrobePlayer = StrobePlayer(self.kernel)
+        self.disturbed: bool = False
+        """Whether a fault is armed, so that nobody can promise what comes."""
+
+    # -- building -----------------------------------------------------------------------------
+
+    def add_chip(
+        self, cls: type[Chip], name: str, part: str, hz: int, settings: Settings | None = None
+    ) -> Chip:
+        """Put a chip on the board.
+
+        Raises:
+            ValueError: a chip of that name is there, or the chip refuses its settings.
+        """
+        if any(chip.name == name for chip in self.chips):
+            raise ValueError(f"there is a chip called {name!r} already")
+        chip = cls(
+            name, part, self.kernel, Clock(hz), settings, self.violation_policy, self.file_violation
+        )
+        self.chips.append(chip)
+        for pin in chip.pins.values():
+            self._own(pin.net)
+        return chip
+
+    def connect(self, chip: str, axis: int, plant: Plant) -> None:
+        """Attach ``plant`` to an axis (0-based) of ``chip``."""
+        self.chip(chip).connect(axis, plant)
+        self.plants.append(plant)
+        self.axes[f"{chip}.{axis + 1}"] = plant
+
+    def join(self, name: str, pins: Iterable[str], rest: int | None = None) -> Net:
+        """Solder pins (``"chip.pin"``) to one net called ``name``."""
+        members = [self.find_pin(pin) for pin in pins]
+        if not members:
+            raise ValueError(f"net {name!r} joins no pins")
+        widths = {pin.net.width for pin in members}
+        if len(widths) > 1:
+            raise ValueError(f"net {name!r} joins pins of different widths")
+        net = self.nets.get(name)
+        if net is None:
+            level = members[0].net.rest if rest is None else rest
+            net = Net(self.kernel, name, rest=level, width=widths.pop())
+            self._own(net)
+            self.nets[name] = net
+        for pin in members:
+            if pin.net is not net:
+                pin.move(net)
+        return net
+
+    def adopt(self, net: Net) -> None:
+        """Take a net made elsewhere: the end of a wire that goes on beyond this board."""
+        self._own(net)
+        self.nets[net.name] = net
+
+    def share_bus(self, name: str, chips: Iterable[str]) -> None:
+        """Give several chips of one family one bus: all but their select lines are joined."""
+        members = [self.chip(chip) for chip in chips]
+        family = {chip.FAMILY for chip in members}
+        if len(family) > 1:
+            raise ValueError(f"bus {name!r} joins different chip families: {sorted(family)}")
+        self.buses[name] = [chip.name for chip in members]
+        for row in members[0].pin_rows:
+            if row.shared:
+                net = Net(self.kernel, f"{name}.{row.name}", rest=row.rest, width=row.width)
+                self._own(net)
+                for chip in members:
+                    chip.pins[row.name].move(net)
+
+    def _own(self, net: Net) -> None:
+        net.clash = self._clash
+
+    def power_on(self, done: bool = False) -> None:
+        """Release every reset at the present instant; ``done`` starts after the resets."""
+        for chip in self.chips:
+            chip.power_on(done)
+
+    # -- looking up ---------------------------------------------------------------------------
+
+    def chip(self, name: str) -> Chip:
+        """Return the chip called ``name``.
+
+        Raises:
+            ValueError: there is none.
+        """
+        for chip in self.chips:
+            if chip.name == name:
+                return chip
+        known = ", ".join(chip.name for chip in self.chips) or "none"
+        raise ValueError(f"no chip called {name!r}; this board has: {known}")
+
+    def find_pin(self, name: str) -> Pin:
+        """Return the pin written ``"chip.pin"``, e.g. ``"x./RST"``.
+
+        Raises:
+            ValueError: there is none.
+        """
+        chip_name, _, pin_name = name.partition(".")
+        chip = self.chip(chip_name)
+        pin = chip.pins.get(pin_name)
+        if pin is None:
+            known = ", ".join(chip.pins)
+            raise ValueError(f"{chip.part} has no pin {pin_name!r}; it has: {known}")
+        return pin
+
+    # -- time ---------------------------------------------------------------------------------
+
+    @property
+    def now(self) -> int:
+        """Chip time (ps)."""
+        return self.kernel.now
+
+    def run_until(self, when: int) -> None:
+        """Let time pass to ``when`` (ps). Chips nobody listens to stay lazy by :data:`STRETCH`
+        at the most, so that no single step takes long and Ctrl-C is heard; see :meth:`catch_up`.
+
+        Raises:
+            ValueError: ``when`` is before now, or beyond the end of time.
+        """
+        kernel = self.kernel
+        if kernel.now + STRETCH < when < NEVER:
+            stretch = max(STRETCH // (len(self.chips) + 1), SHORTEST)
+            while True:
+                # A board at rest stays so until something is due.
+                begin = kernel.now if self._advance_awake() else max(kernel.now, kernel.next_due)
+                # Nothing may be due at all: no sum with that instant, a machine word has an end.
+                if begin >= when - stretch:
+                    break
+                kernel.run_until(begin + stretch)
+        kernel.run_until(when)
+
+    def _advance_awake(self) -> bool:
+        """Bring chips up to now that are not at rest; tell whether there were any."""
+        awake = False
+        for chip in self.chips:
+            if not chip.resting():
+                awake = True
+                chip.advance()
+            breathe()
+        return awake
+
+    def run_for(self, duration: int) -> None:
+        """Let ``duration`` ps pass."""
+        self.run_until(self.kernel.now + duration)
+
+    def catch_up(self) -> None:
+        """Bring every lazy chip up to now, so that no look at it later takes long."""
+        for chip in self.chips:
+            chip.advance()
+        self.settled(self.kernel.now)
+
+    def settled(self, when: int) -> None:
+        """Every chip has been brought up to instant ``when``: tell the observers."""
+        self.kernel.settle()
+        for observer in (*self.listeners, *self.observers):
+            observer.settled(when)
+
+    def end_leases(self) -> None:
+        """Somebody is about to touch the board: what was promised to hosts comes true first."""
+
+    def next_due(self) -> int:
+        """Return the next instant at which something watched may happen (ps)."""
+        return self.kernel.next_due
+
+    # -- findings -----------------------------------------------------------------------------
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Totals so far: ``"reads"``, ``"writes"``, ``"violations"``, and of each rule broken."""
+        return {**self._counters, "reads": self.reads, "writes": self.writes}
+
+    def set_counters(self, totals: dict[str, int]) -> None:
+        """Take back what :attr:`counters` gave."""
+        self._counters = {"reads": 0, "writes": 0, "violations": 0, **totals}
+        self.reads, self.writes = self._counters["reads"], self._counters["writes"]
+
+    def file_violation(self, violation: Violation) -> None:
+        """Record a violation, count it and tell the observers."""
+        self.violations.append(violation)
+        self._counters["violations"] += 1
+        self._counters[violation.rule] = self._counters.get(violation.rule, 0) + 1
+        for observer in (*self.listeners, *self.observers):
+            observer.violation(violation)
+
+    def _clash(self, net: Net) -> None:
+        # In an order that does not tell who was soldered first.
+        pins = sorted(net.pins, key=lambda pin: pin.name)
+        self._contention(net.name, [(pin.name, pin.level) for pin in pins if pin.level >= 0])
+
+    def meet(self, host: str, chips: list[Chip]) -> None:
+        """Chips have driven the data lines of one host in one read: it is a fight if they disagree.
+
+        Those on one bus of the board have fought on its net; others meet at the host alone.
+        """
+        levels = [(chip.bus_net.name, chip.bus_net.value) for chip in chips]
+        if any(level != levels[0][1] for _, level in levels):
+            self._contention(f"{host}.D0-D7", levels)
+
+    def _contention(self, net: str, levels: list[tuple[str, int]]) -> None:
+        if self.violation_policy.of(CONTENTION.name):
+            fighters = ", ".join(f"{name}={level:X}" for name, level in levels)
+            self.file_violation(
+                Violation(
+                    self.kernel.now, net, CONTENTION.name, CONTENTION.clause, CONTENTION.severity,
+                    0, 0, f"net {net}: outputs disagree ({fighters})",
+                )
+            )  # fmt: skip
+
+    def observe(self, observer: Observer) -> None:
+        """Let ``observer`` see bus cycles and violations from now on."""
+        self.observers.append(observer)
+
+    def unobserve(self, observer: Observer) -> None:
+        """Tell ``observer`` no more of bus cycles and violations."""
+        self.observers.remove(observer)
+
+    def listen(self, observer: Observer) -> None:
+        """Let ``observer`` see violations, and no bus cycles, from now on."""
+        self.listeners.append(observer)
+
+    def watch(self, pin: str, observer: Observer) -> None:
+        """Let ``observer`` see every edge of the net at ``pin`` (``"chip.pin"``)."""
+        self.find_pin(pin).net.observe(observer)

@@ -1,0 +1,21 @@
+"""What people are told of a board that is ready."""
+
+from typing import Any
+
+
+def lines_of(status: dict[str, Any]) -> list[str]:
+    """Return what people are told of a board that is ready."""
+    from vbus.board.units import show
+
+    time = status["policy"]
+    if time == "realtime" and status["rate"] != 1:
+        time += f", rate {status['rate']}"
+    lines = [f"{status['board']}: {time}, process {status['pid']}"]
+    for chip in status["chips"]:
+        lines.append(f"  chip {chip['name']}: {chip['part']} at {show(chip['clock_hz'], 'Hz')}")
+    for link in status["links"]:
+        chips = ", ".join(link["chips"])
+        lines.append(f"  link {link['url']}: {link['protocol']} protocol, to {chips}")
+    if status["metrics"]:
+        lines.append(f"  metrics {status['metrics']}")
+    return lines
