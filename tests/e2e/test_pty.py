@@ -112,7 +112,7 @@ def test_a_client_that_is_killed_ends_its_session_and_gives_back_its_claim(runti
         client.stdout.close()
 
         wait_for_sessions(server, 0)
-        assert not server.board.claims
+        assert not server.board.hosts.claims
 
 
 def test_exclusive_use_ends_with_the_session(runtime: Path) -> None:

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Iterable, Iterator
 from heapq import merge
 
-from vbus.trace.hash import TraceHash
+from vbus.signals import TraceHash
 
 Line = tuple[int, str]
 """Instant (ps), and what happened at it."""

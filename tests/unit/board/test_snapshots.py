@@ -192,7 +192,7 @@ def test_a_session_that_is_not_there_any_more_has_let_go() -> None:
     other = board.open_port("here")
     snapshots.restore(board, snapshot)
     assert board.find_pin("x./RST").net.value == 1
-    assert board.claims == {}
+    assert board.hosts.claims == {}
     assert [p.label for p in board.ports] == ["here"]
     assert other.read(0) in range(256)
 
@@ -207,7 +207,7 @@ def test_a_session_that_came_later_stays_and_holds_nothing() -> None:
     snapshots.restore(board, snapshot)
     assert board.now == 0
     assert board.find_pin("x./RST").net.value == 1
-    assert board.claims == {}
+    assert board.hosts.claims == {}
     port.write(0, 0x02)
     assert board.now == US
 

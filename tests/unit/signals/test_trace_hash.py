@@ -4,9 +4,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
-from vbus.trace.hash import TraceHash
 
-from vbus.signals import Violation
+from vbus.signals import TraceHash, Violation
 
 FOUND = Violation(10, "a", "x.rule", "X-1", "error", 3, 5, "text")
 
