@@ -135,6 +135,19 @@ def test_a_dead_link_is_open_and_carries_out_what_it_was_told_afterwards(tmp_pat
             assert line(other) == usual
 
 
+def test_faults_of_one_link_end_one_after_the_other(tmp_path: Path) -> None:
+    with running(tmp_path) as (_, path), host(path) as link:
+        usual = ask(link, "r 0")
+        dead = [order("bench", "fault.arm", name="link_dead")["number"] for _ in range(2)]
+        order("bench", "fault.arm", name="answers_late")
+        link.sendall(b"r 0\n")
+        order("bench", "fault.clear", which=dead[0])
+        order("bench", "fault.clear", which="answers_late")
+        assert silent(link)
+        order("bench", "fault.clear", which=dead[1])
+        assert line(link) == usual
+
+
 def test_a_link_fault_that_cannot_act_says_why(tmp_path: Path) -> None:
     with running(tmp_path):
         order("bench", "fault.arm", name="link_closed", target="host3")

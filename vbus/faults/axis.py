@@ -1,12 +1,12 @@
 """Faults of mechanics, encoder and switches: what they do to a plant and its chip."""
 
-from typing import Any, Final
+from typing import Final
 
 from vbus.chips.base import Chip
 from vbus.faults import fitting
 from vbus.faults.plant import PLAY, SHARE, STUCK_A, STUCK_B, WHOLE, FaultyPlant
 from vbus.options import Value
-from vbus.plant.shaft import Shaft
+from vbus.plant.shaft import Mechanics, Shaft
 from vbus.signals import HIGH, LOW, Pin, Plant, Switch, Z
 
 NOWHERE: Final = 1 << 62
@@ -37,7 +37,7 @@ class AxisFaults:
         self.plant: Plant = plant
         self.wrapper: FaultyPlant | None = None
         self.acting: dict[int, Acting] = {}
-        self._nominal: dict[str, Any] = {}
+        self._nominal: Mechanics | None = None
         self._pins: dict[str, Pin] = {}
         self._open: dict[str, tuple[int, int]] = {}
 
@@ -124,9 +124,7 @@ class AxisFaults:
             if name == "jam":
                 wrapper.frozen = True
                 if isinstance(self.plant, Shaft):
-                    # The period under way keeps the course it has had.
-                    self.plant._course()
-                    self.plant.velocity = 0.0
+                    self.plant.jam()
             elif name == "slip":
                 wrapper.share = int(wrapper.share * (1.0 - float(values["share"])))
             elif name == "coupling_break":
@@ -164,46 +162,25 @@ class AxisFaults:
 
     def _refit(self) -> None:
         """Give the shaft its own numbers, then those of the faults that act, oldest first."""
-        shaft: Any = self.plant
-        # The period under way keeps the course it has had.
-        shaft._course()
-        names = [
-            "_load", "_coulomb", "_static", "_viscous", "_damping", "_low", "_high", "_stopped",
-            "_supply", "_torque_constant", "_holding",
-        ]  # fmt: skip
-        if not self._nominal:
-            self._nominal = {key: getattr(shaft, key) for key in names if hasattr(shaft, key)}
-        for key, value in self._nominal.items():
-            setattr(shaft, key, value)
+        shaft = self.plant
+        assert isinstance(shaft, Shaft)
+        if self._nominal is None:
+            self._nominal = shaft.mechanics()
+        numbers = self._nominal.copy()
         for name, values, here in self.acting.values():
             if name == "load_step":
-                shaft._load += float(values["torque"])
+                numbers.load += float(values["torque"])
             elif name == "friction":
-                shaft._coulomb += float(values["coulomb"])
-                shaft._static += float(values["coulomb"])
-                key = "_viscous" if hasattr(shaft, "_viscous") else "_damping"
-                setattr(shaft, key, getattr(shaft, key) + float(values["viscous"]))
+                numbers.coulomb += float(values["coulomb"])
+                numbers.static += float(values["coulomb"])
+                numbers.viscous += float(values["viscous"])
             elif name == "supply_sag":
-                shaft._supply = min(shaft._supply, float(values["supply"]))
+                numbers.supply = min(numbers.supply, float(values["supply"]))
             elif name == "overheated":
-                key = "_torque_constant" if hasattr(shaft, "_torque_constant") else "_holding"
-                setattr(shaft, key, getattr(shaft, key) * float(values["torque"]))
+                numbers.torque *= float(values["torque"])
             elif name == "end_stop":
-                self._stop(shaft, here, int(values["ahead"]))
-        if hasattr(shaft, "_divided"):
-            shaft._divided = 0
-        if shaft._period > 0.0 and not hasattr(shaft, "_divided"):
-            shaft._divide(shaft._substeps)
-        shaft._resting = False
-
-    @staticmethod
-    def _stop(shaft: Any, here: int, ahead: int) -> None:
-        low, high = (shaft._low, shaft._high) if shaft._stopped else (-NOWHERE, NOWHERE)
-        if ahead >= 0:
-            high = min(high, here + ahead)
-        else:
-            low = max(low, here + ahead)
-        shaft._low, shaft._high, shaft._stopped = low, high, True
+                _stop(numbers, here, int(values["ahead"]))
+        shaft.refit(numbers)
 
     # -- switches -----------------------------------------------------------------------------
 
@@ -262,5 +239,15 @@ class AxisFaults:
                 fitting.exchange(self.chip, self.axis, wrapper, self.plant)
 
     def _refit_if_needed(self) -> None:
-        if self._nominal or any(name in SHAFT for name, _, _ in self.acting.values()):
+        if self._nominal is not None or any(name in SHAFT for name, _, _ in self.acting.values()):
             self._refit()
+
+
+def _stop(numbers: Mechanics, here: int, ahead: int) -> None:
+    """Put an end stop ``ahead`` of the count at which its fault began."""
+    low, high = (numbers.low, numbers.high) if numbers.stopped else (-NOWHERE, NOWHERE)
+    if ahead >= 0:
+        high = min(high, here + ahead)
+    else:
+        low = max(low, here + ahead)
+    numbers.low, numbers.high, numbers.stopped = low, high, True

@@ -59,6 +59,8 @@ def _axis(board: Circuit, fault: Fault, chip: Chip, number: str) -> str:
         )
     if fault.name == "lost_steps" and "drive" in plant.TAKES and "pulses" not in plant.TAKES:
         raise ValueError(f"lost_steps needs a stepper; {place} has {type(plant).__name__}")
-    if fault.name == "supply_sag" and not hasattr(plant, "_supply"):
+    if fault.name == "supply_sag" and not (
+        isinstance(plant, Shaft) and plant.mechanics().supply >= 0.0
+    ):
         raise ValueError(f"supply_sag needs a dc_motor; {place} has {type(plant).__name__}")
     return place

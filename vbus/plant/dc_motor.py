@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.options import Option, Settings
-from vbus.plant.shaft import SHAFT_OPTIONS, Shaft, mass_options
+from vbus.plant.shaft import SHAFT_OPTIONS, Mechanics, Shaft, mass_options
 
 NO_CURRENT: Final = 1e-12
 """Amperes below which a decaying current is over; it would fade for hundreds of periods more."""
@@ -77,6 +77,22 @@ class DcMotor(Shaft):
         else:
             super().prepare(period)
         self._other_period = before
+
+    def mechanics(self) -> Mechanics:
+        """Return the numbers as they are now; change them and give them to :meth:`refit`."""
+        mechanics = super().mechanics()
+        mechanics.viscous = self._viscous
+        mechanics.torque = self._torque_constant
+        mechanics.supply = self._supply
+        return mechanics
+
+    def refit(self, mechanics: Mechanics) -> None:
+        """Turn with other numbers from the next period on; the one under way keeps its course."""
+        super().refit(mechanics)
+        self._viscous = mechanics.viscous
+        self._torque_constant = mechanics.torque
+        self._supply = mechanics.supply
+        self._divide(self._substeps)
 
     def _exchange(self) -> None:
         """Let what the last two periods were prepared with change places."""

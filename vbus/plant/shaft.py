@@ -35,6 +35,43 @@ def mass_options(
     )
 
 
+class Mechanics:
+    """The numbers of a motor and its shaft that may change while it turns.
+
+    Attributes:
+        load: constant torque of the load (N*m); positive pulls backward.
+        coulomb: dry friction while turning (N*m).
+        static: torque needed to break away (N*m).
+        viscous: friction that grows with speed (N*m*s).
+        torque: a DC motor's torque for each ampere (N*m/A), a stepper's holding torque (N*m).
+        supply: where a DC motor's amplifier saturates (V); -1 for a stepper, which has none.
+        low: count of the lower end stop.
+        high: count of the upper end stop.
+        stopped: whether there are end stops.
+    """
+
+    def __init__(
+        self, load: float, coulomb: float, static: float, viscous: float, torque: float,
+        supply: float, low: i64, high: i64, stopped: bool,
+    ) -> None:  # fmt: skip
+        self.load: float = load
+        self.coulomb: float = coulomb
+        self.static: float = static
+        self.viscous: float = viscous
+        self.torque: float = torque
+        self.supply: float = supply
+        self.low: i64 = low
+        self.high: i64 = high
+        self.stopped: bool = stopped
+
+    def copy(self) -> "Mechanics":
+        """Return the same numbers once more."""
+        return Mechanics(
+            self.load, self.coulomb, self.static, self.viscous, self.torque, self.supply,
+            self.low, self.high, self.stopped,
+        )  # fmt: skip
+
+
 class Shaft(EncodedPlant):
     """A stiff shaft that a motor turns.
 
@@ -87,6 +124,29 @@ class Shaft(EncodedPlant):
         self._resting = False
         self._period = period
         self._divide(self._substeps)
+
+    def mechanics(self) -> Mechanics:
+        """Return the numbers as they are now; change them and give them to :meth:`refit`."""
+        return Mechanics(
+            self._load, self._coulomb, self._static, self._damping, 0.0, -1.0,
+            self._low, self._high, self._stopped,
+        )  # fmt: skip
+
+    def refit(self, mechanics: Mechanics) -> None:
+        """Turn with other numbers from the next period on; the one under way keeps its course."""
+        self._course()
+        self._load = mechanics.load
+        self._coulomb = mechanics.coulomb
+        self._static = mechanics.static
+        self._damping = mechanics.viscous
+        self._low, self._high = mechanics.low, mechanics.high
+        self._stopped = mechanics.stopped
+        self._resting = False
+
+    def jam(self) -> None:
+        """Stand still from now on, until a torque breaks the shaft away again."""
+        self._course()
+        self.velocity = 0.0
 
     def _divide(self, substeps: i64) -> None:
         """Make ``substeps`` sub-steps of a period."""

@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from vbus.options import Option, Settings
 from vbus.plant.angle import sine
-from vbus.plant.shaft import SHAFT_OPTIONS, Shaft, mass_options
+from vbus.plant.shaft import SHAFT_OPTIONS, Mechanics, Shaft, mass_options
 from vbus.plant.windings import STEP_OPTIONS, field
 
 MOST_PIECES: Final = 4096
@@ -82,6 +82,18 @@ class StepperMotor(Shaft):
         self._finest = pieces
         self._divided = 0
         self._period = period
+
+    def mechanics(self) -> Mechanics:
+        """Return the numbers as they are now; change them and give them to :meth:`refit`."""
+        mechanics = super().mechanics()
+        mechanics.torque = self._holding
+        return mechanics
+
+    def refit(self, mechanics: Mechanics) -> None:
+        """Turn with other numbers from the next period on; the one under way keeps its course."""
+        super().refit(mechanics)
+        self._holding = mechanics.torque
+        self._divided = 0
 
     def _divide(self, substeps: i64) -> None:
         if substeps != self._divided:

@@ -7,16 +7,13 @@ from vbus.faults.armed import Armed
 from vbus.faults.faults import Faults
 from vbus.server.control import Control
 from vbus.server.message_session import MessageSession
-from vbus.server.session import Session
+from vbus.server.session import LinkFilter, Session
 
 _KEYS: Final = ("name", "target", "when", "until", "parameters")
 
 
-class _Meddler:
-    """One fault on one session: stands where the session sends and reads.
-
-    Nothing of it is there while no fault acts; see :meth:`undo`.
-    """
+class _LinkFault(LinkFilter):
+    """One fault on one session."""
 
     def __init__(self, session: Session, name: str, once: bool) -> None:
         self.session: Session = session
@@ -24,25 +21,18 @@ class _Meddler:
         self._once: bool = once
         self._kept: bytearray = bytearray()
         self._silent: bool = False
-        inside: Any = session
-        inside._send = self._send
+        session.put_between(self)
         if name == "link_dead":
-            inside._read_off()
-            inside._read_on = self._read_nothing
-            inside._listen_for_the_end()
+            session.deafen()
 
-    def _read_nothing(self) -> None:
-        """Nobody reads."""
-
-    def _send(self) -> None:
-        out = self.session.protocol.out
+    def passes(self, out: bytearray) -> None:
+        """Keep an answer for later, cut it short, or lose it."""
         if self._name == "answers_late":
             self._kept += out
             out.clear()
         elif self._name == "half_answer" and not self._silent:
             self._silent = True
             del out[max(1, len(out) // 2) :]
-            Session._send(self.session)
         else:
             out.clear()
             if self._name == "answer_lost" and self._once:
@@ -50,18 +40,9 @@ class _Meddler:
 
     def undo(self) -> None:
         """Let the session send and read as ever; what was kept is sent now."""
-        inside: Any = self.session
-        vars(inside).pop("_send", None)
-        vars(inside).pop("_read_on", None)
-        if not inside._open:
-            return
-        if self._kept:
-            self.session.protocol.out[:0] = self._kept
-            self._kept.clear()
-            inside._send()
-        if self._name == "link_dead" and not inside.port.held:
-            inside._listen_no_more()
-            inside._read_on()
+        self.session.take_out(self, bytes(self._kept))
+        if self._name == "link_dead":
+            self.session.hear()
 
 
 class FaultOrders:
@@ -84,7 +65,7 @@ class FaultOrders:
         self._faults: Faults = faults
         self._sessions_of: Callable[[int], list[Session] | None] = sessions_of
         self._soon: Callable[[Session, str], None] = soon
-        self.acting: dict[int, tuple[int, str, list[_Meddler]]] = {}
+        self.acting: dict[int, tuple[int, str, list[_LinkFault]]] = {}
         """Faults that act on links, by number: place of the host, name, sessions."""
         faults.links = self
         orders = control.orders
@@ -145,22 +126,22 @@ class FaultOrders:
             for session in sessions:
                 self._soon(session, "closed by a fault")
             return f"{len(sessions)} sessions closed"
-        meddlers = [_Meddler(session, name, once) for session in sessions]
+        faults = [_LinkFault(session, name, once) for session in sessions]
         if not once:
-            self.acting[number] = (place, name, meddlers)
+            self.acting[number] = (place, name, faults)
         return f"{len(sessions)} sessions"
 
     def end(self, number: int) -> None:
         """Let it act no more."""
-        _, _, meddlers = self.acting.pop(number, (0, "", []))
-        for meddler in meddlers:
-            meddler.undo()
+        _, _, faults = self.acting.pop(number, (0, "", []))
+        for fault in faults:
+            fault.undo()
 
     def joined(self, place: int, session: Session) -> None:
         """A host has connected while faults act: they act on it too."""
-        for where, name, meddlers in self.acting.values():
+        for where, name, faults in self.acting.values():
             if where == place and not isinstance(session, MessageSession):
-                meddlers.append(_Meddler(session, name, False))
+                faults.append(_LinkFault(session, name, False))
 
 
 def _told(armed: Armed) -> dict[str, Any]:

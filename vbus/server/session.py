@@ -30,6 +30,14 @@ MOST_PENDING: Final = 65536
 log = logging.getLogger("vbus")
 
 
+class LinkFilter:
+    """Stands between a session and its link while something is wrong with it."""
+
+    def passes(self, out: bytearray) -> None:
+        """Change in place what is about to be sent; nothing is, if nothing is left."""
+        raise NotImplementedError
+
+
 class Session:
     """Serves one link in a single callback: read, carry out, write.
 
@@ -77,6 +85,8 @@ class Session:
         self._patience: int = PATIENCE
         self._skipped: int = 0
         self._finished: bool = False
+        self._filters: list[LinkFilter] = []
+        self._deaf: int = 0
         self.received: int = 0
         self.sent: int = 0
         self._changed: Callable[[], bool] = link.changed
@@ -87,7 +97,7 @@ class Session:
     # -- reading ------------------------------------------------------------------------------
 
     def _read_on(self) -> None:
-        if not self._reading and self._open and not self._finished:
+        if not self._reading and self._open and not self._finished and not self._deaf:
             self._reading = True
             self._add_reader(self._fd, self._readable)
 
@@ -249,6 +259,10 @@ class Session:
 
     def _send(self) -> None:
         out = self.protocol.out
+        for one in tuple(self._filters):
+            one.passes(out)
+            if not out:
+                return
         if not self._pending:
             sent = self._write(out)
             if sent == len(out):
@@ -286,6 +300,32 @@ class Session:
                 self.end("closed by the host")
                 return
         if len(self._pending) <= MOST_PENDING and not self.port.held:
+            self._read_on()
+
+    # -- what may be wrong with the link ------------------------------------------------------
+
+    def put_between(self, link_filter: LinkFilter) -> None:
+        """Let ``link_filter`` change what is sent from now on, after those that are there."""
+        self._filters.append(link_filter)
+
+    def take_out(self, link_filter: LinkFilter, kept: bytes = b"") -> None:
+        """Take a filter out again; what it has ``kept`` is sent now, before anything else."""
+        self._filters.remove(link_filter)
+        if kept and self._open:
+            self.protocol.out[:0] = kept
+            self._send()
+
+    def deafen(self) -> None:
+        """Read nothing any more; a host that goes is noticed all the same."""
+        self._deaf += 1
+        self._read_off()
+        self._listen_for_the_end()
+
+    def hear(self) -> None:
+        """Read again, if :meth:`deafen` has been taken back as often as it was called."""
+        self._deaf -= 1
+        if not self._deaf and self._open and not self.port.held:
+            self._listen_no_more()
             self._read_on()
 
     # -- ending -------------------------------------------------------------------------------
