@@ -91,15 +91,15 @@ def processes(nodes: int, folder: Path) -> list[dict[str, Any]]:
 def run_one(virtual: str, script: str, real: str, nothing: str, node: str) -> None:
     """The body of one process: run a node twice, print what it measured."""
     from vbus.board.config import read_board_file
-    from vbus.server.nodes import NodeWishes, serve_nodes
+    from vbus.cluster.nodes import NodeOptions, serve_nodes
     from vbus.server.server import Server
 
     timing = serve_nodes(
-        *read_board_file(virtual), NodeWishes((node,), script), None, lambda text: None
+        *read_board_file(virtual), NodeOptions((node,), script), None, lambda text: None
     ).timing
     servers: list[Server] = []
     skew = serve_nodes(
-        *read_board_file(real), NodeWishes((node,), nothing), servers.extend, lambda text: None
+        *read_board_file(real), NodeOptions((node,), nothing), servers.extend, lambda text: None
     ).skew
     print(json.dumps({**timing, "skew": skew, "lag_ps": servers[0].pacer.worst_lag}))
 

@@ -50,9 +50,10 @@ MAY_IMPORT = {
     "runtime": LEAVES,
     "transports": EDGE,
     "server": EDGE | {"compiled"},
+    "cluster": EDGE | {"cluster"},
     "client": NETWORK | {"chips", "client", "kernel", "protocols"},
-    "testing": EDGE | {"client", "native", "testing", "tools"},
-    "tools": EDGE | {"client", "compiled", "native", "tools"},
+    "testing": EDGE | {"client", "cluster", "native", "testing", "tools"},
+    "tools": EDGE | {"client", "cluster", "compiled", "native", "tools"},
     "__main__": {"tools"},
     "compiled": set(),
     "__init__": EDGE | {"client", "compiled", "version"},  # all but the last for type checkers only

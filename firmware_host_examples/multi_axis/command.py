@@ -24,9 +24,9 @@ from multi_axis.play import Played, play
 from multi_axis.result import skew
 from multi_axis.score import Score
 from vbus.board.config import read_board_file
+from vbus.cluster.nodes import read_traces
 from vbus.errors import VbusError
 from vbus.network.session import check_endpoint
-from vbus.server.nodes import read_traces
 
 STOP_SECONDS = 20
 LAST_SECONDS = 3

@@ -12,14 +12,14 @@ from tests.nodes.four_chips import BOARD, scenario
 from tests.nodes.processes import Bench, ended
 from tests.waiting import Starved
 from vbus.board.config import read_board_text
+from vbus.cluster.node_clock import ClockEstimate
+from vbus.cluster.realtime_nodes import RealTime
+from vbus.cluster.skew import Skew
 from vbus.kernel import MS, US
 from vbus.nodes.machine import Machine, node_of
 from vbus.nodes.messages import Edges
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
-from vbus.server.node_clock import ClockEstimate
-from vbus.server.realtime_nodes import RealTime
-from vbus.server.skew import Skew
 
 REAL = (
     BOARD.replace('"lockstep"', '"realtime"')

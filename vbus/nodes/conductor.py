@@ -53,7 +53,7 @@ class Conductor:
         node.board.limit = -1
         node.board.port_type = NodeBus
 
-    # -- wishes -------------------------------------------------------------------------------
+    # -- what its hosts want ------------------------------------------------------------------
 
     def pause(self) -> None:
         """Let time stand still on all nodes, where it is or as soon as it can."""
@@ -74,8 +74,8 @@ class Conductor:
         For a host it is a quantum beyond its wish: what it does next is within the same grant.
         """
         beyond = self.participant.lookahead - 1
-        wishes = [min(port.hold_until + beyond, NEVER) for port in self._hosts() if port.wants_time]
-        return max([self.until, *wishes])
+        wanted = [min(port.hold_until + beyond, NEVER) for port in self._hosts() if port.wants_time]
+        return max([self.until, *wanted])
 
     def _hosts(self) -> list[NodeBus]:
         return [port for port in self.node.board.ports if isinstance(port, NodeBus)]

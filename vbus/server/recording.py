@@ -83,7 +83,7 @@ class Recording:
 
     Args:
         board: a board nobody has opened a port on.
-        wishes: what to record.
+        wanted: what to record.
         text: the board file.
         name: its name.
         report: takes sentences about recordings that had to end.
@@ -93,7 +93,7 @@ class Recording:
     def __init__(
         self,
         board: Board,
-        wishes: RecordSection,
+        wanted: RecordSection,
         text: str,
         name: str,
         report: Callable[[str], None],
@@ -104,16 +104,16 @@ class Recording:
         self._files: list[BinaryIO] = []
         self._texts: list[TextIO] = []
         self.journal: Journal | None = None
-        if wishes.journal:
-            file = self._create(wishes.journal)
+        if wanted.journal:
+            file = self._create(wanted.journal)
             self.journal = Journal(board, file, text, name, report)
         self._say: Callable[[str], None] = report
         self._endings: list[tuple[str, BinaryIO, Callable[[], str]]] = []
         """What is written when the board stops: its name, where to, and what makes it."""
-        if wishes.report:
-            self._open_report(board, wishes, name)
-        if wishes.coverage:
-            self._open_coverage(board, wishes.coverage)
+        if wanted.report:
+            self._open_report(board, wanted, name)
+        if wanted.coverage:
+            self._open_coverage(board, wanted.coverage)
         self._waves: list[Wave] = []
         for wave in waves:
             wave_of(board, wave, io.StringIO(), report)  # complains before a file is overwritten
@@ -123,13 +123,13 @@ class Recording:
             made.start()
             self._waves.append(made)
 
-    def _open_report(self, board: Board, wishes: RecordSection, name: str) -> None:
+    def _open_report(self, board: Board, wanted: RecordSection, name: str) -> None:
         try:
-            style = format_of(wishes.report)
+            style = format_of(wanted.report)
         except ValueError as error:
             raise VbusError(str(error)) from None
-        accepted = suppressions_of(wishes.suppress)
-        file = self._create(wishes.report)
+        accepted = suppressions_of(wanted.suppress)
+        file = self._create(wanted.report)
         report = Report(
             board.name,
             _families(board),

@@ -81,11 +81,11 @@ def serve(
         SnapshotError: the snapshot is none, or is of another board.
     """
     file, source = read_board_file(path)
-    wishes = dict(record or {})
+    wanted = dict(record or {})
     waves = file.waves
-    if "wave" in wishes:
-        waves = (*waves, WaveSection(name="command line", file=str(wishes.pop("wave"))))
-    recorded = msgspec.structs.replace(file.record, **wishes)
+    if "wave" in wanted:
+        waves = (*waves, WaveSection(name="command line", file=str(wanted.pop("wave"))))
+    recorded = msgspec.structs.replace(file.record, **wanted)
     file = msgspec.structs.replace(file, record=recorded, waves=waves)
     if metrics:
         counted = msgspec.structs.replace(file.metrics, listen=metrics)

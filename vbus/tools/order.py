@@ -38,8 +38,8 @@ def command(
     with lines such as "0us x+y w 0 1"; their instants count from the one agreed on.
     """
     from vbus.board.config import read_board_file
+    from vbus.cluster.ordering import order
     from vbus.errors import ConfigError
-    from vbus.server.ordering import order
 
     file, _ = read_board_file(board)
     if not file.nodes:

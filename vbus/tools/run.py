@@ -80,14 +80,14 @@ def command(
         for option, value in single.items():
             if value is not None:
                 raise click.UsageError(f"{option} is for boards without nodes")
-        from vbus.server.nodes import NodeWishes
+        from vbus.cluster.nodes import NodeOptions
         from vbus.tools import run_nodes
 
         given: dict[str, Any] = {key: value or "" for key, value in of_nodes.items()}
         for key in ("nodes", "listen", "connect"):
             given[key] = tuple(of_nodes[key])
-        wishes = NodeWishes(**{**given, "patience": of_nodes["patience"]})
-        return run_nodes.run(file, source, wishes, as_json)
+        node_options = NodeOptions(**{**given, "patience": of_nodes["patience"]})
+        return run_nodes.run(file, source, node_options, as_json)
     for key, value in of_nodes.items():
         if value:
             option = "--node" if key == "nodes" else f"--{key}"

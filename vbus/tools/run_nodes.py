@@ -12,19 +12,19 @@ if TYPE_CHECKING:
 
     from vbus.board.sections import BoardFile
     from vbus.board.source import Source
+    from vbus.cluster.nodes import NodeOptions
     from vbus.nodes.node import Node
-    from vbus.server.nodes import NodeWishes
     from vbus.server.server import Server
 
 
-def run(file: "BoardFile", source: "Source", wishes: "NodeWishes", as_json: bool) -> int:
+def run(file: "BoardFile", source: "Source", options: "NodeOptions", as_json: bool) -> int:
     """Run nodes of a board; return the exit code.
 
     Raises:
-        VbusError: what stops it; see :func:`~vbus.server.nodes.serve_nodes`.
+        VbusError: what stops it; see :func:`~vbus.cluster.nodes.serve_nodes`.
     """
+    from vbus.cluster.nodes import serve_nodes
     from vbus.nodes.machine import trace_hash
-    from vbus.server.nodes import serve_nodes
     from vbus.tools.ready_lines import lines_of
 
     def ready(servers: "list[Server]") -> None:
@@ -39,7 +39,7 @@ def run(file: "BoardFile", source: "Source", wishes: "NodeWishes", as_json: bool
     def say(sentence: str) -> None:
         click.echo(f"vbus: {sentence}", err=True)
 
-    outcome = serve_nodes(file, source, wishes, ready, say)
+    outcome = serve_nodes(file, source, options, ready, say)
     if outcome.over:
         now = max(node.board.now for node in outcome.nodes)
         end = f"the scenario is over at {now / 1e9:.6f} ms"

@@ -11,7 +11,7 @@ def command(files: tuple[str, ...]) -> None:
     FILEs are what "vbus run --trace" has written, one for each process. The hash is the same
     however many processes ran the nodes.
     """
-    from vbus.server.nodes import read_traces
+    from vbus.cluster.nodes import read_traces
 
     digest, lines = read_traces(files)
     click.echo(f"{digest}  {lines} events")

@@ -104,8 +104,8 @@ def _of_board(name: str, wish: Any) -> int:
     feed = Feed(name)
     written = 0
     try:
-        wishes = {k: v for k, v in structs.asdict(wish).items() if k not in ("name", "file")}
-        feed.send(json.dumps({"wave": wishes}).encode() + b"\n")
+        keys = {k: v for k, v in structs.asdict(wish).items() if k not in ("name", "file")}
+        feed.send(json.dumps({"wave": keys}).encode() + b"\n")
         for item in feed:
             if item[0] == "refused":
                 raise VbusError(item[1])

@@ -10,6 +10,11 @@ from typing import Any, Final
 
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
+from vbus.cluster.granted import GrantedPacer
+from vbus.cluster.node_link import NodeLink
+from vbus.cluster.peers import Peers
+from vbus.cluster.realtime_nodes import RealTime
+from vbus.cluster.timebase import Timebase
 from vbus.errors import ConfigError, VbusError
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of
@@ -17,22 +22,17 @@ from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.trace import merged
-from vbus.server.fellows import Fellowship
-from vbus.server.granted import GrantedPacer
 from vbus.server.loop import HostLoop
-from vbus.server.node_link import NodeLink
 from vbus.server.pacer import Pacer
-from vbus.server.realtime_nodes import RealTime
 from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of, network_of
-from vbus.server.timebase import Timebase
 
 LAST_WORDS: Final = 0.1
 """Seconds that a message to the other nodes may take before the link is closed."""
 
 
 @dataclass(slots=True)
-class NodeWishes:
+class NodeOptions:
     """How nodes are to be run.
 
     Attributes:
@@ -117,30 +117,30 @@ def scenario_of(file: BoardFile, path: str) -> Scenario:
     return read_scenario(text, path, pins_of(file), 1_000_000)
 
 
-def names_of(plan: Plan, wishes: NodeWishes) -> tuple[str, ...]:
+def names_of(plan: Plan, options: NodeOptions) -> tuple[str, ...]:
     """Return the nodes to be run here, in the order of the board file.
 
     Raises:
         ConfigError: there is no such node.
     """
-    for name in wishes.nodes:
+    for name in options.nodes:
         try:
             plan.rank(name)
         except ValueError as error:
             raise ConfigError(str(error)) from None
-    return tuple(name for name in plan.nodes if not wishes.nodes or name in wishes.nodes)
+    return tuple(name for name in plan.nodes if not options.nodes or name in options.nodes)
 
 
 def endpoints_of(
-    file: BoardFile, names: Sequence[str], wishes: NodeWishes
+    file: BoardFile, names: Sequence[str], options: NodeOptions
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return where this process listens and where it connects.
 
     Raises:
         ConfigError: nobody has said where the nodes meet.
     """
-    if wishes.listen or wishes.connect:
-        return wishes.listen, wishes.connect
+    if options.listen or options.connect:
+        return options.listen, options.connect
     for node in file.nodes:
         if node.listen:
             return ((node.listen,), ()) if node.name in names else ((), (node.listen,))
@@ -157,19 +157,19 @@ def _conductors(
     source: Source,
     names: Sequence[str],
     scenario: Scenario | None,
-    wishes: NodeWishes,
+    options: NodeOptions,
 ) -> list[Conductor]:
     """Return the nodes of this process, each where it is to begin in virtual time."""
-    if (wishes.snapshot or wishes.rejoin) and len(names) != 1:
+    if (options.snapshot or options.rejoin) and len(names) != 1:
         raise ConfigError(
             "a snapshot holds one node; start each with its own --node and --snapshot"
         )
-    made = [conductor_of(file, source, name, scenario, bool(wishes.trace)) for name in names]
-    if wishes.rejoin:
+    made = [conductor_of(file, source, name, scenario, bool(options.trace)) for name in names]
+    if options.rejoin:
         try:
-            data = Path(wishes.rejoin).read_bytes()
+            data = Path(options.rejoin).read_bytes()
         except OSError as error:
-            raise VbusError(f"{wishes.rejoin}: cannot be read: {error.strerror}") from error
+            raise VbusError(f"{options.rejoin}: cannot be read: {error.strerror}") from error
         made[0].load(data)
     return made
 
@@ -224,7 +224,7 @@ def read_traces(paths: Sequence[str]) -> tuple[str, int]:
 def serve_nodes(
     file: BoardFile,
     source: Source,
-    wishes: NodeWishes,
+    options: NodeOptions,
     on_ready: Callable[[list[Server]], None] | None = None,
     report: Callable[[str], None] = print,
 ) -> Outcome:
@@ -235,7 +235,7 @@ def serve_nodes(
         TransportError: a link cannot be opened.
         NodeError: another node has died, stalls, or runs another board; names it.
     """
-    run = _Run(file, source, wishes, report)
+    run = _Run(file, source, options, report)
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
@@ -256,18 +256,18 @@ class _Run:
         self,
         file: BoardFile,
         source: Source,
-        wishes: NodeWishes,
+        options: NodeOptions,
         report: Callable[[str], None],
     ) -> None:
         self._file: BoardFile = file
-        self._wishes: NodeWishes = wishes
+        self._options: NodeOptions = options
         self._report: Callable[[str], None] = report
         self._plan: Plan = plan_of(file)
-        names = names_of(self._plan, wishes)
-        scenario = scenario_of(file, wishes.scenario) if wishes.scenario else None
+        names = names_of(self._plan, options)
+        scenario = scenario_of(file, options.scenario) if options.scenario else None
         self._link: NodeLink | None = None
         # In real time whoever orders a start comes over the network, also if all nodes are here.
-        places = wishes.listen or wishes.connect or file.zenoh.connect
+        places = options.listen or options.connect or file.zenoh.connect
         meets = bool(places) or self._plan.hub >= 0
         if len(names) < len(self._plan.nodes) or (file.board.time == "realtime" and meets):
             ranks = [self._plan.rank(name) for name in names]
@@ -275,24 +275,24 @@ class _Run:
         self._servers: list[Server] = []
         self._virtual: Timebase | None = None
         self._real: RealTime | None = None
-        link, patience = self._link, wishes.patience
+        link, patience = self._link, options.patience
         if file.board.time == "realtime":
-            if wishes.snapshot or wishes.rejoin:
+            if options.snapshot or options.rejoin:
                 raise ConfigError("a snapshot is for virtual time; this board is realtime")
             self._nodes = [
-                node_of(file, source, name, scenario, bool(wishes.trace)) for name in names
+                node_of(file, source, name, scenario, bool(options.trace)) for name in names
             ]
             until = scenario.until if scenario is not None else -1
             rate = file.board.rate
             self._real = RealTime(self._plan, self._nodes, link, report, patience, until, rate)
-            self._fellows: Fellowship = self._real
+            self._peers: Peers = self._real
         else:
-            conductors = _conductors(file, source, names, scenario, wishes)
+            conductors = _conductors(file, source, names, scenario, options)
             self._nodes = [conductor.node for conductor in conductors]
             self._virtual = Timebase(
-                self._plan, conductors, link, report, patience, wishes.snapshot
+                self._plan, conductors, link, report, patience, options.snapshot
             )
-            self._fellows = self._virtual
+            self._peers = self._virtual
 
     async def serve(
         self, stop: asyncio.Event, on_ready: Callable[[list[Server]], None] | None
@@ -300,18 +300,18 @@ class _Run:
         """Run until the scenario is over, a node is lost, or ``stop`` is set."""
         loop = asyncio.get_running_loop()
         stopped = asyncio.ensure_future(stop.wait())
-        failed = asyncio.ensure_future(self._fellows.finished.wait())
+        failed = asyncio.ensure_future(self._peers.finished.wait())
         ends = (stopped, failed)
         try:
             if self._virtual is not None:
                 self._serve_virtual(self._virtual, loop)
             if self._link is not None:
                 names = [node.name for node in self._nodes]
-                listen, connect = endpoints_of(self._file, names, self._wishes)
+                listen, connect = endpoints_of(self._file, names, self._options)
                 security = network_of(self._file.zenoh).security
                 if not await _first(self._link.open(listen, connect, security, self._report), ends):
                     return
-            self._fellows.start(loop)
+            self._peers.start(loop)
             if self._real is not None:
                 if not await _first(self._real.epoch_known.wait(), ends):
                     return
@@ -322,17 +322,17 @@ class _Run:
         finally:
             for end in ends:
                 end.cancel()
-            if self._link is not None and self._fellows.failure is not None:
+            if self._link is not None and self._peers.failure is not None:
                 await asyncio.sleep(LAST_WORDS)
-            self._fellows.stop()
+            self._peers.stop()
             for server in self._servers:
                 server.stop()
             if self._link is not None:
                 self._link.close()
-            if self._wishes.trace:
-                write_trace(self._nodes, self._wishes.trace)
-            if self._fellows.failure is not None:
-                raise self._fellows.failure
+            if self._options.trace:
+                write_trace(self._nodes, self._options.trace)
+            if self._peers.failure is not None:
+                raise self._peers.failure
 
     def _serve_virtual(self, timebase: Timebase, loop: asyncio.AbstractEventLoop) -> None:
         for conductor in timebase.conductors:
@@ -362,7 +362,7 @@ class _Run:
     def outcome(self) -> Outcome:
         """Return what has come of it."""
         skew = self._real.skew.statistics() if self._real is not None else {}
-        over = self._fellows.finished.is_set() and bool(self._wishes.scenario)
+        over = self._peers.finished.is_set() and bool(self._options.scenario)
         timing = self._virtual.timing() if self._virtual is not None else {}
         return Outcome(self._nodes, over, skew, timing)
 

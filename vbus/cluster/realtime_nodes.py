@@ -8,18 +8,18 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from vbus.board.board import Board
+from vbus.cluster.node_clock import ClockEstimate
+from vbus.cluster.node_link import NodeLink
+from vbus.cluster.ordering import Answer, encode_answer, take_order
+from vbus.cluster.peers import TICK, Peers
+from vbus.cluster.skew import Skew
 from vbus.errors import NodeMismatchError
 from vbus.kernel import MS, Timer
 from vbus.nodes.messages import Edges, Mark, Message, Ping, Pong
 from vbus.nodes.node import Edge, Node
 from vbus.nodes.orders import Orders
 from vbus.nodes.plan import Plan
-from vbus.server.fellows import TICK, Fellowship
-from vbus.server.node_clock import ClockEstimate
-from vbus.server.node_link import NodeLink
-from vbus.server.ordering import Answer, encode_answer, take_order
 from vbus.server.pacer import Pacer
-from vbus.server.skew import Skew
 
 HEAD_START_NS: Final = 300_000_000
 """Wall time between agreeing on the epoch and the epoch itself."""
@@ -76,7 +76,7 @@ class EpochPacer(Pacer):
         self._moved()
 
 
-class RealTime(Fellowship):
+class RealTime(Peers):
     """Nodes of this process in real time with those of other processes.
 
     The node that listens, else the first of the board, keeps the epoch. The others measure by how

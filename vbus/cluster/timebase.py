@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from vbus.cluster.node_link import NodeLink
+from vbus.cluster.peers import Peers
 from vbus.errors import NodeError, NodeMismatchError
 from vbus.nodes.conductor import RUNS, Conductor
 from vbus.nodes.messages import Message, Need, Report
 from vbus.nodes.plan import Plan
-from vbus.server.fellows import Fellowship
-from vbus.server.node_link import NodeLink
 
 LACKING: Final = 0.25
 """Seconds after which a report that does not come is asked for."""
@@ -21,7 +21,7 @@ SNAPSHOT_EVERY: Final = 0.25
 """Seconds between two snapshots."""
 
 
-class Timebase(Fellowship):
+class Timebase(Peers):
     """Runs the nodes of this process in one virtual time with those of other processes.
 
     Args:

@@ -5,11 +5,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from vbus.cluster.node_link import NodeLink
 from vbus.errors import NodeLostError, NodeMismatchError, VbusError
 from vbus.kernel import MS
 from vbus.nodes.messages import Alive, Message, decode, encode
 from vbus.nodes.plan import Plan
-from vbus.server.node_link import NodeLink
 
 TICK: Final = 0.1
 """Seconds between signs of life."""
@@ -40,7 +40,7 @@ class Other:
         self.round: int = -1
 
 
-class Fellowship:
+class Peers:
     """The nodes of this process among those of the whole board.
 
     A node that dies, or is silent beyond its deadline, is a :class:`NodeLostError` for all others:

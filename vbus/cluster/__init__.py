@@ -1,0 +1,1 @@
+"""Nodes of a board in several processes: their messages, their peers, their time."""
