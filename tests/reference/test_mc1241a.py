@@ -583,7 +583,7 @@ class Host(Pair):
                 self.write(random.randrange(1 << 16))
             if random.random() < 0.5:
                 self.write_byte(random.randrange(256))
-            return
+            self.look()
         elif kind == 2:
             name = random.choice(GETS)
             self.tell(f"{name} {CODES[name]:02X}, cut short")
@@ -592,7 +592,7 @@ class Host(Pair):
             expected = self.model.word() >> 8
             if (got := self.read_byte()) != expected:
                 self.differ(f"first byte of {name}", got, expected)
-            return
+            self.look()
         elif kind == 3:
             # Written between the bytes of a word that is read: it stays as it was.
             self.send("SET_1")
