@@ -275,11 +275,11 @@ class SCurve:
         if self.extra_is_next():
             self.phase_shown = self.following()[0]
             self.inserted, self.extra = self.extra, 0
-            return self.sign * self.inserted // self.samples
+            return self.sign * (self.inserted // self.samples)
         self.phase, self.done, self.k, self.c = self.following()
         self.phase_shown = self.phase
         self.area += self.c
-        return self.sign * self.way * self.c // (self.samples * self.whole)
+        return self.sign * (self.way * self.c // (self.samples * self.whole))
 
     def over(self) -> bool:
         """Tell whether all samples to come have no velocity (MCP-SCV-4)."""
@@ -393,13 +393,16 @@ class Axis:
         self.angle += way
         self.target += way
         while self.target >= RANGE // 2 * ONE:
-            self.target -= RANGE * ONE
-            self.target_turns += 1
-            self.events |= WRAP
+            self.come_round(1)
         while self.target < -RANGE // 2 * ONE:
-            self.target += RANGE * ONE
-            self.target_turns -= 1
-            self.events |= WRAP
+            self.come_round(-1)
+
+    def come_round(self, way: int) -> None:
+        self.target -= way * RANGE * ONE
+        self.target_turns += way
+        if self.curve:
+            self.curve.start -= way * RANGE * ONE
+        self.events |= WRAP
 
     def put_target(self, value: int) -> None:
         self.target = value * ONE
@@ -873,7 +876,7 @@ class MC1241A:
         elif name == "RESET":
             self.reset()
         elif name == "GET_VRSN":
-            # Generation 1, part 31, major version 2: an "A" part (decision of the version word).
+            # Generation 1, part 31, major version 2: an "A" part (NOTES 22).
             answer = 1 << 14 | (len(self.axes) - 1) << 11 | 2 << 8 | 2 << 3
         elif name == "GET_TIME":
             answer = self.time

@@ -385,6 +385,23 @@ def test_writing_the_reset_port_resets_the_chip_set(bench: Bench) -> None:
     assert bench.send("GET_POS_ERR") == 0x7FFF
 
 
+@spec("PMD-BUS-1", "PMD-BUS-3", "PMD-BUS-5")
+def test_edges_of_a_whole_cycle() -> None:
+    chip = Bench().chip
+    assert chip.strobes(True, COMMAND, 0x1A) == [
+        (-110_000, "HostCmd", 1), (-110_000, "~HostSlct", 0),
+        (-100_000, "~HostWrite", 0), (-100_000, "D0-D7", 0x1A),
+        (0, "~HostWrite", 1),
+        (30_000, "~HostSlct", 1), (30_000, "HostCmd", Z), (30_000, "D0-D7", Z),
+    ]  # fmt: skip
+    assert chip.strobes(False, DATA, 0) == [
+        (-110_000, "HostCmd", 0), (-110_000, "~HostSlct", 0),
+        (-100_000, "~HostRead", 0),
+        (0, "~HostRead", 1),
+        (25_000, "~HostSlct", 1), (25_000, "HostCmd", Z),
+    ]  # fmt: skip
+
+
 def test_the_strobes_of_whole_cycles_break_no_limit() -> None:
     bench = Bench("strobe")
     bench.chip.judged = True

@@ -529,3 +529,5 @@ def test_the_second_encoder_can_be_turned_by_the_first_motor() -> None:
 def test_an_encoder_cannot_be_turned_by_a_motor_the_part_does_not_have() -> None:
     with pytest.raises(ValueError, match="encoder_1: the MC1141A has no axis 2"):
         Bench(part="MC1141A", encoder_1="axis 2")
+    with pytest.raises(ValueError, match="the MC1141A has no axis 2"):
+        Bench(part="MC1141A").chip.connect(1, IdealPlant())

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.conformance.mc1241a.conftest import CYCLE, DATA, Bench
-from vbus.chips.mc1241a.datasheet import COMMANDS
+from vbus.chips.mc1241a.datasheet import COMMANDS, FAMILY_CODES
 
 spec = pytest.mark.spec
 
@@ -97,11 +97,19 @@ def test_undocumented_codes_are_illegal(chip: Bench) -> None:
 
 
 FAMILY = {
-    0x06: (1, 0), 0x07: (0, 1), 0x0F: (1, 0), 0x25: (1, 0), 0x26: (1, 0), 0x27: (1, 0),
-    0x28: (1, 0), 0x2B: (1, 0), 0x2D: (0, 1), 0x2E: (0, 2), 0x38: (1, 0), 0x40: (0, 0),
-    0x41: (0, 0), 0x50: (0, 1), 0x51: (0, 1), 0x52: (0, 1), 0x53: (0, 1), 0x54: (0, 1),
-    0x61: (0, 1),
+    0x06: ("SET_MTR_LMT", 1, 0), 0x07: ("GET_MTR_LMT", 0, 1), 0x0F: ("SET_MTR_BIAS", 1, 0),
+    0x25: ("SET_KP", 1, 0), 0x26: ("SET_KI", 1, 0), 0x27: ("SET_KD", 1, 0),
+    0x28: ("SET_I_LM", 1, 0), 0x2B: ("SET_KVFF", 1, 0), 0x2D: ("GET_MTR_BIAS", 0, 1),
+    0x2E: ("GET_INTGR", 0, 2), 0x38: ("SET_SMPL_TIME", 1, 0), 0x40: ("AXIS_OFF", 0, 0),
+    0x41: ("AXIS_ON", 0, 0), 0x50: ("GET_KP", 0, 1), 0x51: ("GET_KI", 0, 1),
+    0x52: ("GET_KD", 0, 1), 0x53: ("GET_I_LM", 0, 1), 0x54: ("GET_KVFF", 0, 1),
+    0x61: ("GET_SMPL_TIME", 0, 1),
 }  # fmt: skip
+
+
+@spec("PMD-PKT-6")
+def test_names_and_words_of_the_family_s_codes() -> None:
+    assert FAMILY_CODES == FAMILY
 
 
 @spec("PMD-PKT-6", "PMD-AMB-20")
@@ -109,7 +117,7 @@ FAMILY = {
 def test_family_codes_can_be_taken_as_commands_that_do_nothing(code: int) -> None:
     bench = Bench(family_codes="noop")
     before = bench.chip.axes[0].save()
-    written, read = FAMILY[code]
+    _, written, read = FAMILY[code]
     bench.command(code)
     for _ in range(written):
         bench.write_word(0x0102)

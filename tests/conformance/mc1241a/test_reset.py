@@ -2,11 +2,11 @@
 
 import pytest
 
-from tests.conformance.mc1241a.conftest import CYCLE, Bench
+from tests.conformance.mc1241a.conftest import BUSY, CYCLE, Bench
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.kernel import MS, NEVER, NS, US
 from vbus.plant.stepper import StepperMotor
-from vbus.signals import STRICT, Observer, Policy, Z
+from vbus.signals import STRICT, Observer, Plant, Policy, Z
 
 spec = pytest.mark.spec
 
@@ -37,6 +37,9 @@ def _disturb(bench: Bench) -> None:
 
 def _expect_reset_state(bench: Bench) -> None:
     assert bench.level("~HostIntrpt") == 1
+    # Before the first cycle looks at them.
+    for number in ("time", "target 1", "velocity 1", "actual 1", "error 1", "phase A 1", "error 2"):
+        assert bench.chip.telemetry()[number] == 0
     assert bench.send("GET_STATUS") == 0x0300  # so the current axis is 1
     for axis in (1, 2):
         bench.send(f"SET_{axis}")
@@ -137,6 +140,49 @@ def test_time_starts_at_0_with_every_reset(chip: Bench) -> None:
     chip.run_until(first)
     assert chip.seen_time() == 1
     assert chip.send("GET_TIME") == 1
+
+
+class Coasting(Plant):
+    """Counts the periods it has had; moves one count in the middle of each while it is let."""
+
+    TAKES = ("phases",)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.driven: list[tuple[float, float, float]] = []
+        self.until = 0
+
+    def prepare(self, period: float) -> None:
+        pass
+
+    def phases(self, a: float, b: float, c: float) -> int:
+        self.driven.append((a, b, c))
+        self.before = self.count
+        self.count += len(self.driven) <= self.until
+        return self.count
+
+    def count_at(self, fraction: float) -> int:
+        return self.before if fraction < 0.5 else self.count
+
+
+@spec("PMD-RST-1", "PMD-RST-2")
+def test_a_motor_coasts_through_the_reset_and_its_place_is_then_0(chip: Bench) -> None:
+    """28 whole slots of 67.84 us lie between the command's effect and the first slot."""
+    motor = Coasting()
+    chip.chip.connect(0, motor)
+    chip.send("SET_PHASE_2")
+    chip.send("SET_MTR_CMD", 32767)
+    chip.next_cycle(10)
+    chip.command(0x39)
+    chip.run_for(BUSY)
+    slots = len(motor.driven)
+    assert motor.driven[-1] == (0.0, 1.0, 0.0)
+    motor.until = slots + 28
+    chip.wait_ready()
+    chip.next_cycle(2)
+    assert motor.driven[slots : slots + 28] == [(0.0, 0.0, 0.0)] * 28
+    assert motor.count == 28
+    assert chip.send("GET_ACTL_POS") == 0
 
 
 @spec("PMD-RST-1")

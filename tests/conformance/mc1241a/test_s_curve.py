@@ -209,6 +209,25 @@ def test_smooth_stop_mirrors_the_acceleration_so_far(
     assert profile.velocity == 0
 
 
+@spec("PMD-TRJ-10", "PMD-TRJ-12")
+@pytest.mark.parametrize("cycles", [1, 2, 3])
+def test_smooth_stop_of_a_curve_that_rises_in_one_cycle_comes_to_rest(
+    bench: Bench, cycles: int
+) -> None:
+    """Its deceleration is a cycle of velocity 0, or a cycle of the peak velocity before that."""
+    s_curve(bench, 1, vel=1, max_acc=1, jerk=0x10000)
+    bench.next_cycle(cycles)
+    assert (bench.seen("status"), phase(bench)) == (0x0700, (1, 3, 4)[cycles - 1])
+    bench.send("SMOOTH_STOP")
+    bench.move()
+    bench.next_cycle()
+    assert (bench.seen("status"), phase(bench)) == (0x0301, 0)
+    assert bench.send("GET_TRGT_VEL") == 0
+    assert bench.chip.axes[0].profile.position == max(2, cycles) << 16
+    bench.next_cycle(5)
+    assert bench.chip.axes[0].profile.position == max(2, cycles) << 16
+
+
 @spec("PMD-TRJ-10")
 def test_smooth_stop_while_slowing_down_anyway_changes_nothing(chip: Bench) -> None:
     s_curve(chip, 2000)
@@ -263,6 +282,39 @@ def test_s_curve_selected_in_motion_stops_the_axis_and_is_reported(chip: Bench) 
     chip.next_cycle(3)
     assert chip.seen("target") == at
     assert chip.rules() == ["mode-in-motion"]
+
+
+@spec("PMD-TRJ-1", "PMD-TRJ-5", "PMD-CMD-69")
+def test_a_curve_that_has_come_round_and_got_another_number_takes_a_new_end(bench: Bench) -> None:
+    s_curve(bench, 1000, vel=0x54B6, max_acc=0x60D, jerk=0x1230000)
+    bench.next_cycle(100)
+    bench.send("SET_ACTL_POS", (1 << 30) - 1)
+    bench.next_cycle(10)
+    assert bench.seen("status") == 0x0702
+    bench.send("SET_ACTL_POS", 20_000)
+    bench.next_cycle(3)
+    bench.move(pos=20_100)
+    bench.next_cycle(400)
+    assert (bench.seen("target"), bench.seen("status")) == (20_100, 0x0303)
+
+
+@spec("PMD-TRJ-1", "PMD-TRJ-5")
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("same", [True, False])
+def test_a_destination_beyond_the_end_of_the_range_can_be_had_after_coming_round(
+    chip: Bench, sign: int, same: bool
+) -> None:
+    goal = -sign * ((1 << 30) - 3000)
+    first = goal if same else 2000 * sign
+    chip.send("SET_ACTL_POS", first - 2000 * sign)
+    s_curve(chip, first)
+    chip.next_cycle(120)
+    chip.send("SET_ACTL_POS", sign * ((1 << 30) - 100))
+    chip.next_cycle(15)
+    assert chip.seen("status") == 0x0702
+    chip.move(pos=goal)
+    chip.next_cycle(600)
+    assert (chip.seen("target"), chip.seen("status")) == (goal, 0x0303)
 
 
 @spec("PMD-TRJ-4")

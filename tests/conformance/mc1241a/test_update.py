@@ -145,6 +145,23 @@ def test_smooth_stop_at_rest_or_without_an_acceleration_is_over_at_once(chip: Be
     assert speed(chip) == 0
 
 
+@spec("PMD-TRJ-10", "PMD-TRJ-12", "PMD-MTR-2")
+@pytest.mark.parametrize("mode", ["TRAP", "VEL", "S_CRV"])
+@pytest.mark.parametrize("first", [True, False])
+def test_smooth_stop_completes_motion_with_the_motor_off_too(
+    chip: Bench, mode: str, first: bool
+) -> None:
+    chip.send("SET_PRFL_" + mode)
+    chip.next_cycle()
+    for name in ("MTR_OFF", "SMOOTH_STOP", "UPDATE") if first else (
+        "SMOOTH_STOP", "UPDATE", "MTR_OFF",
+    ):  # fmt: skip
+        chip.send(name)
+    assert chip.seen("status") == 0x0200
+    chip.next_cycle()
+    assert chip.seen("status") == 0x0201
+
+
 @spec("PMD-TRJ-11")
 def test_stop_wins_over_smooth_stop_and_over_a_new_position(chip: Bench) -> None:
     cruise(chip)
@@ -366,6 +383,44 @@ def test_a_move_toward_an_active_limit_switch_is_ignored(
     chip.move(pos=-100 * sign)  # away from it
     chip.next_cycle(100)
     assert chip.seen("target") == -100 * sign
+
+
+@spec("PMD-ERR-3", "PMD-TRJ-13")
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_refused_destination_is_not_the_one_of_a_later_change_of_mode(
+    chip: Bench, sign: int
+) -> None:
+    chip.drive("PosLimit1" if sign > 0 else "NegLimit1", 1)
+    chip.next_cycle(2)
+    chip.send("CLR_STATUS")
+    chip.move(pos=-20_000 * sign, vel=2 << 16, acc=1 << 12)
+    chip.next_cycle(60)
+    chip.move(pos=937 * sign)
+    chip.next_cycle(2)
+    assert chip.status() == 0x0780
+    at = chip.seen("target")
+    assert (at, speed(chip)) == (-93 * sign, -2 * sign)
+    chip.send("SET_PRFL_GEAR")
+    chip.send("SET_PRFL_TRAP")
+    assert chip.trace("target", 3) == [at - 2 * n * sign for n in (1, 2, 3)]
+    chip.next_cycle(10_000)
+    assert (chip.seen("target"), chip.seen("status")) == (-20_000 * sign, 0x0381)
+
+
+@spec("PMD-ERR-3", "PMD-TRJ-13")
+def test_a_destination_refused_in_an_s_curve_is_not_the_one_of_a_trapezoid(chip: Bench) -> None:
+    chip.drive("PosLimit1", 1)
+    chip.next_cycle(2)
+    chip.send("CLR_STATUS")
+    chip.send("SET_PRFL_S_CRV")
+    chip.move(pos=-2000, vel=10 << 16, max_acc=0x2000, jerk=1 << 24, acc=1 << 14)
+    chip.next_cycle(100)
+    chip.move(pos=937)
+    chip.next_cycle()
+    assert chip.status() == 0x0780
+    chip.send("SET_PRFL_TRAP")
+    chip.next_cycle(400)
+    assert (chip.seen("target"), chip.seen("status")) == (-2000, 0x0381)
 
 
 @spec("PMD-ERR-3", "PMD-TRJ-12")

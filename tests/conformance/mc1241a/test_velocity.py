@@ -296,6 +296,39 @@ def test_a_stopped_axis_does_not_follow_when_gear_is_chosen(chip: Bench) -> None
     assert chip.seen("target") == 0
 
 
+@spec("PMD-ERR-3", "PMD-TRJ-9")
+def test_a_refused_update_does_not_set_a_stopped_axis_free(chip: Bench) -> None:
+    chip.drive("PosLimit1", 1)
+    chip.next_cycle()
+    chip.send("CLR_STATUS")
+    chip.move(pos=100, vel=2 << 16, acc=1 << 16, ratio=1 << 16)
+    chip.next_cycle()
+    assert chip.status() == 0x0380
+    chip.send("SET_PRFL_GEAR")
+    crank = Crank(chip)
+    crank.turn(5)
+    chip.next_cycle()
+    assert chip.seen("target") == 0
+    chip.send("UPDATE")
+    chip.next_cycle()
+    crank.turn(6)
+    chip.next_cycle()
+    assert chip.seen("target") == 6
+
+
+@spec("PMD-TRJ-10", "PMD-MTR-2")
+def test_a_smooth_stop_with_the_motor_off_does_not_let_the_gear_follow(chip: Bench) -> None:
+    chip.send("MTR_OFF")
+    chip.send("SMOOTH_STOP")
+    chip.move(ratio=1 << 16)
+    chip.next_cycle()
+    assert chip.status() == 0x0201
+    chip.send("SET_PRFL_GEAR")
+    Crank(chip).turn(5)
+    chip.next_cycle(2)
+    assert chip.seen("target") == 0
+
+
 @spec("PMD-TRJ-10", "PMD-TRJ-13")
 def test_a_smooth_stop_at_rest_is_not_remembered(chip: Bench) -> None:
     chip.load(pos=100, vel=8 << 16, acc=1 << 16, ratio=2 << 16)

@@ -189,6 +189,7 @@ class Axis:
         taken.stop = taken.smooth_stop = taken.synch = 0
         given, self._position_taken = self._position_taken, False
         self._update_pending = False
+        before = self.active.position
         refused = self._copy(taken)
         if stop and smooth:
             self._report(STOP_TWICE, f"axis {self.number + 1}: STOP wins over SMOOTH_STOP")
@@ -200,16 +201,18 @@ class Axis:
             profile.halt()
             self.events |= MOTION_COMPLETE  # PMD-TRJ-9
             return
-        if not self.motor_on:
-            return  # PMD-MTR-2
         if smooth and profile.mode != GEAR:
-            if profile.smooth_stop():
+            # With the motor off it rests, and goes on waiting.
+            if not self.motor_on or profile.smooth_stop():
                 self.events |= MOTION_COMPLETE  # PMD-TRJ-10, at rest
             return
+        if not self.motor_on:
+            return  # PMD-MTR-2
         if profile.mode in (TRAPEZOIDAL, S_CURVE):
             way = (taken.position << 32) - profile.position
             if (way > 0 and at_positive) or (way < 0 and at_negative):
                 self._refuse("the move leads toward an active limit switch")  # PMD-ERR-3
+                self.active.position = before
                 return
         if profile.start(self.active, given):
             self.events |= MOTION_COMPLETE  # PMD-TRJ-12

@@ -70,7 +70,7 @@ class Commands:
 
     def _fit(self, row: Command, name: str, value: int) -> int:
         """Cut data to a parameter's width, and say so if that changed it (PMD-CMD-82)."""
-        fitted = fit(name, value, row.write)
+        fitted = fit(name, value)
         if not in_range(row, fitted, value):
             self._chip.find(RANGE, f"{row.name}: {value:X}H is taken as {fitted}")
         return fitted
@@ -92,7 +92,7 @@ class Commands:
         if row.write:
             if not PARAMETERS[name].signed and PARAMETERS[name].bits < 15:
                 self._check_unused(row, value, PARAMETERS[name].bits)
-                setattr(holder, name, fit(name, value, row.write))
+                setattr(holder, name, fit(name, value))
             else:
                 setattr(holder, name, self._fit(row, name, value))
         else:
@@ -259,7 +259,7 @@ class Commands:
         return 0
 
     def _motor_command(self, row: Command, value: int) -> int:
-        fitted = clamp(fit("motor_command", value, 1), -FULL_SCALE, FULL_SCALE)
+        fitted = clamp(fit("motor_command", value), -FULL_SCALE, FULL_SCALE)
         if not in_range(row, fitted, value):
             self._chip.find(RANGE, f"{row.name}: -32768 is taken as -32767")
         return fitted

@@ -46,11 +46,11 @@ class Registers:
         ) = state  # fmt: skip
 
 
-def fit(name: str, value: int, words: int) -> int:
-    """Cut ``words`` words of data to the width of parameter ``name`` (PMD-CMD-82)."""
+def fit(name: str, value: int) -> int:
+    """Cut data to the width of parameter ``name`` (PMD-CMD-82)."""
     width = PARAMETERS[name]
     if width.signed:
-        return wrap(sign_extend(value, 16 * words), width.bits)
+        return wrap(value, width.bits)
     return value & ((1 << width.bits) - 1)
 
 

@@ -170,7 +170,7 @@ class Profile:
             return False
         running = self._state == RUNNING
         if self.mode == S_CURVE and running:
-            if active.position != self._destination and self._retarget(active.position):
+            if self._retarget(active.position):
                 self._destination = active.position
             return False
         self._smooth = False
@@ -290,6 +290,8 @@ class Profile:
         if position == self.position:
             return 0
         self._turns += (position - self.position) >> WORD_BITS
+        if self.mode == S_CURVE:
+            self._start += self.position - position
         return WRAP
 
     # -- state --------------------------------------------------------------------------------

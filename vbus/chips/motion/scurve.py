@@ -244,10 +244,6 @@ class SCurve:
         total = self._num * self._peak * (2 * self.rise + self.flat + self.hold)
         self.distance = total // self._den
         self._end_part = total - self.distance * self._den
-        if self.offset == self.distance and self._part == self._end_part:
-            self.done = True
-            self.phase = 0
-            self.velocity = 0
 
     @property
     def acceleration_distance(self) -> int:

@@ -2,16 +2,14 @@
 
 Random hosts tell both the same over the bus, while plants turn the encoders, cross indices and
 close switches. Every word read, checksums, HostRdy, ~HostIntrpt and all 16 microstep look-ups of
-each cycle must be equal. 100,000 cycles of 542.72 us are compared; ``VBUS_REFERENCE=10000000`` in
+each cycle must be equal. 80,000 cycles of 542.72 us are compared; ``VBUS_REFERENCE=10000000`` in
 the environment asks for that many, on more seeds. The same seed is the same run.
 """
 
-import ast
 import os
 from bisect import bisect_right
 from collections import deque
 from itertools import pairwise
-from pathlib import Path
 from random import Random
 
 import pytest
@@ -22,8 +20,8 @@ from vbus.chips.mc1241a import MC1241A
 from vbus.kernel import NS, Clock, Kernel
 from vbus.signals import OFF, Observer, Pin, Plant, Policy, Switch
 
-CYCLES = int(os.environ.get("VBUS_REFERENCE", "100000"))
-CYCLES_OF_A_SEED = 2500
+CYCLES = int(os.environ.get("VBUS_REFERENCE", "80_000"))
+CYCLES_OF_A_SEED = 2000
 
 CLK = 40 * NS
 SLOT = 1696 * CLK
@@ -511,39 +509,7 @@ class Host(Pair):
     def say(self, name: str) -> None:
         if name == "RESET" and self.random.random() < 0.8:
             return
-        if not self.unsettled(name):
-            self.send(name, self.value(name), checksum=self.random.random() < 0.1)
-
-    def unsettled(self, name: str) -> bool:
-        """Tell whether a command would lead to where chip and model are known to differ.
-
-        With the motor off SMOOTH_STOP does not set motion complete at its update (NOTES 8, as STOP
-        does); a motor may also stall while SMOOTH_STOP is loaded. A destination refused in motion
-        (PMD-ERR-3) is the one of a trapezoid chosen after that. An S-curve that has wrapped, and is
-        then given another position, takes no new end (NOTES 14).
-        """
-        axis = self.model.current
-        if name == "SMOOTH_STOP":
-            return not axis.motor_on or (axis.auto_stop and axis.step_ratio != 0)
-        if name in ("MTR_OFF", "SET_STEP_RATIO", "SET_AUTO_STOP_ON"):
-            pending = axis.pending[1] if axis.pending else set()
-            return "SMOOTH_STOP" in axis.told | pending
-        if name in PROFILES:
-            moving = axis.velocity != 0 or axis.in_motion()
-            return moving and axis.active["POS"] != axis.buffered["POS"]
-        if name in ("SET_ACTL_POS", "SYNCH_PRFL"):
-            return axis.curve is not None and abs(axis.target) > 1 << 61
-        return False
-
-    def send(self, name: str, value: int = 0, checksum: bool = False) -> int:
-        # A smooth stop does not end in an S-curve that reaches its velocity in one cycle (jerk not
-        # below the velocity in the jerk's unit), so there are none.
-        buffered = self.model.current.buffered
-        if name == "SET_JERK" and buffered["VEL"]:
-            value = (value & 0x7FFFFFFF) % (buffered["VEL"] << 16)
-        if name == "SET_VEL" and value & 0x3FFFFFFF:
-            value = max(value & 0x3FFFFFFF, (buffered["JERK"] >> 16) + 1)
-        return super().send(name, value, checksum)
+        self.send(name, self.value(name), checksum=self.random.random() < 0.1)
 
     def settle(self) -> None:
         """Load what moves an axis at a pleasant pace."""
@@ -617,7 +583,7 @@ class Host(Pair):
                 self.write(random.randrange(1 << 16))
             if random.random() < 0.5:
                 self.write_byte(random.randrange(256))
-            return
+            self.look()
         elif kind == 2:
             name = random.choice(GETS)
             self.tell(f"{name} {CODES[name]:02X}, cut short")
@@ -626,7 +592,7 @@ class Host(Pair):
             expected = self.model.word() >> 8
             if (got := self.read_byte()) != expected:
                 self.differ(f"first byte of {name}", got, expected)
-            return
+            self.look()
         elif kind == 3:
             # Written between the bytes of a word that is read: it stays as it was.
             self.send("SET_1")
@@ -808,17 +774,6 @@ class Model(reference.MC1241A):
             self.cycle()
             targets.append(reference.signed(self.send("GET_TRGT_POS"), 32))
         return targets
-
-
-def test_the_model_imports_nothing_of_the_emulator() -> None:
-    tree = ast.parse(Path(reference.__file__).read_text())
-    imported: set[str] = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            imported |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            imported.add(node.module or "")
-    assert imported == {"math", "collections.abc"}
 
 
 def test_a_difference_names_seed_cycle_packets_and_both_values() -> None:
