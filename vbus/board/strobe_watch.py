@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
+from vbus.board import plugins
 from vbus.chips.base import Chip
 from vbus.signals import Net
-from vbus.trace.bus_watch import WATCHES, BusWatch
+from vbus.trace.bus_watch import BusWatch
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -37,7 +38,9 @@ class StrobeWatch:
         self._board: Board = board
         self._label: str = label
         self._rows: list[_Row] = [
-            _Row(chip, WATCHES[chip.FAMILY]()) for chip in chips if chip.FAMILY in WATCHES
+            _Row(chip, follow())
+            for chip in chips
+            if (follow := plugins.family(chip.FAMILY).load("bus", BusWatch)) is not None
         ]
         self._told: int = 0
         self._noted: bool = False
