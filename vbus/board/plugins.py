@@ -117,7 +117,9 @@ def _family(name: str) -> Family:
 
 
 def families() -> list[Family]:
-    """Return every family that is registered, each once; broken plug-ins are left out.
+    """Return every family that is registered, each once, those that come with vbus first.
+
+    Broken plug-ins are left out.
 
     Raises:
         PluginError: none is registered at all, or a name is claimed twice.
@@ -127,7 +129,7 @@ def families() -> list[Family]:
         with suppress(PluginError):
             one = _family(name)
             found.setdefault((one.name, one.chip), one)
-    return list(found.values())
+    return sorted(found.values(), key=lambda one: not one.home.startswith(f"{CHIPS}."))
 
 
 def family(name: str) -> Family:

@@ -35,6 +35,14 @@ class Family:
         reset_pin: the input of the hardware reset.
         reset_write: address and byte that reset the chip.
         reset_name: what that write is called.
+        access: how a client moves words or values, where the usual way is not enough: the class
+            that the calls made from the tables are added to.
+        host: its blocking client, a class made with a bus and the chip's name.
+        demo: its demonstration, a ``Demo``.
+        demo_name: what the demonstration is called by.
+        typical: parts for tests that say no more than how the part number begins.
+        clock: their usual clock.
+        plant: the usual plant model behind their axes.
         outputs: pins a host looks at, and that are compared with silicon.
         channels: sigrok's names of the control lines; made from those of the pins if left out.
         addresses: what its page says of each bus address: number, how, read, write.
@@ -51,6 +59,13 @@ class Family:
     bus: str = ""
     packets: str = ""
     coverage: str = ""
+    access: str = ""
+    host: str = ""
+    demo: str = ""
+    demo_name: str = ""
+    typical: tuple[str, ...] = ()
+    clock: str = "8 MHz"
+    plant: str = "dc_motor"
     reset_pin: str = ""
     reset_write: tuple[int, int] | None = None
     reset_name: str = "RESET command"

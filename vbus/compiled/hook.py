@@ -37,8 +37,8 @@ COMPILED: Final = (
 
 COLD: Final = frozenset({
     "__init__.py", "clauses.py", "tables.py",
-    "family.py", "datasheet.py", "bus.py", "packets.py", "coverage.py", "upsets.py", "host.py",
-    "demo.py",
+    "family.py", "datasheet.py", "bus.py", "packets.py", "coverage.py", "upsets.py",
+    "access.py", "host.py", "demo.py",
 })  # fmt: skip
 """Tables, what reads them once, and of a chip's folder all but its behaviour; by names of files."""
 

@@ -21,8 +21,8 @@ _VALUES: Final = ("status", "signals", "mode")
 @click.argument("what")
 @click.argument("items", metavar="[BYTE]...", nargs=-1)
 @click.option("--status", metavar="HEX", help="Explain a status byte or word.")
-@click.option("--signals", metavar="HEX", help="Explain a signals word (LM628).")
-@click.option("--mode", metavar="HEX", help="Explain a mode word (MC1241A).")
+@click.option("--signals", metavar="HEX", help="Explain a signals word.")
+@click.option("--mode", metavar="HEX", help="Explain a mode word.")
 @click.option("--no-progress", is_flag=True, help="Show no progress bar.")
 def command(
     what: str, items: tuple[str, ...], status: str | None, signals: str | None, mode: str | None,
