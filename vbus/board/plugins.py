@@ -20,6 +20,9 @@ PLANTS: Final = "vbus.plants"
 PROTOCOLS: Final = "vbus.protocols"
 TRANSPORTS: Final = "vbus.transports"
 
+_LOADED: Final[dict[EntryPoint, Family]] = {}
+"""Families by entry point, once they are loaded."""
+
 _Part = TypeVar("_Part", Chip, Plant)
 _KINDS: Final = {
     CHIPS: "part",
@@ -109,11 +112,14 @@ def family_of(part: str) -> Family:
 
 
 def _family(name: str) -> Family:
-    found = load(CHIPS, name)
-    if isinstance(found, Family):
-        return found
-    chip = _checked(CHIPS, name, found, Chip)
-    return Family(chip.FAMILY, chip)
+    entry = _entries(CHIPS)[name]
+    if entry not in _LOADED:
+        found = load(CHIPS, name)
+        if not isinstance(found, Family):
+            chip = _checked(CHIPS, name, found, Chip)
+            found = Family(chip.FAMILY, chip)
+        _LOADED[entry] = found
+    return _LOADED[entry]
 
 
 def families() -> list[Family]:
@@ -133,7 +139,14 @@ def families() -> list[Family]:
 
 
 def family(name: str) -> Family:
-    """Return the family called ``name``; one of which nothing else is known if nobody has it."""
+    """Return the family called ``name``; one of which nothing else is known if nobody has it.
+
+    Where a board has chips of it, no other plug-in is loaded.
+    """
+    loaded = (_LOADED.get(entry) for entry in _entries(CHIPS).values())
+    for one in loaded:
+        if one is not None and one.name == name:
+            return one
     return next((one for one in families() if one.name == name), Family(name))
 
 

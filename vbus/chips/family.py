@@ -1,7 +1,7 @@
 """A chip family: the one object that names all that is known of it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeVar
@@ -32,6 +32,9 @@ class Family:
         bus: what makes cycles of edges, a ``BusWatch``.
         packets: what reads cycles in the manual's words, a ``Decoder``.
         coverage: what a host can exercise, an ``Exercises``; made from the tables if left out.
+        upsets: what faults can do inside its chips, an ``Upsets``.
+        strobes: the control lines that fall for a read and for a write cycle.
+        limits: the inputs of limit switches by side, ``{}`` for the number of the axis.
         reset_pin: the input of the hardware reset.
         reset_write: address and byte that reset the chip.
         reset_name: what that write is called.
@@ -66,6 +69,9 @@ class Family:
     typical: tuple[str, ...] = ()
     clock: str = "8 MHz"
     plant: str = "dc_motor"
+    upsets: str = ""
+    strobes: tuple[str, ...] = ()
+    limits: Mapping[str, str] = field(default_factory=dict)
     reset_pin: str = ""
     reset_write: tuple[int, int] | None = None
     reset_name: str = "RESET command"

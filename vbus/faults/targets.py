@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from vbus.board import plugins
 from vbus.board.settings import listed
 from vbus.chips.base import Chip
-from vbus.faults.fitting import STROBES
 from vbus.faults.row import CHIP, LINK, Fault
 from vbus.plant.shaft import Shaft
 
@@ -42,7 +42,7 @@ def find_target(board: Board, fault: Fault, target: str) -> str:
     if fault.target == CHIP:
         if number:
             raise ValueError(f'{fault.name} is a fault of the chip: write "{chip.name}"')
-        if fault.family == "bus" and chip.FAMILY not in STROBES:
+        if fault.family == "bus" and not plugins.family(chip.FAMILY).strobes:
             raise ValueError(f"{fault.name}: the bus of a {chip.part} is not known here")
         return chip.name
     return _axis(board, fault, chip, number or "1")
