@@ -159,3 +159,41 @@ def test_a_client_brings_no_behaviour_of_a_chip(module: str) -> None:
     files = [parts for parts in names if len(parts) > 2 and room(parts) == "chips"]
     assert {parts[2] for parts in files} == {"datasheet"}
     assert ["chips", "base"] not in names
+
+
+NAMED = re.compile(r"lm62[89]|mcp_?-?1200|mc1[12]41a", re.IGNORECASE)
+
+
+def asks_for_a_family(node: ast.AST) -> bool:
+    """Whether a piece of code compares ``FAMILY``, or looks something up by it."""
+    if isinstance(node, ast.Compare):
+        asked = [node.left, *node.comparators]
+    elif isinstance(node, ast.Subscript):
+        asked = [node.slice]
+    else:
+        return False
+    return any(isinstance(part, ast.Attribute) and part.attr == "FAMILY" for part in asked)
+
+
+def words(node: ast.AST) -> Iterator[str]:
+    """Give the names and texts of a piece of code."""
+    for field in ("id", "attr", "name", "module", "value"):
+        if isinstance(word := getattr(node, field, None), str):
+            yield word
+
+
+def test_nobody_else_knows_a_family_of_chips() -> None:
+    found = []
+    for path in FILES:
+        text = path.read_text()
+        if path.is_relative_to(ROOT / "chips") or re.match("# (Made|Generated) ", text):
+            continue
+        if not NAMED.search(text) and "FAMILY" not in text:
+            continue
+        tree = ast.parse(text)
+        told = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            named = node not in told and any(NAMED.search(word) for word in words(node))
+            if named or asks_for_a_family(node):
+                found.append(f"{path.relative_to(ROOT)}: {ast.unparse(node)}")
+    assert found == []

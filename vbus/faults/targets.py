@@ -29,13 +29,13 @@ def find_target(board: Board, fault: Fault, target: str) -> str:
         return name
     chip_name, _, number = target.partition(".")
     if not chip_name:
-        fits = [c for c in board.chips if not fault.families or c.FAMILY in fault.families]
+        fits = [chip for chip in board.chips if fault.exists_for(chip.FAMILY)]
         if len(fits) != 1:
             names = listed(c.name for c in fits or board.chips)
             raise ValueError(f"{fault.name}: say on which target; there are {names}")
         chip_name = fits[0].name
     chip = board.chip(chip_name)
-    if fault.families and chip.FAMILY not in fault.families:
+    if not fault.exists_for(chip.FAMILY):
         raise ValueError(
             f'{fault.name} exists for {listed(fault.families)}; "{chip.name}" is a {chip.part}'
         )

@@ -63,7 +63,8 @@ def chip_bench(bench: Bench, start: str) -> ChipBench:
             " take vbus_board to look at chips and plants"
         )
     board = fitted.board
-    chip = next((chip for chip in board.chips if family.name == chip.FAMILY), None)
+    cls = plugins.chip_of(family)
+    chip = next((chip for chip in board.chips if isinstance(chip, cls)), None)
     if chip is None:
         have = ", ".join(f"{chip.name} = {chip.part}" for chip in board.chips)
         raise VbusError(f'board "{board.name}" has no {part} or kin; it has {have}')
