@@ -14,8 +14,9 @@ import click
 import pytest
 
 from tests.e2e.command import start, vbus
+from vbus.chips.lm628 import demo as lm629
 from vbus.tools import demo
-from vbus.tools.demos import NAMES, lm629
+from vbus.tools.demos import NAMES
 
 pytestmark = pytest.mark.slow
 

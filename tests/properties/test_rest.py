@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.differential.drive import MOTION, Host
-from vbus.chips.lm628 import LM628
+from vbus.chips.lm628.chip import LM628
 from vbus.chips.lm628.datasheet import COMMANDS as LM
 from vbus.chips.mc1241a.datasheet import COMMANDS as PMD
 from vbus.kernel import MS, SECOND, US

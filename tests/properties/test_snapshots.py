@@ -15,7 +15,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.faults.row import AXIS, LASTS, LINK
-from vbus.faults.table import FAULTS
+from vbus.faults.table import faults
 from vbus.kernel import MS, NS
 from vbus.protocols.port import PortError
 
@@ -24,6 +24,7 @@ OPERATIONS = 160
 KEPT = 1000
 
 Operation = tuple[object, ...]
+FAULTS = faults()
 NAMES = sorted(name for name, fault in FAULTS.items() if fault.target != LINK)
 COMMANDS = {"lm": ("LTRJ", "STT", "RDSTAT"), "mc": ("UPDATE", "SET_VEL"), "mcp": ("KP", "R05H")}
 EDGES = {"lm": ("/WR", "/RST"), "mc": ("~HostWrite", "~Reset"), "mcp": ("/CS", "/RESET")}

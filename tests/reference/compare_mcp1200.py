@@ -14,7 +14,7 @@ from random import Random
 
 from tests.reference import mcp1200
 from tests.reference.mcp1200 import IDLE, RESET, Reference
-from vbus.chips.mcp1200 import MCP1200
+from vbus.chips.mcp1200.chip import MCP1200
 from vbus.kernel import Clock, Kernel
 from vbus.signals import OFF, Pin, Plant, Policy
 

@@ -16,7 +16,7 @@ import pytest
 
 from tests.reference import mc1241a as reference
 from tests.reference.mc1241a import COMMANDS, SINE, SINE_120, dac_word, pwm, scaled
-from vbus.chips.mc1241a import MC1241A
+from vbus.chips.mc1241a.chip import MC1241A
 from vbus.kernel import NS, Clock, Kernel
 from vbus.signals import OFF, Observer, Pin, Plant, Policy, Switch
 

@@ -14,7 +14,7 @@ from vbus.board.host_bus import HostBus
 from vbus.kernel import MS, US
 from vbus.tools.generate.sigrok import targets
 from vbus.tools.generate.targets import stale
-from vbus.trace.bus_watch import WATCHES
+from vbus.trace.conform_start import watch_of
 from vbus.trace.decode import BoardPackets
 from vbus.trace.journal import Journal
 from vbus.trace.journal_format import JournalReader
@@ -132,8 +132,8 @@ def test_sigrok_prints_what_the_journal_says(
     journal = Journal(board, recorded, text)
     capture = tmp_path / "run.vcd"
     with capture.open("w") as file:
-        control = WATCHES[family].PINS
-        data = WATCHES[family].DATA
+        watch = watch_of(board.chips[0])
+        control, data = watch.PINS, watch.DATA
         wave = Wave(board, file, "sigrok", signals=[f"x.{pin}" for pin in (*control, data)])
         wave.start()
         port = board.open_port("h")

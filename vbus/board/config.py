@@ -15,7 +15,7 @@ from vbus.board.settings import check_table, listed, quoted, suggestion
 from vbus.board.source import BoardFileError, Problem, Source
 from vbus.board.toml_lines import Path
 from vbus.errors import PluginError
-from vbus.faults.table import FAULTS
+from vbus.faults.table import faults
 from vbus.options import Option, Value
 from vbus.signals.axis import SWITCHES
 
@@ -405,12 +405,13 @@ class _Reader:
                 self._source.fail(where, f"found {quoted(table)}; this is a table")
                 continue
             name = table.get("fault", "")
-            row = FAULTS.get(name) if isinstance(name, str) else None
+            known = faults()
+            row = known.get(name) if isinstance(name, str) else None
             if row is None and isinstance(name, str) and name:
                 self._source.fail(
                     (*where, "fault"),
-                    f"there is no fault {quoted(name)}; {suggestion(name, FAULTS)}known are"
-                    f" {listed(FAULTS)}",
+                    f"there is no fault {quoted(name)}; {suggestion(name, known)}known are"
+                    f" {listed(known)}",
                 )
                 continue
             own = row.parameters if row is not None else ()

@@ -5,11 +5,13 @@ anybody else's. Nothing is scanned at import.
 """
 
 import difflib
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Final, TypeVar
 
 from vbus.chips.base import Chip
+from vbus.chips.family import Family
 from vbus.errors import PluginError
 from vbus.signals import Plant
 
@@ -17,6 +19,9 @@ CHIPS: Final = "vbus.chips"
 PLANTS: Final = "vbus.plants"
 PROTOCOLS: Final = "vbus.protocols"
 TRANSPORTS: Final = "vbus.transports"
+
+_LOADED: Final[dict[EntryPoint, Family]] = {}
+"""Families by entry point, once they are loaded."""
 
 _Part = TypeVar("_Part", Chip, Plant)
 _KINDS: Final = {
@@ -90,19 +95,80 @@ def _import(entry: EntryPoint, group: str) -> object:
         ) from error
 
 
-def chip_class(part: str) -> type[Chip]:
-    """Return the class behind a part number.
+def family_of(part: str) -> Family:
+    """Return the family behind a part number.
 
-    Entry points of ``vbus.chips`` are named by the start of the part numbers they make; the
-    longest name that fits wins, so ``LM629`` may be somebody else's than ``LM62``.
+    Entry points of ``vbus.chips`` are named by the start of the part numbers they answer for; the
+    longest name that fits wins, so ``LM629`` may be somebody else's than ``LM62``. An entry is a
+    :class:`~vbus.chips.family.Family`, or a chip class: a family of which nothing else is known.
 
     Raises:
-        PluginError: no name fits, the entry point is broken, or it is not a chip.
+        PluginError: no name fits, the entry point is broken, or it is neither.
     """
     fitting = [name for name in _entries(CHIPS) if part.startswith(name)]
     if not fitting:
         raise PluginError(f'unknown part "{part}"; {known(CHIPS, part)}')
-    return _class(CHIPS, max(fitting, key=len), Chip)
+    return _family(max(fitting, key=len))
+
+
+def _family(name: str) -> Family:
+    entry = _entries(CHIPS)[name]
+    if entry not in _LOADED:
+        found = load(CHIPS, name)
+        if not isinstance(found, Family):
+            chip = _checked(CHIPS, name, found, Chip)
+            found = Family(chip.FAMILY, chip)
+        _LOADED[entry] = found
+    return _LOADED[entry]
+
+
+def families() -> list[Family]:
+    """Return every family that is registered, each once, those that come with vbus first.
+
+    Broken plug-ins are left out.
+
+    Raises:
+        PluginError: none is registered at all, or a name is claimed twice.
+    """
+    found: dict[tuple[str, object], Family] = {}
+    for name in names(CHIPS):
+        with suppress(PluginError):
+            one = _family(name)
+            found.setdefault((one.name, one.chip), one)
+    return sorted(found.values(), key=lambda one: not one.home.startswith(f"{CHIPS}."))
+
+
+def family(name: str) -> Family:
+    """Return the family called ``name``; one of which nothing else is known if nobody has it.
+
+    Where a board has chips of it, no other plug-in is loaded.
+    """
+    loaded = (_LOADED.get(entry) for entry in _entries(CHIPS).values())
+    for one in loaded:
+        if one is not None and one.name == name:
+            return one
+    return next((one for one in families() if one.name == name), Family(name))
+
+
+def chip_class(part: str) -> type[Chip]:
+    """Return the class behind a part number.
+
+    Raises:
+        PluginError: as :func:`family_of`, or the class cannot be imported.
+    """
+    return chip_of(family_of(part))
+
+
+def chip_of(one: Family) -> type[Chip]:
+    """Return the chip class of a family.
+
+    Raises:
+        PluginError: it cannot be imported, or there is none.
+    """
+    found = one.load("chip", Chip)
+    if found is None:
+        raise PluginError(f"family {one.name} names no chip class")
+    return found
 
 
 def chip_classes() -> list[type[Chip]]:
@@ -112,11 +178,9 @@ def chip_classes() -> list[type[Chip]]:
         PluginError: none is registered at all, or a name is claimed twice.
     """
     found: dict[type[Chip], None] = {}
-    for name in names(CHIPS):
-        try:
-            found[_class(CHIPS, name, Chip)] = None
-        except PluginError:
-            continue
+    for one in families():
+        with suppress(PluginError):
+            found[chip_of(one)] = None
     return list(found)
 
 
@@ -126,11 +190,10 @@ def plant_class(model: str) -> type[Plant]:
     Raises:
         PluginError: the name is unknown, the entry point is broken, or it is not a plant.
     """
-    return _class(PLANTS, model, Plant)
+    return _checked(PLANTS, model, load(PLANTS, model), Plant)
 
 
-def _class(group: str, name: str, base: type[_Part]) -> type[_Part]:
-    found = load(group, name)
+def _checked(group: str, name: str, found: object, base: type[_Part]) -> type[_Part]:
     if not isinstance(found, type) or not issubclass(found, base):
         raise PluginError(
             f'{_KINDS[group]} "{name}" of {_origin(_entries(group)[name])} is not a subclass of'

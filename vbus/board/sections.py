@@ -93,7 +93,7 @@ class ChipSection(Section, frozen=True, kw_only=True):
     """``[chips.NAME]``: one chip; the part adds keys of its own."""
 
     name: str
-    part: Annotated[str, _key("text", "part number as ordered, such as LM629N-8")]
+    part: Annotated[str, _key("text", "part number as ordered")]
     clock: Annotated[int, _key("Hz", "frequency at the CLK pin", low=1)]
     plant: Annotated[
         str, _key("text", 'the plant of a part with one axis; "none": no mechanics')

@@ -3,10 +3,11 @@
 from collections.abc import Callable
 from typing import Final
 
+from vbus.board import plugins
 from vbus.board.circuit import Circuit
 from vbus.chips.base import Chip
 from vbus.signals import Net
-from vbus.trace.bus_watch import WATCHES, BusWatch
+from vbus.trace.bus_watch import BusWatch
 
 SETTLE_EVERY: Final = 4096
 """Bus cycles after which lazy chips are brought up to date, to bound what observers hold."""
@@ -33,7 +34,9 @@ class StrobeWatch:
         self._board: Circuit = board
         self._label: str = label
         self._rows: list[_Row] = [
-            _Row(chip, WATCHES[chip.FAMILY]()) for chip in chips if chip.FAMILY in WATCHES
+            _Row(chip, follow())
+            for chip in chips
+            if (follow := plugins.family(chip.FAMILY).load("bus", BusWatch)) is not None
         ]
         self._told: int = 0
         self._noted: bool = False

@@ -3,13 +3,12 @@
 from typing import Any
 
 from vbus.board.circuit import Circuit
-from vbus.faults import chip as chips
 from vbus.faults.armed import ACTING, Armed, LinkActs
 from vbus.faults.axis import AxisFaults
 from vbus.faults.bus import BusFault, Later
 from vbus.faults.clock import CLOCKS, ClockFaults
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE
-from vbus.faults.table import FAULTS
+from vbus.faults.upsets import upsets_of
 from vbus.options import Value
 
 
@@ -73,7 +72,7 @@ class Acts:
             return bus.begin()
         if armed.name in CLOCKS:
             return self.clock(armed.target).begin(armed.number, armed.name, armed.values)
-        return chips.begin(chip, armed.name, armed.values)
+        return upsets_of(chip).begin(armed.name, armed.values)
 
     def end(self, armed: Armed) -> str:
         """Let a fault act no more; return what there is to say about it."""
@@ -90,7 +89,7 @@ class Acts:
         elif armed.name in CLOCKS:
             return self.clock(armed.target).end(armed.number)
         elif fault.acts == LASTS:
-            chips.end(self._board.chip(armed.target), armed.name, armed.values)
+            upsets_of(self._board.chip(armed.target)).end(armed.name, armed.values)
         return ""
 
     # -- state --------------------------------------------------------------------------------
@@ -133,10 +132,10 @@ class Acts:
     def go_on(self, acting: list[Armed]) -> None:
         """Everything is loaded: let what acts on chips and buses act again."""
         for chip in self._board.chips:
-            for name in ("power_on_c4", "busy_longest"):
-                if chip.FAMILY in FAULTS[name].families:
-                    on = any(one.name == name and one.target == chip.name for one in acting)
-                    chips.restore(chip, name, on)
+            upsets = upsets_of(chip)
+            for row in upsets.FAULTS:
+                on = any(one.name == row.name and one.target == chip.name for one in acting)
+                upsets.restore(row.name, on)
         for one in acting:
             if one.fault.family == "bus":
                 bus = BusFault(self._board.chip(one.target), one.name, one.values, self._later)

@@ -2,12 +2,13 @@
 
 from typing import Final
 
+from vbus.board import plugins
 from vbus.chips.base import Chip
-from vbus.faults import fitting
 from vbus.faults.plant import PLAY, SHARE, STUCK_A, STUCK_B, WHOLE, FaultyPlant
+from vbus.faults.upsets import Upsets, upsets_of
 from vbus.options import Value
 from vbus.plant.shaft import Mechanics, Shaft
-from vbus.signals import HIGH, LOW, Pin, Plant, Switch, Z
+from vbus.signals import HIGH, Pin, Plant, Switch, Z
 
 NOWHERE: Final = 1 << 62
 
@@ -33,6 +34,7 @@ class AxisFaults:
 
     def __init__(self, chip: Chip, axis: int, plant: Plant) -> None:
         self.chip: Chip = chip
+        self.upsets: Upsets = upsets_of(chip)
         self.axis: int = axis
         self.plant: Plant = plant
         self.wrapper: FaultyPlant | None = None
@@ -82,14 +84,14 @@ class AxisFaults:
             self._switches()
         else:
             self._between()
-        fitting.disturb(self.chip)
+        self.upsets.disturb()
 
     def _describe(self, name: str, values: dict[str, Value]) -> str:
         if name == "offset_jump":
             counts = int(values["counts"])
             return f"count {self.count} became {self.count + counts}"
         if name == "glitch":
-            width, least = int(values["width"]), fitting.filter_ps(self.chip, self.axis)
+            width, least = int(values["width"]), self.upsets.filter_ps(self.axis)
             if width < least:
                 return f"a pulse of {width} ps on A: the filter wants {least} ps and drops it"
             return f"a pulse of {width} ps on A is counted until it ends"
@@ -103,7 +105,7 @@ class AxisFaults:
     def _wrap(self) -> FaultyPlant:
         if self.wrapper is None:
             self.wrapper = FaultyPlant(self.plant)
-            fitting.exchange(self.chip, self.axis, self.plant, self.wrapper)
+            self.upsets.exchange(self.axis, self.plant, self.wrapper)
         return self.wrapper
 
     def _between(self) -> None:
@@ -113,7 +115,7 @@ class AxisFaults:
         self.set_up(wrapper)
         if wrapper.plain:
             self.wrapper = None
-            fitting.exchange(self.chip, self.axis, wrapper, self.plant)
+            self.upsets.exchange(self.axis, wrapper, self.plant)
 
     def set_up(self, wrapper: FaultyPlant) -> None:
         """Say what is broken; where the encoder stands is left alone."""
@@ -149,7 +151,7 @@ class AxisFaults:
 
     def _pulse(self, wrapper: FaultyPlant) -> None:
         """A pulse on A that is longer than the filter moves the count by one, and back."""
-        least = fitting.filter_ps(self.chip, self.axis)
+        least = self.upsets.filter_ps(self.axis)
         long = sum(
             1 for name, values, _ in self.acting.values()
             if name == "glitch" and int(values["width"]) >= least
@@ -195,8 +197,7 @@ class AxisFaults:
                 which = str(values["switch"])
                 if values.get("state", "closed") == "closed":
                     switch = self.plant.switches.get(which)
-                    rest = HIGH if self.chip.FAMILY == "mc1241a" else LOW
-                    closed[which] = rest if switch is None else switch.active
+                    closed[which] = self.upsets.LIMIT_CLOSED if switch is None else switch.active
                 else:
                     opened.add(which)
         for which in ("limit+", "limit-"):
@@ -209,7 +210,7 @@ class AxisFaults:
         if pin is None:
             if level == Z:
                 return
-            name = fitting.LIMITS[self.chip.FAMILY][which].format(self.axis + 1)
+            name = plugins.family(self.chip.FAMILY).limits[which].format(self.axis + 1)
             pin = self._pins[which] = Pin(f"fault:{which}", self.chip.pins[name].net)
         pin.drive(level)
         self.chip.kernel.settle()
@@ -236,7 +237,7 @@ class AxisFaults:
             self.set_up(wrapper)
             if not wrapped:
                 self.wrapper = None
-                fitting.exchange(self.chip, self.axis, wrapper, self.plant)
+                self.upsets.exchange(self.axis, wrapper, self.plant)
 
     def _refit_if_needed(self) -> None:
         if self._nominal is not None or any(name in SHAFT for name, _, _ in self.acting.values()):

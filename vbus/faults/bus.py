@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
+from vbus.board import plugins
 from vbus.chips.base import Chip
-from vbus.faults.fitting import STROBES
 from vbus.options import Value
 from vbus.signals import HIGH, LOW, Net, Observer, Pin
 
@@ -31,7 +31,7 @@ class BusFault(Observer):
         self._pin: Pin | None = None
         self._inside: bool = False
         self._gap: bool = False
-        read, write = STROBES[chip.FAMILY]
+        read, write = plugins.family(chip.FAMILY).strobes
         way = str(values.get("cycles", "both"))
         names = {"read": (read,), "write": (write,), "both": (read, write)}[way]
         self._way: str = way
@@ -40,11 +40,6 @@ class BusFault(Observer):
             net = chip.pins[strobe].net
             if net not in self.strobes:
                 self.strobes.append(net)
-
-    @staticmethod
-    def possible(chip: Chip) -> bool:
-        """Whether the chip's bus is known."""
-        return chip.FAMILY in STROBES
 
     def begin(self, again: bool = False) -> str:
         """Bend the nets; return what is changed.

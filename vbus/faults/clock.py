@@ -1,10 +1,9 @@
 """Faults of a chip's oscillator: it stands, or is off its frequency."""
 
-from collections.abc import Callable
 from typing import Any, Final
 
 from vbus.chips.base import Chip
-from vbus.faults import fitting
+from vbus.faults.upsets import Upsets, upsets_of
 from vbus.kernel import HELD, NEVER
 from vbus.options import Value
 from vbus.signals import Plant
@@ -12,10 +11,6 @@ from vbus.signals import Plant
 STOPPED: Final = "clock_stopped"
 CLOCKS: Final = frozenset({STOPPED, "clock_off"})
 """Faults of this kind, by name."""
-PERIODS_CLK: Final = {"lm628": 2048, "mc1241a": 1696}
-"""For how many cycles of CLK a chip drives its mechanics, where that is always the same."""
-
-Shift = Callable[[int, int], int]
 
 
 class ClockFaults:
@@ -34,6 +29,7 @@ class ClockFaults:
         self.chip: Chip = chip
         self.acting: dict[int, tuple[str, dict[str, Value]]] = {}
         self._plants: list[Plant] = plants
+        self._upsets: Upsets = upsets_of(chip)
 
     def begin(self, number: int, name: str, values: dict[str, Value]) -> str:
         """Let a fault act; return what it changes."""
@@ -57,24 +53,14 @@ class ClockFaults:
             ppm = sum(int(values["ppm"]) for _, values in self.acting.values())
             clock.run(now, ppm)
             text = f"CLK runs at {clock.frequency:.12g} Hz from cycle {clock.cycle_at(now)} on"
-        self._tell_period()
+        if clock.frequency:
+            self._upsets.set_frequency(clock.frequency, self._plants)
         if clock.stopped != stood:
-            _move(chip, _held if clock.stopped else _resumed)
-        _follow(chip)
+            self._upsets.move(_held if clock.stopped else _resumed)
+        self._upsets.follow()
+        self._upsets.disturb()
+        chip.kernel.settle()
         return text
-
-    def _tell_period(self) -> None:
-        """Mechanics live in seconds: how long a period is has changed."""
-        inside: Any = self.chip
-        now = self.chip.clock.frequency
-        if not now:
-            return
-        if self.chip.FAMILY == "mcp1200":
-            inside.works.encoder.clk_hz = now
-            inside.works.encoder._prepared = 0  # from the next period on
-        elif self.chip.FAMILY in PERIODS_CLK:
-            for plant in self._plants:
-                plant.prepare(PERIODS_CLK[self.chip.FAMILY] / now)
 
     # -- state --------------------------------------------------------------------------------
 
@@ -82,9 +68,8 @@ class ClockFaults:
         """Take back the clock a saved state has; the chip's own state comes after."""
         self.acting = acting
         self.chip.clock.load(courses)
-        if self.chip.FAMILY == "mcp1200" and not self.chip.clock.stopped:
-            inside: Any = self.chip
-            inside.works.encoder.clk_hz = self.chip.clock.frequency
+        if not self.chip.clock.stopped:
+            self._upsets.restore_frequency(self.chip.clock.frequency)
 
 
 def _held(when: int, now: int) -> int:
@@ -95,37 +80,3 @@ def _held(when: int, now: int) -> int:
 def _resumed(when: int, now: int) -> int:
     """The clock runs again: what was ahead is ahead by as much as it was."""
     return when - HELD + now if HELD <= when < NEVER else when
-
-
-def _move(chip: Chip, shift: Shift) -> None:
-    """Hold the instants that a chip waits for, or give them back."""
-    inside: Any = chip
-    now: int = chip.kernel.now
-    if chip.FAMILY == "lm628":
-        inside.host.busy_end = shift(inside.host.busy_end, now)
-        inside._reset_end = shift(inside._reset_end, now)
-        inside.encoder.index_at = shift(inside.encoder.index_at, now)
-    elif chip.FAMILY == "mc1241a":
-        inside.port.busy_until = shift(inside.port.busy_until, now)
-        inside.interrupts.quiet_until = shift(inside.interrupts.quiet_until, now)
-        inside.output._queue = [(shift(one[0], now), *one[1:]) for one in inside.output._queue]
-        inside.cycles.pause(chip.clock.stopped)
-
-
-def _follow(chip: Chip) -> None:
-    """The course of the clock is another: so is when the next things come."""
-    inside: Any = chip
-    if chip.FAMILY == "lm628":
-        inside._outputs.due = 0
-        if inside.powered:
-            inside._place_sample()
-        if not chip.clock.stopped:
-            inside.encoder.index_at = (
-                NEVER if inside.encoder.index_at == NEVER
-                else min(inside.encoder.index_at, inside._sample_at)
-            )  # fmt: skip
-            inside._encoder_pins.look()
-    elif chip.FAMILY == "mc1241a" and not inside.stopped():
-        inside.cycles.replan(inside.port.busy_until)
-    fitting.disturb(chip)
-    chip.kernel.settle()

@@ -14,7 +14,7 @@ from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed
 from vbus.faults.parameters import check_parameters
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault
 from vbus.faults.state import armed_of, record
-from vbus.faults.table import FAULTS
+from vbus.faults.table import faults
 from vbus.faults.targets import find_target
 from vbus.faults.trigger import (
     AT,
@@ -94,7 +94,7 @@ class Faults:
         """Arm a fault.
 
         Args:
-            name: see :data:`~vbus.faults.table.FAULTS`.
+            name: see :func:`~vbus.faults.table.faults`.
             target: ``"x"``, ``"x.2"`` (second axis) or ``"host0"``; may be left out where there
                 is one only.
             when: trigger as a text, or an instant (ps); now if None.
@@ -174,12 +174,12 @@ class Faults:
         Raises:
             ValueError: there is none.
         """
-        fault = FAULTS.get(name)
-        if fault is None:
+        known = faults()
+        if name not in known:
             raise ValueError(
-                f'there is no fault "{name}"; {suggestion(name, FAULTS)}there are {listed(FAULTS)}'
+                f'there is no fault "{name}"; {suggestion(name, known)}there are {listed(known)}'
             )
-        return fault
+        return known[name]
 
     def _chip_of(self, armed: Armed) -> Chip | None:
         if armed.fault.target == LINK:

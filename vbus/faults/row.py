@@ -44,3 +44,7 @@ class Fault:
     parameters: tuple[Option, ...] = ()
     families: tuple[str, ...] = ()
     shaft: bool = False
+
+    def exists_for(self, family: str) -> bool:
+        """Whether chips of ``family`` can have it."""
+        return not self.families or family in self.families

@@ -1,8 +1,11 @@
 """Every fault there is, family by family."""
 
+from dataclasses import replace
 from typing import Final
 
+from vbus.board import plugins
 from vbus.faults.row import AXIS, CHIP, COUNTED, LASTS, LINK, ONCE, Fault
+from vbus.faults.upsets import Upsets
 from vbus.options import Option
 
 _COUNTS: Final = float(1 << 30)
@@ -60,25 +63,15 @@ ENCODER: Final = (
 _LIMIT: Final = Option("switch", "choice", "limit+", "which one", ("limit+", "limit-"))
 SWITCHES: Final = (
     Fault("limit_stuck", "switches", "A limit switch is closed, or never closes.", AXIS, LASTS,
-          (_LIMIT, Option("state", "choice", "closed", "how it is stuck", ("closed", "open"))),
-          ("mc1241a", "mcp1200")),
+          (_LIMIT, Option("state", "choice", "closed", "how it is stuck", ("closed", "open")))),
     Fault("limit_bouncing", "switches", "A limit switch closes and opens, again and again.", AXIS,
           LASTS,
           (_LIMIT, Option("period", "s", 1_000_000_000, "from one closing to the next; half of it"
-                          " closed", low=2_000_000)), ("mc1241a", "mcp1200")),
-    Fault("home_never", "switches", "The home switch does not close.", AXIS, LASTS, (),
-          ("mc1241a", "mcp1200")),
+                          " closed", low=2_000_000))),
+    Fault("home_never", "switches", "The home switch does not close.", AXIS, LASTS),
 )  # fmt: skip
 
 CHIP_FAULTS: Final = (
-    Fault("power_on_c4", "chip", "Resets end with status C4h: the part whose breakpoint flag is"
-          " stuck.", CHIP, LASTS, (), ("lm628",)),
-    Fault("reset_fails", "chip", "So many resets fail: the status stays 00h.", CHIP, ONCE,
-          (Option("times", "count", 1, "how many", low=1, high=1000),), ("lm628",)),
-    Fault("busy_longest", "chip", "Busy lasts as long as it may.", CHIP, LASTS,
-          (Option("extra", "s", 500_000_000, "added to each busy time (MC1241A)", low=0),),
-          ("lm628", "mc1241a")),
-    Fault("ready_stuck", "chip", "HostRdy stays low.", CHIP, LASTS, (), ("mc1241a",)),
     Fault("clock_stopped", "chip", "CLK stands: nothing inside goes on, and the motor stands with"
           " it.", CHIP, LASTS),
     Fault("clock_off", "chip", "The oscillator is off its frequency.", CHIP, LASTS,
@@ -112,7 +105,23 @@ TRANSPORT: Final = (
     Fault("link_dead", "transport", "The link is open, and nobody is there.", LINK, LASTS),
 )  # fmt: skip
 
-FAULTS: Final[dict[str, Fault]] = {
-    fault.name: fault for fault in (*MECHANICS, *ENCODER, *SWITCHES, *CHIP_FAULTS, *BUS, *TRANSPORT)
-}
-"""Every fault by name."""
+
+def faults() -> dict[str, Fault]:
+    """Return every fault by name, those of the registered chip families among them.
+
+    Switches are wired to the limit inputs a family has. A fault that several families have by one
+    name is one, with the parameters of all.
+    """
+    families = plugins.families()
+    limited = tuple(one.name for one in families if one.limits)
+    chips: dict[str, Fault] = {}
+    for one in families:
+        upsets = one.load("upsets", Upsets)
+        for row in upsets.FAULTS if upsets is not None else ():
+            other = chips.get(row.name, row)
+            named = (*other.families, one.name)
+            parameters = tuple(dict.fromkeys((*other.parameters, *row.parameters)))
+            chips[row.name] = replace(other, parameters=parameters, families=named)
+    switches = (replace(row, families=limited) for row in SWITCHES)
+    rows = (*MECHANICS, *ENCODER, *switches, *chips.values(), *CHIP_FAULTS, *BUS, *TRANSPORT)
+    return {row.name: row for row in rows}

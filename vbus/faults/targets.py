@@ -1,9 +1,9 @@
 """Which chip, axis or link a fault is about."""
 
+from vbus.board import plugins
 from vbus.board.circuit import Circuit
 from vbus.board.settings import listed
 from vbus.chips.base import Chip
-from vbus.faults.fitting import STROBES
 from vbus.faults.row import CHIP, LINK, Fault
 from vbus.plant.shaft import Shaft
 
@@ -23,20 +23,20 @@ def find_target(board: Circuit, fault: Fault, target: str) -> str:
         return name
     chip_name, _, number = target.partition(".")
     if not chip_name:
-        fits = [c for c in board.chips if not fault.families or c.FAMILY in fault.families]
+        fits = [chip for chip in board.chips if fault.exists_for(chip.FAMILY)]
         if len(fits) != 1:
             names = listed(c.name for c in fits or board.chips)
             raise ValueError(f"{fault.name}: say on which target; there are {names}")
         chip_name = fits[0].name
     chip = board.chip(chip_name)
-    if fault.families and chip.FAMILY not in fault.families:
+    if not fault.exists_for(chip.FAMILY):
         raise ValueError(
             f'{fault.name} exists for {listed(fault.families)}; "{chip.name}" is a {chip.part}'
         )
     if fault.target == CHIP:
         if number:
             raise ValueError(f'{fault.name} is a fault of the chip: write "{chip.name}"')
-        if fault.family == "bus" and chip.FAMILY not in STROBES:
+        if fault.family == "bus" and not plugins.family(chip.FAMILY).strobes:
             raise ValueError(f"{fault.name}: the bus of a {chip.part} is not known here")
         return chip.name
     return _axis(board, fault, chip, number or "1")

@@ -1,8 +1,8 @@
 """What triggers look at: bus cycles, commands, edges."""
 
-import importlib
 from collections.abc import Callable
 
+from vbus.board import plugins
 from vbus.board.settings import listed, suggestion
 from vbus.chips.base import Chip
 from vbus.signals import Observer
@@ -50,24 +50,22 @@ def write_of(chip: Chip, name: str) -> tuple[tuple[int, int], ...]:
     Raises:
         ValueError: the chip has none of that name.
     """
-    try:
-        sheet = importlib.import_module(f"vbus.chips.{chip.FAMILY}.datasheet")
-    except ImportError:
-        raise ValueError(f"{chip.part}: its commands have no names known here") from None
+    family = plugins.family(chip.FAMILY)
+    sheet = family.tables
     names: list[str] = []
-    if hasattr(sheet, "COMMANDS"):
-        for row in sheet.COMMANDS:
-            if row.name.upper() == name.upper():
-                return ((sheet.COMMAND_PORT, row.code),)
-            names.append(row.name)
-    else:
-        for row in sheet.REGISTERS:
-            places = [f"R{address:02X}H" for address in row.addresses]
-            if name.upper() == row.name:
-                return tuple((address, -1) for address in row.addresses)
-            if name.upper() in places:
-                return ((row.addresses[places.index(name.upper())], -1),)
-            names.append(row.name)
+    for row in family.commands:
+        if sheet is not None and row.name.upper() == name.upper():
+            return ((sheet.COMMAND_PORT, row.code),)
+        names.append(row.name)
+    kind = "command" if names else "register"
+    for register in family.registers:
+        places = [f"R{address:02X}H" for address in register.addresses]
+        if name.upper() == register.name:
+            return tuple((address, -1) for address in register.addresses)
+        if name.upper() in places:
+            return ((register.addresses[places.index(name.upper())], -1),)
+        names.append(register.name)
+    if not names:
+        raise ValueError(f"{chip.part}: its commands have no names known here")
     hint = suggestion(name.upper(), names)
-    kind = "command" if hasattr(sheet, "COMMANDS") else "register"
     raise ValueError(f'{chip.part} has no {kind} "{name}"; {hint}it has {listed(names)}')

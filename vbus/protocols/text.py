@@ -75,7 +75,7 @@ VERBS: Final = {
         Verb("sample", "", 0, 0, "84 1", "D0-D7 and the output lines as they stand"),
         Verb("step", "DURATION", 1, 2, "10000us", "let time pass; tells chip time"),
         Verb("now", "", 0, 0, "341.333333us", "chip time"),
-        Verb("chips", "", 0, 0, "x LM629N-8 selected", "what is attached"),
+        Verb("chips", "", 0, 0, "NAME PART selected", "what is attached"),
         Verb("names", "", 0, 0, "pins x./RST; lines x./CS", "names of pins, lines and outputs"),
         Verb("help", "[VERB]", 0, 1, "now: chip time", "what can be typed"),
         Verb("inb", "ADDRESS", 1, 1, "OK 0x0084", "read a card's port", True),

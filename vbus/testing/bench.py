@@ -17,7 +17,7 @@ from vbus.errors import ConfigError, VbusError
 from vbus.kernel import NEVER
 from vbus.protocols.quantities import format_instant
 from vbus.server.server import LinkSpec
-from vbus.testing.boards import board_text, for_test
+from vbus.testing.boards import board_text, default_part, for_test
 from vbus.testing.clock import BoardClock
 from vbus.testing.limits import Limits, Watch
 from vbus.testing.serving import ServedBoard, private_runtime
@@ -26,7 +26,6 @@ from vbus.trace.journal import Journal
 _T = TypeVar("_T")
 WISHES: Final = ("board", "plant", "clock", "seed", "rate", "strict")
 """What may be said of a board: keywords of the marker, and of :meth:`Bench.make`."""
-DEFAULT_BOARD: Final = "LM629N-8"
 _BOUNDLESS: Final = Limits(cycles=1 << 62, chip_time=NEVER)
 
 
@@ -151,7 +150,7 @@ class Bench:
         """
         _check_keywords(keywords)
         wishes = {**self._wishes, **keywords}
-        asked = board or wishes.get("board") or DEFAULT_BOARD
+        asked = board or wishes.get("board") or default_part()
         text, name = board_text(asked, self.near, wishes.get("plant", ""), wishes.get("clock", ""))
         rate = wishes.get("rate")
         if rate is not None and not (isinstance(rate, int | float) and rate > 0):
@@ -164,7 +163,7 @@ class Bench:
         self.fitted.append(made)
         return made
 
-    def main(self, otherwise: str = DEFAULT_BOARD) -> Fitted:
+    def main(self, otherwise: str = "") -> Fitted:
         """Return the test's board, built when first asked for.
 
         ``otherwise`` is its part if the test's marker names no board.

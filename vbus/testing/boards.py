@@ -3,19 +3,26 @@
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Final
 
+from vbus.board import plugins
 from vbus.board.config import read_board_text
-from vbus.board.plugins import chip_class
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
+from vbus.board.units import parse
+from vbus.chips.family import Family
 from vbus.errors import ConfigError
+from vbus.kernel import Clock, Kernel
 
-CLOCKS: Final = {"mc1241a": "25 MHz"}
-"""Usual clocks by chip family; 8 MHz for the others."""
 
-MODELS: Final = {"mc1241a": "stepper"}
-"""Usual plants by chip family; a brushed motor for the others."""
+def default_part() -> str:
+    """Return the part on a board of which nothing is said."""
+    return typical_part(plugins.families()[0])
+
+
+def typical_part(family: Family, start: str = "") -> str:
+    """Return a part of a family, by the beginning of its number."""
+    parts = (*family.typical, *plugins.chip_of(family).PARTS)
+    return next((part for part in parts if part.startswith(start)), start)
 
 
 def section_line(lines: list[str], pattern: str) -> int:
@@ -56,16 +63,25 @@ def of_part(part: str, plant: str = "", clock: str = "") -> str:
     Raises:
         PluginError: no such part.
     """
-    cls = chip_class(part)
-    axes = cls.AXES if part.upper() != "MC1141A" else 1
-    names = [f"motor{axis + 1}" for axis in range(axes)] if axes > 1 else ["motor"]
-    fitted = f'plant = "{names[0]}"' if axes == 1 else f"plants = {names}".replace("'", '"')
-    model = plant or MODELS.get(cls.FAMILY, "dc_motor")
+    family = plugins.family_of(part)
+    axes = _axes(family, part)
+    names = [f"motor{axis + 1}" for axis in range(axes)] if axes > 1 else ["motor"] * axes
+    fitted = f"plants = {names}".replace("'", '"') if axes > 1 else 'plant = "motor"\n' * axes
+    model = plant or family.plant
     motors = "".join(f'\n[plants.{name}]\nmodel = "{model}"\n' for name in names)
     return (
         f'[board]\nname = "{part.lower()}"\n\n[chips.x]\npart = "{part}"\n'
-        f'clock = "{clock or CLOCKS.get(cls.FAMILY, "8 MHz")}"\n{fitted}\n{motors}'
+        f'clock = "{clock or family.clock}"\n{fitted.rstrip()}\n{motors}'
     )
+
+
+def _axes(family: Family, part: str) -> int:
+    """Return how many axes a part has; a part that does not exist has those of its family."""
+    chip = plugins.chip_of(family)
+    try:
+        return chip("x", part, Kernel(), Clock(int(parse(family.clock, "Hz")))).axis_count
+    except ValueError:
+        return chip.AXES
 
 
 def board_text(

@@ -1,19 +1,18 @@
 """One chip, ready to use: its mechanics, its host and its clock."""
 
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any, Final
+from typing import Any
 
+from vbus.board import plugins
 from vbus.board.board import Board
 from vbus.chips.base import Chip
 from vbus.client.bus import Bus
 from vbus.errors import VbusError
 from vbus.signals import Plant
 from vbus.testing.bench import Bench
+from vbus.testing.boards import typical_part
 from vbus.testing.clock import BoardClock
 from vbus.testing.in_process import connect_in_process
-
-_CLIENTS: Final = {"lm628": "Lm628", "mc1241a": "Mc1241a", "mcp1200": "Mcp1200"}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -25,7 +24,7 @@ class ChipBench:
         chip: the chip.
         plants: the mechanics behind it, axis by axis.
         bus: a client's bus, as :func:`vbus.connect` returns it.
-        host: the chip's commands over that bus: an ``Lm628``, ``Mc1241a`` or ``Mcp1200``.
+        host: the family's client over that bus; None if it has none.
         clock: chip time.
     """
 
@@ -45,14 +44,18 @@ class ChipBench:
         return self.plants[0]
 
 
-def chip_bench(bench: Bench, family: str, part: str) -> ChipBench:
-    """Return the first chip of ``family`` on the test's board, out of its reset.
+def chip_bench(bench: Bench, start: str) -> ChipBench:
+    """Return the first chip of a family on the test's board, out of its reset.
 
-    A test without a board of its own gets one with ``part``.
+    Args:
+        bench: the test's boards; a test without one gets one with a part of the family.
+        start: how a part number of the family begins.
 
     Raises:
         VbusError: the test's board has no such chip.
     """
+    family = plugins.family_of(start)
+    part = typical_part(family, start)
     fitted = bench.main(part)
     if fitted.served is not None:
         raise VbusError(
@@ -60,12 +63,13 @@ def chip_bench(bench: Bench, family: str, part: str) -> ChipBench:
             " take vbus_board to look at chips and plants"
         )
     board = fitted.board
-    chip = next((chip for chip in board.chips if family == chip.FAMILY), None)
+    cls = plugins.chip_of(family)
+    chip = next((chip for chip in board.chips if isinstance(chip, cls)), None)
     if chip is None:
         have = ", ".join(f"{chip.name} = {chip.part}" for chip in board.chips)
         raise VbusError(f'board "{board.name}" has no {part} or kin; it has {have}')
     board.run_until(max(board.now, chip.ready_at()))
     bus = connect_in_process(board)
-    client = getattr(import_module(f"vbus.client.{family}"), _CLIENTS[family])
+    client = family.object("host")
     plants = tuple(plant for axis, plant in board.axes.items() if axis.startswith(f"{chip.name}."))
-    return ChipBench(board, chip, plants, bus, client(bus, chip.name), fitted.clock)
+    return ChipBench(board, chip, plants, bus, client and client(bus, chip.name), fitted.clock)

@@ -3,7 +3,9 @@
 Importing it costs next to nothing: vbus itself is loaded by the first fixture that is used.
 """
 
+import re
 from collections.abc import Callable, Generator, Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -142,38 +144,25 @@ def vbus_pty(vbus_bench: "Bench") -> str:
     return vbus_bench.terminal()
 
 
-def _chip(bench: "Bench", family: str, part: str) -> "Iterator[ChipBench]":
-    from vbus.testing.chips import chip_bench
+def _chip_fixture(name: str, start: str) -> object:
+    """Return the fixture ``name`` of the family whose part numbers begin with ``start``."""
 
-    made = chip_bench(bench, family, part)
-    try:
-        yield made
-    finally:
-        made.bus.close()
+    def chip(vbus_bench: "Bench") -> "Iterator[ChipBench]":
+        from vbus.testing.chips import chip_bench
 
+        made = chip_bench(vbus_bench, start)
+        try:
+            yield made
+        finally:
+            made.bus.close()
 
-@pytest.fixture
-def vbus_lm628(vbus_bench: "Bench") -> "Iterator[ChipBench]":
-    """An LM628 with a motor, its host client and its clock."""
-    yield from _chip(vbus_bench, "lm628", "LM628N-8")
-
-
-@pytest.fixture
-def vbus_lm629(vbus_bench: "Bench") -> "Iterator[ChipBench]":
-    """An LM629 with a motor, its host client and its clock."""
-    yield from _chip(vbus_bench, "lm628", "LM629N-8")
+    chip.__doc__ = f"The first {start} of the test's board, its host client and its clock."
+    return pytest.fixture(name=name)(chip)
 
 
-@pytest.fixture
-def vbus_mcp1200(vbus_bench: "Bench") -> "Iterator[ChipBench]":
-    """An MCP-1200 with a motor, its host client and its clock."""
-    yield from _chip(vbus_bench, "mcp1200", "MCP-1200")
-
-
-@pytest.fixture
-def vbus_mc1241a(vbus_bench: "Bench") -> "Iterator[ChipBench]":
-    """An MC1241A with two stepper motors, its host client and its clock."""
-    yield from _chip(vbus_bench, "mc1241a", "MC1241A")
+for _entry in sorted(entry_points(group="vbus.chips"), reverse=True):
+    _name = f"vbus_{re.sub('[^a-z0-9]', '', _entry.name.lower())}"
+    globals()[_name] = _chip_fixture(_name, _entry.name)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -15,7 +15,7 @@ from vbus.errors import TransportError
 from vbus.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.testing.boards import for_test, of_part
+from vbus.testing.boards import default_part, for_test, of_part
 from vbus.testing.finding import Nonconformance, demand, packed, unpacked
 from vbus.transports.base import Link, Transport
 
@@ -27,7 +27,7 @@ class _Wire:
     """A protocol on a port of a board of its own."""
 
     def __init__(self, factory: Callable[[HostPort], Protocol]) -> None:
-        file, source = for_test(of_part("LM629N-8"), "board.toml")
+        file, source = for_test(of_part(default_part()), "board.toml")
         self.board: Board = load_board_text(source.text, file.path)
         self.board.run_until(self.board.chips[0].ready_at())
         self.port = self.board.open_port("host")

@@ -71,22 +71,19 @@ def command(
     number), edge by edge, and what the chip answered is compared. Ends with 0 if all agrees, 1 at
     the first difference, 6 if the capture cannot be used.
     """
-    from vbus.trace.bus_watch import WATCHES
     from vbus.trace.channel_map import wiring_of
     from vbus.trace.conform import Conform, Tolerance
-    from vbus.trace.conform_start import find_start
+    from vbus.trace.conform_start import find_start, watch_of
 
     made = _board(chip, clock, options, plants) if board is None else _board_of(board)
     part = _chip_of(made, chip)
-    if part.FAMILY not in WATCHES:
-        raise VbusError(f"{part.part}: its bus is not known here, so no capture can be followed")
+    watch = watch_of(part)
     names, masks = _ignored(ignore)
     hertz = _hertz(samplerate)
     wanted = _map(maps)
     with _opened(capture, hertz) as (read, _, _):
-        watch = WATCHES[part.FAMILY]()
         wiring = wiring_of(read.channels, part.name, part.pin_rows, watch, wanted)
-        found = find_start(read.samples, wiring, part.FAMILY, start)
+        found = find_start(read.samples, wiring, part, start)
     period = read.period
     slack = period + -(-(10**12) // part.clock.hz) if slack is None else slack
     with (

@@ -13,7 +13,7 @@ from vbus.tools.demos import NAMES, demo_of
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
-    from vbus.tools.demos.row import Demo
+    from vbus.client.demo import Demo
 
 LONGEST = 60.0
 """Seconds after which a host that has not finished is given up."""

@@ -21,8 +21,8 @@ _VALUES: Final = ("status", "signals", "mode")
 @click.argument("what")
 @click.argument("items", metavar="[BYTE]...", nargs=-1)
 @click.option("--status", metavar="HEX", help="Explain a status byte or word.")
-@click.option("--signals", metavar="HEX", help="Explain a signals word (LM628).")
-@click.option("--mode", metavar="HEX", help="Explain a mode word (MC1241A).")
+@click.option("--signals", metavar="HEX", help="Explain a signals word.")
+@click.option("--mode", metavar="HEX", help="Explain a mode word.")
 @click.option("--no-progress", is_flag=True, help="Show no progress bar.")
 def command(
     what: str, items: tuple[str, ...], status: str | None, signals: str | None, mode: str | None,
@@ -77,12 +77,13 @@ def command(
 
 def _refuse_unknown_rule(what: str) -> None:
     """Say so if this looks like a rule of a chip, and there is none of that name."""
+    from vbus.board import plugins
     from vbus.board.checks import all_rules
     from vbus.board.settings import suggestion
-    from vbus.trace.decode import FAMILIES
 
     family, dot, symbol = what.partition(".")
-    if dot and symbol and family in FAMILIES and not Path(what).exists():
+    known = {one.name for one in plugins.families()}
+    if dot and symbol and family in known and not Path(what).exists():
         rules = [rule.name for rule in all_rules() if rule.name.startswith(f"{family}.")]
         raise click.UsageError(
             f'there is no rule "{what}"; {suggestion(what, rules)}"vbus check --rules" lists them'
@@ -90,24 +91,23 @@ def _refuse_unknown_rule(what: str) -> None:
 
 
 def _families() -> str:
-    from vbus.trace.decode import FAMILIES
+    from vbus.board import plugins
 
-    return ", ".join(FAMILIES)
+    return ", ".join(sorted(one.name for one in plugins.families() if one.packets))
 
 
 def _decoder(name: str) -> Decoder | None:
     """Return the decoder for a family or part, if ``name`` is one."""
     from vbus.board import plugins
     from vbus.errors import PluginError
-    from vbus.trace.decode import FAMILIES, decoder_class
 
-    family = name.lower()
-    if family not in FAMILIES:
+    family = plugins.family(name.lower())
+    if not family.chip:
         try:
-            family = plugins.chip_class(name.upper()).FAMILY
+            family = plugins.family_of(name.upper())
         except PluginError:
             return None
-    made = decoder_class(family)
+    made = family.load("packets", Decoder)
     return made() if made is not None else None
 
 

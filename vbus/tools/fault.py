@@ -34,7 +34,7 @@ def listing(board: str | None, as_json: bool) -> int:
 
 
 def _table(as_json: bool) -> None:
-    from vbus.faults.table import FAULTS
+    from vbus.faults.table import faults
 
     if as_json:
         rows = [
@@ -45,12 +45,12 @@ def _table(as_json: bool) -> None:
                 "target": fault.target,
                 "parameters": {row.name: row.default for row in fault.parameters},
             }
-            for fault in FAULTS.values()
+            for fault in faults().values()
         ]
         click.echo(json.dumps(rows))
         return
     family = ""
-    for fault in FAULTS.values():
+    for fault in faults().values():
         if fault.family != family:
             family = fault.family
             click.echo(f"{family}:")

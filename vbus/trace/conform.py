@@ -5,25 +5,22 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
+from vbus.board import plugins
 from vbus.board.board import Board
 from vbus.chips.base import Chip
 from vbus.errors import CaptureError
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Observer, Pin, Violation
-from vbus.trace.bus_watch import WATCHES, BusWatch
+from vbus.trace.bus_watch import BusWatch
 from vbus.trace.capture import Sample
 from vbus.trace.channel_map import Wiring
 from vbus.trace.conform_outputs import OutputWatch
-from vbus.trace.conform_start import Start
+from vbus.trace.conform_start import Start, watch_of
 from vbus.trace.decode import decoder_of
 from vbus.trace.packets import Cycle, Decoder, Packet
 
 AROUND: Final = 20
 """Bus cycles shown on either side of a difference."""
-HOST_OUTPUTS: Final = {
-    "lm628": ("HI",), "mc1241a": ("HostRdy", "~HostIntrpt"), "mcp1200": ("PROF", "IDLE", "BUSY"),
-}  # fmt: skip
-"""Outputs a host looks at, and that are compared where they were captured."""
 KEPT: Final = 1000
 """Violations kept; more are counted."""
 
@@ -171,7 +168,7 @@ class Conform:
         self._tolerance: Tolerance = tolerance
         self._judged: bool = judged
         self._progress: Callable[[], None] | None = progress
-        self._watch: BusWatch = WATCHES[chip.FAMILY]()
+        self._watch: BusWatch = watch_of(chip)
         self._silicon: Decoder = decoder_of(chip.FAMILY, chip.settings)
         self._model: Decoder = decoder_of(chip.FAMILY, chip.settings)
         self._recent: deque[Packet] = deque(maxlen=AROUND)
@@ -195,13 +192,14 @@ class Conform:
 
     def _solder(self) -> None:
         chip, wiring = self._chip, self._wiring
+        outputs = plugins.family(chip.FAMILY).outputs
         mapped = [row for row in chip.pin_rows if row.name in {**wiring.bits, **wiring.tied}]
         for row in mapped:
             if row.direction == "in":
                 pin = Pin("capture", chip.pins[row.name].net)
                 kind = self._strobes if row.name in self._watch.PINS else self._sides
                 kind.append((row.name, pin))
-            elif row.name in HOST_OUTPUTS.get(chip.FAMILY, ()):
+            elif row.name in outputs:
                 if row.name not in self._tolerance.names:
                     net = chip.pins[row.name].net
                     self._outputs.append(OutputWatch(row.name, net, self._tolerance.slack))

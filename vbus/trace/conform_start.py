@@ -4,19 +4,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from vbus.errors import CaptureError
+from vbus.board import plugins
+from vbus.chips.base import Chip
+from vbus.errors import CaptureError, VbusError
 from vbus.protocols.quantities import format_instant
-from vbus.trace.bus_watch import WATCHES
+from vbus.trace.bus_watch import BusWatch
 from vbus.trace.capture import Sample
 from vbus.trace.channel_map import Wiring
-from vbus.trace.packets import Cycle
 
 AUTO: Final = "auto"
 RESET: Final = "reset"
-
-RESET_PINS: Final = {"lm628": "/RST", "mc1241a": "~Reset", "mcp1200": "/RESET"}
-RESET_WRITES: Final = {"lm628": (0, 0x00), "mc1241a": (1, 0x39), "mcp1200": (0x05, 0x00)}
-"""Address and byte of the command, or register write, that resets the chip."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,13 +34,25 @@ class Start:
     reset: bool
 
 
-def find_start(samples: Iterable[Sample], wiring: Wiring, family: str, wish: str | int) -> Start:
+def watch_of(chip: Chip) -> BusWatch:
+    """Return a new follower of a chip's bus.
+
+    Raises:
+        VbusError: its family has none.
+    """
+    found = plugins.family(chip.FAMILY).load("bus", BusWatch)
+    if found is None:
+        raise VbusError(f"{chip.part}: its bus is not known here, so no capture can be followed")
+    return found()
+
+
+def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, wish: str | int) -> Start:
     """Return where to begin.
 
     Args:
         samples: the capture.
         wiring: its channels.
-        family: of the chip.
+        chip: the model.
         wish: ``"reset"``: the first hardware reset or reset command; ``"start"``: the beginning,
             where the chip is taken to have just been reset; ``"auto"``: the first reset if there
             is one, else the beginning; or an instant (ps), where the same is taken.
@@ -51,8 +60,9 @@ def find_start(samples: Iterable[Sample], wiring: Wiring, family: str, wish: str
     Raises:
         CaptureError: there is no such place.
     """
-    watch = WATCHES[family]()
-    pin = RESET_PINS[family]
+    watch = watch_of(chip)
+    family = plugins.family(chip.FAMILY)
+    pin = family.reset_pin
     held = 1
     cycles = 0
     begin = -1
@@ -76,8 +86,9 @@ def find_start(samples: Iterable[Sample], wiring: Wiring, family: str, wish: str
         held = wiring.level(pin, value) if known else 1
         found = watch.change(when, levels, wiring.byte(value))
         for cycle in found:
-            if resets and cycle.write and (cycle.address, cycle.data) == RESET_WRITES[family]:
-                return Start(after_last, cycles, f"from {_reset_name(family, cycle)}", True)
+            if resets and cycle.write and (cycle.address, cycle.data) == family.reset_write:
+                why = f"from the {family.reset_name} at {format_instant(cycle.when)}"
+                return Start(after_last, cycles, why, True)
             cycles += 1
         if found:
             after_last = number + 1
@@ -92,8 +103,3 @@ def find_start(samples: Iterable[Sample], wiring: Wiring, family: str, wish: str
     where = "its beginning" if isinstance(wish, str) else format_instant(wish)
     return Start(begin, skipped, f"from {where}, where the chip is taken to be as after a reset",
                  False)  # fmt: skip
-
-
-def _reset_name(family: str, cycle: Cycle) -> str:
-    name = "soft reset" if family == "mcp1200" else "RESET command"
-    return f"the {name} at {format_instant(cycle.when)}"

@@ -1,10 +1,10 @@
 """Decoders by chip family, and the packets of a whole board while it runs."""
 
 from collections.abc import Callable, Iterable, Mapping
-from importlib import import_module
 from types import MappingProxyType
 from typing import Final
 
+from vbus.board import plugins
 from vbus.chips.base import Chip
 from vbus.options import Value
 from vbus.signals import Observer, Violation
@@ -13,15 +13,6 @@ from vbus.trace.packets import UNKNOWN, Cycle, Decoder, Packet
 Settings = Mapping[str, Value]
 NO_SETTINGS: Final[Settings] = MappingProxyType({})
 NO_SETTINGS_AT_ALL: Final[Mapping[str, Settings]] = MappingProxyType({})
-
-# Each brings its whole chip with it: a board loads those of its own chips only.
-_DECODERS: Final[dict[str, tuple[str, str]]] = {
-    "lm628": ("vbus.trace.lm628_packets", "Lm628Packets"),
-    "mc1241a": ("vbus.trace.mc1241a_packets", "Mc1241aPackets"),
-    "mcp1200": ("vbus.trace.mcp1200_packets", "Mcp1200Packets"),
-}
-FAMILIES: Final[tuple[str, ...]] = tuple(_DECODERS)
-"""The chip families whose bus can be read in the manual's words."""
 
 
 class PlainPackets(Decoder):
@@ -42,11 +33,7 @@ class PlainPackets(Decoder):
 
 def decoder_class(family: str) -> type[Decoder] | None:
     """Return what reads the bus of chips of ``family``; None if it is not known."""
-    if family not in _DECODERS:
-        return None
-    module, name = _DECODERS[family]
-    found: type[Decoder] = getattr(import_module(module), name)
-    return found
+    return plugins.family(family).load("packets", Decoder)
 
 
 def decoder_of(family: str, settings: Settings = NO_SETTINGS) -> Decoder:

@@ -1,35 +1,32 @@
-"""The tables of all chip families that come with vbus, for those who explain them."""
+"""The tables of all chip families that are registered, for those who explain them."""
 
 from collections.abc import Iterator
 from functools import cache
 
-from vbus.chips.lm628 import datasheet as lm628
-from vbus.chips.mc1241a import datasheet as mc1241a
-from vbus.chips.mcp1200 import datasheet as mcp1200
+from vbus.board import plugins
 from vbus.chips.strobes import AcTable
 from vbus.chips.tables import Command, Register
 
 
 def commands() -> Iterator[tuple[str, Command]]:
     """Give every command with its family."""
-    for row in lm628.COMMANDS:
-        yield lm628.FAMILY, row
-    for row in mc1241a.COMMANDS:
-        yield mc1241a.FAMILY, row
+    for family in plugins.families():
+        for row in family.commands:
+            yield family.name, row
 
 
 def registers() -> Iterator[tuple[str, Register]]:
     """Give every register with its family."""
-    for row in mcp1200.REGISTERS:
-        yield mcp1200.FAMILY, row
+    for family in plugins.families():
+        for row in family.registers:
+            yield family.name, row
 
 
 def ac_tables() -> Iterator[tuple[str, str, AcTable]]:
     """Give every table of AC characteristics: family, supply (or ""), table."""
-    yield lm628.FAMILY, "", lm628.AC
-    yield mc1241a.FAMILY, "", mc1241a.AC
-    for supply, table in mcp1200.AC.items():
-        yield mcp1200.FAMILY, supply, table
+    for family in plugins.families():
+        for supply, table in family.ac_tables.items():
+            yield family.name, supply, table
 
 
 def ac_limits(rule: str) -> list[str]:

@@ -4,12 +4,11 @@ import re
 from collections.abc import Iterable
 from typing import Final
 
-from vbus.board import circuit
+from vbus.board import circuit, plugins
 from vbus.board.board import Board
 from vbus.board.settings import suggestion
 from vbus.errors import VbusError
 from vbus.signals import Net
-from vbus.trace.tables import commands
 from vbus.trace.wave_signals import Signal, Value, net_names, values_of
 
 FORMS: Final = (
@@ -112,7 +111,7 @@ def _rules(board: Board) -> list[str]:
 
 def _mnemonics(board: Board, wanted: str) -> list[str]:
     """Return the mnemonics of a board's chips; none where ``wanted`` may be something else."""
-    families = {chip.FAMILY for chip in board.chips}
-    if not _MNEMONIC.fullmatch(wanted) or not families <= {family for family, _ in commands()}:
+    found = [plugins.family(chip.FAMILY).commands for chip in board.chips]
+    if not _MNEMONIC.fullmatch(wanted) or not all(found):
         return []
-    return [row.name for family, row in commands() if family in families]
+    return [row.name for rows in found for row in rows]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-# Made by vbus.tools.generate from vbus/trace/lm628_packets.py; change that, or the generator.
+# Made by vbus.tools.generate from vbus/chips/lm628/packets.py; change that, or the generator.
 """LM628/LM629: bus cycles to packets."""
 
 from typing import Final

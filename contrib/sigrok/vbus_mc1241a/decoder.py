@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-# Made by vbus.tools.generate from vbus/trace/mc1241a_packets.py; change that, or the generator.
+# Made by vbus.tools.generate from vbus/chips/mc1241a/packets.py; change that, or the generator.
 """MC1241A/MC1141A: bus cycles to packets."""
 
 from collections.abc import Mapping

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-# Made by vbus.tools.generate from vbus/trace/mcp1200_packets.py; change that, or the generator.
+# Made by vbus.tools.generate from vbus/chips/mcp1200/packets.py; change that, or the generator.
 """MCP-1200: bus cycles to accesses of whole registers."""
 
 from typing import Final

@@ -1,123 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-# Made by vbus.tools.generate from vbus/trace/bus_watch.py; change that, or the generator.
-"""Edges of a host bus to bus cycles: for captures, which have pins and nothing else.
+# Made by vbus.tools.generate from vbus/chips/mcp1200/bus.py; change that, or the generator.
+"""MCP-1200: edges of the host bus to bus cycles."""
 
-The sigrok decoders use copies of this file, so it may need nothing but the standard library.
-"""
-
+from .bus_watch import BusWatch
 from .packets import Cycle
-
-
-class BusWatch:
-    """Base: follows the control lines and the data bus of one chip.
-
-    A write latches what stood on the bus before its trailing edge; a read gives what stands there
-    at the edge: what a chip does of itself at an instant comes before what its host does.
-    """
-
-    PINS: tuple[str, ...] = ()
-    """Control lines by the manual's names, in the order of the levels fed."""
-    DATA: str = "D0-D7"
-    """The data bus."""
-
-    def __init__(self) -> None:
-        self._before: tuple[int, ...] = ()
-        self._data: int = 0
-
-    def change(self, when: int, levels: tuple[int, ...], data: int) -> list[Cycle]:
-        """Take the levels from ``when`` on; return the bus cycles that ended.
-
-        Args:
-            when: instant, in whatever unit the capture has.
-            levels: control lines, in the order of :attr:`PINS`.
-            data: the data bus as a number.
-        """
-        cycles: list[Cycle] = []
-        if self._before and levels != self._before:
-            cycles = self.edges(when, self._before, levels, self._data, data)
-        self._before = levels
-        self._data = data
-        return cycles
-
-    def edges(
-        self, when: int, before: tuple[int, ...], after: tuple[int, ...], old: int, data: int
-    ) -> list[Cycle]:
-        """Return the cycles that end when lines move from ``before`` to ``after``.
-
-        ``old`` stood on the bus until then, ``data`` stands there at the edge.
-        """
-        raise NotImplementedError
-
-    def reading(self, levels: tuple[int, ...]) -> bool:
-        """Tell whether the chip, not the host, drives the data bus."""
-        raise NotImplementedError
-
-    def idle(self, levels: tuple[int, ...]) -> bool:
-        """Tell whether no cycle is under way."""
-        raise NotImplementedError
-
-    def save(self) -> tuple[int, ...]:
-        """Return what is remembered of earlier edges, beside the last levels."""
-        return ()
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-
-
-class Lm628Watch(BusWatch):
-    """LM628/LM629: a cycle ends when its strobe or /CS rises (LM-BUS-1 to LM-BUS-3)."""
-
-    PINS = ("/CS", "/PS", "/RD", "/WR")
-
-    def edges(
-        self, when: int, before: tuple[int, ...], after: tuple[int, ...], old: int, data: int
-    ) -> list[Cycle]:
-        """Return a write, a read, or both."""
-        cs, ps, rd, wr = before
-        if cs:
-            return []
-        cycles = []
-        if not wr and (after[3] or after[0]):
-            cycles.append(Cycle(when, True, ps, old))
-        if not rd and (after[2] or after[0]):
-            cycles.append(Cycle(when, False, ps, data))
-        return cycles
-
-    def reading(self, levels: tuple[int, ...]) -> bool:
-        """Tell whether /CS and /RD are low."""
-        return not levels[0] and not levels[2]
-
-    def idle(self, levels: tuple[int, ...]) -> bool:
-        """Tell whether /CS, or both strobes, are high."""
-        return bool(levels[0] or (levels[2] and levels[3]))
-
-
-class Mc1241aWatch(BusWatch):
-    """MC1241A: a cycle ends when its strobe or ~HostSlct rises (PMD-BUS-2, PMD-BUS-3)."""
-
-    PINS = ("~HostSlct", "HostCmd", "~HostRead", "~HostWrite")
-
-    def edges(
-        self, when: int, before: tuple[int, ...], after: tuple[int, ...], old: int, data: int
-    ) -> list[Cycle]:
-        """Return a write or a read; nothing is on the bus in a read with HostCmd high."""
-        select, command, read, write = before
-        if select:
-            return []
-        cycles = []
-        if not write and (after[3] or after[0]):
-            cycles.append(Cycle(when, True, command, old))
-        if not read and not command and (after[2] or after[0]):
-            cycles.append(Cycle(when, False, 0, data))
-        return cycles
-
-    def reading(self, levels: tuple[int, ...]) -> bool:
-        """Tell whether ~HostSlct and ~HostRead are low, and HostCmd too (PMD-BUS-4)."""
-        return not levels[0] and not levels[1] and not levels[2] and bool(levels[3])
-
-    def idle(self, levels: tuple[int, ...]) -> bool:
-        """Tell whether ~HostSlct, or both strobes, are high."""
-        return bool(levels[0] or (levels[2] and levels[3]))
 
 
 class Mcp1200Watch(BusWatch):
@@ -172,11 +58,3 @@ class Mcp1200Watch(BusWatch):
         """Take back what :meth:`save` gave."""
         self._address, closed, self._read = state
         self._closed = bool(closed)
-
-
-WATCHES: dict[str, type[BusWatch]] = {
-    "lm628": Lm628Watch,
-    "mc1241a": Mc1241aWatch,
-    "mcp1200": Mcp1200Watch,
-}
-"""What follows the bus of each chip family."""

@@ -1,7 +1,7 @@
 """A chip alone on a bench: bus cycles both ways in, time, and small mechanics."""
 
-from vbus.chips.lm628 import LM628
 from vbus.chips.lm628.axis import Axis
+from vbus.chips.lm628.chip import LM628
 from vbus.chips.lm628.datasheet import AC, COMMANDS
 from vbus.kernel import NS, US, Clock, Kernel
 from vbus.signals import HIGH, LOW, Observer, Pin, Plant, Policy, Violation, Z

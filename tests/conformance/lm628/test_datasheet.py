@@ -3,8 +3,8 @@
 import pytest
 
 from tests.conformance.lm628.bench import Bench
-from vbus.chips.lm628 import LM628
 from vbus.chips.lm628 import datasheet as ds
+from vbus.chips.lm628.chip import LM628
 
 
 @pytest.mark.spec("LM-CFG-1")

@@ -4,7 +4,7 @@ import pytest
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.chips.lm628 import LM628
+from vbus.chips.lm628.chip import LM628
 from vbus.kernel import MS, NS, US
 from vbus.plant.dc_motor import DcMotor
 from vbus.signals import Observer

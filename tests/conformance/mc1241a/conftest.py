@@ -2,7 +2,7 @@
 
 import pytest
 
-from vbus.chips.mc1241a import MC1241A
+from vbus.chips.mc1241a.chip import MC1241A
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.kernel import NS, US, Clock, Kernel
 from vbus.options import Value

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.conformance.mc1241a.conftest import CYCLE, words
 from vbus.board.board import Board
-from vbus.chips.mc1241a import MC1241A
+from vbus.chips.mc1241a.chip import MC1241A
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.kernel import MS, SECOND, US

@@ -2,7 +2,7 @@
 
 import pytest
 
-from vbus.chips.mcp1200 import MCP1200
+from vbus.chips.mcp1200.chip import MCP1200
 from vbus.chips.mcp1200.datasheet import DATA, REGISTERS
 from vbus.kernel import SECOND, Clock, Kernel
 from vbus.options import Value

@@ -4,7 +4,7 @@ import pytest
 
 from tests.conformance.mcp1200.conftest import Bench, Edges, Rail
 from vbus.board.board import Board
-from vbus.chips.mcp1200 import MCP1200
+from vbus.chips.mcp1200.chip import MCP1200
 from vbus.kernel import NEVER, NS, US, Kernel
 from vbus.signals import HIGH, LOW, Pin
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.conformance.mcp1200.conftest import Bench, Rail
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.chips.mcp1200 import MCP1200
+from vbus.chips.mcp1200.chip import MCP1200
 from vbus.plant.dc_motor import DcMotor
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor

@@ -7,9 +7,9 @@ from vbus.board.config import read_board_text
 from vbus.board.pin_maps import roles
 from vbus.board.source import BoardFileError
 from vbus.chips.base import Chip
-from vbus.chips.lm628 import LM628
-from vbus.chips.mc1241a import MC1241A
-from vbus.chips.mcp1200 import MCP1200
+from vbus.chips.lm628.chip import LM628
+from vbus.chips.mc1241a.chip import MC1241A
+from vbus.chips.mcp1200.chip import MCP1200
 from vbus.kernel import Clock, Kernel
 
 BOARD = """\

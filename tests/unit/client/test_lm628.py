@@ -2,19 +2,21 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from tests.unit.client.served import Served
 from tests.unit.fake_port import FakePort
+from vbus.chips.family import Family
 from vbus.chips.lm628.datasheet import COMMANDS
+from vbus.chips.lm628.generated.calls import Lm628Calls
 from vbus.chips.tables import Command, CommandTable
 from vbus.client import Bus, connect
 from vbus.client.lm628 import Lm628
-from vbus.client.lm628_commands import Lm628Commands
 from vbus.errors import NotReadyError
-from vbus.tools.generate.lm628 import commands
-from vbus.tools.generate.targets import FAMILIES, stale
+from vbus.tools.generate.calls import calls as made_calls
+from vbus.tools.generate.targets import own_clients, stale
 
 
 @pytest.fixture
@@ -48,12 +50,12 @@ def command(code: int, *words: int) -> list[tuple[object, ...]]:
 
 
 def test_every_command_has_a_call_and_every_call_a_command() -> None:
-    calls = {name for name in vars(Lm628Commands) if not name.startswith("_")}
+    calls = {name for name in vars(Lm628Calls) if not name.startswith("_")}
     assert calls == {row.name.lower() for row in COMMANDS}
 
 
 def test_the_calls_are_what_would_be_made_now() -> None:
-    assert stale(FAMILIES) == []
+    assert stale(own_clients()) == []
 
 
 @pytest.mark.parametrize(
@@ -246,7 +248,8 @@ TABLE = CommandTable(
 
 
 def test_the_generator_writes_a_typed_and_documented_call_for_each_row() -> None:
-    source = commands(TABLE, {"1": "At any time."})
+    sheet = SimpleNamespace(COMMANDS=TABLE, NOTES={"1": "At any time."})
+    source = made_calls(Family("made", sheet=sheet))
     body = source[source.index("    async def go") :]
     assert (
         body

@@ -8,9 +8,9 @@ import pytest
 from tests.unit.client.served import Served
 from tests.unit.fake_port import FakePort
 from vbus.chips.mc1241a.datasheet import COMMANDS
+from vbus.chips.mc1241a.generated.calls import Mc1241aCalls
 from vbus.client import Bus, connect
 from vbus.client.mc1241a import Mc1241a
-from vbus.client.mc1241a_commands import Mc1241aCommands
 from vbus.errors import ChecksumError, NotReadyError
 
 
@@ -45,7 +45,7 @@ def command(code: int, *words: int) -> list[tuple[object, ...]]:
 
 
 def test_every_command_has_a_call_and_every_call_a_command() -> None:
-    calls = {name for name in vars(Mc1241aCommands) if not name.startswith("_")}
+    calls = {name for name in vars(Mc1241aCalls) if not name.startswith("_")}
     assert calls == {row.name.lower() for row in COMMANDS}
 
 

@@ -2,17 +2,19 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from tests.unit.client.served import Served
+from vbus.chips.family import Family
 from vbus.chips.mcp1200.datasheet import REGISTERS
+from vbus.chips.mcp1200.generated.calls import Mcp1200Calls
 from vbus.chips.tables import Register
 from vbus.client import Bus, connect
 from vbus.client.mcp1200 import POSITION_INTERPOLATION, PROFILE, Mcp1200
-from vbus.client.mcp1200_registers import Mcp1200Registers
 from vbus.errors import NotReadyError
-from vbus.tools.generate.mcp1200 import registers
+from vbus.tools.generate.calls import calls
 
 
 @pytest.fixture
@@ -42,7 +44,7 @@ def reads(board: Served) -> list[object]:
 
 
 def test_every_register_has_its_calls_and_every_call_a_register() -> None:
-    calls = {name for name in vars(Mcp1200Registers) if not name.startswith("_")}
+    calls = {name for name in vars(Mcp1200Calls) if not name.startswith("_")}
     expected = {f"read_{row.name.lower()}" for row in REGISTERS}
     expected |= {f"write_{row.name.lower()}" for row in REGISTERS if row.access != "r"}
     assert calls == expected
@@ -116,10 +118,11 @@ def test_waiting_gives_up_after_the_time_given(axis: Mcp1200, board: Served) -> 
 
 
 def test_the_calls_follow_the_rows() -> None:
-    text = registers([
+    sheet = SimpleNamespace(REGISTERS=(
         Register("SPEED", (0x41, 0x40), signed=True, fraction=8, clause="X-1", title="Speed"),
         Register("COUNT", (0x10,), access="r", clause="X-2", title="Count"),
-    ])  # fmt: skip
+    ))  # fmt: skip
+    text = calls(Family("made", sheet=sheet))
     assert "def read_speed(self) -> int:" in text
     assert "read_bytes((0x41, 0x40), signed=True)" in text
     assert "16 bits, two's complement, in 1/256" in text

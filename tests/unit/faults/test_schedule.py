@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 from tests.unit.faults.bench import DC, IDEAL, LM, MC, MCP, STEPPER, Lm, Mc, Mcp, build, settle
 from vbus.board.board import Board
 from vbus.faults.row import LINK
-from vbus.faults.table import FAULTS
+from vbus.faults.table import faults
 from vbus.kernel import MS, US
 from vbus.signals import Observer
+
+FAULTS = faults()
 
 
 def test_there_are_at_least_thirty_faults_and_each_says_what_it_does() -> None:

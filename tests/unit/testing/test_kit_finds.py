@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from vbus.board.board import Board
-from vbus.chips.lm628 import LM628
+from vbus.chips.lm628.chip import LM628
 from vbus.kernel import US
 from vbus.plant.ideal import IdealPlant
 from vbus.protocols.byte import ByteProtocol

@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from vbus.board import plugins
 from vbus.board.checks import all_rules
 from vbus.chips.clauses import clauses_of
 from vbus.tools.generate.chip_pages import clause_page, page, targets
@@ -16,7 +17,7 @@ FAMILIES = ("lm628", "mcp1200", "mc1241a")
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_rule_of_a_chip_is_on_its_page(family: str) -> None:
-    text = page(family)
+    text = page(plugins.family(family))
 
     rules = [rule for rule in all_rules() if rule.name.startswith(f"{family}.")]
     assert rules
@@ -26,7 +27,7 @@ def test_every_rule_of_a_chip_is_on_its_page(family: str) -> None:
 
 
 def test_every_command_and_register_is_on_a_page_with_its_code() -> None:
-    pages = {family: page(family) for family in FAMILIES}
+    pages = {family: page(plugins.family(family)) for family in FAMILIES}
 
     for family, command in tables.commands():
         assert f"| `{command.name}` | {command.code:02X}H |" in pages[family]
@@ -38,7 +39,7 @@ def test_every_note_of_a_chip_is_named_on_its_page() -> None:
     for family in FAMILIES:
         notes = (ROOT / "vbus" / "chips" / family / "NOTES.md").read_text()
         numbers = re.findall(r"^(\d+)\. ", notes, re.MULTILINE)
-        _, _, silent = page(family).partition("## Where the manual is silent")
+        _, _, silent = page(plugins.family(family)).partition("## Where the manual is silent")
 
         assert re.findall(r"^(\d+)\. ", silent, re.MULTILINE) == numbers
 
@@ -62,14 +63,14 @@ def test_links_of_the_pages_lead_to_files_and_headings() -> None:
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_clause_of_a_chip_is_on_a_page_and_linked_from_its_rows(family: str) -> None:
-    text = clause_page(family)
+    text = clause_page(plugins.family(family))
 
     for clause in clauses_of(f"vbus.chips.{family}").values():
         assert f"\n### {clause.name}\n\n**{clause.title}**\n" in text
     for rule in all_rules():
         if rule.name.startswith(f"{family}."):
             link = f"[{rule.clause}]({family}-clauses.md#{rule.clause.lower()})"
-            assert link in page(family)
+            assert link in page(plugins.family(family))
 
 
 def test_every_rule_that_a_clause_names_is_one() -> None:
@@ -81,15 +82,21 @@ def test_every_rule_that_a_clause_names_is_one() -> None:
 
 
 def test_a_clause_on_its_page_says_what_explain_says() -> None:
-    text = clause_page("lm628").partition("\n### LM-BUS-14\n")[2].partition("\n### ")[0]
+    text = (
+        clause_page(plugins.family("lm628"))
+        .partition("\n### LM-BUS-14\n")[2]
+        .partition("\n### ")[0]
+    )
 
     assert text.startswith("\n**Busy gates; the status read itself is not required**\n(manual: ")
     assert clauses_of("vbus.chips.lm628")["LM-BUS-14"].text in text
-    assert "No test: The manual itself calls it untestable" in clause_page("lm628")
-    assert "Rules: `lm628.busy-write`, `lm628.busy-read`." in clause_page("lm628")
+    assert "No test: The manual itself calls it untestable" in clause_page(plugins.family("lm628"))
+    assert "Rules: `lm628.busy-write`, `lm628.busy-read`." in clause_page(plugins.family("lm628"))
 
 
 def test_ac_limits_differ_by_supply_and_by_speed_grade() -> None:
-    assert "| interval | limit, 5 V | limit, 3.3 V |" in page("mcp1200")
-    assert "| at least 50 ns, at most 500 ns | at least 70 ns, at most 500 ns |" in page("mcp1200")
-    assert "grade -6: T4 78 ns, T5 166 ns" in page("lm628")
+    assert "| interval | limit, 5 V | limit, 3.3 V |" in page(plugins.family("mcp1200"))
+    assert "| at least 50 ns, at most 500 ns | at least 70 ns, at most 500 ns |" in page(
+        plugins.family("mcp1200")
+    )
+    assert "grade -6: T4 78 ns, T5 166 ns" in page(plugins.family("lm628"))

@@ -8,12 +8,11 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.kernel import MS, NS, US
-from vbus.trace.bus_watch import WATCHES
 from vbus.trace.capture import Sample
 from vbus.trace.capture_vcd import read_vcd
 from vbus.trace.channel_map import Wiring, wiring_of
 from vbus.trace.conform import Conform, Tolerance, Verdict
-from vbus.trace.conform_start import find_start
+from vbus.trace.conform_start import find_start, watch_of
 from vbus.trace.wave import Wave
 
 BOARDS = {
@@ -125,7 +124,7 @@ class Shot:
         self.channels = capture.channels
         self.samples: list[Sample] = list(capture.samples)
         chip = board_of(family).chips[0]
-        self.wiring: Wiring = wiring_of(self.channels, "x", chip.pin_rows, WATCHES[family](), {})
+        self.wiring: Wiring = wiring_of(self.channels, "x", chip.pin_rows, watch_of(chip), {})
 
     def bit(self, pin: str) -> int:
         return self.wiring.bits[pin]
@@ -159,7 +158,7 @@ class Shot:
         masks: dict[int, int] | None = None, judged: bool = False, more: str = "",
     ) -> Verdict:  # fmt: skip
         board = board_of(self.family, more)
-        start = find_start(self.samples, self.wiring, self.family, wish)
+        start = find_start(self.samples, self.wiring, board.chips[0], wish)
         tolerance = Tolerance(slack, frozenset(names), masks or {})
         run = Conform(board, board.chips[0], self.wiring, tolerance, judged)
         return run.run(self.samples, start)

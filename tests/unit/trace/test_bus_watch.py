@@ -2,7 +2,10 @@
 
 import pytest
 
-from vbus.trace.bus_watch import BusWatch, Lm628Watch, Mc1241aWatch, Mcp1200Watch
+from vbus.chips.lm628.bus import Lm628Watch
+from vbus.chips.mc1241a.bus import Mc1241aWatch
+from vbus.chips.mcp1200.bus import Mcp1200Watch
+from vbus.trace.bus_watch import BusWatch
 from vbus.trace.packets import Cycle
 
 Levels = tuple[int, int, int, int]

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from tests.unit.trace.captures import BOARDS, Shot, board_of, vcd
 from vbus.errors import CaptureError
-from vbus.trace.bus_watch import WATCHES
 from vbus.trace.capture import Capture, frequency, unit_of
 from vbus.trace.capture_csv import read_csv
 from vbus.trace.capture_sr import read_sr
 from vbus.trace.capture_vcd import read_vcd
 from vbus.trace.channel_map import Wiring, wiring_of
+from vbus.trace.conform_start import watch_of
 
 HEAD = "$timescale 1 ns $end\n$scope module top $end\n{}$upscope $end\n$enddefinitions $end\n"
 
@@ -267,8 +267,8 @@ DATA = [f"D{n}" for n in range(8)]
 
 
 def wired(channels: list[str], family: str = "lm628", **wanted: str) -> Wiring:
-    rows = board_of(family).chips[0].pin_rows
-    return wiring_of(channels, "x", rows, WATCHES[family](), wanted)
+    chip = board_of(family).chips[0]
+    return wiring_of(channels, "x", chip.pin_rows, watch_of(chip), wanted)
 
 
 @pytest.mark.parametrize(

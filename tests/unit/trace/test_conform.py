@@ -7,10 +7,12 @@ import pytest
 
 from tests.unit.trace.captures import BOARDS, Shot, vcd
 from vbus.board.host_bus import HostBus
+from vbus.chips.lm628.bus import Lm628Watch
+from vbus.chips.mc1241a.bus import Mc1241aWatch
+from vbus.chips.mcp1200.bus import Mcp1200Watch
 from vbus.errors import CaptureError
 from vbus.kernel import MS, NS, US, Kernel
 from vbus.signals import Net, Pin
-from vbus.trace.bus_watch import WATCHES
 from vbus.trace.conform import Mismatch, Verdict
 from vbus.trace.conform_outputs import OutputWatch
 
@@ -199,7 +201,7 @@ def test_a_pulse_too_short_to_be_sampled_may_be_missing() -> None:
 
 
 def test_who_drives_the_data_bus_and_when_it_is_idle() -> None:
-    lm628, pmd, mcp = (WATCHES[name]() for name in ("lm628", "mc1241a", "mcp1200"))
+    lm628, pmd, mcp = (Lm628Watch(), Mc1241aWatch(), Mcp1200Watch())
     # /CS /PS /RD /WR
     assert lm628.reading((0, 1, 0, 1))
     assert not lm628.reading((1, 1, 0, 1))

@@ -11,7 +11,7 @@ from vbus.chips.lm628.clock_input import check_clock, judge_clock
 from vbus.chips.lm628.commands import UNKNOWN, Commands
 from vbus.chips.lm628.encoder import Encoder
 from vbus.chips.lm628.encoder_pins import EncoderPins
-from vbus.chips.lm628.host import Host
+from vbus.chips.lm628.host_port import Host
 from vbus.chips.lm628.interface import HostInterface
 from vbus.chips.lm628.output import Output, OutputPins
 from vbus.chips.lm628.pins import BusPins, edges_of

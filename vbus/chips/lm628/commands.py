@@ -6,7 +6,7 @@ from typing import Final
 from vbus.bits import sign_extend
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import Axis
-from vbus.chips.lm628.host import Host
+from vbus.chips.lm628.host_port import Host
 from vbus.signals import Rule
 
 UNKNOWN: Final = -1

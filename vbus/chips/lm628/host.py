@@ -1,245 +1,201 @@
-"""The host port: busy, command bytes, data words, and hosts that break the rules."""
+"""An LM628 or LM629 axis: filter, moves and waiting, for asyncio."""
 
-from collections.abc import Callable
 from typing import Final
 
-from mypy_extensions import i64
+from vbus.chips.lm628.datasheet import (
+    COEFFICIENT_MAX,
+    FORWARD,
+    LOADS,
+    POSITION_MAX,
+    POSITION_MIN,
+    RATE_MAX,
+    STOP_ABRUPTLY,
+    STOP_SMOOTHLY,
+    TRAJECTORY_COMPLETE,
+    TURN_OFF,
+    VELOCITY_MODE,
+)
+from vbus.chips.lm628.generated.aio_calls import Lm628Calls
+from vbus.client.aio.bus import Bus, Chip
+from vbus.client.aio.packets import READY_POLLS
+from vbus.client.words import words_of
+from vbus.errors import NotReadyError
+from vbus.protocols.quantities import format_instant, parse_duration
 
-from vbus.chips.lm628 import datasheet as ds
-from vbus.kernel import HELD, NEVER, Clock
-from vbus.options import Value
-from vbus.signals import Rule
-
-Report = Callable[[Rule, str, int], None]
-"""Files a violation: rule, detail, instant (ps)."""
-Execute = Callable[[int, int, int], bool]
-"""Carries out a step of a command: code, step, word. False if there is no such command."""
-
-_NOTHING: Final = 0
-_COMMAND: Final = 1
-_WORD: Final = 2
-_FETCH: Final = 3
-
-_STATUS: Final = 0
-_BYTE: Final = 1
-_REPEAT: Final = 2
-_UNASKED: Final = 3
-_LOST: Final = 4
-
-_NO_BYTE: Final = 0xFF
+_STOPS: Final = {"smoothly": STOP_SMOOTHLY, "abruptly": STOP_ABRUPTLY, "off": TURN_OFF}
 
 
-def _undefined(code: int, step: int, word: int) -> bool:
-    return False
+class Lm628(Lm628Calls):
+    """One axis on an LM628 or LM629.
 
-
-class Host:
-    """State of the two ports.
-
-    A byte that makes the chip busy has its effect when busy falls (LM-BUS-9): :meth:`finish` is
-    called then. A command is carried out in steps: step 0 for the command byte, step n for the
-    n-th data word.
+    Positions are counts, velocities 1/65536 counts per sample, accelerations 1/65536 counts per
+    sample per sample; :class:`~vbus.client.units.Units` makes them from turns and seconds.
 
     Args:
-        clock: the chip's clock.
-        settings: busy_clk, busy_jitter_clk, seed, busy.
-        report: files violations.
-
-    Attributes:
-        busy_end: instant at which busy falls, NEVER if the chip is not busy (ps).
-        words_due: data words the host still has to write.
+        bus: the session.
+        chip: the chip's name on the board; None if there is only one.
+        ready: how busy is waited for, ``"poll"`` or ``"wait"``.
+        polls: status reads after which a busy chip is given up.
     """
 
-    __slots__ = (
-        "_busy_clk", "_clock", "_code", "_execute", "_high", "_jitter_clk", "_kind", "_latched",
-        "_pending", "_random", "_reply", "_report", "_second", "_step", "_value", "_worst",
-        "busy_end", "words_due",
-    )  # fmt: skip
+    def __init__(
+        self, bus: Bus, chip: str | None = None, *, ready: str = "poll", polls: int = READY_POLLS
+    ) -> None:
+        self.bus: Bus = bus
+        self.chip: Chip = bus.chip(chip if chip is not None else bus.info.chips[0].name)
+        super().__init__(self.chip, ready=ready, polls=polls)
 
-    def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
-        self._clock: Clock = clock
-        self._report: Report = report
-        self._execute: Execute = _undefined
-        self._busy_clk: int = int(settings["busy_clk"])
-        self._jitter_clk: int = int(settings["busy_jitter_clk"])
-        self._worst: bool = settings["busy"] == "worst"
-        self._random: int = int(settings["seed"])
-        self.busy_end: i64 = NEVER
-        self.words_due: int = 0
-        self._pending: int = _NOTHING
-        self._value: int = 0
-        self._code: int = 0
-        self._step: int = 0
-        self._reply: list[int] = []
-        self._second: bool = False
-        self._high: int = 0
-        self._latched: int = 0
-        self._kind: int = _STATUS
+    async def check_reset(self, longest: str = "10ms") -> int:
+        """Make the check of a fresh reset that most drivers make; return the last status byte.
 
-    def serve(self, execute: Execute) -> None:
-        """Have ``execute`` carry out the commands."""
-        self._execute = execute
+        Status must become 84h or C4h, and RSTI 0000h must turn it into 80h or C0h
+        (LM-RST-5, LM-RST-6).
 
-    def reset(self) -> None:
-        """Forget packets and the last byte (LM-RST-2, LM-RST-4)."""
-        self.busy_end = NEVER
-        self.words_due = 0
-        self._pending = _NOTHING
-        self._reply = []
-        self._second = False
-        self._latched = 0
-        if self._kind != _STATUS:
-            self._kind = _REPEAT
-
-    def reply(self, value: int, words: int) -> None:
-        """Give the host ``words`` 16-bit words to read, high word first (LM-BUS-6)."""
-        self._reply = [value >> 16 & 0xFFFF, value & 0xFFFF] if words == 2 else [value & 0xFFFF]
-
-    @property
-    def busy(self) -> bool:
-        """Whether a byte is being digested."""
-        return self.busy_end != NEVER
-
-    def _begin_busy(self, now: int, pending: int, value: int) -> None:
-        """LM-BUS-8: busy for its nominal time, give or take the jitter, never above the cap."""
-        self._pending = pending
-        self._value = value
-        if self._clock.stopped:
-            now = HELD
-        if self._worst:
-            self.busy_end = now + ds.BUSY_CAP
-            return
-        clk = self._busy_clk
-        if self._jitter_clk:
-            self._random = (self._random * 1664525 + 1013904223) & 0xFFFFFFFF
-            clk += (self._random >> 16) % (2 * self._jitter_clk + 1) - self._jitter_clk
-            clk = max(clk, 1)
-        self.busy_end = now + min(self._clock.span(clk), ds.BUSY_CAP)
-
-    # -- writing ------------------------------------------------------------------------------
-
-    def write_command(self, code: int, now: int) -> None:
-        """A command byte was latched; the chip is not in reset."""
-        if self.busy:
-            self._report(ds.BUSY_WRITE, f"command {code:02X}H written while busy", now)
-            return
-        if self.words_due or self._reply:
-            self._report(
-                ds.CUT_PACKET, f"command {code:02X}H written before the data was complete", now
-            )
-        self.words_due = 0
-        self._reply = []
-        self._second = False
-        if code == ds.RESET:
-            self._execute(code, 0, 0)
-        else:
-            self._begin_busy(now, _COMMAND, code)
-
-    def write_data(self, data: int, now: int) -> bool:
-        """A data byte was latched; False is a command error (LM-BUS-12)."""
-        if self.busy:
-            self._report(ds.BUSY_WRITE, f"data {data:02X}H written while busy", now)
-        elif not self.words_due:
-            self._report(ds.WRONG_WAY, f"data {data:02X}H written, none was expected", now)
-            return False
-        elif self._second:
-            self._second = False
-            self._begin_busy(now, _WORD, self._high << 8 | data)
-        else:
-            self._second = True
-            self._high = data
-        return True
-
-    # -- reading ------------------------------------------------------------------------------
-
-    def begin_status(self) -> None:
-        """A status read begins: nothing else is touched (LM-BUS-5)."""
-        self._kind = _STATUS
-
-    def begin_data(self, now: int) -> None:
-        """/RD falls on the data port: a byte is latched (LM-BUS-3)."""
-        if self.busy:
-            self._report(ds.BUSY_READ, "data read while busy", now)
-            self._kind = _REPEAT
-        elif not self._reply:
-            self._report(ds.WRONG_WAY, "data read, none was expected", now)
-            self._kind = _UNASKED
-        else:
-            self._kind = _BYTE
-            word = self._reply[0]
-            self._latched = word & 0xFF if self._second else word >> 8
-
-    def begin_in_reset(self) -> None:
-        """/RD falls on the data port during reset: 00h is read (LM-RST-4)."""
-        self._kind = _REPEAT
-
-    def lose_read(self) -> None:
-        """The read under way is lost: FFh is returned, no pointer moves."""
-        self._kind = _LOST
-
-    def reading_status(self) -> bool:
-        """Whether the read under way is of the status byte."""
-        return self._kind == _STATUS
-
-    def shown(self) -> int:
-        """Return the byte the data read under way shows."""
-        return _NO_BYTE if self._kind == _LOST else self._latched
-
-    def end_data(self, now: int) -> int:
-        """/RD rises: the pointer moves; return the byte the host has taken."""
-        kind, self._kind = self._kind, _REPEAT
-        if kind == _LOST:
-            return _NO_BYTE
-        if kind == _BYTE:
-            if self._second:
-                self._second = False
-                self._begin_busy(now, _FETCH, 0)
-            else:
-                self._second = True
-        return self._latched
-
-    def unasked(self) -> bool:
-        """Whether the read under way takes data nobody offered: a command error (LM-BUS-12)."""
-        return self._kind == _UNASKED
-
-    # -- when busy falls ----------------------------------------------------------------------
-
-    def finish(self) -> None:
-        """Busy falls: the byte that made the chip busy has its effect (LM-BUS-9)."""
-        when = self.busy_end
-        self.busy_end = NEVER
-        if self._pending == _FETCH:
-            del self._reply[0]
-        elif self._pending == _WORD:
-            self._step += 1
-            self.words_due -= 1
-            self._execute(self._code, self._step, self._value)
-        else:
-            self._code = self._value
-            self._step = 0
-            if not self._execute(self._code, 0, 0):
-                self._report(
-                    ds.UNDEFINED_COMMAND, f"command {self._code:02X}H is not defined", when
+        Raises:
+            NotReadyError: the chip has not been reset, or does not come out of it.
+        """
+        end = await self.bus.now() + parse_duration(longest)
+        while (status := await self.status()) not in (0x84, 0xC4):
+            if await self.bus.now() > end:
+                raise NotReadyError(
+                    f"status {status:02X}h {longest} after reset; 84h or C4h is required"
                 )
-        self._pending = _NOTHING
+            await self.bus.delay("100us")
+        await self.rsti(0x0000)
+        await self.wait_ready()
+        if (status := await self.status()) not in (0x80, 0xC0):
+            raise NotReadyError(f"status {status:02X}h after RSTI; 80h or C0h is required")
+        return status
 
-    def next_step(self) -> tuple[int, int, int]:
-        """Return the code, step and word carried out when busy falls; code -1: none."""
-        if self._pending == _WORD:
-            return self._code, self._step + 1, self._value
-        return (self._value if self._pending == _COMMAND else -1), 0, 0
+    async def load_filter(
+        self,
+        *,
+        kp: int | None = None,
+        ki: int | None = None,
+        kd: int | None = None,
+        il: int | None = None,
+        ds: int = 0,
+        update: bool = True,
+    ) -> None:
+        """Load the coefficients given, 0 to 7FFFh each, and let them take effect (LM-PID-1).
 
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state."""
-        return (
-            self.busy_end, self.words_due, self._pending, self._value, self._code, self._step,
-            tuple(self._reply), self._second, self._high, self._latched, self._kind, self._random,
-        )  # fmt: skip
+        Args:
+            kp: proportional.
+            ki: integral.
+            kd: derivative.
+            il: integration limit.
+            ds: derivative sampling interval code: ds + 1 samples, 0 to 255.
+            update: send UDF behind LFIL.
 
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.busy_end, self.words_due, self._pending, self._value, self._code, self._step,
-            reply, self._second, self._high, self._latched, self._kind, self._random,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self._reply = list(reply)  # type: ignore[call-overload]
+        Raises:
+            ValueError: a coefficient out of range.
+        """
+        if not 0 <= ds <= 0xFF:
+            raise ValueError(f"ds = {ds}: allowed are 0 to 255")
+        control = ds << 8
+        words: list[int] = []
+        gains = (("kp", kp, 8), ("ki", ki, 4), ("kd", kd, 2), ("il", il, 1))
+        for name, value, bit in gains:
+            if value is None:
+                continue
+            if not 0 <= value <= COEFFICIENT_MAX:
+                raise ValueError(f"{name} = {value}: allowed are 0 to {COEFFICIENT_MAX}")
+            control |= bit
+            words.append(value)
+        await self.lfil(control, *words)
+        if update:
+            await self.udf()
+
+    async def load_trajectory(
+        self,
+        *,
+        acc: int | None = None,
+        vel: int | None = None,
+        pos: int | None = None,
+        relative: bool = False,
+        velocity_mode: bool = False,
+        forward: bool = True,
+        start: bool = False,
+    ) -> None:
+        """Load the values given into the trajectory buffers (LM-TRJ-1).
+
+        Args:
+            acc: acceleration, 0 to 3FFFFFFFh.
+            vel: velocity, 0 to 3FFFFFFFh.
+            pos: position, -40000000h to 3FFFFFFFh.
+            relative: the values are added to those in force (and may be negative).
+            velocity_mode: run at the velocity for ever instead of to the position.
+            forward: direction in velocity mode.
+            start: send STT behind LTRJ.
+
+        Raises:
+            ValueError: a value out of range.
+        """
+        control = (VELOCITY_MODE | (FORWARD if forward else 0)) if velocity_mode else 0
+        words: list[int] = []
+        least = -RATE_MAX if relative else 0
+        values = (
+            ("acc", acc, LOADS[0], least, RATE_MAX),
+            ("vel", vel, LOADS[1], least, RATE_MAX),
+            ("pos", pos, LOADS[2], POSITION_MIN, POSITION_MAX),
+        )
+        for name, value, bit, low, high in values:
+            if value is None:
+                continue
+            if not low <= value <= high:
+                raise ValueError(f"{name} = {value}: allowed are {low} to {high}")
+            control |= bit | (bit >> 1 if relative else 0)
+            words.extend(words_of(value))
+        await self.ltrj(control, *words)
+        if start:
+            await self.stt()
+
+    async def stop(self, how: str = "smoothly") -> None:
+        """Stop ``"smoothly"``, ``"abruptly"``, or by turning the motor ``"off"`` (LM-TRJ-5).
+
+        Raises:
+            ValueError: ``how`` is none of these.
+        """
+        if how not in _STOPS:
+            raise ValueError(f"stop {how!r}: allowed are {', '.join(_STOPS)}")
+        await self.ltrj(_STOPS[how])
+        await self.stt()
+
+    async def wait_status(
+        self, bits: int = TRAJECTORY_COMPLETE, longest: str = "60s", every: str = "1ms"
+    ) -> int:
+        """Read the status until one of ``bits`` is set; return it.
+
+        Between the reads ``every`` of chip time passes, so this works in real time and in
+        lockstep.
+
+        Raises:
+            NotReadyError: none is set after ``longest`` of chip time.
+        """
+        end = await self.bus.now() + parse_duration(longest)
+        while True:
+            status = await self.status()
+            if status & bits:
+                return status
+            if await self.bus.now() >= end:
+                raise NotReadyError(
+                    f"status {status:02X}h after {format_instant(parse_duration(longest))};"
+                    f" none of the bits {bits:02X}h is set"
+                )
+            await self.bus.delay(every)
+
+    async def move(
+        self, pos: int, *, acc: int | None = None, vel: int | None = None, relative: bool = False,
+        longest: str = "60s",
+    ) -> int:  # fmt: skip
+        """Move to a position and wait for the end of the trajectory; return the real position.
+
+        Raises:
+            NotReadyError: the trajectory has not ended after ``longest`` of chip time.
+        """
+        await self.rsti(0xFFFF & ~TRAJECTORY_COMPLETE)
+        if acc is not None or vel is not None:
+            await self.load_trajectory(acc=acc, vel=vel)
+        await self.load_trajectory(pos=pos, relative=relative, start=True)
+        await self.wait_status(TRAJECTORY_COMPLETE, longest)
+        return await self.rdrp()

@@ -1,16 +1,18 @@
-"""The demonstrations: one file each, imported when it is wanted."""
+"""The demonstrations of the chip families, imported when they are wanted."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
-if TYPE_CHECKING:
-    from vbus.tools.demos.row import Demo
+from vbus.board import plugins
 
-NAMES: Final = ("lm629", "mcp1200", "mc1241a")
+if TYPE_CHECKING:
+    from vbus.client.demo import Demo
+
+_FAMILIES: Final = {one.demo_name: one for one in plugins.families() if one.demo}
+NAMES: Final = tuple(_FAMILIES)
 """Demonstrations by name; the first is the default."""
 
 
 def demo_of(name: str) -> "Demo":
     """Return the demonstration called ``name``."""
-    row: Demo = import_module(f"vbus.tools.demos.{name}").DEMO
+    row: Demo = _FAMILIES[name].object("demo")
     return row

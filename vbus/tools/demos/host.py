@@ -8,9 +8,9 @@ import os
 import sys
 
 from vbus.client import connect
+from vbus.client.demo import tell
 from vbus.errors import VbusError
 from vbus.tools.demos import demo_of
-from vbus.tools.demos.step import tell
 
 
 def main(name: str, link: str) -> int:

@@ -10,8 +10,8 @@ from rich.text import Text
 
 from vbus.board.board import Board
 from vbus.chips.tables import Bit
+from vbus.client.demo import Demo, Gauge
 from vbus.signals import Observer
-from vbus.tools.demos.row import Demo, Gauge
 
 BAR: Final = 31
 """Characters of a bar; the middle one is zero."""

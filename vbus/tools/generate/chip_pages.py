@@ -1,65 +1,21 @@
 """Makes the pages of each chip family: what its tables hold, and its clauses in full."""
 
-import importlib
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache, partial
-from typing import Any, Final
+from typing import Final
 
 from vbus.board import plugins, units
-from vbus.chips.base import Chip
 from vbus.chips.clauses import Clause, clauses_of
+from vbus.chips.family import Family
 from vbus.chips.strobes import AcLimit, AcTable
 from vbus.chips.tables import Bit, Command, PinRow, Register
 from vbus.options import Option
 from vbus.signals import Rule
 from vbus.tools.generate.board_file import option_table
-from vbus.tools.generate.layout import ROOT
+from vbus.tools.generate.layout import folder_of, own_families
 
-_TITLES: Final = {
-    "lm628": "LM628 and LM629",
-    "mcp1200": "MCP-1200",
-    "mc1241a": "MC1241A and MC1141A",
-}
-_ADDRESSES: Final = {
-    "lm628": (
-        ("0", "/PS low", "status byte", "command"),
-        ("1", "/PS high", "data byte", "data byte"),
-    ),
-    "mcp1200": (
-        ("00H to 7FH", "address latched by /ALE or /CS", "register byte", "register byte"),
-    ),
-    "mc1241a": (
-        ("0", "HostCmd low", "data byte", "data byte"),
-        ("1", "HostCmd high", "status byte", "command"),
-        ("2", "plug-in card only", "–", "resets the chip set"),
-    ),
-}
-_BITS: Final = {
-    "lm628": (
-        ("Status byte", "STATUS"),
-        ("Signals register (RDSIGS)", "SIGNALS"),
-        ("Trajectory control word (LTRJ)", "TRAJECTORY"),
-        ("Filter control word (LFIL)", "FILTER"),
-    ),
-    "mcp1200": (
-        ("Flag register R00H", "FLAG_BITS"),
-        ("Feature control R01H", "FEATURE_BITS"),
-        ("Advanced configuration R02H", "CONFIG_BITS"),
-        ("Capture control R03H", "CAPTURE_BITS"),
-        ("Status register R07H", "STATUS_BITS"),
-    ),
-    "mc1241a": (
-        ("Axis status word (GET_STATUS)", "STATUS_BITS"),
-        ("Axis mode word (GET_MODE)", "MODE_BITS"),
-    ),
-}
-_KEPT: Final = {
-    "lm628": frozenset[str](),
-    "mcp1200": frozenset({"tDOEH", "tOF", "tOR", "tEP"}),
-    "mc1241a": frozenset({"T11", *(f"T{number}" for number in range(19, 28))}),
-}
-"""Rows of the chips' own outputs that no host can break: they are kept, not judged."""
+_MADE: Final = "<!-- Made from {} by vbus.tools.generate; change {}. -->"
 _SCOPES: Final = {"c": "current axis", "g": "chip set", "i": "interrupting axis"}
 
 
@@ -67,61 +23,65 @@ def targets() -> list[tuple[str, Callable[[], str]]]:
     """Return every page and what makes it."""
     return [
         target
-        for family in _TITLES
+        for family in own_families()
         for target in (
-            (f"docs/chips/{family}.md", partial(page, family)),
-            (f"docs/chips/{family}-clauses.md", partial(clause_page, family)),
+            (f"docs/chips/{family.name}.md", partial(page, family)),
+            (f"docs/chips/{family.name}-clauses.md", partial(clause_page, family)),
         )
     ]
 
 
-def page(family: str) -> str:
-    """Return the page of a chip family."""
-    sheet = importlib.import_module(f"vbus.chips.{family}.datasheet")
-    chip = _chip(family)
-    others = " · ".join(
-        f"[{title}]({name}.md)" for name, title in _TITLES.items() if name != family
-    )
-    lines = [
-        f"# {_TITLES[family]}",
-        "",
-        "<!-- Made from the tables of the chip by vbus.tools.generate; change the tables. -->",
-        "",
-        "What `vbus` knows of this chip, from its own tables.",
-        f"Other chips: {others}. See also: [Board file](../board-file.md).",
-        "",
-        f"What the chip has to do stands in [its clauses]({family}-clauses.md); ids such as"
-        f" {next(iter(sheet.RULES)).clause} lead there.",
-        "",
-        "## Parts",
-        "",
-        f"{', '.join(f'`{part}`' for part in chip.PARTS)}: family `{family}`,"
-        f" {'one axis' if chip.AXES == 1 else f'up to {chip.AXES} axes'}.",
-        "",
-        "## Bus addresses",
-        "",
-        *_table(("address", "how", "read", "write"), _ADDRESSES[family]),
-        "",
-    ]
-    if hasattr(sheet, "COMMANDS"):
-        lines += ["## Commands", "", *_commands(sheet.COMMANDS), ""]
-    if hasattr(sheet, "REGISTERS"):
-        lines += ["## Registers", "", *_registers(sheet.REGISTERS), ""]
-    lines += ["## Bits", ""]
-    for title, name in _BITS[family]:
+def page(family: Family) -> str:
+    """Return the page of a chip family: what it has tables for."""
+    sheet = family.tables
+    chip = plugins.chip_of(family)
+    lines = [f"# {_title(family)}", "", _MADE.format("the tables of the chip", "the tables"), ""]
+    lines += ["What `vbus` knows of this chip, from its own tables."]
+    own = own_families()
+    if family in own:
+        others = (f"[{one.title}]({one.name}.md)" for one in own if one is not family)
+        lines += [f"Other chips: {' · '.join(others)}. See also: [Board file](../board-file.md)."]
+    lines += [""]
+    if family.rules and family.rules[0].clause in _pages():
+        lines += [
+            f"What the chip has to do stands in [its clauses]({family.name}-clauses.md); ids such"
+            f" as {family.rules[0].clause} lead there.",
+            "",
+        ]
+    axes = {0: "no axis", 1: "one axis"}.get(chip.AXES, f"up to {chip.AXES} axes")
+    parts = ", ".join(f"`{part}`" for part in chip.PARTS)
+    lines += ["## Parts", "", f"{parts}: family `{family.name}`, {axes}.", ""]
+    for head, rows in (
+        ("Bus addresses", _rows(("address", "how", "read", "write"), family.addresses)),
+        ("Commands", family.commands and _commands(family.commands)),
+        ("Registers", family.registers and _registers(family.registers)),
+    ):
+        lines += [f"## {head}", "", *rows, ""] if rows else []
+    lines += ["## Bits", ""] if family.bits else []
+    for title, name in family.bits:
         lines += [f"### {title}", "", *_bits(getattr(sheet, name)), ""]
-    lines += ["## Pins", "", *_pins(sheet.PINS), ""]
-    lines += ["## AC limits", "", *_limits(family, sheet), ""]
-    lines += ["## Other rules", "", *_rules(sheet.RULES, _tables(sheet)), ""]
+    lines += ["## Pins", "", *_pins(chip.PINS), ""]
+    tables = family.ac_tables
+    if tables:
+        lines += ["## AC limits", "", *_limits(family), ""]
+    rules = _rules(family.rules, tables)
+    if len(rules) > 2:
+        lines += ["## Other rules" if tables else "## Rules", "", *rules, ""]
     lines += ["## Options in a board file", "", *option_table(chip.OPTIONS), ""]
     lines += _readings(chip.OPTIONS)
-    lines += ["## Where the manual is silent", "", *_silent(family)]
-    return _linked("\n".join(lines) + "\n")
+    silent = _silent(family)
+    lines += ["## Where the manual is silent", "", *silent] if silent else []
+    return _linked("\n".join(lines).rstrip("\n") + "\n")
 
 
-def _chip(family: str) -> type[Chip]:
-    chips = (plugins.chip_class(name) for name in plugins.names(plugins.CHIPS))
-    return next(chip for chip in chips if family == chip.FAMILY)
+def _title(family: Family) -> str:
+    return family.title or family.name
+
+
+def _rows(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
+    """Return a table, or nothing if it has no rows."""
+    found = _table(head, rows)
+    return found if len(found) > 2 else []
 
 
 def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
@@ -193,19 +153,15 @@ def _pins(pins: Iterable[PinRow]) -> list[str]:
 # -- AC limits and rules --------------------------------------------------------------------------
 
 
-def _tables(sheet: Any) -> dict[str, AcTable]:
-    return sheet.AC if isinstance(sheet.AC, dict) else {"": sheet.AC}
-
-
-def _limits(family: str, sheet: Any) -> list[str]:
-    tables = _tables(sheet)
+def _limits(family: Family) -> list[str]:
+    tables = family.ac_tables
     first = next(iter(tables.values()))
     heads = [f"limit, {name}" if name else "limit" for name in tables]
     cells = []
     for row in first:
         rule = first.rules[row.symbol]
         limits = [_limit(table[row.symbol]) for table in tables.values()]
-        side = _side(row, row.symbol in _KEPT[family])
+        side = _side(row, row.symbol in family.kept)
         cells.append((f"`{rule.name}`", row.symbol, row.title, *limits, side, rule.clause))
     lines = [
         "Each row of the manual's table is a rule of its name. *Host*: the interval is the host's,"
@@ -214,10 +170,11 @@ def _limits(family: str, sheet: Any) -> list[str]:
         "",
         *_table(("rule", "row", "interval", *heads, "whose", "clause"), cells),
     ]
-    if hasattr(sheet, "CLOCK_LIMITS"):
+    clocks = getattr(family.tables, "CLOCK_LIMITS", None)
+    if clocks:
         grades = "; ".join(
             f"grade -{grade}: T4 {units.show(high, 's')}, T5 {units.show(period, 's')}"
-            for grade, (high, period) in sheet.CLOCK_LIMITS.items()
+            for grade, (high, period) in clocks.items()
         )
         lines += ["", f"By speed grade, at least: {grades}."]
     return lines
@@ -245,7 +202,7 @@ def _time(ps: int) -> str:
     return f"{ps / 1000:g} ns" if abs(ps) < 10**6 else units.show(ps, "s")
 
 
-def _rules(rules: Iterable[Rule], tables: dict[str, AcTable]) -> list[str]:
+def _rules(rules: Iterable[Rule], tables: Mapping[str, AcTable]) -> list[str]:
     ac = {rule.name for table in tables.values() for rule in table.rules.values()}
     return _table(
         ("rule", "severity", "what is required", "clause"),
@@ -261,11 +218,13 @@ def _readings(options: Iterable[Option]) -> list[str]:
     return ["Where an option chooses between readings of the manual:", "", *found, ""]
 
 
-def _silent(family: str) -> list[str]:
+def _silent(family: Family) -> list[str]:
     """Return what was ruled, by title; the rulings themselves stand beside the chip."""
-    path = f"vbus/chips/{family}/NOTES.md"
-    found = list(_notes((ROOT / path).read_text()))
-    return [f"What was decided, in full: [`{path}`](../../{path}).", "", *found]
+    notes = folder_of(family) / "NOTES.md" if family.home else None
+    if notes is None or not notes.exists():
+        return []
+    path = f"{family.home.replace('.', '/')}/NOTES.md"
+    return [f"What was decided, in full: [`{path}`](../../{path}).", "", *_notes(notes.read_text())]
 
 
 def _notes(text: str) -> Iterator[str]:
@@ -278,19 +237,18 @@ def _notes(text: str) -> Iterator[str]:
 # -- clauses --------------------------------------------------------------------------------------
 
 
-def clause_page(family: str) -> str:
+def clause_page(family: Family) -> str:
     """Return the page with the clauses of a chip family."""
-    sheet = importlib.import_module(f"vbus.chips.{family}.datasheet")
-    clauses = clauses_of(f"vbus.chips.{family}")
-    folder = f"../../vbus/chips/{family}"
+    clauses = clauses_of(family.home)
+    folder = f"../../{family.home.replace('.', '/')}"
     rows = ((clause.name, clause.title, clause.kind) for clause in clauses.values())
     lines = [
-        f"# Clauses of the {_TITLES[family]}",
+        f"# Clauses of the {_title(family)}",
         "",
-        "<!-- Made from clauses.toml of the chip by vbus.tools.generate; change that. -->",
+        _MADE.format("clauses.toml of the chip", "that"),
         "",
-        f"What the [chip]({family}.md) has to do. Of the kinds of clauses, *manual* is what its"
-        " manual states; *ruling* is what was decided where the manual is silent or contradicts"
+        f"What the [chip]({family.name}.md) has to do. Of the kinds of clauses, *manual* is what"
+        " its manual states; *ruling* is what was decided where the manual is silent or contradicts"
         " itself; *silicon* is decided by what real parts, or drivers that work with them, are"
         " known to do. `vbus explain ID` also names the tests of a clause; NOTES are those of"
         f" [NOTES.md]({folder}/NOTES.md).",
@@ -298,7 +256,7 @@ def clause_page(family: str) -> str:
         *_table(("clause", "title", "kind"), rows),
     ]
     for clause in clauses.values():
-        lines += ["", f"### {clause.name}", "", *_clause(clause, sheet.RULES)]
+        lines += ["", f"### {clause.name}", "", *_clause(clause, family.rules)]
     return _linked("\n".join(lines) + "\n")
 
 
@@ -315,7 +273,12 @@ def _clause(clause: Clause, rules: Iterable[Rule]) -> Iterator[str]:
 @cache
 def _pages() -> dict[str, str]:
     """Return the page of every clause, by id."""
-    return {name: family for family in _TITLES for name in clauses_of(f"vbus.chips.{family}")}
+    return {
+        name: family.name
+        for family in plugins.families()
+        if family.home
+        for name in clauses_of(family.home)
+    }
 
 
 def _linked(text: str) -> str:

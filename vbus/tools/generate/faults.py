@@ -2,8 +2,8 @@
 
 from typing import Final
 
+from vbus.faults import table
 from vbus.faults.row import AXIS, COUNTED, LINK, ONCE, Fault
-from vbus.faults.table import FAULTS
 from vbus.tools.generate.board_file import option_table
 from vbus.tools.generate.documents import fill
 from vbus.tools.generate.layout import ROOT
@@ -14,8 +14,9 @@ _ENDS: Final = {ONCE: "over at once", COUNTED: "once, for a time, until cleared"
 def faults() -> str:
     """Return the page with its tables up to date."""
     page = (ROOT / "docs" / "faults.md").read_text()
-    for family in dict.fromkeys(fault.family for fault in FAULTS.values()):
-        page = fill(page, family, _rows([f for f in FAULTS.values() if f.family == family]))
+    known = table.faults().values()
+    for family in dict.fromkeys(fault.family for fault in known):
+        page = fill(page, family, _rows([fault for fault in known if fault.family == family]))
     return page
 
 

@@ -3,9 +3,12 @@
 import subprocess
 import sys
 from collections.abc import Iterable
+from importlib import import_module
 from pathlib import Path
 from typing import Final
 
+from vbus.board import plugins
+from vbus.chips.family import Family
 from vbus.errors import VbusError
 
 ROOT: Final = Path(__file__).resolve().parents[3]
@@ -13,6 +16,16 @@ ROOT: Final = Path(__file__).resolve().parents[3]
 
 WIDTH: Final = 100
 """Longest line."""
+
+
+def own_families() -> list[Family]:
+    """Return the chip families of this source tree."""
+    return [one for one in plugins.families() if one.home and folder_of(one).is_relative_to(ROOT)]
+
+
+def folder_of(family: Family) -> Path:
+    """Return the folder a chip family lies in."""
+    return Path(next(iter(import_module(family.home).__path__))).resolve()
 
 
 def formatted(text: str, name: str) -> str:

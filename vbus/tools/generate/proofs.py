@@ -8,22 +8,24 @@ from pathlib import Path
 from typing import Any
 
 from vbus.chips.clauses import PROOFS, clauses_of
-from vbus.tools.generate.layout import ROOT
-from vbus.trace.decode import FAMILIES
+from vbus.tools.generate.layout import ROOT, folder_of, own_families
 
 
 def targets() -> list[tuple[str, Callable[[], str]]]:
     """Return the list of every chip family."""
-    return [(f"vbus/chips/{family}/{PROOFS}", partial(_list, family)) for family in FAMILIES]
+    return [
+        (str((folder_of(family) / PROOFS).relative_to(ROOT)), partial(_list, family.home))
+        for family in own_families()
+    ]
 
 
-def _list(family: str) -> str:
+def _list(package: str) -> str:
     lines = [
         "# The tests of each clause. Made by vbus.tools.generate from their marks,",
         '# @pytest.mark.spec("ID"): change those.',
         "",
     ]
-    for name in clauses_of(f"vbus.chips.{family}"):
+    for name in clauses_of(package):
         if tests := _proofs().get(name):
             lines += [f"{name} = [", *(f'    "{test}",' for test in tests), "]"]
     return "\n".join(lines) + "\n"

@@ -1,31 +1,28 @@
 """Makes the sigrok decoders: their tables, copies of the decoders here, and sigrok's own part."""
 
-import importlib
+import inspect
 import re
 from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from typing import Any, Final
 
+from vbus.chips.family import Family
 from vbus.chips.tables import CommandTable, RegisterMap
-from vbus.tools.generate.layout import ROOT
-from vbus.trace.bus_watch import WATCHES
-from vbus.trace.decode import FAMILIES, decoder_of
+from vbus.tools.generate.layout import own_families
+from vbus.trace.bus_watch import BusWatch
+from vbus.trace.packets import Decoder
 
 _HEAD: Final = (
     "# SPDX-License-Identifier: GPL-3.0-or-later\n"
     "# Made by vbus.tools.generate from {}; change that, or the generator.\n"
 )
-_CHANNELS: Final = {
-    "lm628": ("cs", "ps", "rd", "wr"),
-    "mc1241a": ("slct", "cmd", "read", "write"),
-    "mcp1200": ("ale", "cs", "oe", "rw"),
+_COPIES: Final = {
+    "vbus.chips.tables": "tables",
+    "vbus.trace.packets": "packets",
+    "vbus.trace.bus_watch": "bus_watch",
 }
-"""sigrok's names of the control lines, in the order of the watch's."""
-_TITLES: Final = {
-    "lm628": ("LM628", "LM628/LM629 motion controller"),
-    "mc1241a": ("MC1241A", "MC1241A/MC1141A stepper motion controller"),
-    "mcp1200": ("MCP-1200", "MCP-1200 motion controller"),
-}
+"""Modules of vbus that a decoder brings with it, and what they are called there."""
 
 _PD: Final = '''"""sigrok's part: channels in, annotations out."""
 
@@ -97,21 +94,28 @@ class Decoder(srd.Decoder):
 '''
 
 
-def _pd(family: str) -> str:
-    name, title = _TITLES[family]
+def _names(family: Family) -> tuple[str, str]:
+    """Return the short name and the long one of a decoder."""
+    short, _, _ = (family.title or family.name).partition(" and ")
+    return short, f"{(family.title or family.name).replace(' and ', '/')} {family.kind}".rstrip()
+
+
+def _pd(family: Family, watch: type[BusWatch], packets: type[Decoder]) -> str:
+    name, title = _names(family)
+    plain = (re.sub(r"\W", "", pin).lower() for pin in watch.PINS)
     text = _PD.format(
-        packets=type(decoder_of(family)).__name__,
-        watch=WATCHES[family].__name__,
-        control=tuple(zip(_CHANNELS[family], WATCHES[family].PINS, strict=True)),
-        family=family,
+        packets=packets.__name__,
+        watch=watch.__name__,
+        control=tuple(zip(family.channels or plain, watch.PINS, strict=True)),
+        family=family.name,
         name=name,
         title=title,
     )
     return _HEAD.format("its own template") + text
 
 
-def _init(family: str) -> str:
-    _, title = _TITLES[family]
+def _init(family: Family) -> str:
+    _, title = _names(family)
     return _HEAD.format("its own template") + (
         f'"""\nThe host bus of the {title}.\n\n'
         "Shows bus cycles, packets with their values in the manual's words, and status reads.\n"
@@ -119,26 +123,32 @@ def _init(family: str) -> str:
     )
 
 
-def _copy(path: str) -> str:
-    """Return a source file with imports of vbus made relative."""
-    text = (ROOT / path).read_text()
-    tables = "from . import tables as ds"
-    text = re.sub(r"from vbus\.chips\.\w+ import datasheet as ds", tables, text)
-    text = text.replace("from vbus.chips.tables import", "from .tables import")
-    text = text.replace("from vbus.trace.packets import", "from .packets import")
+def _source(module: str) -> tuple[str, str]:
+    """Return the path of a module, as imports have it, and its text."""
+    found = inspect.getsource(import_module(module))
+    return f"{module.replace('.', '/')}.py", found
+
+
+def _copy(module: str) -> str:
+    """Return a module's source with its imports made relative."""
+    path, text = _source(module)
+    text = re.sub(r"from [\w.]+ import datasheet as ds", "from . import tables as ds", text)
+    for home, name in _COPIES.items():
+        text = text.replace(f"from {home} import", f"from .{name} import")
     return _HEAD.format(path) + text
 
 
-def _tables(family: str) -> str:
+def _tables(family: Family, packets: type[Decoder]) -> str:
     """Return the rows of the datasheet that the decoder uses."""
-    source = (ROOT / "vbus" / "trace" / f"{family}_packets.py").read_text()
+    _, source = _source(packets.__module__)
     used = sorted(set(re.findall(r"\bds\.([A-Z][A-Z0-9_]*)", source)))
-    sheet = importlib.import_module(f"vbus.chips.{family}.datasheet")
-    rows = (ROOT / "vbus" / "chips" / "tables.py").read_text()
+    path, rows = _source("vbus.chips.tables")
     rows = rows.replace("from vbus.signals import HIGH\n", "HIGH = 1\n")
+    sheet = family.tables
+    if sheet is not None:
+        path += f" and {sheet.__name__.replace('.', '/')}.py"
     lines = [f"{name} = {_literal(getattr(sheet, name))}" for name in used]
-    source_name = f"vbus/chips/tables.py and vbus/chips/{family}/datasheet.py"
-    return _HEAD.format(source_name) + rows + "\n\n" + "\n".join(lines) + "\n"
+    return _HEAD.format(path) + rows + "\n\n" + "\n".join(lines) + "\n"
 
 
 def _literal(value: Any) -> str:
@@ -151,17 +161,29 @@ def _literal(value: Any) -> str:
     return repr(value)
 
 
+def decoder_targets(family: Family, folder: str) -> list[tuple[str, Callable[[], str]]]:
+    """Return the files of a family's decoder below ``folder``; none if its bus is not known."""
+    watch = family.load("bus", BusWatch)
+    packets = family.load("packets", Decoder)
+    if watch is None or packets is None:
+        return []
+    folder = f"{folder}/vbus_{family.name}"
+    return [
+        (f"{folder}/__init__.py", partial(_init, family)),
+        (f"{folder}/pd.py", partial(_pd, family, watch, packets)),
+        (f"{folder}/tables.py", partial(_tables, family, packets)),
+        *(
+            (f"{folder}/{name}.py", partial(_copy, home))
+            for home, name in _COPIES.items()
+            if name != "tables"
+        ),
+        (f"{folder}/watch.py", partial(_copy, watch.__module__)),
+        (f"{folder}/decoder.py", partial(_copy, packets.__module__)),
+    ]
+
+
 def targets() -> list[tuple[str, Callable[[], str]]]:
-    """Return the files of all decoders."""
-    made: list[tuple[str, Callable[[], str]]] = []
-    for family in FAMILIES:
-        folder = f"contrib/sigrok/vbus_{family}"
-        made += [
-            (f"{folder}/__init__.py", partial(_init, family)),
-            (f"{folder}/pd.py", partial(_pd, family)),
-            (f"{folder}/tables.py", partial(_tables, family)),
-            (f"{folder}/packets.py", partial(_copy, "vbus/trace/packets.py")),
-            (f"{folder}/watch.py", partial(_copy, "vbus/trace/bus_watch.py")),
-            (f"{folder}/decoder.py", partial(_copy, f"vbus/trace/{family}_packets.py")),
-        ]
-    return made
+    """Return the files of all decoders of this source tree."""
+    return [
+        target for family in own_families() for target in decoder_targets(family, "contrib/sigrok")
+    ]

@@ -5,31 +5,24 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from vbus.chips.family import Family
 from vbus.tools.generate import (
     board_file,
+    calls,
     chip_pages,
     documents,
     faults,
-    lm628,
-    mc1241a,
-    mcp1200,
     proofs,
     sigrok,
 )
-from vbus.tools.generate.layout import ROOT
+from vbus.tools.generate.layout import ROOT, folder_of, own_families
 from vbus.tools.generate.twins import blocking
 
 Target = tuple[str, Callable[[], str]]
 """A file's path in the source tree, and what makes its text."""
 
 _CLIENT: Final = ROOT / "vbus" / "client"
-
-FAMILIES: Final[list[Target]] = [
-    ("vbus/client/aio/lm628_commands.py", lm628.from_datasheet),
-    ("vbus/client/aio/mc1241a_commands.py", mc1241a.from_datasheet),
-    ("vbus/client/aio/mcp1200_registers.py", mcp1200.from_datasheet),
-]
-"""Calls made from the tables of each chip family; add a family here."""
+_GENERATED: Final = '"""Made from the tables of the chip by vbus.tools.generate."""\n'
 
 DOCUMENTS: Final[list[Target]] = [
     ("docs/board-file.md", board_file.board_file),
@@ -40,12 +33,57 @@ DOCUMENTS: Final[list[Target]] = [
 """Pages with tables in them."""
 
 
+def client_targets(family: Family) -> list[Target]:
+    """Return the client of a chip family, in its folder: calls from its tables, and all blocking.
+
+    There is none for a family without a table of commands or registers.
+    """
+    if not (family.commands or family.registers):
+        return []
+    folder = folder_of(family)
+    place = f"{folder.relative_to(ROOT) if folder.is_relative_to(ROOT) else folder}"
+    made = f"{place}/generated"
+    sources = [path for name in ("access", "host") if (path := folder / f"{name}.py").exists()]
+    return [
+        (f"{made}/__init__.py", lambda: _GENERATED),
+        (f"{made}/aio_calls.py", partial(calls.calls, family)),
+        (f"{made}/calls.py", partial(_calls, family, f"{made}/calls.py")),
+        *((f"{made}/{path.name}", partial(_host, path, made)) for path in sources),
+    ]
+
+
+def _calls(family: Family, name: str) -> str:
+    return blocking(calls.calls(family), name, "aio_calls.py")
+
+
+def _host(path: Path, made: str) -> str:
+    return blocking(path.read_text(), f"{made}/{path.name}", path.name)
+
+
+def own_clients() -> list[Target]:
+    """Return the clients of the families of this source tree, and where hosts import them from."""
+    found = []
+    for family in own_families():
+        found += client_targets(family)
+        for world, module in (("aio/", "host"), ("", "generated.host")):
+            path = f"vbus/client/{world}{family.name}.py"
+            found.append((path, partial(_door, family, f"{family.home}.{module}")))
+    return found
+
+
+def _door(family: Family, module: str) -> str:
+    return (
+        "# Made by vbus.tools.generate.\n"
+        f'"""The client of the {family.title}."""\n\nfrom {module} import *  # noqa: F403\n'
+    )
+
+
 def twins() -> list[Target]:
     """Return the blocking twin of every asyncio source, made from the file as it is now."""
     sources = sorted(
         path
         for path in (_CLIENT / "aio").glob("*.py")
-        if path.name not in ("ready.py", "__init__.py")
+        if path.stem not in {"ready", "__init__", *(one.name for one in own_families())}
     )
     return [(f"vbus/client/{path.name}", partial(_twin, path)) for path in sources]
 
@@ -55,7 +93,7 @@ def _twin(path: Path) -> str:
 
 
 GROUPS: Final[dict[str, tuple[Callable[[], list[Target]], ...]]] = {
-    "clients": (lambda: FAMILIES, twins),
+    "clients": (own_clients, twins),
     "documents": (lambda: DOCUMENTS, chip_pages.targets),
     "proofs": (proofs.targets,),
     "sigrok": (sigrok.targets,),

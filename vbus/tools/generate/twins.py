@@ -13,18 +13,23 @@ _CHANGES: Final = (
     (r"\bAsyncIterator\b", "Iterator"),
     (r"\bAsyncGenerator\b", "Generator"),
     (r"\bvbus\.client\.aio\b", "vbus.client"),
+    (r"\.generated\.aio_calls\b", ".generated.calls"),
+    (r"^(from [\w.]+)\.(access|host) import", r"\1.generated.\2 import"),
     (r", for asyncio\b", ", blocking"),
 )
 
 
-def blocking(source: str, name: str) -> str:
+def blocking(source: str, name: str, origin: str = "") -> str:
     """Return the blocking twin of asyncio source ``source``, as file ``name``.
+
+    Its first line names ``origin``, the source; the file of the same name below ``aio`` if "".
 
     The source awaits every call and imports nothing of asyncio itself: what differs between the
     two worlds stands in ``ready.py``, which each has of its own.
     """
     for pattern, replacement in _CHANGES:
-        source = re.sub(pattern, replacement, source)
+        source = re.sub(pattern, replacement, source, flags=re.MULTILINE)
     summary, line, rest = source.partition("\n")
-    head = f"# Made from aio/{name.rpartition('/')[2]} by vbus.tools.generate; change that file.\n"
+    origin = origin or f"aio/{name.rpartition('/')[2]}"
+    head = f"# Made from {origin} by vbus.tools.generate; change that file.\n"
     return formatted(head + summary + line + rest, name)

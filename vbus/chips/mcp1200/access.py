@@ -2,12 +2,13 @@
 
 from vbus.chips.mcp1200.datasheet import CONFIG, EXTENDED
 from vbus.client.aio.bus import Cycles
+from vbus.client.aio.registers import Registers
 
 FIRST_EXTENDED = 0x40
 """First address that needs extended addressing (MCP-BUS-9)."""
 
 
-class Mcp1200Access:
+class Mcp1200Access(Registers):
     """One MCP-1200: values of one or more bytes.
 
     Args:
@@ -15,7 +16,7 @@ class Mcp1200Access:
     """
 
     def __init__(self, cycles: Cycles) -> None:
-        self.cycles: Cycles = cycles
+        super().__init__(cycles)
         self._extended: bool = False
 
     async def extend(self) -> None:
@@ -26,31 +27,20 @@ class Mcp1200Access:
         self._extended = True
 
     async def read_bytes(self, addresses: tuple[int, ...], signed: bool = False) -> int:
-        """Read the register at ``addresses`` (most significant byte first) as a number.
-
-        The least significant byte is read first: it freezes the others where they are live.
-        """
+        """Read the register at ``addresses`` as a number, by extended addressing if need be."""
         await self._reach(addresses)
-        async with self.cycles.batch() as batch:
-            later = [batch.read(address) for address in reversed(addresses)]
-        data = bytes(byte.value for byte in later)
-        return int.from_bytes(data, "little", signed=signed)
+        return await super().read_bytes(addresses, signed)
 
     async def write_bytes(self, addresses: tuple[int, ...], value: int) -> None:
-        """Write ``value`` to the register at ``addresses``, most significant byte first.
+        """Write the register at ``addresses``, by extended addressing if need be.
 
         Raises:
             ValueError: the value does not fit.
         """
-        bits = 8 * len(addresses)
-        if not -(1 << (bits - 1)) <= value < 1 << bits:
-            raise ValueError(f"{value} does not fit into {bits} bits")
+        await self._reach(addresses)
+        await super().write_bytes(addresses, value)
         if addresses == (CONFIG,):
             self._extended = bool(value & EXTENDED)
-        await self._reach(addresses)
-        async with self.cycles.batch() as batch:
-            for place, address in enumerate(addresses):
-                batch.write(address, value >> (bits - 8 - 8 * place) & 0xFF)
 
     async def _reach(self, addresses: tuple[int, ...]) -> None:
         if addresses[0] >= FIRST_EXTENDED and not self._extended:

@@ -4,9 +4,8 @@ from typing import Final
 
 from vbus.chips.lm628.datasheet import COMMAND_PORT, COMMANDS, STATUS
 from vbus.client import Bus, Units
+from vbus.client.demo import Demo, Gauge, Step
 from vbus.client.lm628 import Lm628
-from vbus.tools.demos.row import Demo, Gauge
-from vbus.tools.demos.step import Step
 
 _BOARD: Final = """\
 [chips.x]

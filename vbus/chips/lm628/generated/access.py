@@ -1,4 +1,4 @@
-# Made from aio/lm628_packets.py by vbus.tools.generate; change that file.
+# Made from access.py by vbus.tools.generate; change that file.
 """How a host moves words to and from an LM628 or LM629, blocking."""
 
 from vbus.chips.lm628.datasheet import BUSY, COMMAND_PORT, DATA_PORT

@@ -1,14 +1,14 @@
-# Made from aio/lm628_commands.py by vbus.tools.generate; change that file.
-# Made from the command table by vbus.tools.generate; change the table, or the generator.
-"""The LM628's and LM629's commands, one call each, blocking."""
+# Made from aio_calls.py by vbus.tools.generate; change that file.
+# Made from the command table by vbus.tools.generate; change the table or the generator.
+"""Calls for the LM628 and LM629, one for each command, blocking."""
 
 from vbus.bits import sign_extend
-from vbus.client.lm628_packets import Lm628Packets
+from vbus.chips.lm628.generated.access import Lm628Packets
 from vbus.client.words import words_of
 
 
-class Lm628Commands(Lm628Packets):
-    """Every command of the manual by its mnemonic, in lower case.
+class Lm628Calls(Lm628Packets):
+    """Every command by its mnemonic, in lower case.
 
     Values are plain integers in the chip's own units; a word is 16 bits, a long value two words,
     high word first.

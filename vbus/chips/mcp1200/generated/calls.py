@@ -1,15 +1,15 @@
-# Made from aio/mcp1200_registers.py by vbus.tools.generate; change that file.
-# Generated from the register table by vbus.tools.generate; change the table or the generator.
-"""The MCP-1200's registers, one call to read and one to write each, blocking."""
+# Made from aio_calls.py by vbus.tools.generate; change that file.
+# Made from the register table by vbus.tools.generate; change the table or the generator.
+"""Calls for the MCP-1200, one to read and one to write each register, blocking."""
 
-from vbus.client.mcp1200_access import Mcp1200Access
+from vbus.chips.mcp1200.generated.access import Mcp1200Access
 
 
-class Mcp1200Registers(Mcp1200Access):
-    """Every register of the manual by name, as a whole value in the chip's own units.
+class Mcp1200Calls(Mcp1200Access):
+    """Every register by name, as a whole value in the chip's own units.
 
-    Several bytes are written most significant byte first and read least significant byte first,
-    as the manual asks; extended addressing is switched on where it is needed.
+    Several bytes are written most significant byte first and read least significant byte
+    first.
     """
 
     def read_flag(self) -> int:

@@ -1,14 +1,14 @@
-# Generated from the register table by vbus.tools.generate; change the table or the generator.
-"""The MCP-1200's registers, one call to read and one to write each, for asyncio."""
+# Made from the register table by vbus.tools.generate; change the table or the generator.
+"""Calls for the MCP-1200, one to read and one to write each register, for asyncio."""
 
-from vbus.client.aio.mcp1200_access import Mcp1200Access
+from vbus.chips.mcp1200.access import Mcp1200Access
 
 
-class Mcp1200Registers(Mcp1200Access):
-    """Every register of the manual by name, as a whole value in the chip's own units.
+class Mcp1200Calls(Mcp1200Access):
+    """Every register by name, as a whole value in the chip's own units.
 
-    Several bytes are written most significant byte first and read least significant byte first,
-    as the manual asks; extended addressing is switched on where it is needed.
+    Several bytes are written most significant byte first and read least significant byte
+    first.
     """
 
     async def read_flag(self) -> int:

@@ -4,9 +4,8 @@ from typing import Final
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.client import Bus
+from vbus.client.demo import Demo, Gauge, Step
 from vbus.errors import NotReadyError
-from vbus.tools.demos.row import Demo, Gauge
-from vbus.tools.demos.step import Step
 
 _BOARD: Final = """\
 [chips.x]

@@ -1,4 +1,4 @@
-# Made from aio/mc1241a_packets.py by vbus.tools.generate; change that file.
+# Made from access.py by vbus.tools.generate; change that file.
 """How a host moves words to and from an MC1241A or MC1141A, blocking."""
 
 from typing import Final

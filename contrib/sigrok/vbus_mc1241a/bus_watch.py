@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+# Made by vbus.tools.generate from vbus/trace/bus_watch.py; change that, or the generator.
+"""Edges of a host bus to bus cycles: for captures, which have pins and nothing else.
+
+The sigrok decoders use copies of this file, so it may need nothing but the standard library.
+"""
+
+from .packets import Cycle
+
+
+class BusWatch:
+    """Base: follows the control lines and the data bus of one chip.
+
+    A write latches what stood on the bus before its trailing edge; a read gives what stands there
+    at the edge: what a chip does of itself at an instant comes before what its host does.
+    """
+
+    PINS: tuple[str, ...] = ()
+    """Control lines by the manual's names, in the order of the levels fed."""
+    DATA: str = "D0-D7"
+    """The data bus."""
+
+    def __init__(self) -> None:
+        self._before: tuple[int, ...] = ()
+        self._data: int = 0
+
+    def change(self, when: int, levels: tuple[int, ...], data: int) -> list[Cycle]:
+        """Take the levels from ``when`` on; return the bus cycles that ended.
+
+        Args:
+            when: instant, in whatever unit the capture has.
+            levels: control lines, in the order of :attr:`PINS`.
+            data: the data bus as a number.
+        """
+        cycles: list[Cycle] = []
+        if self._before and levels != self._before:
+            cycles = self.edges(when, self._before, levels, self._data, data)
+        self._before = levels
+        self._data = data
+        return cycles
+
+    def edges(
+        self, when: int, before: tuple[int, ...], after: tuple[int, ...], old: int, data: int
+    ) -> list[Cycle]:
+        """Return the cycles that end when lines move from ``before`` to ``after``.
+
+        ``old`` stood on the bus until then, ``data`` stands there at the edge.
+        """
+        raise NotImplementedError
+
+    def reading(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether the chip, not the host, drives the data bus."""
+        raise NotImplementedError
+
+    def idle(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether no cycle is under way."""
+        raise NotImplementedError
+
+    def save(self) -> tuple[int, ...]:
+        """Return what is remembered of earlier edges, beside the last levels."""
+        return ()
+
+    def load(self, state: tuple[int, ...]) -> None:
+        """Take back what :meth:`save` gave."""

@@ -1,0 +1,152 @@
+"""A chip family: the one object that names all that is known of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from types import ModuleType
+from typing import Any, TypeVar
+
+from vbus.chips.base import Chip
+from vbus.chips.strobes import AcTable
+from vbus.chips.tables import Command, Register
+from vbus.errors import PluginError
+from vbus.signals import Rule
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """What tools ask of a chip family.
+
+    What takes code is named, ``"module:name"`` inside :attr:`home`, and imported by whoever asks
+    for it: a client loads no behaviour, a board no client. A tool does without what is left out.
+
+    Attributes:
+        name: the family's, which its rules begin with.
+        chip: its class.
+        home: the package it lies in.
+        title: its parts, for people: ``"LM628 and LM629"``.
+        kind: what they are, for people: ``"motion controller"``.
+        sheet: the module of its tables: ``COMMANDS`` or ``REGISTERS``, ``AC``, ``RULES``.
+        bus: what makes cycles of edges, a ``BusWatch``.
+        packets: what reads cycles in the manual's words, a ``Decoder``.
+        coverage: what a host can exercise, an ``Exercises``; made from the tables if left out.
+        upsets: what faults can do inside its chips, an ``Upsets``.
+        strobes: the control lines that fall for a read and for a write cycle.
+        limits: the inputs of limit switches by side, ``{}`` for the number of the axis.
+        reset_pin: the input of the hardware reset.
+        reset_write: address and byte that reset the chip.
+        reset_name: what that write is called.
+        access: how a client moves words or values, where the usual way is not enough: the class
+            that the calls made from the tables are added to.
+        host: its blocking client, a class made with a bus and the chip's name.
+        demo: its demonstration, a ``Demo``.
+        demo_name: what the demonstration is called by.
+        typical: parts for tests that say no more than how the part number begins.
+        clock: their usual clock.
+        plant: the usual plant model behind their axes.
+        outputs: pins a host looks at, and that are compared with silicon.
+        channels: sigrok's names of the control lines; made from those of the pins if left out.
+        addresses: what its page says of each bus address: number, how, read, write.
+        bits: bit tables of its page: heading, and the name in :attr:`sheet`.
+        kept: rows of AC tables that the chip keeps itself and no host can break.
+    """
+
+    name: str
+    chip: str | type[Chip] = ""
+    home: str = ""
+    title: str = ""
+    kind: str = ""
+    sheet: str = ""
+    bus: str = ""
+    packets: str = ""
+    coverage: str = ""
+    access: str = ""
+    host: str = ""
+    demo: str = ""
+    demo_name: str = ""
+    typical: tuple[str, ...] = ()
+    clock: str = "8 MHz"
+    plant: str = "dc_motor"
+    upsets: str = ""
+    strobes: tuple[str, ...] = ()
+    limits: Mapping[str, str] = field(default_factory=dict)
+    reset_pin: str = ""
+    reset_write: tuple[int, int] | None = None
+    reset_name: str = "RESET command"
+    outputs: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()
+    addresses: tuple[tuple[str, str, str, str], ...] = ()
+    bits: tuple[tuple[str, str], ...] = ()
+    kept: frozenset[str] = frozenset()
+
+    def load(self, role: str, base: type[_T]) -> type[_T] | None:
+        """Return the class that :attr:`role` names, or None if it is left out.
+
+        Raises:
+            PluginError: it cannot be imported, or is no subclass of ``base``.
+        """
+        found = self.object(role)
+        if found is None:
+            return None
+        if not isinstance(found, type) or not issubclass(found, base):
+            raise PluginError(
+                f"family {self.name}: {role} = {getattr(self, role)!r} is not a subclass of"
+                f" {base.__name__}"
+            )
+        return found
+
+    def object(self, role: str) -> Any:
+        """Return the object that :attr:`role` names, or None if it is left out.
+
+        Raises:
+            PluginError: it cannot be imported.
+        """
+        where = getattr(self, role)
+        if not isinstance(where, str):
+            return where
+        module, colon, name = where.partition(":")
+        if not module:
+            return None
+        try:
+            found = import_module(f"{self.home}.{module}" if self.home else module)
+            return getattr(found, name) if colon else found
+        except Exception as error:
+            raise PluginError(
+                f"family {self.name}: {role} = {where!r} cannot be loaded:"
+                f" {type(error).__name__}: {error}"
+            ) from error
+
+    # -- tables -------------------------------------------------------------------------------
+
+    @property
+    def tables(self) -> ModuleType | None:
+        """The module of its tables."""
+        found: ModuleType | None = self.object("sheet")
+        return found
+
+    @property
+    def commands(self) -> tuple[Command, ...]:
+        """The rows of its command table."""
+        return tuple(getattr(self.tables, "COMMANDS", ()))
+
+    @property
+    def registers(self) -> tuple[Register, ...]:
+        """The rows of its register table."""
+        return tuple(getattr(self.tables, "REGISTERS", ()))
+
+    @property
+    def rules(self) -> tuple[Rule, ...]:
+        """What a host can break."""
+        rows: tuple[Rule, ...] | None = getattr(self.tables, "RULES", None)
+        if rows is None:
+            chip = self.load("chip", Chip)
+            rows = chip.RULES if chip is not None else ()
+        return rows
+
+    @property
+    def ac_tables(self) -> Mapping[str, AcTable]:
+        """The tables of AC characteristics by supply; ``""`` where there is one for all."""
+        found: AcTable | Mapping[str, AcTable] = getattr(self.tables, "AC", {})
+        return {"": found} if isinstance(found, AcTable) else found

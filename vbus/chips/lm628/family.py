@@ -1,0 +1,37 @@
+"""The LM628 and LM629: what there is of them, and where."""
+
+from typing import Final
+
+from vbus.chips.family import Family
+
+FAMILY: Final = Family(
+    "lm628",
+    chip="chip:LM628",
+    home=__package__,
+    title="LM628 and LM629",
+    kind="motion controller",
+    sheet="datasheet",
+    bus="bus:Lm628Watch",
+    packets="packets:Lm628Packets",
+    coverage="coverage:Lm628Exercises",
+    access="access:Lm628Packets",
+    host="generated.host:Lm628",
+    demo="demo:DEMO",
+    demo_name="lm629",
+    typical=("LM629N-8", "LM628N-8"),
+    upsets="upsets:Lm628Upsets",
+    strobes=("/RD", "/WR"),
+    reset_pin="/RST",
+    reset_write=(0, 0x00),
+    outputs=("HI",),
+    addresses=(
+        ("0", "/PS low", "status byte", "command"),
+        ("1", "/PS high", "data byte", "data byte"),
+    ),
+    bits=(
+        ("Status byte", "STATUS"),
+        ("Signals register (RDSIGS)", "SIGNALS"),
+        ("Trajectory control word (LTRJ)", "TRAJECTORY"),
+        ("Filter control word (LFIL)", "FILTER"),
+    ),
+)

@@ -1,0 +1,202 @@
+# Made from host.py by vbus.tools.generate; change that file.
+"""An LM628 or LM629 axis: filter, moves and waiting, blocking."""
+
+from typing import Final
+
+from vbus.chips.lm628.datasheet import (
+    COEFFICIENT_MAX,
+    FORWARD,
+    LOADS,
+    POSITION_MAX,
+    POSITION_MIN,
+    RATE_MAX,
+    STOP_ABRUPTLY,
+    STOP_SMOOTHLY,
+    TRAJECTORY_COMPLETE,
+    TURN_OFF,
+    VELOCITY_MODE,
+)
+from vbus.chips.lm628.generated.calls import Lm628Calls
+from vbus.client.bus import Bus, Chip
+from vbus.client.packets import READY_POLLS
+from vbus.client.words import words_of
+from vbus.errors import NotReadyError
+from vbus.protocols.quantities import format_instant, parse_duration
+
+_STOPS: Final = {"smoothly": STOP_SMOOTHLY, "abruptly": STOP_ABRUPTLY, "off": TURN_OFF}
+
+
+class Lm628(Lm628Calls):
+    """One axis on an LM628 or LM629.
+
+    Positions are counts, velocities 1/65536 counts per sample, accelerations 1/65536 counts per
+    sample per sample; :class:`~vbus.client.units.Units` makes them from turns and seconds.
+
+    Args:
+        bus: the session.
+        chip: the chip's name on the board; None if there is only one.
+        ready: how busy is waited for, ``"poll"`` or ``"wait"``.
+        polls: status reads after which a busy chip is given up.
+    """
+
+    def __init__(
+        self, bus: Bus, chip: str | None = None, *, ready: str = "poll", polls: int = READY_POLLS
+    ) -> None:
+        self.bus: Bus = bus
+        self.chip: Chip = bus.chip(chip if chip is not None else bus.info.chips[0].name)
+        super().__init__(self.chip, ready=ready, polls=polls)
+
+    def check_reset(self, longest: str = "10ms") -> int:
+        """Make the check of a fresh reset that most drivers make; return the last status byte.
+
+        Status must become 84h or C4h, and RSTI 0000h must turn it into 80h or C0h
+        (LM-RST-5, LM-RST-6).
+
+        Raises:
+            NotReadyError: the chip has not been reset, or does not come out of it.
+        """
+        end = self.bus.now() + parse_duration(longest)
+        while (status := self.status()) not in (0x84, 0xC4):
+            if self.bus.now() > end:
+                raise NotReadyError(
+                    f"status {status:02X}h {longest} after reset; 84h or C4h is required"
+                )
+            self.bus.delay("100us")
+        self.rsti(0x0000)
+        self.wait_ready()
+        if (status := self.status()) not in (0x80, 0xC0):
+            raise NotReadyError(f"status {status:02X}h after RSTI; 80h or C0h is required")
+        return status
+
+    def load_filter(
+        self,
+        *,
+        kp: int | None = None,
+        ki: int | None = None,
+        kd: int | None = None,
+        il: int | None = None,
+        ds: int = 0,
+        update: bool = True,
+    ) -> None:
+        """Load the coefficients given, 0 to 7FFFh each, and let them take effect (LM-PID-1).
+
+        Args:
+            kp: proportional.
+            ki: integral.
+            kd: derivative.
+            il: integration limit.
+            ds: derivative sampling interval code: ds + 1 samples, 0 to 255.
+            update: send UDF behind LFIL.
+
+        Raises:
+            ValueError: a coefficient out of range.
+        """
+        if not 0 <= ds <= 0xFF:
+            raise ValueError(f"ds = {ds}: allowed are 0 to 255")
+        control = ds << 8
+        words: list[int] = []
+        gains = (("kp", kp, 8), ("ki", ki, 4), ("kd", kd, 2), ("il", il, 1))
+        for name, value, bit in gains:
+            if value is None:
+                continue
+            if not 0 <= value <= COEFFICIENT_MAX:
+                raise ValueError(f"{name} = {value}: allowed are 0 to {COEFFICIENT_MAX}")
+            control |= bit
+            words.append(value)
+        self.lfil(control, *words)
+        if update:
+            self.udf()
+
+    def load_trajectory(
+        self,
+        *,
+        acc: int | None = None,
+        vel: int | None = None,
+        pos: int | None = None,
+        relative: bool = False,
+        velocity_mode: bool = False,
+        forward: bool = True,
+        start: bool = False,
+    ) -> None:
+        """Load the values given into the trajectory buffers (LM-TRJ-1).
+
+        Args:
+            acc: acceleration, 0 to 3FFFFFFFh.
+            vel: velocity, 0 to 3FFFFFFFh.
+            pos: position, -40000000h to 3FFFFFFFh.
+            relative: the values are added to those in force (and may be negative).
+            velocity_mode: run at the velocity for ever instead of to the position.
+            forward: direction in velocity mode.
+            start: send STT behind LTRJ.
+
+        Raises:
+            ValueError: a value out of range.
+        """
+        control = (VELOCITY_MODE | (FORWARD if forward else 0)) if velocity_mode else 0
+        words: list[int] = []
+        least = -RATE_MAX if relative else 0
+        values = (
+            ("acc", acc, LOADS[0], least, RATE_MAX),
+            ("vel", vel, LOADS[1], least, RATE_MAX),
+            ("pos", pos, LOADS[2], POSITION_MIN, POSITION_MAX),
+        )
+        for name, value, bit, low, high in values:
+            if value is None:
+                continue
+            if not low <= value <= high:
+                raise ValueError(f"{name} = {value}: allowed are {low} to {high}")
+            control |= bit | (bit >> 1 if relative else 0)
+            words.extend(words_of(value))
+        self.ltrj(control, *words)
+        if start:
+            self.stt()
+
+    def stop(self, how: str = "smoothly") -> None:
+        """Stop ``"smoothly"``, ``"abruptly"``, or by turning the motor ``"off"`` (LM-TRJ-5).
+
+        Raises:
+            ValueError: ``how`` is none of these.
+        """
+        if how not in _STOPS:
+            raise ValueError(f"stop {how!r}: allowed are {', '.join(_STOPS)}")
+        self.ltrj(_STOPS[how])
+        self.stt()
+
+    def wait_status(
+        self, bits: int = TRAJECTORY_COMPLETE, longest: str = "60s", every: str = "1ms"
+    ) -> int:
+        """Read the status until one of ``bits`` is set; return it.
+
+        Between the reads ``every`` of chip time passes, so this works in real time and in
+        lockstep.
+
+        Raises:
+            NotReadyError: none is set after ``longest`` of chip time.
+        """
+        end = self.bus.now() + parse_duration(longest)
+        while True:
+            status = self.status()
+            if status & bits:
+                return status
+            if self.bus.now() >= end:
+                raise NotReadyError(
+                    f"status {status:02X}h after {format_instant(parse_duration(longest))};"
+                    f" none of the bits {bits:02X}h is set"
+                )
+            self.bus.delay(every)
+
+    def move(
+        self, pos: int, *, acc: int | None = None, vel: int | None = None, relative: bool = False,
+        longest: str = "60s",
+    ) -> int:  # fmt: skip
+        """Move to a position and wait for the end of the trajectory; return the real position.
+
+        Raises:
+            NotReadyError: the trajectory has not ended after ``longest`` of chip time.
+        """
+        self.rsti(0xFFFF & ~TRAJECTORY_COMPLETE)
+        if acc is not None or vel is not None:
+            self.load_trajectory(acc=acc, vel=vel)
+        self.load_trajectory(pos=pos, relative=relative, start=True)
+        self.wait_status(TRAJECTORY_COMPLETE, longest)
+        return self.rdrp()

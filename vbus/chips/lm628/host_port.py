@@ -1,0 +1,245 @@
+"""The host port: busy, command bytes, data words, and hosts that break the rules."""
+
+from collections.abc import Callable
+from typing import Final
+
+from mypy_extensions import i64
+
+from vbus.chips.lm628 import datasheet as ds
+from vbus.kernel import HELD, NEVER, Clock
+from vbus.options import Value
+from vbus.signals import Rule
+
+Report = Callable[[Rule, str, int], None]
+"""Files a violation: rule, detail, instant (ps)."""
+Execute = Callable[[int, int, int], bool]
+"""Carries out a step of a command: code, step, word. False if there is no such command."""
+
+_NOTHING: Final = 0
+_COMMAND: Final = 1
+_WORD: Final = 2
+_FETCH: Final = 3
+
+_STATUS: Final = 0
+_BYTE: Final = 1
+_REPEAT: Final = 2
+_UNASKED: Final = 3
+_LOST: Final = 4
+
+_NO_BYTE: Final = 0xFF
+
+
+def _undefined(code: int, step: int, word: int) -> bool:
+    return False
+
+
+class Host:
+    """State of the two ports.
+
+    A byte that makes the chip busy has its effect when busy falls (LM-BUS-9): :meth:`finish` is
+    called then. A command is carried out in steps: step 0 for the command byte, step n for the
+    n-th data word.
+
+    Args:
+        clock: the chip's clock.
+        settings: busy_clk, busy_jitter_clk, seed, busy.
+        report: files violations.
+
+    Attributes:
+        busy_end: instant at which busy falls, NEVER if the chip is not busy (ps).
+        words_due: data words the host still has to write.
+    """
+
+    __slots__ = (
+        "_busy_clk", "_clock", "_code", "_execute", "_high", "_jitter_clk", "_kind", "_latched",
+        "_pending", "_random", "_reply", "_report", "_second", "_step", "_value", "_worst",
+        "busy_end", "words_due",
+    )  # fmt: skip
+
+    def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
+        self._clock: Clock = clock
+        self._report: Report = report
+        self._execute: Execute = _undefined
+        self._busy_clk: int = int(settings["busy_clk"])
+        self._jitter_clk: int = int(settings["busy_jitter_clk"])
+        self._worst: bool = settings["busy"] == "worst"
+        self._random: int = int(settings["seed"])
+        self.busy_end: i64 = NEVER
+        self.words_due: int = 0
+        self._pending: int = _NOTHING
+        self._value: int = 0
+        self._code: int = 0
+        self._step: int = 0
+        self._reply: list[int] = []
+        self._second: bool = False
+        self._high: int = 0
+        self._latched: int = 0
+        self._kind: int = _STATUS
+
+    def serve(self, execute: Execute) -> None:
+        """Have ``execute`` carry out the commands."""
+        self._execute = execute
+
+    def reset(self) -> None:
+        """Forget packets and the last byte (LM-RST-2, LM-RST-4)."""
+        self.busy_end = NEVER
+        self.words_due = 0
+        self._pending = _NOTHING
+        self._reply = []
+        self._second = False
+        self._latched = 0
+        if self._kind != _STATUS:
+            self._kind = _REPEAT
+
+    def reply(self, value: int, words: int) -> None:
+        """Give the host ``words`` 16-bit words to read, high word first (LM-BUS-6)."""
+        self._reply = [value >> 16 & 0xFFFF, value & 0xFFFF] if words == 2 else [value & 0xFFFF]
+
+    @property
+    def busy(self) -> bool:
+        """Whether a byte is being digested."""
+        return self.busy_end != NEVER
+
+    def _begin_busy(self, now: int, pending: int, value: int) -> None:
+        """LM-BUS-8: busy for its nominal time, give or take the jitter, never above the cap."""
+        self._pending = pending
+        self._value = value
+        if self._clock.stopped:
+            now = HELD
+        if self._worst:
+            self.busy_end = now + ds.BUSY_CAP
+            return
+        clk = self._busy_clk
+        if self._jitter_clk:
+            self._random = (self._random * 1664525 + 1013904223) & 0xFFFFFFFF
+            clk += (self._random >> 16) % (2 * self._jitter_clk + 1) - self._jitter_clk
+            clk = max(clk, 1)
+        self.busy_end = now + min(self._clock.span(clk), ds.BUSY_CAP)
+
+    # -- writing ------------------------------------------------------------------------------
+
+    def write_command(self, code: int, now: int) -> None:
+        """A command byte was latched; the chip is not in reset."""
+        if self.busy:
+            self._report(ds.BUSY_WRITE, f"command {code:02X}H written while busy", now)
+            return
+        if self.words_due or self._reply:
+            self._report(
+                ds.CUT_PACKET, f"command {code:02X}H written before the data was complete", now
+            )
+        self.words_due = 0
+        self._reply = []
+        self._second = False
+        if code == ds.RESET:
+            self._execute(code, 0, 0)
+        else:
+            self._begin_busy(now, _COMMAND, code)
+
+    def write_data(self, data: int, now: int) -> bool:
+        """A data byte was latched; False is a command error (LM-BUS-12)."""
+        if self.busy:
+            self._report(ds.BUSY_WRITE, f"data {data:02X}H written while busy", now)
+        elif not self.words_due:
+            self._report(ds.WRONG_WAY, f"data {data:02X}H written, none was expected", now)
+            return False
+        elif self._second:
+            self._second = False
+            self._begin_busy(now, _WORD, self._high << 8 | data)
+        else:
+            self._second = True
+            self._high = data
+        return True
+
+    # -- reading ------------------------------------------------------------------------------
+
+    def begin_status(self) -> None:
+        """A status read begins: nothing else is touched (LM-BUS-5)."""
+        self._kind = _STATUS
+
+    def begin_data(self, now: int) -> None:
+        """/RD falls on the data port: a byte is latched (LM-BUS-3)."""
+        if self.busy:
+            self._report(ds.BUSY_READ, "data read while busy", now)
+            self._kind = _REPEAT
+        elif not self._reply:
+            self._report(ds.WRONG_WAY, "data read, none was expected", now)
+            self._kind = _UNASKED
+        else:
+            self._kind = _BYTE
+            word = self._reply[0]
+            self._latched = word & 0xFF if self._second else word >> 8
+
+    def begin_in_reset(self) -> None:
+        """/RD falls on the data port during reset: 00h is read (LM-RST-4)."""
+        self._kind = _REPEAT
+
+    def lose_read(self) -> None:
+        """The read under way is lost: FFh is returned, no pointer moves."""
+        self._kind = _LOST
+
+    def reading_status(self) -> bool:
+        """Whether the read under way is of the status byte."""
+        return self._kind == _STATUS
+
+    def shown(self) -> int:
+        """Return the byte the data read under way shows."""
+        return _NO_BYTE if self._kind == _LOST else self._latched
+
+    def end_data(self, now: int) -> int:
+        """/RD rises: the pointer moves; return the byte the host has taken."""
+        kind, self._kind = self._kind, _REPEAT
+        if kind == _LOST:
+            return _NO_BYTE
+        if kind == _BYTE:
+            if self._second:
+                self._second = False
+                self._begin_busy(now, _FETCH, 0)
+            else:
+                self._second = True
+        return self._latched
+
+    def unasked(self) -> bool:
+        """Whether the read under way takes data nobody offered: a command error (LM-BUS-12)."""
+        return self._kind == _UNASKED
+
+    # -- when busy falls ----------------------------------------------------------------------
+
+    def finish(self) -> None:
+        """Busy falls: the byte that made the chip busy has its effect (LM-BUS-9)."""
+        when = self.busy_end
+        self.busy_end = NEVER
+        if self._pending == _FETCH:
+            del self._reply[0]
+        elif self._pending == _WORD:
+            self._step += 1
+            self.words_due -= 1
+            self._execute(self._code, self._step, self._value)
+        else:
+            self._code = self._value
+            self._step = 0
+            if not self._execute(self._code, 0, 0):
+                self._report(
+                    ds.UNDEFINED_COMMAND, f"command {self._code:02X}H is not defined", when
+                )
+        self._pending = _NOTHING
+
+    def next_step(self) -> tuple[int, int, int]:
+        """Return the code, step and word carried out when busy falls; code -1: none."""
+        if self._pending == _WORD:
+            return self._code, self._step + 1, self._value
+        return (self._value if self._pending == _COMMAND else -1), 0, 0
+
+    def save(self) -> tuple[object, ...]:
+        """Return the whole state."""
+        return (
+            self.busy_end, self.words_due, self._pending, self._value, self._code, self._step,
+            tuple(self._reply), self._second, self._high, self._latched, self._kind, self._random,
+        )  # fmt: skip
+
+    def load(self, state: tuple[object, ...]) -> None:
+        """Take back what :meth:`save` gave."""
+        (
+            self.busy_end, self.words_due, self._pending, self._value, self._code, self._step,
+            reply, self._second, self._high, self._latched, self._kind, self._random,
+        ) = state  # type: ignore[assignment]  # fmt: skip
+        self._reply = list(reply)  # type: ignore[call-overload]

@@ -1,0 +1,41 @@
+"""The MC1241A and MC1141A: what there is of them, and where."""
+
+from typing import Final
+
+from vbus.chips.family import Family
+
+FAMILY: Final = Family(
+    "mc1241a",
+    chip="chip:MC1241A",
+    home=__package__,
+    title="MC1241A and MC1141A",
+    kind="stepper motion controller",
+    sheet="datasheet",
+    bus="bus:Mc1241aWatch",
+    packets="packets:Mc1241aPackets",
+    coverage="coverage:Mc1241aExercises",
+    access="access:Mc1241aPackets",
+    host="generated.host:Mc1241a",
+    demo="demo:DEMO",
+    demo_name="mc1241a",
+    typical=("MC1241A", "MC1141A"),
+    clock="25 MHz",
+    plant="stepper",
+    upsets="upsets:Mc1241aUpsets",
+    strobes=("~HostRead", "~HostWrite"),
+    limits={"limit+": "PosLimit{}", "limit-": "NegLimit{}"},
+    reset_pin="~Reset",
+    reset_write=(1, 0x39),
+    outputs=("HostRdy", "~HostIntrpt"),
+    channels=("slct", "cmd", "read", "write"),
+    addresses=(
+        ("0", "HostCmd low", "data byte", "data byte"),
+        ("1", "HostCmd high", "status byte", "command"),
+        ("2", "plug-in card only", "–", "resets the chip set"),
+    ),
+    bits=(
+        ("Axis status word (GET_STATUS)", "STATUS_BITS"),
+        ("Axis mode word (GET_MODE)", "MODE_BITS"),
+    ),
+    kept=frozenset({"T11", *(f"T{number}" for number in range(19, 28))}),
+)

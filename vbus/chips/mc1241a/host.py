@@ -1,0 +1,137 @@
+"""An MC1241A or MC1141A: axes, moves, updates and waiting, for asyncio."""
+
+from typing import Final
+
+from vbus.chips.mc1241a.access import READY_POLLS
+from vbus.chips.mc1241a.datasheet import EVENTS, MOTION_COMPLETE
+from vbus.chips.mc1241a.generated.aio_calls import Mc1241aCalls
+from vbus.client.aio.bus import Bus, Chip
+from vbus.errors import NotReadyError
+from vbus.protocols.quantities import format_instant, parse_duration
+
+PROFILES: Final = ("trap", "vel", "s_crv", "gear")
+"""Profile modes as their SET_PRFL_ commands call them."""
+
+
+class Mc1241a(Mc1241aCalls):
+    """A chip set with its axes.
+
+    Positions are microsteps, velocities 1/65536 microsteps per cycle, accelerations 1/65536
+    microsteps per cycle per cycle, jerk 2^-32 of its unit; a cycle is 542.72 us.
+
+    Args:
+        bus: the session.
+        chip: the chip set's name on the board; None if there is only one.
+        ready: how HostRdy is waited for, ``"poll"`` or ``"wait"``.
+        polls: status reads after which a busy chip set is given up.
+        checked: read and compare the checksum of every packet.
+    """
+
+    def __init__(
+        self, bus: Bus, chip: str | None = None, *, ready: str = "poll",
+        polls: int = READY_POLLS, checked: bool = False,
+    ) -> None:  # fmt: skip
+        self.bus: Bus = bus
+        self.chip: Chip = bus.chip(chip if chip is not None else bus.info.chips[0].name)
+        super().__init__(self.chip, ready=ready, polls=polls, checked=checked)
+
+    async def select(self, axis: int) -> int:
+        """Make ``axis`` (1 or 2) the current one; return its status word (PMD-CMD-1).
+
+        Raises:
+            ValueError: there is no such axis.
+        """
+        if axis not in (1, 2):
+            raise ValueError(f"axis {axis}: allowed are 1 and 2")
+        return await self.set_1() if axis == 1 else await self.set_2()
+
+    async def profile(self, mode: str) -> None:
+        """Choose the profile mode of the current axis, one of :data:`PROFILES` (PMD-TRJ-13).
+
+        Raises:
+            ValueError: ``mode`` is none of these.
+        """
+        if mode == "trap":
+            await self.set_prfl_trap()
+        elif mode == "vel":
+            await self.set_prfl_vel()
+        elif mode == "s_crv":
+            await self.set_prfl_s_crv()
+        elif mode == "gear":
+            await self.set_prfl_gear()
+        else:
+            raise ValueError(f"profile {mode!r}: allowed are {', '.join(PROFILES)}")
+
+    async def load(
+        self,
+        *,
+        pos: int | None = None,
+        vel: int | None = None,
+        acc: int | None = None,
+        max_acc: int | None = None,
+        jerk: int | None = None,
+        ratio: int | None = None,
+        mtr_cmd: int | None = None,
+    ) -> None:
+        """Load the buffered registers given of the current axis; an update makes them act.
+
+        Args:
+            pos: destination.
+            vel: largest velocity.
+            acc: acceleration; its sign is the direction in velocity contouring.
+            max_acc: acceleration of the S-curve.
+            jerk: jerk of the S-curve.
+            ratio: microsteps per encoder count, in 1/65536, of the gear.
+            mtr_cmd: amplitude of the microstep waveforms, -32767 to 32767.
+        """
+        if pos is not None:
+            await self.set_pos(pos)
+        if vel is not None:
+            await self.set_vel(vel)
+        if acc is not None:
+            await self.set_acc(acc)
+        if max_acc is not None:
+            await self.set_max_acc(max_acc)
+        if jerk is not None:
+            await self.set_jerk(jerk)
+        if ratio is not None:
+            await self.set_ratio(ratio)
+        if mtr_cmd is not None:
+            await self.set_buf_mtr_cmd(mtr_cmd)
+
+    async def wait_event(
+        self, bits: int = MOTION_COMPLETE, longest: str = "60s", every: str = "1ms"
+    ) -> int:
+        """Read the current axis's status until one of the event ``bits`` is set; return it.
+
+        Between the reads ``every`` of chip time passes, so this works in real time and in
+        lockstep.
+
+        Raises:
+            NotReadyError: none is set after ``longest`` of chip time.
+        """
+        end = await self.bus.now() + parse_duration(longest)
+        while True:
+            status = await self.get_status()
+            if status & bits:
+                return status
+            if await self.bus.now() >= end:
+                raise NotReadyError(
+                    f"status {status:04X}h after {format_instant(parse_duration(longest))};"
+                    f" none of the bits {bits:02X}h is set"
+                )
+            await self.bus.delay(every)
+
+    async def move(
+        self, pos: int, *, vel: int | None = None, acc: int | None = None, longest: str = "60s"
+    ) -> int:
+        """Move the current axis in its profile mode and wait; return the actual position.
+
+        Raises:
+            NotReadyError: motion is not complete after ``longest`` of chip time.
+        """
+        await self.rst_status(EVENTS & ~MOTION_COMPLETE)
+        await self.load(pos=pos, vel=vel, acc=acc)
+        await self.update()
+        await self.wait_event(MOTION_COMPLETE, longest)
+        return await self.get_actl_pos()

@@ -1,0 +1,38 @@
+"""The MCP-1200: what there is of it, and where."""
+
+from typing import Final
+
+from vbus.chips.family import Family
+
+FAMILY: Final = Family(
+    "mcp1200",
+    chip="chip:MCP1200",
+    home=__package__,
+    title="MCP-1200",
+    kind="motion controller",
+    sheet="datasheet",
+    bus="bus:Mcp1200Watch",
+    packets="packets:Mcp1200Packets",
+    coverage="coverage:Mcp1200Exercises",
+    access="access:Mcp1200Access",
+    host="generated.host:Mcp1200",
+    demo="demo:DEMO",
+    demo_name="mcp1200",
+    typical=("MCP-1200",),
+    upsets="upsets:Mcp1200Upsets",
+    strobes=("/CS", "/CS"),
+    limits={"limit+": "/LIMIT", "limit-": "/LIMIT"},
+    reset_pin="/RESET",
+    reset_write=(0x05, 0x00),
+    reset_name="soft reset",
+    outputs=("PROF", "IDLE", "BUSY"),
+    addresses=(("00H to 7FH", "address latched by /ALE or /CS", "register byte", "register byte"),),
+    bits=(
+        ("Flag register R00H", "FLAG_BITS"),
+        ("Feature control R01H", "FEATURE_BITS"),
+        ("Advanced configuration R02H", "CONFIG_BITS"),
+        ("Capture control R03H", "CAPTURE_BITS"),
+        ("Status register R07H", "STATUS_BITS"),
+    ),
+    kept=frozenset({"tDOEH", "tOF", "tOR", "tEP"}),
+)

@@ -1,0 +1,1 @@
+"""Made from the tables of the chip by vbus.tools.generate."""

@@ -1,0 +1,48 @@
+# Made from access.py by vbus.tools.generate; change that file.
+"""How a host moves register values to and from an MCP-1200, blocking."""
+
+from vbus.chips.mcp1200.datasheet import CONFIG, EXTENDED
+from vbus.client.bus import Cycles
+from vbus.client.registers import Registers
+
+FIRST_EXTENDED = 0x40
+"""First address that needs extended addressing (MCP-BUS-9)."""
+
+
+class Mcp1200Access(Registers):
+    """One MCP-1200: values of one or more bytes.
+
+    Args:
+        cycles: the chip on its bus, from :meth:`Bus.chip`; or a bus with one chip.
+    """
+
+    def __init__(self, cycles: Cycles) -> None:
+        super().__init__(cycles)
+        self._extended: bool = False
+
+    def extend(self) -> None:
+        """Switch extended addressing on (R02 bit 0), whatever else R02 holds."""
+        config = self.cycles.read(CONFIG)
+        if not config & EXTENDED:
+            self.cycles.write(CONFIG, config | EXTENDED)
+        self._extended = True
+
+    def read_bytes(self, addresses: tuple[int, ...], signed: bool = False) -> int:
+        """Read the register at ``addresses`` as a number, by extended addressing if need be."""
+        self._reach(addresses)
+        return super().read_bytes(addresses, signed)
+
+    def write_bytes(self, addresses: tuple[int, ...], value: int) -> None:
+        """Write the register at ``addresses``, by extended addressing if need be.
+
+        Raises:
+            ValueError: the value does not fit.
+        """
+        self._reach(addresses)
+        super().write_bytes(addresses, value)
+        if addresses == (CONFIG,):
+            self._extended = bool(value & EXTENDED)
+
+    def _reach(self, addresses: tuple[int, ...]) -> None:
+        if addresses[0] >= FIRST_EXTENDED and not self._extended:
+            self.extend()
