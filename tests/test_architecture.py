@@ -24,7 +24,7 @@ def texts(*folders: Path) -> list[Path]:
 
 
 TEXTS = texts(ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
-LEAVES = {"bits", "errors", "options"}
+LEAVES = {"bits", "errors", "options", "state"}
 SIGNALS = LEAVES | {"kernel", "signals"}
 BOARD = SIGNALS | {"board", "chips", "faults", "plant", "protocols", "trace"}
 NODES = BOARD | {"nodes"}
@@ -34,6 +34,7 @@ MAY_IMPORT = {
     "bits": set(),
     "errors": set(),
     "options": set(),
+    "state": {"errors", "state"},
     "kernel": LEAVES | {"kernel"},
     "signals": SIGNALS,
     "chips": SIGNALS | {"chips"},
