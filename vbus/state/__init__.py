@@ -12,19 +12,21 @@ A class says what becomes of each of its attributes:
 
 ``before_save()``, where a part has one, is called before its fields are read; ``after_load()``
 once every field of the whole tree has its value, inner parts first. A field may be a property.
+``"*"`` in ``WIRING`` or ``DERIVED`` is everything, in a class that has no state.
 
 A field without a kind is an integer of 64 bits. The other kinds:
 
 ========================  ======================================================================
 ``int``                   an integer of any size
-``bool``, ``float``, ``str``, ``bytes``
-``list[K]``, ``tuple[K]`` as many of kind K as there are; ``list[K, ...]``: any number of them
+``bool``, ``float``, ``str``, ``i64 | bool``
+``bytes``                 as many as there are; ``bytes[...]``: any number of them
+``list[K]``, ``tuple[K]``  as many of kind K as there are; ``list[K, ...]``: any number of them
 ``set[K]``, ``heap[K]``   any number of them, kept in order
 ``(K, L)``                a row: a tuple of one of each
 ``bytearray``             as many bytes, which stay in their place; ``bytearray[...]``: any number
 ``part``, ``part | None`` another part, by its own declaration
 ``parts``                 a list of parts, or of None
-``kept[name]``            fields of the part at attribute ``name`` that were saved before, or none
+``kept[name]``            what ``keep()`` has given of the part at attribute ``name``, or nothing
 ========================  ======================================================================
 
 A part whose class has a ``save()`` and ``load()`` of its own, and no ``STATE`` below them, is asked
@@ -38,12 +40,15 @@ from vbus.state.fields import (
     Names,
     Saved,
     differences,
+    keep,
     load,
     plan,
     save,
+    take_back,
     undeclared,
 )
 
 __all__ = [
-    "UNDECLARED", "VERSION", "Names", "Saved", "differences", "load", "plan", "save", "undeclared",
+    "UNDECLARED", "VERSION", "Names", "Saved", "differences", "keep", "load", "plan", "save",
+    "take_back", "undeclared",
 ]  # fmt: skip

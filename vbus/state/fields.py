@@ -11,6 +11,7 @@ from vbus.state.kinds import (
     Integer,
     Kind,
     Load,
+    Mixed,
     Octets,
     Real,
     Refused,
@@ -77,11 +78,30 @@ class Parts(Kind):
         return now
 
 
+class Kept(Kind):
+    """What :func:`keep` gave of the part at attribute ``of``, or nothing."""
+
+    def __init__(self, of: str) -> None:
+        self.of: str = of
+
+    def owner(self, name: str) -> str:
+        """Return the attribute that says what the field may hold."""
+        return self.of
+
+    def take(self, saved: Any, now: Any, load: Load) -> Any:
+        """Return the value for what was kept."""
+        if saved != {}:
+            check_fields(now, kept_layout(type(now)), saved, Load())
+        return saved
+
+
 # -- declarations -------------------------------------------------------------------------------
 
 SIMPLE: Final[dict[str, Kind]] = {
-    "i64": Kind(), "int": Integer(), "bool": Flag(), "float": Real(), "str": Text(),
-    "bytes": Octets(), "bytearray": InPlace(True), "bytearray[...]": InPlace(False),
+    "i64": Kind(), "i64 | bool": Mixed(), "int": Integer(), "bool": Flag(), "float": Real(),
+    "str": Text(),
+    "bytes": Octets(True), "bytes[...]": Octets(False), "bytearray": InPlace(True),
+    "bytearray[...]": InPlace(False),
     "part": Part(), "part | None": Part(), "parts": Parts(Part()),
 }  # fmt: skip
 MAKERS: Final[dict[str, Callable[[Iterable[Any]], Any]]] = {
@@ -102,6 +122,8 @@ def kind_of(text: str) -> Kind:
     if text.startswith("(") and text.endswith(")"):
         return Row([kind_of(one) for one in text[1:-1].split(",")])
     outer, _, inner = text.partition("[")
+    if outer == "kept":
+        return Kept(inner[:-1])
     if outer in MAKERS and inner.endswith("]"):
         each, _, more = inner[:-1].rpartition(", ...") if inner.endswith(", ...]") else (
             inner[:-1], "", "-"
@@ -126,7 +148,7 @@ class Layout:
 
     __slots__ = ("kinds", "names", "own", "prepares", "refreshes", "version")
 
-    def __init__(self, cls: Any) -> None:
+    def __init__(self, cls: Any, declaration: str = "STATE") -> None:
         self.names: list[str] = []
         self.kinds: list[Kind] = []
         self.version: int = getattr(cls, "STATE_VERSION", 1)
@@ -138,7 +160,7 @@ class Layout:
             if "STATE" in inside:
                 break
             self.own = self.own or "save" in inside
-        declared: Names = getattr(cls, "STATE", UNDECLARED)
+        declared: Names = getattr(cls, declaration, UNDECLARED)
         if declared == UNDECLARED:
             if self.own:
                 return
@@ -154,6 +176,18 @@ class Layout:
 
 
 _LAYOUTS: Final[dict[Any, Layout]] = {}
+
+
+_KEPT: Final[dict[Any, Layout]] = {}
+
+
+def kept_layout(cls: Any) -> Layout:
+    """Return the declaration of what :func:`keep` saves of a class."""
+    found = _KEPT.get(cls)
+    if found is None:
+        found = _KEPT[cls] = Layout(cls, "KEPT")
+        found.prepares = False
+    return found
 
 
 def layout_of(cls: Any) -> Layout:
@@ -176,6 +210,8 @@ def undeclared(part: Any) -> set[str]:
         there.update((slots,) if isinstance(slots, str) else slots)
         for declaration in ("STATE", "WIRING", "DERIVED"):
             told.update(name.partition(":")[0] for name in inside.get(declaration, ()))
+    if "*" in told and not hasattr(cls, "STATE"):
+        return set()
     return there - told - {"__dict__", "__weakref__"}
 
 
@@ -220,7 +256,7 @@ def check_fields(part: Any, layout: Layout, saved: Any, load: Load) -> None:
     try:
         for number, name in enumerate(layout.names):
             kind = kinds[number]
-            value = kind.take(fields[name], getattr(part, name), load)
+            value = kind.take(fields[name], getattr(part, kind.owner(name)), load)
             if not kind.STAYS:
                 load.value(part, name, value)
     except KeyError:
@@ -262,17 +298,17 @@ def plan(part: Any, saved: Any, where: str) -> Load:
     """
     layout = layout_of(type(part))
     if not layout.own:
-        return plan_fields(part, saved, where)
+        return plan_fields(part, saved, where, layout)
     found = Load()
     check(part, saved, found)
     return found
 
 
-def plan_fields(part: Any, saved: Any, where: str) -> Load:
+def plan_fields(part: Any, saved: Any, where: str, layout: Layout) -> Load:
     """Check the fields that a part declares; return what loads them."""
     found = Load()
     try:
-        check_fields(part, layout_of(type(part)), saved, found)
+        check_fields(part, layout, saved, found)
     except Refused as refused:
         place = f"{where}.{refused.place}" if refused.place else where
         raise SnapshotError(f"{place}: {refused.text}") from None
@@ -286,6 +322,16 @@ def load(part: Any, saved: Any, where: str = "state") -> None:
         SnapshotError: it does not fit; the part is as it was.
     """
     plan(part, saved, where).apply()
+
+
+def keep(part: Any) -> Saved:
+    """Return the fields that a part names in ``KEPT``, as they are, to be taken back soon."""
+    return save_fields(part, kept_layout(type(part)))
+
+
+def take_back(part: Any, saved: Saved) -> None:
+    """Take back what :func:`keep` gave."""
+    plan_fields(part, saved, "kept", kept_layout(type(part))).apply()
 
 
 def differences(one: Any, other: Any, where: str = "") -> list[str]:

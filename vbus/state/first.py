@@ -12,7 +12,8 @@ and wire formats of others were written against it. A tuple has the fields in th
 a tuple     the same, one level down
 ==========  ===================================================================================
 
-or :data:`BITS`, for all fields in order with every bool as 0 or 1, or an :class:`Odd`.
+or one name for the field alone, :data:`BITS` for all fields in order with every bool as 0 or 1, or
+an :class:`Odd`.
 """
 
 from collections.abc import Callable
@@ -21,7 +22,7 @@ from importlib.util import find_spec
 from typing import Any, Final
 
 from vbus.errors import SnapshotError
-from vbus.state.fields import VERSION, Part, Parts, Saved, layout_of, plan_fields, save_fields
+from vbus.state.fields import VERSION, Kept, Part, Parts, Saved, layout_of, plan_fields, save_fields
 from vbus.state.kinds import Flag, Integer, Kind
 
 BITS: Final = ("+",)
@@ -43,25 +44,24 @@ class Odd:
         self.load = load
 
 
-_FOUND: Final[dict[type, Any]] = {}
+_FOUND: Final[dict[tuple[type, str], Any]] = {}
 
 
-def _layout(part: Any) -> Any:
-    """Return the row of names, or the Odd, of a part's class."""
-    cls = type(part)
-    found = _FOUND.get(cls)
+def _layout(cls: type, more: str = "") -> Any:
+    """Return what a class' package says of its tuple: a row of names, or an Odd."""
+    found = _FOUND.get((cls, more))
     if found is None:
-        found = _FOUND[cls] = _find(cls)
+        found = _FOUND[cls, more] = _find(cls, more)
     return found
 
 
-def _find(cls: type) -> Any:
+def _find(cls: type, more: str) -> Any:
     declared = layout_of(cls)
     found: Any = ()
     for base in cls.__mro__:
         home = f"{base.__module__.rpartition('.')[0]}.state_1"
         if home.startswith("vbus.") and find_spec(home) is not None:
-            found = import_module(home).LAYOUTS.get(base.__name__, ())
+            found = import_module(home).LAYOUTS.get(base.__name__ + more, ())
         if found or "STATE" in vars(base):
             break
     if found == BITS:
@@ -76,8 +76,10 @@ def to_tuple(part: Any, saved: Any) -> Any:
 
 
 def _to_tuple(part: Any, saved: Saved) -> Any:
-    layout = _layout(part)
-    return layout.save(part, saved) if isinstance(layout, Odd) else row(part, saved, layout)
+    layout = _layout(type(part))
+    if isinstance(layout, Odd):
+        return layout.save(part, saved)
+    return row(part, saved, (layout,))[0] if isinstance(layout, str) else row(part, saved, layout)
 
 
 def row(part: Any, saved: Saved, layout: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -89,7 +91,8 @@ def row(part: Any, saved: Saved, layout: tuple[Any, ...]) -> tuple[Any, ...]:
             values.append(row(part, saved, entry))
             continue
         name = entry.lstrip("+*")
-        value = _old(declared.kind(name), getattr(part, name), saved[name])
+        kind = declared.kind(name)
+        value = _old(kind, getattr(part, kind.owner(name)), saved[name])
         if entry[0] == "*":
             values.extend(value)
         else:
@@ -100,9 +103,14 @@ def row(part: Any, saved: Saved, layout: tuple[Any, ...]) -> tuple[Any, ...]:
 def _old(kind: Kind, now: Any, saved: Any) -> Any:
     """Return a field's value as it was kept."""
     if isinstance(kind, Parts):
-        return tuple(_old(kind.each, one, kept) for one, kept in zip(now, saved, strict=True))
+        return tuple(
+            None if one is None else _old(kind.each, one, kept)
+            for one, kept in zip(now, saved, strict=True)
+        )
     if isinstance(kind, Part):
         return () if now is None else to_tuple(now, saved)
+    if isinstance(kind, Kept):
+        return row(now, saved, _layout(type(now), ".KEPT")) if saved else ()
     return int(saved) if isinstance(kind, Integer) else saved
 
 
@@ -117,12 +125,21 @@ def from_tuple(part: Any, old: Any, where: str = "state") -> Any:
 
 def _from_tuple(part: Any, old: Any, where: str) -> Saved:
     try:
-        layout = _layout(part)
+        layout = _layout(type(part))
         if isinstance(layout, Odd):
-            return layout.load(part, old)
-        return fields(part, old, layout)
+            saved = layout.load(part, old)
+        elif isinstance(layout, str):
+            saved = fields(part, (old,), (layout,))
+        else:
+            saved = fields(part, old, layout)
     except (TypeError, ValueError, IndexError, KeyError, AttributeError) as error:
         raise SnapshotError(f"{where}: no state of {type(part).__name__}: {error}") from None
+    # What the first version did not keep stays as it is.
+    declared = layout_of(type(part))
+    for name in declared.names:
+        if name not in saved:
+            saved[name] = declared.kind(name).save(getattr(part, name))
+    return saved
 
 
 def fields(part: Any, old: Any, layout: tuple[Any, ...]) -> Saved:
@@ -136,7 +153,8 @@ def fields(part: Any, old: Any, layout: tuple[Any, ...]) -> Saved:
             at += 1
             continue
         name = entry.lstrip("+*")
-        kind, now = declared.kind(name), getattr(part, name)
+        kind = declared.kind(name)
+        now = getattr(part, kind.owner(name))
         if entry[0] == "*":
             after = len(old) - at
             width = after if entry == layout[-1] else len(_old(kind, now, kind.save(now)))
@@ -156,6 +174,8 @@ def _new(kind: Kind, now: Any, old: Any) -> Any:
         return tuple(_new(kind.each, one, kept) for one, kept in zip(now, old, strict=True))
     if isinstance(kind, Part):
         return None if now is None else from_tuple(now, old, type(now).__name__)
+    if isinstance(kind, Kept):
+        return fields(now, old, _layout(type(now), ".KEPT")) if old else {}
     return kind.save(old) if isinstance(kind, Integer) else old
 
 
@@ -174,4 +194,4 @@ def load_tuple(part: Any, old: Any) -> None:
         SnapshotError: it does not fit; the part is as it was.
     """
     name = type(part).__name__
-    plan_fields(part, _from_tuple(part, old, name), name).apply()
+    plan_fields(part, _from_tuple(part, old, name), name, layout_of(type(part))).apply()

@@ -60,6 +60,10 @@ class Kind:
     STAYS: ClassVar[bool] = False
     """The field keeps its object; what is inside takes other values."""
 
+    def owner(self, name: str) -> str:
+        """Return the attribute that says what the field ``name`` may hold: that field."""
+        return name
+
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
         return value
@@ -115,6 +119,16 @@ class Flag(Kind):
         raise self.refuse(saved)
 
 
+class Mixed(Kind):
+    """An integer of 64 bits, or True or False."""
+
+    TEXT: ClassVar[str] = "an integer of 64 bits, true or false"
+
+    def take(self, saved: Any, now: Any, load: Load) -> Any:
+        """Return the value for what was kept."""
+        return saved if type(saved) is bool else super().take(saved, now, load)
+
+
 class Real(Kind):
     """A number."""
 
@@ -148,15 +162,20 @@ class Octets(Kind):
 
     TEXT: ClassVar[str] = "bytes"
 
+    def __init__(self, fixed: bool) -> None:
+        self.fixed: bool = fixed
+
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
         return bytes(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
-        if type(saved) is bytes:
-            return saved
-        raise self.refuse(saved)
+        if type(saved) is not bytes:
+            raise self.refuse(saved)
+        if self.fixed and len(saved) != len(now):
+            raise Refused(f"wants {len(now)} bytes, not {len(saved)}")
+        return saved
 
 
 class InPlace(Octets):
@@ -164,14 +183,9 @@ class InPlace(Octets):
 
     STAYS: ClassVar[bool] = True
 
-    def __init__(self, fixed: bool) -> None:
-        self.fixed: bool = fixed
-
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the array as it is; its content comes with the others."""
         super().take(saved, now, load)
-        if self.fixed and len(saved) != len(now):
-            raise Refused(f"wants {len(now)} bytes, not {len(saved)}")
         load.value(now, "", partial(now.__setitem__, slice(None), saved))
         return now
 

@@ -27,7 +27,7 @@ class Everything:
     """One field of each kind."""
 
     STATE: ClassVar[state.Names] = (
-        "word", "wide: int", "flag: bool", "real: float", "text: str", "octets: bytes",
+        "word", "wide: int", "flag: bool", "real: float", "text: str", "octets: bytes[...]",
         "file: bytearray", "line: bytearray[...]", "levels: list[i64]", "names: list[str, ...]",
         "course: tuple[i64, ...]", "noted: set[i64]", "queue: heap[(i64, str)]", "inner: part",
         "spare: part | None", "axes: parts",

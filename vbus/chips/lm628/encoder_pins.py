@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.motion import quadrature as q
 from vbus.signals import Watcher
+from vbus.state import Names
 
 if TYPE_CHECKING:
     from vbus.chips.lm628.chip import LM628
@@ -18,6 +19,9 @@ class EncoderPins:
     Args:
         chip: the chip whose pins these are.
     """
+
+    STATE: ClassVar[Names] = ("_low_from", "_low: bool")
+    WIRING: ClassVar[Names] = ("_chip", "_inputs", "_pins", "_t1", "_t2", "_turn")
 
     def __init__(self, chip: LM628) -> None:
         self._chip: LM628 = chip
@@ -75,11 +79,3 @@ class EncoderPins:
                 chip.report(ds.INDEX_GROUNDED, way, self._turn, when=inputs.at)
             if found & q.ALL_LOW and not late:
                 chip.index_seen(inputs.count)
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state but for the decoder's."""
-        return (self._low_from, self._low)
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._low_from, self._low = state  # type: ignore[assignment]

@@ -1,7 +1,7 @@
 """Commands: plain parameters straight from the table, and one method for each other row."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from vbus.bits import clamp
 from vbus.chips.mc1241a.datasheet import (
@@ -26,6 +26,7 @@ from vbus.chips.mc1241a.events import NOBODY, mode_word, status_word
 from vbus.chips.mc1241a.microstep import FULL_SCALE
 from vbus.chips.mc1241a.parameters import fit, in_range
 from vbus.chips.tables import Command
+from vbus.state import Names
 
 if TYPE_CHECKING:
     from vbus.chips.mc1241a.axis import Axis
@@ -41,6 +42,9 @@ class Commands:
     Args:
         chip: the chip set.
     """
+
+    STATE: ClassVar[Names] = ("current",)
+    WIRING: ClassVar[Names] = ("_chip", "_methods")
 
     def __init__(self, chip: "MC1241A") -> None:
         self._chip: MC1241A = chip

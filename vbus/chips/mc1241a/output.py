@@ -1,7 +1,7 @@
 """Motor output pins: PWM frames and DAC words, made only while somebody looks at them."""
 
 from heapq import heappop, heappush
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -9,6 +9,7 @@ from vbus.chips.mc1241a.datasheet import FRAME_CLK, OUTPUT_DAC16, OUTPUT_PWM
 from vbus.chips.mc1241a.microstep import dac_word, pwm_magnitude
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, Pin
+from vbus.state import Names
 
 if TYPE_CHECKING:
     from vbus.chips.mc1241a.chip import MC1241A
@@ -41,6 +42,10 @@ class Output:
     Args:
         chip: the chip set whose pins they are.
     """
+
+    STATE: ClassVar[Names] = ("_frame", "_sequence", "_queue: heap[(i64, i64, i64, i64)]")
+    WIRING: ClassVar[Names] = ("_chip", "_pins", "_positive_sign")
+    DERIVED: ClassVar[Names] = ("heard",)
 
     def __init__(self, chip: "MC1241A") -> None:
         self._chip: MC1241A = chip
@@ -137,12 +142,3 @@ class Output:
     def _push(self, when: int, number: int, level: int) -> None:
         self._sequence += 1
         heappush(self._queue, (when, self._sequence, number, level))
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state."""
-        return (self._frame, self._sequence, tuple(sorted(self._queue)))
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._frame, self._sequence, queue = state  # type: ignore[assignment]
-        self._queue = list(queue)  # type: ignore[call-overload]

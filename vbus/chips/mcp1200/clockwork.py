@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 from mypy_extensions import i64
 
@@ -26,6 +26,7 @@ from vbus.chips.registers import RegisterFile
 from vbus.kernel import Clock
 from vbus.options import Value
 from vbus.signals import Rule
+from vbus.state import Names
 
 if TYPE_CHECKING:
     from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
@@ -61,6 +62,16 @@ class Clockwork:
         "encoder_pins", "file", "host", "live", "pwm", "released", "rest", "sheet", "side",
         "state", "stepper", "timer", "writes",
     )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "state", "released", "_request", "writes: part", "_aiming: bool", "_at_reset", "_at_sample",
+        "_at_results", "_at_routine", "counter: part", "file: part", "core: part", "timer: part",
+        "encoder: part", "drive: part", "stepper: part", "pwm: part", "breakpoint: part",
+        "host: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = (
+        "_clock", "_report", "_stall_clk", "encoder_pins", "live", "rest", "sheet", "side",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_target",)
 
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
         self._clock: Clock = clock
@@ -421,28 +432,7 @@ class Clockwork:
 
     # -- state --------------------------------------------------------------------------------
 
-    def _parts(self) -> tuple[Any, ...]:
-        return (
-            self.file, self.core, self.timer, self.encoder, self.drive, self.stepper, self.pwm,
-            self.breakpoint, self.host,
-        )  # fmt: skip
-
-    def save(self) -> tuple[object, ...]:
-        """Return the state."""
-        return (
-            self.state, self.released, self._request, self.writes.save(), self._aiming,
-            self._at_reset, self._at_sample, self._at_results, self._at_routine,
-            self.counter.at_match, tuple(part.save() for part in self._parts()),
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.state, self.released, self._request, writes, self._aiming, self._at_reset,
-            self._at_sample, self._at_results, self._at_routine, self.counter.at_match, parts,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self.writes.load(writes)  # type: ignore[arg-type]
+    def after_load(self) -> None:
+        """Look at the registers; a sample may differ from the one before."""
         self.rest.disturb()
-        for part, saved in zip(self._parts(), parts, strict=True):  # type: ignore[call-overload]
-            part.load(saved)
         self.live.look()

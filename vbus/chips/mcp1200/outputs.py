@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.clockwork import Clockwork
 from vbus.chips.mcp1200.states import CONTROL, HELD, STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.signals import HIGH, LOW, Pin
+from vbus.state import Names
 
 if TYPE_CHECKING:
     from vbus.chips.mcp1200.chip import MCP1200
@@ -28,6 +29,7 @@ class OutputPins:
     __slots__ = (
         "_busy", "_dac", "_idle", "_prof", "_pulse", "_shown", "_sign", "_trig", "_works",
     )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("*",)
 
     def __init__(self, chip: MCP1200, works: Clockwork) -> None:
         self._works: Clockwork = works

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.kernel import NEVER
 from vbus.signals import LOW, Net, Watcher, Z
+from vbus.state import Names
 
 if TYPE_CHECKING:
     from vbus.chips.mcp1200.chip import MCP1200
@@ -37,6 +38,13 @@ class HostPins:
         "_overlapped", "_previous_closed_at", "_release", "_rw", "_rw_at", "_was_read",
         "_was_write", "own",
     )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "_ale", "_cs", "_oe", "_rw", "_data", "_address", "_open: bool", "_fresh: bool",
+        "_overlapped: bool", "_inside: bool", "_lost: bool", "_was_read: bool", "_was_write: bool",
+        "_ale_fell", "_ale_rose", "_cs_fell", "_cs_rose", "_oe_fell", "_rw_at", "_data_at",
+        "_closed_at", "_previous_closed_at",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_chip", "_release", "own")
 
     def __init__(self, chip: MCP1200) -> None:
         self._chip: MCP1200 = chip
@@ -265,21 +273,3 @@ class HostPins:
         self._address = 0
         self._open = False
         self._fresh = False
-
-    def save(self) -> tuple[object, ...]:
-        """Return the state."""
-        return (
-            self._ale, self._cs, self._oe, self._rw, self._data, self._address, self._open,
-            self._fresh, self._overlapped, self._inside, self._lost, self._was_read,
-            self._was_write, self._ale_fell, self._ale_rose, self._cs_fell, self._cs_rose,
-            self._oe_fell, self._rw_at, self._data_at, self._closed_at, self._previous_closed_at,
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self._ale, self._cs, self._oe, self._rw, self._data, self._address, self._open,
-            self._fresh, self._overlapped, self._inside, self._lost, self._was_read,
-            self._was_write, self._ale_fell, self._ale_rose, self._cs_fell, self._cs_rose,
-            self._oe_fell, self._rw_at, self._data_at, self._closed_at, self._previous_closed_at,
-        ) = state  # type: ignore[assignment]  # fmt: skip

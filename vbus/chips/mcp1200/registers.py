@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from vbus.bits import sign_extend
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.state import Names
 
 if TYPE_CHECKING:
     from vbus.chips.mcp1200.clockwork import Clockwork
@@ -50,6 +51,8 @@ class HostRegisters:
     """
 
     __slots__ = ("_bytes", "_held_csb", "_held_msb", "_noted", "_works")
+    STATE: ClassVar[Names] = ("_held_msb", "_held_csb", "_noted: set[i64]")
+    WIRING: ClassVar[Names] = ("_bytes", "_works")
 
     def __init__(self, works: Clockwork) -> None:
         self._works: Clockwork = works
@@ -194,12 +197,3 @@ class HostRegisters:
             self._works.live.look()
             self._works.counter.preset(here, cycle)
         stored[ds.CONFIG] = data
-
-    def save(self) -> tuple[object, ...]:
-        """Return the state."""
-        return (self._held_msb, self._held_csb, tuple(sorted(self._noted)))
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._held_msb, self._held_csb, noted = state  # type: ignore[assignment]
-        self._noted = set(noted)  # type: ignore[call-overload]
