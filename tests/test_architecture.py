@@ -27,7 +27,7 @@ def texts(*folders: Path) -> list[Path]:
 
 
 TEXTS = texts(ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
-LEAVES = {"bits", "errors", "options", "version"}
+LEAVES = {"bits", "errors", "options", "state", "version"}
 SIGNALS = LEAVES | {"kernel", "signals"}
 BOARD = SIGNALS | {"board", "chips", "faults", "plant", "protocols", "trace"}
 NODES = BOARD | {"nodes"}
@@ -37,6 +37,7 @@ MAY_IMPORT = {
     "bits": set(),
     "errors": set(),
     "options": set(),
+    "state": {"errors", "state"},
     "version": set(),
     "kernel": LEAVES | {"kernel"},
     "signals": SIGNALS,

@@ -8,6 +8,7 @@ from tests.conformance.lm628.bench import Bench, Follower, Log
 from vbus.chips.lm628.datasheet import COMMANDS, RATE_MAX
 from vbus.chips.lm628.profile import ACCELERATION, POSITION, VELOCITY, Profile
 from vbus.kernel import NS, US
+from vbus.state import keep, save
 
 Operation = tuple[str, int, int]
 ONE = 1 << 16
@@ -121,7 +122,7 @@ def test_both_ways_in_are_one_implementation(operations):
         bench = Bench(mode, plant=Follower(turn=37), busy_jitter_clk=30)
         bench.chip.judged = False
         got = do(bench, operations)
-        results.append((got, bench.now, bench.violations, bench.chip.save_core()))
+        results.append((got, bench.now, bench.violations, keep(bench.chip)))
 
     assert results[0] == results[1]
 
@@ -158,7 +159,7 @@ def registers(bench: Bench) -> tuple[object, ...]:
     chip = bench.chip
     chip.advance()
     return (
-        chip.axis.save(), chip.host.save(), chip.output.save(), chip.encoder.save(), chip._cycle,
+        save(chip.axis), save(chip.host), save(chip.output), save(chip.encoder), chip._cycle,
         chip.pins["HI"].value,
     )  # fmt: skip
 

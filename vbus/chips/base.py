@@ -9,6 +9,8 @@ from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Option, Settings, Value, with_defaults
 from vbus.signals import OFF, STRICT, Net, Pin, Plant, Policy, Rule, Violation
+from vbus.state import UNDECLARED, Names
+from vbus.state.first import load_tuple, save_tuple
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -51,6 +53,12 @@ class Chip:
     CARD_DECODES: ClassVar[dict[str, tuple[CardRow, ...]]] = {}
     """Address decodes of known cards, by name; an address may lie beyond :attr:`ADDRESS_BITS`
     where the card, not the chip, answers."""
+    STATE: ClassVar[Names] = UNDECLARED
+    WIRING: ClassVar[Names] = (
+        "name", "part", "kernel", "clock", "settings", "pin_rows", "axis_count", "policy",
+        "read_low_ps", "cycle_ps", "pins", "bus_pins", "data_pin", "_file", "_timer",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("reads", "writes", "_heard")
 
     def __init__(
         self,
@@ -196,13 +204,21 @@ class Chip:
         """Return what a live view shows of this chip, by name."""
         return {}
 
+    def before_save(self) -> None:
+        """Come to now."""
+        self.advance()
+
     def save(self) -> tuple[object, ...]:
-        """Return the whole state as nested tuples of numbers, strings and bytes."""
-        raise NotImplementedError
+        """Return the whole state as nested tuples of numbers, strings and bytes.
+
+        As ``STATE`` declares it, unless overridden.
+        """
+        state: tuple[object, ...] = save_tuple(self)
+        return state
 
     def load(self, state: tuple[object, ...]) -> None:
         """Take back what :meth:`save` gave."""
-        raise NotImplementedError
+        load_tuple(self, state)
 
     # -- what every chip has ------------------------------------------------------------------
 

@@ -1,7 +1,10 @@
 """The bytes of a register map: what the bus sees, and whole values for the chip."""
 
+from typing import ClassVar
+
 from vbus.bits import sign_extend
 from vbus.chips.tables import RegisterMap
+from vbus.state import Names
 
 
 class RegisterFile:
@@ -15,6 +18,8 @@ class RegisterFile:
     """
 
     __slots__ = ("bytes", "rows")
+    STATE: ClassVar[Names] = ("bytes: bytearray",)
+    WIRING: ClassVar[Names] = ("rows",)
 
     def __init__(self, rows: RegisterMap) -> None:
         self.rows: RegisterMap = rows
@@ -38,11 +43,3 @@ class RegisterFile:
         """Load the reset values of the registers named, or of all."""
         for name in names or tuple(row.name for row in self.rows):
             self.put(name, self.rows[name].reset)
-
-    def save(self) -> bytes:
-        """Return every byte."""
-        return bytes(self.bytes)
-
-    def load(self, state: bytes) -> None:
-        """Take back what :meth:`save` gave."""
-        self.bytes[:] = state

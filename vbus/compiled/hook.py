@@ -27,16 +27,16 @@ from typing import Any, Final
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 COMPILED: Final = (
-    "bits.py", "kernel/*.py", "signals/*.py", "chips/*.py", "chips/*/*.py", "plant/*.py",
-    "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
-    "protocols/port.py",
+    "bits.py", "state/fields.py", "state/kinds.py", "kernel/*.py", "signals/*.py",
+    "chips/*.py", "chips/*/*.py", "plant/*.py", "protocols/base.py", "protocols/byte.py",
+    "protocols/codes.py", "protocols/frame*.py", "protocols/port.py",
     "board/board.py", "board/circuit.py", "board/host_*.py", "board/strobe_*.py",
     "trace/journal_rows.py", "trace/recorded_bus.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what works in every sample or bus cycle."""
 
 COLD: Final = frozenset({
-    "__init__.py", "clauses.py", "tables.py",
+    "__init__.py", "clauses.py", "state_1.py", "tables.py",
     "family.py", "datasheet.py", "bus.py", "packets.py", "coverage.py", "upsets.py",
     "access.py", "host.py", "demo.py",
 })  # fmt: skip

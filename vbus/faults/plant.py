@@ -1,8 +1,9 @@
 """A plant with something broken: between a chip and the plant it really drives."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.signals import Plant
+from vbus.state import Names
 
 SHARE: Final = 0
 """The encoder shows a part of the motion: all of it, none, or backwards."""
@@ -24,6 +25,15 @@ class FaultyPlant(Plant):
     The encoder's count is a function of the shaft's: ``shown`` when the shaft was at ``anchor``,
     and from there on as :attr:`mode` says. Changes take effect between two periods.
     """
+
+    STATE: ClassVar[Names] = (
+        "count", "anchor", "shown", "_pulses", "_low", "_before", "_stood: bool", "_touched: bool",
+        "inner: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = (
+        "frozen", "drive_sign", "powered", "lose_every", "mode", "share", "level", "gap", "index",
+        "second_index", "pulsed",
+    )  # fmt: skip
 
     def __init__(self, inner: Plant) -> None:
         super().__init__()
@@ -201,20 +211,3 @@ class FaultyPlant(Plant):
     def resting(self) -> bool:
         """Whether another period with the same drive would leave everything as it is."""
         return not self._touched and (self._stood or self.inner.resting())
-
-    # -- state --------------------------------------------------------------------------------
-
-    def save(self) -> tuple[float, ...]:
-        """Return the whole state, the inner plant's included."""
-        return (
-            self.count, self.anchor, self.shown, self._pulses, self._low, self._before,
-            int(self._stood), int(self._touched), *self.inner.save(),
-        )  # fmt: skip
-
-    def load(self, state: tuple[float, ...]) -> None:
-        """Take back what :meth:`save` gave; what is broken is loaded before."""
-        count, anchor, shown, pulses, low, before, stood, touched = state[:8]
-        self.count, self.anchor, self.shown = int(count), int(anchor), int(shown)
-        self._pulses, self._low, self._before = int(pulses), int(low), int(before)
-        self._stood, self._touched = stood != 0, touched != 0
-        self.inner.load(state[8:])

@@ -6,6 +6,7 @@ from mypy_extensions import i64
 
 from vbus.options import Option, Settings
 from vbus.plant.shaft import SHAFT_OPTIONS, Mechanics, Shaft, mass_options
+from vbus.state import Names
 
 NO_CURRENT: Final = 1e-12
 """Amperes below which a decaying current is over; it would fade for hundreds of periods more."""
@@ -32,6 +33,17 @@ class DcMotor(Shaft):
         Option("torque_constant", "N*m/A", 0.03, "torque for each ampere", low=0.0),
         Option("back_emf", "V*s", 0.03, "voltage induced for each rad/s", low=0.0),
         *mass_options(inertia=5e-6, viscous=1e-6, coulomb=0.002, static=0.0025),
+    )  # fmt: skip
+
+    STATE: ClassVar[Names] = ("current: float", *Shaft.STATE)
+    WIRING: ClassVar[Names] = (
+        "_supply", "_amplifier", "_resistance", "_inductance", "_torque_constant", "_back_emf",
+        "_viscous",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = (
+        "_keep", "_admit", "_induced", "_other_period", "_other_keep", "_other_admit",
+        "_other_induced", "_other_gain", "_other_ease", "_other_loss", "_other_turn", "_volts",
+        "_began",
     )  # fmt: skip
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -163,12 +175,3 @@ class DcMotor(Shaft):
         self.current = current
         self.velocity = speed
         return here
-
-    def save(self) -> tuple[float, ...]:
-        """Return the whole state."""
-        return (self.current, *self._save_shaft())
-
-    def load(self, state: tuple[float, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self.current = state[0]
-        self._load_shaft(state[1:])

@@ -6,6 +6,7 @@ from mypy_extensions import i64, mypyc_attr
 
 from vbus.options import Option, Settings
 from vbus.signals import Plant
+from vbus.state import Names
 
 ENCODER_OPTIONS: Final = (
     Option("encoder_lines", "count", 500, "lines of the encoder; it gives four counts a line",
@@ -32,6 +33,7 @@ class Encoder:
     """
 
     __slots__ = ("_offset", "_turn", "counts", "index", "index_offset")
+    WIRING: ClassVar[Names] = __slots__
 
     def __init__(self, lines: int, index: bool = True, index_offset: int = 0) -> None:
         if index_offset % 4:
@@ -85,6 +87,9 @@ class EncodedPlant(Plant):
     """
 
     OPTIONS: ClassVar[tuple[Option, ...]] = ENCODER_OPTIONS
+    STATE: ClassVar[Names] = ("count", "_base", "_pieces", "_points: list[float, ...]")
+    WIRING: ClassVar[Names] = ("encoder",)
+    DERIVED: ClassVar[Names] = ("_first", "_last", "_part", "_untraced", "_forgotten")
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -220,15 +225,12 @@ class EncodedPlant(Plant):
         """Tell whether moving from ``start`` to ``end`` enters an index position, and which."""
         return self.encoder.index_between(start, end)
 
-    def _save_course(self) -> tuple[float, ...]:
-        points = self._course()
-        return (self.count, int(self._base), int(self._pieces), *points)
+    def before_save(self) -> None:
+        """Write the course down that the state has."""
+        self._course()
 
-    def _load_course(self, state: tuple[float, ...]) -> None:
-        self.count = int(state[0])
-        self._base = int(state[1])
-        self._pieces = int(state[2])
-        self._points = list(state[3:])
+    def after_load(self) -> None:
+        """Work out where the course begins and ends."""
         self._first = self._points[0]
         self._last = self._points[self._pieces]
         part = self._last - float(self.count - self._base)

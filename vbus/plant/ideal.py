@@ -8,6 +8,7 @@ from vbus.options import Option, Settings
 from vbus.plant.angle import turns_of
 from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
 from vbus.plant.windings import STEP_OPTIONS, field
+from vbus.state import Names
 
 MICROSTEPS: Final = 256
 """Steps of an electrical cycle in which phase currents are followed."""
@@ -25,6 +26,9 @@ class IdealPlant(EncodedPlant):
         *ENCODER_OPTIONS,
         *STEP_OPTIONS,
     )
+
+    STATE: ClassVar[Names] = ("_steps", "_three: bool", "_resting: bool", *EncodedPlant.STATE)
+    WIRING: ClassVar[Names] = ("_steps_per_rev", "_microsteps_per_rev")
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -69,14 +73,3 @@ class IdealPlant(EncodedPlant):
     def resting(self) -> bool:
         """Whether the last period has asked for no motion."""
         return self._resting
-
-    def save(self) -> tuple[float, ...]:
-        """Return the whole state."""
-        return (int(self._steps), int(self._three), int(self._resting), *self._save_course())
-
-    def load(self, state: tuple[float, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._steps = int(state[0])
-        self._three = state[1] != 0
-        self._resting = state[2] != 0
-        self._load_course(state[3:])

@@ -1,11 +1,12 @@
 """A motor's shaft and what hangs on it: inertia, friction, load, end stops."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
 from vbus.options import Option, Settings
 from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
+from vbus.state import Names
 
 SHAFT_OPTIONS: Final = (
     *ENCODER_OPTIONS,
@@ -82,6 +83,17 @@ class Shaft(EncodedPlant):
     End stops are hard and take the whole impact: the shaft stands in the middle of their count.
     """
 
+    STATE: ClassVar[Names] = (
+        "period: float", "velocity: float", "_resting: bool", *EncodedPlant.STATE,
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = (
+        "_inertia", "_damping", "_coulomb", "_static", "_load", "_low", "_high", "_substeps",
+        "_counts", "_stopped",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = (
+        "_period", "_gain", "_ease", "_loss", "_turn_counts", "_departed",
+    )  # fmt: skip
+
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
         self.velocity: float = 0.0
@@ -117,6 +129,15 @@ class Shaft(EncodedPlant):
         self._resting: bool = False
         # Speed at the start of the last period.
         self._departed: float = 0.0
+
+    @property
+    def period(self) -> float:
+        """The length of a period in seconds; it is prepared for before the rest is loaded."""
+        return self._period
+
+    @period.setter
+    def period(self, period: float) -> None:
+        self.prepare(period)
 
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds."""
@@ -191,12 +212,3 @@ class Shaft(EncodedPlant):
     def resting(self) -> bool:
         """Whether the last period has left every bit of state as it was."""
         return self._resting
-
-    def _save_shaft(self) -> tuple[float, ...]:
-        return (self._period, self.velocity, int(self._resting), *self._save_course())
-
-    def _load_shaft(self, state: tuple[float, ...]) -> None:
-        self.prepare(state[0])
-        self.velocity = state[1]
-        self._resting = state[2] != 0
-        self._load_course(state[3:])

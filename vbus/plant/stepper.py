@@ -8,6 +8,7 @@ from vbus.options import Option, Settings
 from vbus.plant.angle import sine
 from vbus.plant.shaft import SHAFT_OPTIONS, Mechanics, Shaft, mass_options
 from vbus.plant.windings import STEP_OPTIONS, field
+from vbus.state import Names
 
 MOST_PIECES: Final = 4096
 """Sub-steps a period is cut into at most; pulses that come faster move the field in leaps."""
@@ -33,6 +34,15 @@ class StepperMotor(Shaft):
         Option("detent_torque", "N*m", 0.01, "torque against which it holds without current",
                low=0.0),
         *mass_options(inertia=1e-5, viscous=0.003, coulomb=0.005, static=0.007),
+    )  # fmt: skip
+
+    STATE: ClassVar[Names] = ("_steps", "_three: bool", *Shaft.STATE)
+    WIRING: ClassVar[Names] = (
+        "_cycles", "_steps_per_rev", "_holding", "_detent", "_turns", "_whole_turn", "_stiffness",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = (
+        "_finest", "_divided", "_ran", "_across", "_along", "_pulsed", "_issued", "_issued_from",
+        "_due",
     )  # fmt: skip
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -180,13 +190,3 @@ class StepperMotor(Shaft):
         if self._detent > 0.0:
             torque -= self._detent * sine(4.0 * turns)
         return torque
-
-    def save(self) -> tuple[float, ...]:
-        """Return the whole state."""
-        return (int(self._steps), int(self._three), *self._save_shaft())
-
-    def load(self, state: tuple[float, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._steps = int(state[0])
-        self._three = state[1] != 0
-        self._load_shaft(state[2:])

@@ -5,6 +5,8 @@ from typing import ClassVar, Final
 from mypy_extensions import i64, mypyc_attr
 
 from vbus.options import Option, Settings, Value, with_defaults
+from vbus.state import UNDECLARED, Names
+from vbus.state.first import load_tuple, save_tuple
 
 SWITCHES: Final = ("home", "limit+", "limit-")
 """The switches an axis may have; each chip says which of its inputs they are wired to."""
@@ -20,6 +22,7 @@ class Switch:
     """
 
     __slots__ = ("active", "high", "low")
+    WIRING: ClassVar[Names] = ("active", "high", "low")
 
     def __init__(self, low: int, high: int, active: int = 0) -> None:
         self.low: int = low
@@ -64,6 +67,8 @@ class Plant:
     TAKES: ClassVar[tuple[str, ...]] = ("drive",)
     """Kinds of drive this plant understands: ``drive``, ``pulses``, ``phases``."""
     OPTIONS: ClassVar[tuple[Option, ...]] = ()
+    STATE: ClassVar[Names] = UNDECLARED
+    WIRING: ClassVar[Names] = ("settings", "switches")
 
     def __init__(self, settings: Settings | None = None) -> None:
         self.settings: dict[str, Value] = with_defaults(self.OPTIONS, settings)
@@ -118,9 +123,10 @@ class Plant:
         return False
 
     def save(self) -> tuple[float, ...]:
-        """Return the whole state as plain numbers."""
-        raise NotImplementedError
+        """Return the whole state as plain numbers: as it has been told, unless overridden."""
+        state: tuple[float, ...] = save_tuple(self)
+        return state
 
     def load(self, state: tuple[float, ...]) -> None:
         """Take back what :meth:`save` gave."""
-        raise NotImplementedError
+        load_tuple(self, state)

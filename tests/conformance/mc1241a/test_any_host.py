@@ -10,6 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from tests.conformance.mc1241a.conftest import BUSY, COMMAND, CYCLE, DATA, Bench
 from vbus.chips.mc1241a.datasheet import COMMANDS, ILLEGAL_CODES
 from vbus.kernel import MS, US
+from vbus.state import save
 
 ROWS = {row.code: row for row in COMMANDS}
 LEGAL = {*ROWS, 0x49}
@@ -76,7 +77,7 @@ class AnyHost(RuleBasedStateMachine):
             return ()
         other = axes[1 - self.bench.chip.commands.current]
         return (
-            other.buffer.save(), other.interrupt_mask, other.breakpoint_value,
+            save(other.buffer), other.interrupt_mask, other.breakpoint_value,
             other.position_error_limit, other.step_ratio, other.start_velocity, other.auto_stop,
             other.auto_update, other.stepper.two_phase, other.profile.mode,
         )  # fmt: skip

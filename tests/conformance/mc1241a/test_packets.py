@@ -4,6 +4,7 @@ import pytest
 
 from tests.conformance.mc1241a.conftest import CYCLE, DATA, Bench
 from vbus.chips.mc1241a.datasheet import COMMANDS, FAMILY_CODES
+from vbus.state import save
 
 spec = pytest.mark.spec
 
@@ -70,12 +71,12 @@ def test_every_code_from_80h_up_is_illegal(chip: Bench) -> None:
 
 @spec("PMD-PKT-5", "PMD-T-14", "PMD-AMB-1")
 def test_reserved_49h_does_nothing_and_has_a_checksum(bench: Bench) -> None:
-    before = bench.chip.axes[0].save()
+    before = save(bench.chip.axes[0])
     bench.command(0x49)
     assert bench.checksum() == 0x0049
     bench.write_word(0x1111)
     assert bench.checksum() == 0x0049
-    assert bench.chip.axes[0].save() == before
+    assert save(bench.chip.axes[0]) == before
     assert bench.rules() == ["reserved-command", "unexpected-write"]
 
 
@@ -116,7 +117,7 @@ def test_names_and_words_of_the_family_s_codes() -> None:
 @pytest.mark.parametrize("code", FAMILY)
 def test_family_codes_can_be_taken_as_commands_that_do_nothing(code: int) -> None:
     bench = Bench(family_codes="noop")
-    before = bench.chip.axes[0].save()
+    before = save(bench.chip.axes[0])
     _, written, read = FAMILY[code]
     bench.command(code)
     for _ in range(written):
@@ -124,7 +125,7 @@ def test_family_codes_can_be_taken_as_commands_that_do_nothing(code: int) -> Non
     for _ in range(read):
         assert bench.read_word() == 0
     assert bench.checksum() == code + 0x0102 * written
-    assert bench.chip.axes[0].save() == before
+    assert save(bench.chip.axes[0]) == before
     assert bench.rules() == []
     assert bench.status() == 0x0300  # AXIS_OFF does not change bit 9 either
 

@@ -16,6 +16,7 @@ from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor
 from vbus.protocols.port import HostPort
 from vbus.signals import Observer, Plant, Switch
+from vbus.state.first import load_tuple, save_tuple
 
 
 class Rig:
@@ -216,7 +217,7 @@ def older(rig: Rig, motor_command: int = 0) -> tuple[object, ...]:
         rig: whose.
         motor_command: 1 if SET_MTR_CMD had set the active one, else 0.
     """
-    plain, *rest = rig.chip.axes[0].save()
+    plain, *rest = save_tuple(rig.chip.axes[0])
     assert isinstance(plain, tuple)
     return ((*plain[:7], motor_command, *plain[8:]), *rest)
 
@@ -233,7 +234,7 @@ def test_a_buffered_amplitude_in_a_state_of_the_first_version_still_comes(update
         first.port.write(1, 0x1A)
         first.board.run_until(59 * CYCLE - MS // 10)
         assert first.chip.telemetry()["time"] == 58
-    second.chip.axes[0].load(older(first))
+    load_tuple(second.chip.axes[0], older(first))
     if not updated:
         second.send("UPDATE")
     second.board.run_for(2 * CYCLE)
@@ -245,7 +246,7 @@ def test_a_buffered_amplitude_in_a_state_of_the_first_version_still_comes(update
 def test_an_amplitude_past_the_buffer_in_a_state_of_the_first_version_stays() -> None:
     first, second = Rig(), Rig()
     first.send("SET_MTR_CMD", 0x2000)
-    second.chip.axes[0].load(older(first, 1))
+    load_tuple(second.chip.axes[0], older(first, 1))
     second.send("UPDATE")
     second.board.run_for(2 * CYCLE)
     second.board.catch_up()
@@ -262,7 +263,7 @@ def test_once_an_update_has_replaced_it_an_amplitude_past_the_buffer_has_left_no
         rig.send("UPDATE")
         rig.board.run_for(2 * CYCLE)
         rig.board.catch_up()
-    assert first.chip.axes[0].save()[0] == second.chip.axes[0].save()[0]
+    assert save_tuple(first.chip.axes[0])[0] == save_tuple(second.chip.axes[0])[0]
 
 
 @pytest.mark.spec("PMD-TRJ-8")
@@ -282,7 +283,7 @@ def test_a_move_that_the_first_version_kept_in_motion_for_ever_can_be_begun(mode
     if mode == "S_CRV":
         profile[10] = " ".join(str(n) for n in (100 << 32, *[0] * 8, 1, *[0] * 8))
     state[4] = tuple(profile)
-    second.chip.axes[0].load(tuple(state))
+    load_tuple(second.chip.axes[0], tuple(state))
     second.board.run_for(CYCLE)
     for name, value in (("ACC", 1 << 16), ("JERK", 1 << 29)):
         second.send("SET_" + name, value)
@@ -295,10 +296,10 @@ def test_a_move_that_the_first_version_kept_in_motion_for_ever_can_be_begun(mode
 @pytest.mark.spec("PMD-USTP-1")
 def test_an_angle_stored_in_whole_microsteps_is_the_same() -> None:
     stepper = Microstepper(True)
-    stepper.load((1, 200, 0, 0, -1, 0, 0))
+    load_tuple(stepper, (1, 200, 0, 0, -1, 0, 0))
     stepper.begin_cycle(10 << 32, 0)
     assert stepper.angle(8) == 210
-    assert stepper.save() == (1, 200, 210 << 32, 0, -1, 0, 0)
+    assert save_tuple(stepper) == (1, 200, 210 << 32, 0, -1, 0, 0)
 
 
 @pytest.mark.parametrize("motor", [None, StepperMotor])

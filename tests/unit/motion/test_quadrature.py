@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vbus import state
 from vbus.chips.motion.quadrature import (
     ALL_LOW,
     COUNTED,
@@ -288,9 +289,9 @@ def test_a_saved_decoder_goes_on_where_it_was(shaft, cut):
         count += turn
         if number == cut:
             copy = mcp()
-            copy.load(decoder.save())
+            state.load(copy, state.save(decoder))
         for each in {decoder, copy}:
             drain(each, now)
             each.edge(now, *UP[count % 4], number % 2)
         now += lasting
-    assert copy.save() == decoder.save()
+    assert state.save(copy) == state.save(decoder)

@@ -8,7 +8,9 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from vbus import state
 from vbus.chips.motion.scurve import SCurve
+from vbus.state.first import load_tuple, save_tuple
 
 
 def planned(distance: int, top: int, accel: int, jerk: int) -> SCurve:
@@ -441,8 +443,8 @@ def test_a_saved_move_goes_on_where_it_was(move, after, stop):
     if stop:
         curve.stop()
     copy = SCurve()
-    copy.load(curve.save())
-    assert copy.save() == curve.save()
+    state.load(copy, state.save(curve))
+    assert state.save(copy) == state.save(curve)
     assert run(copy, 20_000) == run(curve, 20_000)
     assert copy.done is curve.done is True
 
@@ -451,7 +453,7 @@ def test_a_saved_move_goes_on_where_it_was(move, after, stop):
 def test_a_move_with_nothing_left_over_is_stored_as_the_first_version_stored_it():
     curve = pmd(2000)
     run(curve, 100)
-    assert curve.save() == (
+    assert save_tuple(curve) == (
         2000 << 32, 1936426270720, 41842376704, 3, 0, 32, 48, 88, 10 << 32, 2560, 0, 0, 0,
         12, 2494, 2560, 12, 0,
     )  # fmt: skip
@@ -461,9 +463,10 @@ def test_a_move_with_nothing_left_over_is_stored_as_the_first_version_stored_it(
 def test_a_move_stored_with_what_was_left_over_goes_on_as_it_was_planned():
     """The first version planned an extra sample for every distance: here 3 of 2003."""
     curve = SCurve()
-    curve.load(
+    load_tuple(
+        curve,
         (2003 << 32, 1936426270720, 41842376704, 3, 0, 32, 48, 88, 10 << 32, 2560, 0, 0,
-         (3 << 32) * 2560, 12, 2494, 2560, 12, 0)
+         (3 << 32) * 2560, 12, 2494, 2560, 12, 0),
     )  # fmt: skip
     plain = pmd(2000)
     run(plain, 100)

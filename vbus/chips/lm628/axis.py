@@ -1,6 +1,6 @@
 """The servo axis: position, flags, and what one sample does (LM-TRJ-17)."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -9,6 +9,7 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.pid import Pid
 from vbus.chips.lm628.profile import Profile
 from vbus.options import Settings
+from vbus.state import Names
 
 START_NONE: Final = 0
 START_STOP: Final = 1
@@ -58,6 +59,13 @@ class Axis:
         "error", "flags", "following", "index", "mask", "motor_off", "pid", "port8", "profile",
         "real", "real_change", "sip", "start", "stop_on_error", "stuck", "threshold", "udf",
     )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "profile: part", "pid: part", "count", "real", "real_change", "error", "following",
+        "command", "flags", "mask", "motor_off: bool", "port8: bool", "threshold",
+        "stop_on_error: bool", "sip: bool", "index", "start", "udf: bool", "breakpoint",
+        "breakpoint_side", "breakpoint_armed: bool", "stuck: bool",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_stuck_part",)
 
     def __init__(self, settings: Settings) -> None:
         self.profile: Profile = Profile()
@@ -338,31 +346,3 @@ class Axis:
             profile.position, profile.velocity, profile.target, profile.stopping, profile.done,
             pid.sum, pid.term, pid.derivative, pid.last_error,
         )  # fmt: skip
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state.
-
-        Coefficients that a waiting UDF has taken are part of it if LFIL has loaded others since.
-        """
-        pid = self.pid
-        sent = (tuple(pid.sent),) if self.udf and pid.sent != pid.loaded else ()
-        return (
-            self.profile.save(), pid.save(), self.count, self.real, self.real_change,
-            self.error, self.following, self.command, self.flags, self.mask, self.motor_off,
-            self.port8, self.threshold, self.stop_on_error, self.sip, self.index, self.start,
-            self.udf, self.breakpoint, self.breakpoint_side, self.breakpoint_armed, self.stuck,
-            *sent,
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            profile, pid, self.count, self.real, self.real_change,
-            self.error, self.following, self.command, self.flags, self.mask, self.motor_off,
-            self.port8, self.threshold, self.stop_on_error, self.sip, self.index, self.start,
-            self.udf, self.breakpoint, self.breakpoint_side, self.breakpoint_armed, self.stuck,
-            *sent,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self.profile.load(profile)  # type: ignore[arg-type]
-        self.pid.load(pid)  # type: ignore[arg-type]
-        self.pid.sent = list(sent[0] if sent else self.pid.loaded)  # type: ignore[call-overload]

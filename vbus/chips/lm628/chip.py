@@ -19,6 +19,7 @@ from vbus.chips.tables import PinRow
 from vbus.kernel import HELD, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher
+from vbus.state import Names
 
 _RUNNING: Final = 0
 _RESET_BY_PIN: Final = 1
@@ -52,6 +53,17 @@ class LM628(HostInterface):
     FREE_READS: ClassVar[tuple[int, ...]] = (ds.COMMAND_PORT,)
     TRACELESS: ClassVar[bool] = True
     OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
+    KEPT: ClassVar[Names] = (
+        "axis: part", "host: part", "commands: part", "output: part", "encoder: part", "_mode",
+        "_reset_end", "_fails_left", "_when", "_cycle", "_sample_at",
+        "_course: tuple[i64 | bool, ...]", "_still: bool", "_outputs: part",
+    )  # fmt: skip
+    """Everything behind the front-end: what a cycle that is lost has changed."""
+    STATE: ClassVar[Names] = (
+        *KEPT, "_front: part", "_encoder_pins: part", "_reset_fell", "judged: bool",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_hi",)
+    DERIVED: ClassVar[Names] = ("_due_at",)
 
     def __init__(
         self,
@@ -411,39 +423,6 @@ class LM628(HostInterface):
         shown["interrupt"] = self._hi.level
         return shown
 
-    def save_core(self) -> tuple[object, ...]:
-        """Return the state of everything behind the front-end."""
-        return (
-            self.axis.save(), self.host.save(), self.commands.save(), self.output.save(),
-            self.encoder.save(), self._mode, self._reset_end, self._fails_left, self._when,
-            self._cycle, self._sample_at, self._course, self._still, self._outputs.anchor,
-        )  # fmt: skip
-
-    def load_core(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save_core` gave, now or a little while ago."""
-        (
-            axis, host, commands, output, encoder, self._mode, self._reset_end, self._fails_left,
-            self._when, self._cycle, self._sample_at, self._course, self._still, anchor,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self._outputs.begin(anchor)  # type: ignore[arg-type]
-        self.axis.load(axis)  # type: ignore[arg-type]
-        self.host.load(host)  # type: ignore[arg-type]
-        self.commands.load(commands)  # type: ignore[arg-type]
-        self.output.load(output)  # type: ignore[arg-type]
-        self.encoder.load(encoder)  # type: ignore[arg-type]
+    def after_load(self) -> None:
+        """Work out what is due."""
         self._catch_up()
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state, the plant's included."""
-        self.advance()
-        return (
-            self.save_core(), self._front.save(), self._encoder_pins.save(), self._reset_fell,
-            self.judged,
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        core, front, encoder_pins, self._reset_fell, self.judged = state  # type: ignore[assignment]
-        self._front.load(front)  # type: ignore[arg-type]
-        self._encoder_pins.load(encoder_pins)  # type: ignore[arg-type]
-        self.load_core(core)  # type: ignore[arg-type]

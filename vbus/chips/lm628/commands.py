@@ -1,13 +1,14 @@
 """What each command does: one method per row of Table 2."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.bits import sign_extend
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import Axis
 from vbus.chips.lm628.host_port import Host
 from vbus.signals import Rule
+from vbus.state import Names
 
 UNKNOWN: Final = -1
 
@@ -30,6 +31,11 @@ class Commands:
         restart: runs the reset of the RESET command.
         report: files violations at the instant busy fell.
     """
+
+    STATE: ClassVar[Names] = ("_control", "_high")
+    WIRING: ClassVar[Names] = (
+        "_axis", "_host", "_methods", "_pwm", "_report", "_restart", "_words",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -233,11 +239,3 @@ class Commands:
     def cmd_rdsum(self, step: int, word: int) -> None:
         """Read integration-term summation value: what il has limited (LM-AMB-9)."""
         self._host.reply(self._axis.pid.term, 1)
-
-    def save(self) -> tuple[object, ...]:
-        """Return what is kept between the words of a packet."""
-        return (self._control, self._high)
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._control, self._high = state  # type: ignore[assignment]

@@ -1,6 +1,6 @@
 """Where encoder counts come from: a plant's course through the sample, or the A, B, /IN nets."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -8,6 +8,7 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.motion.quadrature import Quadrature
 from vbus.kernel import NEVER, Clock
 from vbus.signals import Plant
+from vbus.state import Names
 
 _NEVER: Final[i64] = int(NEVER)
 """As a machine word: a compiled core keeps a literal this large as an object."""
@@ -30,6 +31,10 @@ class Encoder:
     """
 
     __slots__ = ("_end", "_from", "_start", "_to", "index_at", "index_count", "inputs", "plant")
+    STATE: ClassVar[Names] = (
+        "plant: part | None", "inputs: part", "index_at", "index_count", "_start", "_end", "_from",
+        "_to",
+    )  # fmt: skip
 
     def __init__(self, clock: Clock) -> None:
         dwell = ds.AC.minimum("T2", clock)
@@ -100,20 +105,3 @@ class Encoder:
     def resting(self) -> bool:
         """Whether another sample with the same drive would leave everything as it is."""
         return self._from == self._to and (self.plant is None or self.plant.resting())
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state, the plant's included."""
-        return (
-            self.plant.save() if self.plant is not None else (), self.inputs.save(),
-            self.index_at, self.index_count, self._start, self._end, self._from, self._to,
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            plant, inputs, self.index_at, self.index_count, self._start, self._end, self._from,
-            self._to,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self.inputs.load(inputs)  # type: ignore[arg-type]
-        if self.plant is not None:
-            self.plant.load(plant)  # type: ignore[arg-type]

@@ -1,10 +1,13 @@
 """The encoder front-end: edges on A, B and /IN where something drives these nets."""
 
+from typing import ClassVar
+
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.encoder import Encoder
 from vbus.chips.lm628.interface import HostInterface
 from vbus.chips.motion import quadrature as q
 from vbus.signals import Watcher
+from vbus.state import Names
 
 
 class EncoderPins:
@@ -14,6 +17,9 @@ class EncoderPins:
         chip: the chip whose pins these are.
         encoder: takes the counts.
     """
+
+    STATE: ClassVar[Names] = ("_low_from", "_low: bool")
+    WIRING: ClassVar[Names] = ("_chip", "_inputs", "_pins", "_t1", "_t2", "_turn")
 
     def __init__(self, chip: HostInterface, encoder: Encoder) -> None:
         self._chip: HostInterface = chip
@@ -72,11 +78,3 @@ class EncoderPins:
                 chip.report(ds.INDEX_GROUNDED, way, self._turn, when=inputs.at)
             if found & q.ALL_LOW and not late:
                 chip.index_seen(inputs.count)
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state but for the decoder's."""
-        return (self._low_from, self._low)
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._low_from, self._low = state  # type: ignore[assignment]

@@ -1,7 +1,7 @@
 """The host port: busy, command bytes, data words, and hosts that break the rules."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -9,6 +9,7 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.kernel import HELD, NEVER, Clock
 from vbus.options import Value
 from vbus.signals import Rule
+from vbus.state import Names
 
 Report = Callable[[Rule, str, int], None]
 """Files a violation: rule, detail, instant (ps)."""
@@ -54,6 +55,13 @@ class Host:
         "_busy_clk", "_clock", "_code", "_execute", "_high", "_jitter_clk", "_kind", "_latched",
         "_pending", "_random", "_reply", "_report", "_second", "_step", "_value", "_worst",
         "busy_end", "words_due",
+    )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "busy_end", "words_due", "_pending", "_value", "_code", "_step", "_reply: list[i64, ...]",
+        "_second: bool", "_high", "_latched", "_kind", "_random",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = (
+        "_busy_clk", "_clock", "_execute", "_jitter_clk", "_report", "_worst",
     )  # fmt: skip
 
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
@@ -228,18 +236,3 @@ class Host:
         if self._pending == _WORD:
             return self._code, self._step + 1, self._value
         return (self._value if self._pending == _COMMAND else -1), 0, 0
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state."""
-        return (
-            self.busy_end, self.words_due, self._pending, self._value, self._code, self._step,
-            tuple(self._reply), self._second, self._high, self._latched, self._kind, self._random,
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.busy_end, self.words_due, self._pending, self._value, self._code, self._step,
-            reply, self._second, self._high, self._latched, self._kind, self._random,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self._reply = list(reply)  # type: ignore[call-overload]

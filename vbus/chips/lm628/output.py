@@ -1,12 +1,13 @@
 """The motor output: 8-bit converter, 12-bit multiplexed converter, sign and magnitude PWM."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
 from vbus.kernel import NEVER, Clock
 from vbus.signals import Pin
+from vbus.state import Names
 
 DAC8: Final = 0
 DAC12: Final = 1
@@ -41,6 +42,8 @@ class Output:
     """
 
     __slots__ = ("_code", "_frame_clk", "_high_clk", "_mode", "_pwm", "_sign", "command")
+    STATE: ClassVar[Names] = ("_mode", "_code", "_sign", "_high_clk", "command: float")
+    WIRING: ClassVar[Names] = ("_frame_clk", "_pwm")
 
     def __init__(self, pwm: bool, frame_clk: int) -> None:
         if frame_clk not in ds.PWM_FRAMES:
@@ -125,14 +128,6 @@ class Output:
         """Whether every sample moves pins, even if its command is the one before."""
         return self._mode == DAC12
 
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state."""
-        return (self._mode, self._code, self._sign, self._high_clk, self.command)
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._mode, self._code, self._sign, self._high_clk, self.command = state  # type: ignore[assignment]
-
 
 class OutputPins:
     """The output on its pins: brought up to date when looked at, or edge by edge when heard.
@@ -148,6 +143,9 @@ class OutputPins:
     """
 
     __slots__ = ("_clock", "_output", "_pins", "_word", "anchor", "due")
+    STATE: ClassVar[Names] = ("anchor",)
+    WIRING: ClassVar[Names] = ("_clock", "_output", "_pins")
+    DERIVED: ClassVar[Names] = ("_word", "due")
 
     def __init__(self, output: Output, clock: Clock, pins: tuple[Pin, ...]) -> None:
         self._output: Output = output
@@ -160,6 +158,10 @@ class OutputPins:
     def begin(self, cycle: i64) -> None:
         """The output has got something new to show, from ``cycle`` on."""
         self.anchor = cycle
+        self.due = 0
+
+    def after_load(self) -> None:
+        """Show what has been loaded."""
         self.due = 0
 
     def show(self, now: i64) -> None:

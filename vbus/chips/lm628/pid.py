@@ -1,11 +1,12 @@
 """The filter: kp, limited ki and sampled kd terms at the chip's word widths (Eq. 1)."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
 from vbus.bits import wrap_word
 from vbus.chips.lm628.datasheet import COEFFICIENT_MAX
+from vbus.state import Names
 
 _SUM_MAX: Final = 0x7FFFFF
 _HALF: Final = 0x8000
@@ -45,6 +46,11 @@ class Pid:
         "_limits_sum", "_wraps", "derivative", "ds", "il", "kd", "ki", "kp", "last_error",
         "loaded", "phase", "sent", "sum", "term",
     )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "kp", "ki", "kd", "il", "ds", "loaded: list[i64]", "sent: list[i64]", "sum", "term",
+        "derivative", "last_error", "phase",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_limits_sum", "_wraps")
 
     def __init__(self, wraps: bool, limits_sum: bool) -> None:
         self._wraps: bool = wraps
@@ -138,18 +144,3 @@ class Pid:
     def skip(self, samples: int) -> None:
         """Let samples pass that change nothing but the place in the derivative interval."""
         self.phase = (self.phase + samples) % (self.ds + 1)
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state."""
-        return (
-            self.kp, self.ki, self.kd, self.il, self.ds, tuple(self.loaded), self.sum, self.term,
-            self.derivative, self.last_error, self.phase,
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.kp, self.ki, self.kd, self.il, self.ds, loaded, self.sum, self.term,
-            self.derivative, self.last_error, self.phase,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self.loaded = list(loaded)  # type: ignore[call-overload]

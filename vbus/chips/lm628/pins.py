@@ -1,6 +1,6 @@
 """The bus front-end: edges on /CS, /PS, /RD, /WR become bus cycles, and AC limits are judged."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -8,6 +8,7 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.interface import HostInterface
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, STRICT, Watcher, Z
+from vbus.state import Names, Saved, keep, take_back
 
 _LONG_AGO: Final = -(1 << 60)
 _FLOATING: Final = 0xFF
@@ -40,6 +41,16 @@ class BusPins:
     Args:
         chip: the chip whose front-end this is.
     """
+
+    STATE: ClassVar[Names] = (
+        "_old: tuple[i64]", "_ps_moved", "_rd_fell", "_wr_fell", "_began", "_lost: bool",
+        "_fought: bool", "show_at", "driving: bool", "_ended", "_wrote", "_read", "_data_wrote",
+        "_data_read", "_byte", "_left", "_undo: kept[_chip]",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = (
+        "_chip", "_cs", "_data", "_kernel", "_late", "_ps", "_rd", "_read_undone", "_t10", "_t12",
+        "_t14", "_t15", "_t16", "_t17", "_t18", "_t8", "_t9", "_timer", "_wr", "_write_undone",
+    )  # fmt: skip
 
     def __init__(self, chip: HostInterface) -> None:
         self._chip: HostInterface = chip
@@ -84,7 +95,7 @@ class BusPins:
         # What was written, and what a read left on the floating bus.
         self._byte: int = 0
         self._left: int = 0
-        self._undo: tuple[object, ...] = ()
+        self._undo: Saved = {}
         watcher = Watcher(chip.kernel, self._moved)
         for pin in (self._cs, self._ps, self._rd, self._wr):
             pin.net.watch(watcher)
@@ -188,7 +199,7 @@ class BusPins:
             self._ended = now
             self._wrote = now
             self._byte = byte
-            self._undo = chip.save_core() if self._write_undone else ()
+            self._undo = keep(chip) if self._write_undone else {}
             if ps == ds.DATA_PORT:
                 self._data_wrote = now
             self._timer.at(now + self._t16)
@@ -207,7 +218,7 @@ class BusPins:
             if not self._fought and self._others_drive():
                 self._break("T11", -1, 0)
             self._ended = self._read = now
-            self._undo = chip.save_core() if self._read_undone else ()
+            self._undo = keep(chip) if self._read_undone else {}
             if ps == ds.DATA_PORT:
                 self._data_read = now
             self._timer.at(now + self._t12)
@@ -267,8 +278,8 @@ class BusPins:
     def _take_back(self) -> None:
         """A strict hold time was broken: the cycle has not been."""
         if self._undo:
-            undo, self._undo = self._undo, ()
-            self._chip.load_core(undo)
+            undo, self._undo = self._undo, {}
+            take_back(self._chip, undo)
 
     # -- D0-D7 --------------------------------------------------------------------------------
 
@@ -277,21 +288,3 @@ class BusPins:
         if self._kernel.now >= self.show_at:
             self.show_at = NEVER
         self._data.drive(_FLOATING if self.show_at != NEVER else self._chip.shown())
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state."""
-        return (
-            self._old, self._ps_moved, self._rd_fell, self._wr_fell, self._began, self._lost,
-            self._fought, self.show_at, self.driving, self._ended, self._wrote, self._read,
-            self._data_wrote, self._data_read, self._byte, self._left,
-            self._undo,
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self._old, self._ps_moved, self._rd_fell, self._wr_fell, self._began, self._lost,
-            self._fought, self.show_at, self.driving, self._ended, self._wrote, self._read,
-            self._data_wrote, self._data_read, self._byte, self._left,
-            self._undo,
-        ) = state  # type: ignore[assignment]  # fmt: skip

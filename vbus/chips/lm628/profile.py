@@ -1,13 +1,15 @@
 """The trajectory generator and its primary buffers."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus import state
 from vbus.bits import clamp, sign_extend, wrap, wrap_word
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.trapezoid import arrived, next_velocity
+from vbus.state import Names
 
 ACCELERATION: Final = 0
 VELOCITY: Final = 1
@@ -48,6 +50,12 @@ class Profile:
         "forward", "position", "raw", "relative", "started", "stopping", "target", "top",
         "velocity", "velocity_mode", "wrapped",
     )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "position", "velocity", "target", "top", "accel", "velocity_mode: bool", "forward: bool",
+        "stopping: bool", "done: bool", "wrapped: bool", "control", "raw: list[i64]",
+        "relative: list[bool]", "accel_loaded: bool", "started", "_sent_raw: list[i64]",
+        "_sent_relative: list[bool]", "_newer: list[bool]",
+    )  # fmt: skip
 
     def __init__(self) -> None:
         self.position: i64 = 0
@@ -72,7 +80,7 @@ class Profile:
 
     def reset(self) -> None:
         """Zero buffers and working registers (LM-RST-2)."""
-        self.load(Profile().save())
+        state.load(self, state.save(Profile()))
 
     # -- LTRJ ---------------------------------------------------------------------------------
 
@@ -192,25 +200,3 @@ class Profile:
         """Count positions from a home that lies ``counts`` further on (LM-POS-4)."""
         self.position = wrap(self.position - (counts << 16), _WRAPPED)
         self.target = wrap(self.target - counts, ds.POSITION_BITS)
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state."""
-        return (
-            self.position, self.velocity, self.target, self.top, self.accel, self.velocity_mode,
-            self.forward, self.stopping, self.done, self.wrapped, self.control, tuple(self.raw),
-            tuple(self.relative), self.accel_loaded, self.started, tuple(self._sent_raw),
-            tuple(self._sent_relative), tuple(self._newer),
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.position, self.velocity, self.target, self.top, self.accel, self.velocity_mode,
-            self.forward, self.stopping, self.done, self.wrapped, self.control, raw, relative,
-            self.accel_loaded, self.started, sent_raw, sent_relative, newer,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self.raw = list(raw)  # type: ignore[call-overload]
-        self.relative = list(relative)  # type: ignore[call-overload]
-        self._sent_raw = list(sent_raw)  # type: ignore[call-overload]
-        self._sent_relative = list(sent_relative)  # type: ignore[call-overload]
-        self._newer = list(newer)  # type: ignore[call-overload]

@@ -1,7 +1,7 @@
 """One axis: registers, update, and the order of work in a cycle."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.chips.mc1241a.breakpoints import cycles_to_go, is_met
 from vbus.chips.mc1241a.datasheet import (
@@ -26,6 +26,7 @@ from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.parameters import Registers
 from vbus.chips.mc1241a.profile import Profile
 from vbus.signals import Rule
+from vbus.state import Names
 
 ERROR_LIMIT: Final = 32_767
 """Largest position error the axis tolerates after reset."""
@@ -50,6 +51,16 @@ class Axis:
         stepper: its microstep look-ups.
         report: takes findings about the host.
     """
+
+    STATE: ClassVar[Names] = (
+        "events", "motor_on: bool", "auto_stop", "auto_update", "_update_pending: bool",
+        "position_given: bool", "_position_taken: bool", "_motor_command_from",
+        "motor_command_given: bool", "_motor_command_taken: bool", "interrupt_mask",
+        "breakpoint_mode", "breakpoint_value", "start_velocity", "step_ratio",
+        "position_error_limit", "position_error", "_error_offset", "buffer: part", "_taken: part",
+        "active: part", "profile: part", "limits: part", "encoder: part", "stepper: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_report", "number")
 
     def __init__(
         self, number: int, encoder: Encoder, stepper: Microstepper, report: Report
@@ -88,9 +99,9 @@ class Axis:
         self.position_error: int = 0
         """Target minus actual position (counts), clamped to 16 bits."""
         self._error_offset: int = 0
-        self.buffer.load((0,) * 10)
-        self.active.load((0,) * 10)
-        self._taken.load((0,) * 10)
+        self.buffer.copy(Registers())
+        self.active.copy(Registers())
+        self._taken.copy(Registers())
         self.profile.reset()
         self.limits.reset()
         self.encoder.reset()
@@ -169,7 +180,7 @@ class Axis:
         smooth_stop = buffer.smooth_stop | taken.smooth_stop
         synch = buffer.synch | taken.synch
         buffer.stop = buffer.smooth_stop = buffer.synch = 0
-        taken.load(buffer.save())
+        taken.copy(buffer)
         taken.stop, taken.smooth_stop, taken.synch = stop, smooth_stop, synch
         self._position_taken |= self.position_given
         self.position_given = False
@@ -340,52 +351,3 @@ class Axis:
         ):  # fmt: skip
             return 0
         return cycles_to_go(self.breakpoint_mode, self.breakpoint_value, time) - 1
-
-    # -- state --------------------------------------------------------------------------------
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state."""
-        return (
-            (
-                self.events, int(self.motor_on), self.auto_stop, self.auto_update,
-                int(self._update_pending), int(self.position_given), int(self._position_taken),
-                # States of the first version have the last of these bits only.
-                self._motor_command_from | int(self.motor_command_given) << 2
-                | int(self._motor_command_taken) << 3,
-                self.interrupt_mask, self.breakpoint_mode, self.breakpoint_value,
-                self.start_velocity, self.step_ratio, self.position_error_limit,
-                self.position_error, self._error_offset,
-            ),
-            self.buffer.save(), self._taken.save(), self.active.save(), self.profile.save(),
-            self.limits.save(), self.encoder.save(), self.stepper.save(),
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        plain, buffer, taken, active, profile, limits, encoder, stepper = state
-        (
-            self.events, motor_on, self.auto_stop, self.auto_update,
-            update_pending, position_given, position_taken, motor_command,
-            self.interrupt_mask, self.breakpoint_mode, self.breakpoint_value,
-            self.start_velocity, self.step_ratio, self.position_error_limit,
-            self.position_error, self._error_offset,
-        ) = plain  # type: ignore[misc]  # fmt: skip
-        self.motor_on = bool(motor_on)  # type: ignore[has-type]
-        self._update_pending = bool(update_pending)  # type: ignore[has-type]
-        self.position_given = bool(position_given)  # type: ignore[has-type]
-        self._position_taken = bool(position_taken)  # type: ignore[has-type]
-        self._motor_command_from = motor_command & 3  # type: ignore[has-type]
-        self.motor_command_given = motor_command & 4 != 0  # type: ignore[has-type]
-        self._motor_command_taken = motor_command & 8 != 0  # type: ignore[has-type]
-        self.buffer.load(buffer)  # type: ignore[arg-type]
-        self._taken.load(taken)  # type: ignore[arg-type]
-        self.active.load(active)  # type: ignore[arg-type]
-        if not motor_command:  # type: ignore[has-type]
-            # Of a state of the first version the buffers tell what was given; in others they agree.
-            command = self.active.motor_command
-            self.motor_command_given = self.buffer.motor_command != command
-            self._motor_command_taken = self._taken.motor_command != command
-        self.profile.load(profile)  # type: ignore[arg-type]
-        self.limits.load(limits)  # type: ignore[arg-type]
-        self.encoder.load(encoder)  # type: ignore[arg-type]
-        self.stepper.load(stepper)  # type: ignore[arg-type]

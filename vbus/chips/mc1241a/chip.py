@@ -35,6 +35,7 @@ from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import HELD, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Z
+from vbus.state import Names
 
 
 class MC1241A(ChipSet):
@@ -60,6 +61,13 @@ class MC1241A(ChipSet):
     TRACELESS: ClassVar[bool] = True
     OPTIONS: ClassVar[tuple[Option, ...]] = OPTIONS
     CARD_DECODES: ClassVar[dict[str, tuple[CardRow, ...]]] = CARD_DECODES
+    STATE: ClassVar[Names] = (
+        "_wake", "_hold_at", "_held: bool", "_adapter_read: bool", "busy_stretch", "commands: part",
+        "cycles: part", "interrupts: part", "port: part", "output: part", "host_pins: part",
+        "axes: parts", "judged: bool",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_interrupt_pin", "_ready_pin", "_slot_busy", "shared", "version")
+    DERIVED: ClassVar[Names] = ("instant",)
 
     def __init__(
         self,
@@ -388,36 +396,3 @@ class MC1241A(ChipSet):
             values[f"phase A {n}"] = a
             values[f"phase B {n}"] = b
         return values
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state, with the plants'."""
-        self.advance()
-        return (
-            (
-                self._wake, self._hold_at, int(self._held), int(self._adapter_read),
-                self.busy_stretch, self.commands.current,
-            ),
-            self.cycles.save(),
-            self.interrupts.save(),
-            self.port.save(),
-            self.output.save(),
-            self.host_pins.save(),
-            tuple(axis.save() for axis in self.axes),
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        plain, cycles, interrupts, port, output, pins, axes = state
-        (
-            self._wake, self._hold_at, held, adapter,
-            self.busy_stretch, self.commands.current,
-        ) = plain  # type: ignore[misc]  # fmt: skip
-        self._held = bool(held)  # type: ignore[has-type]
-        self._adapter_read = bool(adapter)  # type: ignore[has-type]
-        self.cycles.load(cycles)  # type: ignore[arg-type]
-        self.interrupts.load(interrupts)  # type: ignore[arg-type]
-        self.port.load(port)  # type: ignore[arg-type]
-        self.output.load(output)  # type: ignore[arg-type]
-        self.host_pins.load(pins)  # type: ignore[arg-type]
-        for axis, axis_state in zip(self.axes, axes, strict=True):  # type: ignore[call-overload]
-            axis.load(axis_state)

@@ -1,6 +1,7 @@
 """Commands: plain parameters straight from the table, and one method for each other row."""
 
 from collections.abc import Callable
+from typing import ClassVar
 
 from vbus.bits import clamp
 from vbus.chips.mc1241a.axis import Axis
@@ -29,6 +30,7 @@ from vbus.chips.mc1241a.events import NOBODY, Interrupts, mode_word, status_word
 from vbus.chips.mc1241a.microstep import FULL_SCALE
 from vbus.chips.mc1241a.parameters import fit, in_range
 from vbus.chips.tables import Command
+from vbus.state import Names
 
 
 class Commands:
@@ -43,6 +45,9 @@ class Commands:
         cycles: what they do when, and what they have in common.
         interrupts: which of them interrupts.
     """
+
+    STATE: ClassVar[Names] = ("current",)
+    WIRING: ClassVar[Names] = ("_chip", "_methods")
 
     def __init__(
         self, chip: ChipSet, axes: list[Axis], cycles: Cycles, interrupts: Interrupts

@@ -1,6 +1,6 @@
 """The cycle and its eight slots: profiles, look-ups and motors in step, and rest passed over."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -9,6 +9,7 @@ from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.datasheet import CYCLE_CLK, OUTPUT_PWM, SLOT_CLK, SLOTS
 from vbus.kernel import NEVER
 from vbus.signals import Plant
+from vbus.state import Names
 
 FOR_EVER: Final = (1 << 62) - 1
 """More cycles than there will be."""
@@ -20,6 +21,7 @@ class Currents:
     """The phase currents a motor runs with (-32767 to 32767)."""
 
     __slots__ = ("a", "b", "c")
+    STATE: ClassVar[Names] = ("a", "b", "c")
 
     def __init__(self) -> None:
         self.a: i64 = 0
@@ -29,6 +31,8 @@ class Currents:
 
 class Shared:
     """What the axes have in common."""
+
+    STATE: ClassVar[Names] = ("time", "output_mode", "limit_sense", "sensing: bool")
 
     def __init__(self) -> None:
         self.reset()
@@ -41,15 +45,6 @@ class Shared:
         self.limit_sense: int = 0
         self.sensing: bool = True
 
-    def save(self) -> tuple[int, ...]:
-        """Return the whole state."""
-        return (self.time, self.output_mode, self.limit_sense, int(self.sensing))
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self.time, self.output_mode, self.limit_sense, sensing = state
-        self.sensing = bool(sensing)
-
 
 class Cycles:
     """Cycles and slots at whole clock numbers, counted from the end of the last reset (NOTES 2).
@@ -58,6 +53,13 @@ class Cycles:
         chip: the chip set.
         axes: its axes.
     """
+
+    STATE: ClassVar[Names] = (
+        "shared: part", "_driven: parts", "motors: parts", "_origin", "_slot", "boundary",
+        "_reset_since", "_slot_start", "_slot_end",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_axes", "_chip", "skipping")
+    DERIVED: ClassVar[Names] = ("_slotted", "run_count")
 
     def __init__(self, chip: ChipSet, axes: list[Axis]) -> None:
         self._chip: ChipSet = chip
@@ -325,31 +327,3 @@ class Cycles:
             if motor is not None and not self._same_currents(number, self._slot):
                 return False
         return self._idle() >= FOR_EVER
-
-    # -- state --------------------------------------------------------------------------------
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state, with the motors'; what differs with looking on comes last."""
-        return (
-            self.shared.save(),
-            tuple((int(one.a), int(one.b), int(one.c)) for one in self._driven),
-            tuple(None if motor is None else motor.save() for motor in self.motors),
-            (
-                self._origin, self._slot, self.boundary, self._reset_since,
-                self._slot_start, self._slot_end,
-            ),
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        shared, driven, motors, plain = state
-        self.shared.load(shared)  # type: ignore[arg-type]
-        for one, three in zip(self._driven, driven, strict=True):  # type: ignore[call-overload]
-            one.a, one.b, one.c = three
-        for motor, motor_state in zip(self.motors, motors, strict=True):  # type: ignore[call-overload]
-            if motor is not None:
-                motor.load(motor_state)
-        (
-            self._origin, self._slot, self.boundary, self._reset_since,
-            self._slot_start, self._slot_end,
-        ) = plain  # type: ignore[misc]  # fmt: skip

@@ -1,6 +1,6 @@
 """One axis's inputs: encoder counts, index, home, position capture, limit switches."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -27,6 +27,7 @@ from vbus.chips.motion.quadrature import (
 )
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, Pin, Plant, Switch, Watcher
+from vbus.state import Names
 
 FAR: Final = (1 << 62) - 1
 """Beyond every count."""
@@ -60,6 +61,17 @@ class Encoder:
         number: axis, 0-based.
         source: axis whose plant turns this encoder.
     """
+
+    STATE: ClassVar[Names] = (
+        "_wired: bool", "_home_wired: bool", "_levels: list[i64]", "_seen", "_mechanics_seen",
+        "count", "_zero", "_read", "counted", "actual", "wrapped: bool", "_turn", "_capture_source",
+        "_armed: bool", "_captured", "_fresh: bool", "_decoder: part", "_home_filter: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = (
+        "_a", "_b", "_chip", "_home", "_index", "_mechanics", "_negative", "_number", "_plant",
+        "_positive", "_source",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_unsettled",)
 
     def __init__(self, chip: ChipSet, number: int, source: int) -> None:
         n = number + 1
@@ -302,35 +314,6 @@ class Encoder:
             self._levels[place] = pin.value if pin.net.driven else -1
         self._chip.rearm()
 
-    # -- state --------------------------------------------------------------------------------
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state, but for the plant's."""
-        return (
-            (
-                int(self._wired), int(self._home_wired), *self._levels, self._seen,
-                self._mechanics_seen, self.count, self._zero, self._read, self.counted,
-                self.actual, int(self.wrapped), self._turn, self._capture_source,
-                int(self._armed), self._captured, int(self._fresh),
-            ),
-            self._decoder.save(), self._home_filter.save(),
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        plain, decoder, home = state
-        (
-            wired, home_wired, positive, negative, self._seen,
-            self._mechanics_seen, self.count, self._zero, self._read, self.counted,
-            self.actual, wrapped, self._turn, self._capture_source,
-            armed, self._captured, fresh,
-        ) = plain  # type: ignore[misc]  # fmt: skip
+    def after_load(self) -> None:
+        """Look at the pins."""
         self._unsettled = True
-        self._wired = bool(wired)  # type: ignore[has-type]
-        self._home_wired = bool(home_wired)  # type: ignore[has-type]
-        self._levels = [positive, negative]  # type: ignore[has-type]
-        self.wrapped = bool(wrapped)  # type: ignore[has-type]
-        self._armed = bool(armed)  # type: ignore[has-type]
-        self._fresh = bool(fresh)  # type: ignore[has-type]
-        self._decoder.load(decoder)  # type: ignore[arg-type]
-        self._home_filter.load(home)  # type: ignore[arg-type]

@@ -1,6 +1,6 @@
 """Status and mode words, and the host interrupt."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -17,6 +17,7 @@ from vbus.chips.mc1241a.datasheet import (
     S_CURVE,
 )
 from vbus.kernel import NEVER
+from vbus.state import Names
 
 NOBODY: Final = -1
 
@@ -47,6 +48,8 @@ def mode_word(axis: Axis) -> int:
 class Interrupts:
     """Which axis holds ~HostIntrpt low (PMD-INT-1 to PMD-INT-5)."""
 
+    STATE: ClassVar[Names] = ("axis", "quiet_until")
+
     def __init__(self) -> None:
         self.axis: int = NOBODY
         """Number (0-based) of the interrupting axis, or :data:`NOBODY`."""
@@ -72,11 +75,3 @@ class Interrupts:
         """Let the line go high, at least until ``quiet_until`` (PMD-INT-3)."""
         self.axis = NOBODY
         self.quiet_until = quiet_until
-
-    def save(self) -> tuple[int, int]:
-        """Return the whole state."""
-        return (self.axis, self.quiet_until)
-
-    def load(self, state: tuple[int, int]) -> None:
-        """Take back what :meth:`save` gave."""
-        self.axis, self.quiet_until = state

@@ -1,10 +1,15 @@
 """Travel limit switches: one hit at a time, until the axis has left and the host has seen it."""
 
+from typing import ClassVar
+
 from vbus.chips.mc1241a.datasheet import NEGATIVE_LIMIT, POSITIVE_LIMIT
+from vbus.state import Names
 
 
 class LimitDetector:
     """The over-travel detector of one axis (PMD-LIM-1, PMD-LIM-2)."""
+
+    STATE: ClassVar[Names] = ("armed: bool", "_hit", "_positive: bool", "_negative: bool")
 
     def __init__(self) -> None:
         self.armed: bool = True
@@ -60,14 +65,3 @@ class LimitDetector:
             return True
         active = positive if self._hit == POSITIVE_LIMIT else negative
         return active or events & self._hit != 0
-
-    def save(self) -> tuple[int, ...]:
-        """Return the whole state."""
-        return (int(self.armed), self._hit, int(self._positive), int(self._negative))
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        armed, self._hit, positive, negative = state
-        self.armed = bool(armed)
-        self._positive = bool(positive)
-        self._negative = bool(negative)

@@ -1,9 +1,11 @@
 """Microstep waveforms: from the angle and the motor command to two phase outputs."""
 
 from math import pi, sin
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
+
+from vbus.state import Names
 
 FULL_SCALE: Final = 32_767
 """Largest phase output and motor command."""
@@ -60,6 +62,13 @@ class Microstepper:
     Args:
         b_leads: phase B leads phase A.
     """
+
+    STATE: ClassVar[Names] = (
+        "two_phase: bool", "_shift", "_from: int", "_moved: int", "_held_slot", "_held_a",
+        "_held_b",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_three", "_two")
+    DERIVED: ClassVar[Names] = ("_start", "_way")
 
     def __init__(self, b_leads: bool) -> None:
         self._two: tuple[int, ...] = PHASE_B[True, b_leads]
@@ -140,20 +149,6 @@ class Microstepper:
         """Whether every slot of this cycle has the same angle."""
         return self._moved == 0
 
-    def save(self) -> tuple[int, ...]:
-        """Return the whole state; a shift's fraction stands above its whole usteps."""
-        whole, fraction = self._shift >> 32, self._shift & _FRACTION
-        return (
-            int(self.two_phase), whole | fraction << 8, self._from, self._moved,
-            self._held_slot, self._held_a, self._held_b,
-        )  # fmt: skip
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            two_phase, shift, self._from, self._moved,
-            self._held_slot, self._held_a, self._held_b,
-        ) = state  # fmt: skip
-        self.two_phase = bool(two_phase)
-        self._shift = (shift & STEPS - 1) << 32 | shift >> 8
+    def after_load(self) -> None:
+        """Find what makes a difference to the angle."""
         self._reduce()

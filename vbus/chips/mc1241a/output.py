@@ -1,7 +1,7 @@
 """Motor output pins: PWM frames and DAC words, made only while somebody looks at them."""
 
 from heapq import heappop, heappush
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -11,6 +11,7 @@ from vbus.chips.mc1241a.datasheet import FRAME_CLK, OUTPUT_DAC16, OUTPUT_PWM
 from vbus.chips.mc1241a.microstep import dac_word, pwm_magnitude
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, Pin
+from vbus.state import Names
 
 _NEVER: Final[i64] = int(NEVER)
 """As a machine word: a compiled core keeps a literal this large as an object."""
@@ -42,6 +43,10 @@ class Output:
         cycles: when its axes look up what.
         axes: how many there are.
     """
+
+    STATE: ClassVar[Names] = ("_frame", "_sequence", "_queue: heap[(i64, i64, i64, i64)]")
+    WIRING: ClassVar[Names] = ("_chip", "_pins", "_positive_sign")
+    DERIVED: ClassVar[Names] = ("heard",)
 
     def __init__(self, chip: ChipSet, cycles: Cycles, axes: int) -> None:
         self._chip: ChipSet = chip
@@ -138,12 +143,3 @@ class Output:
     def _push(self, when: int, number: int, level: int) -> None:
         self._sequence += 1
         heappush(self._queue, (when, self._sequence, number, level))
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state."""
-        return (self._frame, self._sequence, tuple(sorted(self._queue)))
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._frame, self._sequence, queue = state  # type: ignore[assignment]
-        self._queue = list(queue)  # type: ignore[call-overload]

@@ -1,6 +1,6 @@
 """The host port: HostRdy, words, packets, checksums."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -19,6 +19,7 @@ from vbus.chips.mc1241a.datasheet import (
 )
 from vbus.chips.tables import Command
 from vbus.kernel import NEVER
+from vbus.state import Names
 
 _NEVER: Final[i64] = int(NEVER)
 """As a machine word: a compiled core keeps a literal this large as an object."""
@@ -37,6 +38,15 @@ class HostPort:
         chip: the chip set behind the port.
         commands: carries out whole packets.
     """
+
+    STATE: ClassVar[Names] = (
+        "busy_until", "busy_since", "last_driven", "_pending", "_pending_value", "_code",
+        "known: bool", "_illegal: bool", "_writes", "_reads", "_given", "_taken", "_value",
+        "_result", "_checksum", "_high", "_low_write_next: bool", "_low_read_next: bool", "_word",
+        "_word_is_data: bool", "_reading: bool",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_chip", "_noop_codes")
+    DERIVED: ClassVar[Names] = ("_row",)
 
     def __init__(self, chip: ChipSet, commands: Commands) -> None:
         self._chip: ChipSet = chip
@@ -219,28 +229,11 @@ class HostPort:
         """Return the instant at which :meth:`finish` is due, NEVER if nothing is pending."""
         return self.busy_until if self._pending != NOTHING else _NEVER
 
-    def save(self) -> tuple[int, ...]:
-        """Return the whole state."""
-        return (
-            self.busy_until, self.busy_since, self.last_driven, self._pending,
-            self._pending_value, self._code, int(self._row is not None), int(self._illegal),
-            self._writes, self._reads, self._given, self._taken, self._value, self._result,
-            self._checksum, self._high, int(self._low_write_next), int(self._low_read_next),
-            self._word, int(self._word_is_data), int(self._reading),
-        )  # fmt: skip
+    @property
+    def known(self) -> bool:
+        """Whether the packet under way is a command's."""
+        return self._row is not None
 
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.busy_until, self.busy_since, self.last_driven, self._pending,
-            self._pending_value, self._code, row, illegal,
-            self._writes, self._reads, self._given, self._taken, self._value, self._result,
-            self._checksum, self._high, low_write, low_read,
-            self._word, word_is_data, reading,
-        ) = state  # fmt: skip
-        self._row = COMMANDS.by_code(self._code) if row else None
-        self._illegal = bool(illegal)
-        self._low_write_next = bool(low_write)
-        self._low_read_next = bool(low_read)
-        self._word_is_data = bool(word_is_data)
-        self._reading = bool(reading)
+    @known.setter
+    def known(self, known: bool) -> None:
+        self._row = COMMANDS.by_code(self._code) if known else None

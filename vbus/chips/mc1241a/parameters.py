@@ -1,8 +1,11 @@
 """The double-buffered registers, and SET_ and GET_ commands served from the table."""
 
+from typing import ClassVar
+
 from vbus.bits import sign_extend, wrap
 from vbus.chips.mc1241a.datasheet import PARAMETERS
 from vbus.chips.tables import Command
+from vbus.state import Names
 
 
 class Registers:
@@ -11,6 +14,11 @@ class Registers:
     An axis has two: the host loads the buffer, the profile generator uses the active set. The
     three action flags stand in the buffer only.
     """
+
+    STATE: ClassVar[Names] = (
+        "position", "velocity", "acceleration", "max_acceleration", "jerk", "ratio",
+        "motor_command", "stop", "smooth_stop", "synch",
+    )  # fmt: skip
 
     def __init__(self) -> None:
         self.position: int = 0
@@ -31,19 +39,13 @@ class Registers:
         self.smooth_stop: int = 0
         self.synch: int = 0
 
-    def save(self) -> tuple[int, ...]:
-        """Return the whole state."""
-        return (
-            self.position, self.velocity, self.acceleration, self.max_acceleration, self.jerk,
-            self.ratio, self.motor_command, self.stop, self.smooth_stop, self.synch,
-        )  # fmt: skip
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.position, self.velocity, self.acceleration, self.max_acceleration, self.jerk,
-            self.ratio, self.motor_command, self.stop, self.smooth_stop, self.synch,
-        ) = state  # fmt: skip
+    def copy(self, other: "Registers") -> None:
+        """Take the values of another set."""
+        self.position, self.velocity = other.position, other.velocity
+        self.acceleration, self.jerk = other.acceleration, other.jerk
+        self.max_acceleration, self.ratio = other.max_acceleration, other.ratio
+        self.motor_command, self.synch = other.motor_command, other.synch
+        self.stop, self.smooth_stop = other.stop, other.smooth_stop
 
 
 def fit(name: str, value: int) -> int:

@@ -1,6 +1,6 @@
 """The host bus as pins: strobes to bus cycles, and the AC limits of the manual."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.datasheet import (
@@ -12,6 +12,7 @@ from vbus.chips.mc1241a.datasheet import (
 )
 from vbus.chips.mc1241a.packet import HostPort
 from vbus.signals import LOW, Net, Watcher
+from vbus.state import Names
 
 LONG_AGO: Final = -1_000_000_000_000
 """An instant from which every interval is long enough."""
@@ -27,6 +28,13 @@ class HostPins:
         chip: the chip set.
         port: the host port behind the pins.
     """
+
+    STATE: ClassVar[Names] = (
+        "_driving: bool", "_clashed: bool", "_last_was_write: bool", "_select_fell", "_write_fell",
+        "_read_fell", "_strobe_ended", "_write_ended", "_read_ended", "_reset_fell", "_data_judged",
+        "_command_at", "_data_at", "_data_before",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_chip", "_command", "_read", "_select", "_write")
 
     def __init__(self, chip: ChipSet, port: HostPort) -> None:
         self._chip: ChipSet = chip
@@ -217,26 +225,3 @@ class HostPins:
         if chip.judged and self._too_short(symbol, held) and self._last_was_write:
             self._port.lose()
             chip.rearm()
-
-    # -- state --------------------------------------------------------------------------------
-
-    def save(self) -> tuple[int, ...]:
-        """Return the whole state."""
-        return (
-            int(self._driving), int(self._clashed), int(self._last_was_write),
-            self._select_fell, self._write_fell, self._read_fell, self._strobe_ended,
-            self._write_ended, self._read_ended, self._reset_fell, self._data_judged,
-            self._command_at, self._data_at, self._data_before,
-        )  # fmt: skip
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            driving, clashed, last_was_write,
-            self._select_fell, self._write_fell, self._read_fell, self._strobe_ended,
-            self._write_ended, self._read_ended, self._reset_fell, self._data_judged,
-            self._command_at, self._data_at, self._data_before,
-        ) = state  # fmt: skip
-        self._driving = bool(driving)
-        self._clashed = bool(clashed)
-        self._last_was_write = bool(last_was_write)

@@ -1,6 +1,6 @@
 """The profile generator of one axis: trapezoid, velocity contouring, S-curve and gear."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.bits import wrap, wrap_word
 from vbus.chips.mc1241a.datasheet import (
@@ -18,6 +18,7 @@ from vbus.chips.mc1241a.parameters import Registers
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.scurve import SCurve
 from vbus.chips.motion.trapezoid import arrived, next_velocity
+from vbus.state import Names
 
 DONE: Final = 0
 """Nothing to do: before the first move, or after one has ended by itself."""
@@ -44,6 +45,11 @@ class Profile:
     Positions have 32 fraction bits (PMD-TRJ-1); trapezoid, velocity contouring and gear use the
     upper 16 of them.
     """
+
+    STATE: ClassVar[Names] = (
+        "mode", "position", "velocity", "moved", "_state", "_smooth: bool", "_destination",
+        "_turns", "_sign", "_start", "_curve: part",
+    )  # fmt: skip
 
     def __init__(self) -> None:
         self._curve: SCurve = SCurve()
@@ -293,26 +299,3 @@ class Profile:
         if self.mode == S_CURVE:
             self._start += self.position - position
         return WRAP
-
-    # -- state --------------------------------------------------------------------------------
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state."""
-        return (
-            self.mode, self.position, self.velocity, self.moved, self._state, int(self._smooth),
-            self._destination, self._turns, self._sign, self._start,
-            # Numbers of a long move are wider than 64 bits.
-            " ".join(str(number) for number in self._curve.save()),
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.mode, self.position, self.velocity, self.moved, self._state, smooth,
-            self._destination, self._turns, self._sign, self._start, curve,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self._smooth = bool(smooth)
-        self._curve.load(tuple(int(number) for number in curve.split()))  # type: ignore[attr-defined]
-        if self.mode == S_CURVE and self._state == RUNNING and self._curve.rise == 0:
-            # The first version kept a move that could not begin in motion for ever (NOTES 21).
-            self._state = DONE

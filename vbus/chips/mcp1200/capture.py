@@ -1,10 +1,13 @@
 """Hardware that watches the position counter: breakpoint compare, index and trigger capture."""
 
+from typing import ClassVar
+
 from mypy_extensions import i64
 
 from vbus.bits import wrap
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.picture import Live
+from vbus.state import Names
 
 
 class Breakpoint:
@@ -18,6 +21,8 @@ class Breakpoint:
     """
 
     __slots__ = ("_found", "_live", "_loaded", "_reached", "compare")
+    STATE: ClassVar[Names] = ("compare", "_reached: bool", "_found: bool", "_loaded")
+    WIRING: ClassVar[Names] = ("_live",)
 
     def __init__(self, live: Live) -> None:
         self._live: Live = live
@@ -72,16 +77,6 @@ class Breakpoint:
         self._found = False
         self._reached = False
         return True
-
-    def save(self) -> tuple[int, ...]:
-        """Return the state."""
-        return (self.compare, int(self._reached), int(self._found), self._loaded)
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self.compare, reached, found, self._loaded = state
-        self._reached = bool(reached)
-        self._found = bool(found)
 
 
 def index_edge(registers: bytearray, rising: bool, position: int) -> None:

@@ -15,6 +15,7 @@ from vbus.chips.tables import PinRow
 from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Plant, Policy, Rule, Violation, Watcher, Z
+from vbus.state import Names
 
 STROBE_PS: Final = 80_000
 """From the first edge of :meth:`MCP1200.strobes` to the last."""
@@ -43,6 +44,13 @@ class MCP1200(HostInterface):
     RULES: ClassVar[tuple[Rule, ...]] = ds.RULES
     FREE_READS: ClassVar[tuple[int, ...]] = (ds.STATUS,)
     OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
+
+    STATE: ClassVar[Names] = (
+        "_reading", "_latch", "_last_rise", "judged: bool", "works: part", "side: part",
+        "encoder_pins: part", "bus: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("ac", "outputs", "_own")
+    DERIVED: ClassVar[Names] = ("_due_ps", "_quiet_ps", "_pulse_heard")
 
     def __init__(
         self,
@@ -309,27 +317,14 @@ class MCP1200(HostInterface):
             "phase": file.bytes[ds.PHASE],
         }
 
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state, the plant's included."""
+    def before_save(self) -> None:
+        """However seldom anybody has looked at Pulse, its frame is the one under way now."""
         self.advance()
-        # However seldom anybody has looked at Pulse, its frame is the one under way now.
         self.works.pwm.roll(self.cycle_now())
         self.outputs.show_pulse(self.cycle_now())
-        return (
-            self._reading, self._latch, self._last_rise, self.judged, self.works.save(),
-            self.side.save(), self.encoder_pins.save(), self.bus.save(),
-        )  # fmt: skip
 
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self._reading, self._latch, self._last_rise, self.judged, works, side, encoder_pins,
-            bus,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self.works.load(works)  # type: ignore[arg-type]
-        self.side.load(side)  # type: ignore[arg-type]
-        self.encoder_pins.load(encoder_pins)  # type: ignore[arg-type]
-        self.bus.load(bus)  # type: ignore[arg-type]
+    def after_load(self) -> None:
+        """What the pins show is not known any more."""
         self.outputs.forget()
         self._quiet_ps = 0
         self._refresh_due()

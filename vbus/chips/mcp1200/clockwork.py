@@ -1,6 +1,6 @@
 """What happens inside at which clock cycle: writes, resets, samples, counts, plant periods."""
 
-from typing import Any
+from typing import ClassVar
 
 from mypy_extensions import i64
 
@@ -13,6 +13,7 @@ from vbus.chips.mcp1200.states import CONTROL, HELD, NO_REQUEST, RESETTING, STAN
 from vbus.chips.mcp1200.timer import FAR
 from vbus.kernel import Clock
 from vbus.options import Value
+from vbus.state import Names
 
 
 class Clockwork(Blocks):
@@ -36,6 +37,16 @@ class Clockwork(Blocks):
         "_aiming", "_at_reset", "_at_results", "_at_routine", "_at_sample", "_request",
         "_stall_clk", "_target", "encoder_pins", "host", "side",
     )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "state", "released", "_request", "writes: part", "_aiming: bool", "_at_reset", "_at_sample",
+        "_at_results", "_at_routine", "counter: part", "file: part", "core: part", "timer: part",
+        "encoder: part", "drive: part", "stepper: part", "pwm: part", "breakpoint: part",
+        "host: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = (
+        "_clock", "_report", "_stall_clk", "encoder_pins", "live", "rest", "sheet", "side",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_target",)
 
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
         super().__init__(clock, settings, report)
@@ -374,28 +385,7 @@ class Clockwork(Blocks):
 
     # -- state --------------------------------------------------------------------------------
 
-    def _parts(self) -> tuple[Any, ...]:
-        return (
-            self.file, self.core, self.timer, self.encoder, self.drive, self.stepper, self.pwm,
-            self.breakpoint, self.host,
-        )  # fmt: skip
-
-    def save(self) -> tuple[object, ...]:
-        """Return the state."""
-        return (
-            self.state, self.released, self._request, self.writes.save(), self._aiming,
-            self._at_reset, self._at_sample, self._at_results, self._at_routine,
-            self.counter.at_match, tuple(part.save() for part in self._parts()),
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.state, self.released, self._request, writes, self._aiming, self._at_reset,
-            self._at_sample, self._at_results, self._at_routine, self.counter.at_match, parts,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self.writes.load(writes)  # type: ignore[arg-type]
+    def after_load(self) -> None:
+        """Look at the registers; a sample may differ from the one before."""
         self.rest.disturb()
-        for part, saved in zip(self._parts(), parts, strict=True):  # type: ignore[call-overload]
-            part.load(saved)
         self.live.look()

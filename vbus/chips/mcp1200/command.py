@@ -1,8 +1,11 @@
 """The command position: what every profile generator moves."""
 
+from typing import ClassVar
+
 from mypy_extensions import i64
 
 from vbus.bits import wrap_word
+from vbus.state import Names
 
 
 class Command:
@@ -22,6 +25,10 @@ class Command:
     __slots__ = (
         "accel_delta", "decel_position", "fraction", "left", "moving", "phase", "position",
         "velocity",
+    )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "position", "fraction", "velocity", "moving: bool", "phase", "left", "accel_delta",
+        "decel_position",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -55,18 +62,3 @@ class Command:
         self.position = 0
         self.accel_delta = 0
         self.decel_position = 0
-
-    def save(self) -> tuple[int, ...]:
-        """Return the state."""
-        return (
-            self.position, self.fraction, self.velocity, int(self.moving), self.phase, self.left,
-            self.accel_delta, self.decel_position,
-        )  # fmt: skip
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.position, self.fraction, self.velocity, moving, self.phase, self.left,
-            self.accel_delta, self.decel_position,
-        ) = state  # fmt: skip
-        self.moving = bool(moving)

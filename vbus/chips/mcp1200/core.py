@@ -1,6 +1,6 @@
 """The chip's program: what it computes in a sample of control mode."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -20,6 +20,7 @@ from vbus.chips.mcp1200.stepper import StallCheck
 from vbus.chips.mcp1200.timer import work_clocks
 from vbus.chips.mcp1200.trapezoid import Stop, Trapezoid
 from vbus.chips.mcp1200.velocity import IntegralVelocity
+from vbus.state import Names
 
 IDLE: Final = -1
 """Answer of :meth:`Core.begin`: the sample ends in idle mode."""
@@ -58,6 +59,15 @@ class Core:
         "ramps", "scurve", "sheet", "stall", "steps", "trapezoid", "velocity",
         "velocity_point",
     )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "mode", "mc", "halted: bool", "abrupt: bool", "steps", "goal_step", "last_position",
+        "point", "velocity_point", "command_written: bool", "increment_written: bool",
+        "sheet: part", "_position", "_action", "_last_mode", "_dropped", "_entering: bool",
+        "_stopping: bool", "_sampled_point", "_sampled_velocity", "command: part",
+        "trapezoid: part", "scurve: part", "velocity: part", "interpolation: part", "ramps: part",
+        "following: part", "lead: part", "pid: part", "stall: part", "faults: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_clip", "bytes")
 
     def __init__(self, sheet: Sheet, clip: bool) -> None:
         self.sheet: Sheet = sheet
@@ -402,41 +412,3 @@ class Core:
         if following.in_position:
             status |= ds.IN_POSITION
         shown.status = status
-
-    # -- state --------------------------------------------------------------------------------
-
-    def save(self) -> tuple[object, ...]:
-        """Return the state."""
-        return (
-            self.mode, self.mc, self.halted, self.abrupt, self.steps, self.goal_step,
-            self.last_position, self.point, self.velocity_point, self.command_written,
-            self.increment_written, self.sheet.image(), self._position, self._action,
-            self._last_mode, self._dropped, self._entering, self._stopping, self._sampled_point,
-            self._sampled_velocity, self.command.save(), self.trapezoid.save(),
-            self.scurve.save(), self.velocity.save(), self.interpolation.segment.save(),
-            self.ramps.segment.save(), self.following.save(), self.lead.save(), self.pid.save(),
-            self.stall.save(), self.faults.save(),
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.mode, self.mc, self.halted, self.abrupt, self.steps, self.goal_step,
-            self.last_position, self.point, self.velocity_point, self.command_written,
-            self.increment_written, image, self._position, self._action, self._last_mode,
-            self._dropped, self._entering, self._stopping, self._sampled_point,
-            self._sampled_velocity, command, trapezoid, scurve, velocity, interpolation,
-            ramps, following, lead, pid, stall, faults,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self.sheet.load(image)  # type: ignore[arg-type]
-        self.command.load(command)  # type: ignore[arg-type]
-        self.trapezoid.load(trapezoid)  # type: ignore[arg-type]
-        self.scurve.load(scurve)  # type: ignore[arg-type]
-        self.velocity.load(velocity)  # type: ignore[arg-type]
-        self.interpolation.segment.load(interpolation)  # type: ignore[arg-type]
-        self.ramps.segment.load(ramps)  # type: ignore[arg-type]
-        self.following.load(following)  # type: ignore[arg-type]
-        self.lead.load(lead)  # type: ignore[arg-type]
-        self.pid.load(pid)  # type: ignore[arg-type]
-        self.stall.load(stall)  # type: ignore[arg-type]
-        self.faults.load(faults)  # type: ignore[arg-type]

@@ -1,5 +1,7 @@
 """The actual position counter, and the hardware that watches every count of it."""
 
+from typing import ClassVar
+
 from mypy_extensions import i64
 
 from vbus.bits import wrap
@@ -10,6 +12,7 @@ from vbus.chips.mcp1200.encoder import Encoder
 from vbus.chips.mcp1200.picture import Live
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import FAR
+from vbus.state import Names
 
 
 class PositionCounter:
@@ -30,6 +33,10 @@ class PositionCounter:
     __slots__ = (
         "_breakpoint", "_bytes", "_core", "_encoder", "_index_high", "_live", "_stepper",
         "at_match",
+    )  # fmt: skip
+    STATE: ClassVar[Names] = ("at_match",)
+    WIRING: ClassVar[Names] = (
+        "_breakpoint", "_bytes", "_core", "_encoder", "_index_high", "_live", "_stepper",
     )  # fmt: skip
 
     def __init__(

@@ -1,6 +1,6 @@
 """What the plant is driven with."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -11,6 +11,7 @@ from vbus.chips.mcp1200.output import DAC_ZERO
 from vbus.chips.mcp1200.picture import Live
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.options import Value
+from vbus.state import Names
 
 FULL: Final = 1600.0
 """:data:`~vbus.chips.mcp1200.datasheet.PWM_FULL` as a float."""
@@ -29,6 +30,8 @@ class PlantDrive:
     """
 
     __slots__ = ("_clip", "_dac", "_encoder", "_given", "_live", "_stepper", "_steps")
+    STATE: ClassVar[Names] = ("_given: float", "_steps")
+    WIRING: ClassVar[Names] = ("_clip", "_dac", "_encoder", "_live", "_stepper")
 
     def __init__(
         self, live: Live, encoder: Encoder, stepper: Stepper, settings: dict[str, Value]
@@ -83,11 +86,3 @@ class PlantDrive:
         elif aiming:
             error = wrap_word(aim - self._encoder.position(cycle), 0x800000)
         self._encoder.begin(cycle, end, self._given, error, steps, stepping)
-
-    def save(self) -> tuple[float, int]:
-        """Return the state."""
-        return (self._given, self._steps)
-
-    def load(self, state: tuple[float, int]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._given, self._steps = state

@@ -1,10 +1,13 @@
 """The position counter, and the encoder's course through the plant's present period."""
 
+from typing import ClassVar
+
 from mypy_extensions import i64
 
 from vbus.bits import wrap_word
 from vbus.chips.mcp1200.timer import FAR
 from vbus.signals import Plant, Switch
+from vbus.state import Names
 
 
 class Encoder:
@@ -32,6 +35,12 @@ class Encoder:
         "_start", "at", "at_count", "clk_hz", "direction", "end", "external", "inside", "limits",
         "offset", "plant", "seen",
     )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "direction", "offset", "seen", "at", "at_count", "end", "inside: bool", "external",
+        "_start", "_length", "_first", "_last", "prepared", "plant: part | None",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_home", "_pulses", "_servo", "clk_hz", "limits")
+    DERIVED: ClassVar[Names] = ("_prepared",)
 
     def __init__(self, clk_hz: int) -> None:
         self.clk_hz: float = float(clk_hz)
@@ -102,6 +111,17 @@ class Encoder:
         self.offset += self.direction * counts
 
     # -- periods ------------------------------------------------------------------------------
+
+    @property
+    def prepared(self) -> int:
+        """For what length of a period the plant is prepared (clock cycles); 0: for none."""
+        return self._prepared
+
+    @prepared.setter
+    def prepared(self, length: int) -> None:
+        self._prepared = length
+        if length and self.plant is not None:
+            self.plant.prepare(float(length) / self.clk_hz)
 
     def begin(
         self, cycle: i64, end: i64, command: float, error: i64, steps: i64, stepping: bool
@@ -207,26 +227,6 @@ class Encoder:
             if (here - self.at_count) * towards >= 0:
                 here = self.at_count - towards
         self.seen = here
-
-    def save(self) -> tuple[object, ...]:
-        """Return the state, the plant's included."""
-        return (
-            self.direction, self.offset, self.seen, self.at, self.at_count, self.end,
-            self.inside, self.external, self._start, self._length, self._first, self._last,
-            self._prepared, () if self.plant is None else self.plant.save(),
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.direction, self.offset, self.seen, self.at, self.at_count, self.end,
-            self.inside, self.external, self._start, self._length, self._first, self._last,
-            self._prepared, plant,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        if self.plant is not None:
-            if self._prepared:
-                self.plant.prepare(float(self._prepared) / self.clk_hz)
-            self.plant.load(plant)  # type: ignore[arg-type]
 
 
 def _boundary(switch: Switch, here: int, towards: int, nearest: int) -> int:

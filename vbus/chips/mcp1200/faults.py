@@ -1,9 +1,12 @@
 """The exception handler: what happened since the last sample, and what R04 says to do about it."""
 
+from typing import ClassVar
+
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.picture import Picture
+from vbus.state import Names
 
 
 class Faults:
@@ -20,6 +23,7 @@ class Faults:
     """
 
     __slots__ = ("breakpoint", "error", "limit", "stop")
+    STATE: ClassVar[Names] = ("limit: bool", "stop: bool", "breakpoint: bool", "error: bool")
 
     def __init__(self) -> None:
         self.limit: bool = False
@@ -68,15 +72,3 @@ class Faults:
         if not status & ds.STOP_OK and setting >> 2 & 3 == ds.DECELERATE:
             return True
         return not status & ds.LIMIT_OK and setting & 3 == ds.DECELERATE
-
-    def save(self) -> tuple[int, ...]:
-        """Return the state."""
-        return (int(self.limit), int(self.stop), int(self.breakpoint), int(self.error))
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        limit, stop, at_breakpoint, error = state
-        self.limit = bool(limit)
-        self.stop = bool(stop)
-        self.breakpoint = bool(at_breakpoint)
-        self.error = bool(error)

@@ -1,10 +1,13 @@
 """From command and actual position to the error the filters see: backlash, deadband, limits."""
 
+from typing import ClassVar
+
 from mypy_extensions import i64
 
 from vbus.bits import wrap_word
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.picture import Picture
+from vbus.state import Names
 
 
 class Following:
@@ -18,6 +21,9 @@ class Following:
     """
 
     __slots__ = ("_command", "_direction", "error", "in_position", "offset", "too_large")
+    STATE: ClassVar[Names] = (
+        "_command", "_direction", "offset", "error", "in_position: bool", "too_large: bool",
+    )  # fmt: skip
 
     def __init__(self) -> None:
         self._command: i64 = 0
@@ -83,18 +89,3 @@ class Following:
             error = -0x8000
         self.error = error
         return change
-
-    def save(self) -> tuple[int, ...]:
-        """Return the state."""
-        return (
-            self._command, self._direction, self.offset, self.error, int(self.in_position),
-            int(self.too_large),
-        )  # fmt: skip
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self._command, self._direction, self.offset, self.error, in_position, too_large,
-        ) = state  # fmt: skip
-        self.in_position = bool(in_position)
-        self.too_large = bool(too_large)

@@ -1,6 +1,6 @@
 """The inputs beside the host bus: encoder, limits, trigger, reset and sync."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -13,6 +13,7 @@ from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.motion.quadrature import COUNTED, INDEX_FELL, INDEX_ROSE, SKIPPED, Quadrature
 from vbus.kernel import NEVER
 from vbus.signals import Watcher
+from vbus.state import Names
 
 LONG_AGO: Final = 1 - (1 << 62)
 
@@ -36,6 +37,9 @@ class EncoderPins:
     __slots__ = (
         "_a", "_a_at", "_b", "_b_at", "_chip", "_index", "_index_at", "_works", "at", "decoder",
     )  # fmt: skip
+    STATE: ClassVar[Names] = ("_a", "_b", "_index", "_a_at", "_b_at", "_index_at", "decoder: part")
+    WIRING: ClassVar[Names] = ("_chip", "_works")
+    DERIVED: ClassVar[Names] = ("at",)
 
     def __init__(self, chip: HostInterface, works: Blocks) -> None:
         self._chip: HostInterface = chip
@@ -68,6 +72,10 @@ class EncoderPins:
 
     def _divider(self) -> int:
         return ds.FILTER_DIVIDER[self._works.file.bytes[ds.ENCODER_PWM] >> 4 & 7]
+
+    def after_load(self) -> None:
+        """Find out when the next edge is believed."""
+        self._look()
 
     def _look(self) -> None:
         due = self.decoder.due()
@@ -121,21 +129,6 @@ class EncoderPins:
         elif b != self._b:
             chip.judge_filtered("tAB", now - self._a_at, clocks)
 
-    def save(self) -> tuple[object, ...]:
-        """Return the state."""
-        return (
-            self._a, self._b, self._index, self._a_at, self._b_at, self._index_at,
-            self.decoder.save(),
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self._a, self._b, self._index, self._a_at, self._b_at, self._index_at, decoder,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self.decoder.load(decoder)  # type: ignore[arg-type]
-        self._look()
-
 
 class SidePins:
     """/LIMIT, /STOP, /RESET, /SYNC and TRIG as an input.
@@ -157,6 +150,11 @@ class SidePins:
         "_chip", "_fell", "_home", "_home_index", "_levels", "_trigger", "_works", "limit", "own",
         "stop", "sync",
     )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "_levels: list[i64]", "_fell: list[i64]", "limit", "stop", "sync", "_trigger",
+        "_home_index",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_chip", "_home", "_works", "own")
 
     def __init__(self, chip: HostInterface, works: Blocks) -> None:
         self._chip: HostInterface = chip
@@ -255,18 +253,3 @@ class SidePins:
         self.sync = self._levels[1]
         self._trigger = self._chip.pins["TRIG"].value & (home if self._home == "TRIG" else 1)
         self._home_index = home
-
-    def save(self) -> tuple[object, ...]:
-        """Return the state."""
-        return (
-            tuple(self._levels), tuple(self._fell), self.limit, self.stop, self.sync,
-            self._trigger, self._home_index,
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            levels, fell, self.limit, self.stop, self.sync, self._trigger, self._home_index,
-        ) = state  # type: ignore[assignment]  # fmt: skip
-        self._levels[:] = levels  # type: ignore[call-overload]
-        self._fell[:] = fell  # type: ignore[call-overload]

@@ -1,10 +1,13 @@
 """Position and velocity interpolation: flags F3 and F4 (MCP-INT)."""
 
+from typing import ClassVar
+
 from mypy_extensions import i64
 
 from vbus.bits import wrap_word
 from vbus.chips.mcp1200.command import Command
 from vbus.chips.mcp1200.picture import Picture
+from vbus.state import Names
 
 
 class Segment:
@@ -17,6 +20,7 @@ class Segment:
     """
 
     __slots__ = ("_shift", "end", "left", "start")
+    STATE: ClassVar[Names] = ("start", "end", "left", "_shift")
 
     def __init__(self) -> None:
         self.start: i64 = 0
@@ -43,19 +47,12 @@ class Segment:
         """Change of the value per sample, in 1/256."""
         return (self.end - self.start << 8) >> self._shift
 
-    def save(self) -> tuple[int, ...]:
-        """Return the state."""
-        return (self.start, self.end, self.left, self._shift)
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self.start, self.end, self.left, self._shift = state
-
 
 class PositionInterpolation:
     """Runs through a series of positions, one segment each (MCP-INT-1)."""
 
     __slots__ = ("segment",)
+    STATE: ClassVar[Names] = ("segment: part",)
 
     def __init__(self) -> None:
         self.segment: Segment = Segment()
@@ -96,6 +93,7 @@ class VelocityInterpolation:
     """Runs through a series of velocities, one ramp each (MCP-INT-5)."""
 
     __slots__ = ("segment",)
+    STATE: ClassVar[Names] = ("segment: part",)
 
     def __init__(self) -> None:
         self.segment: Segment = Segment()

@@ -1,10 +1,11 @@
 """The lead filter of the HCTL-1100 map (R20 zero A, R21 pole B, R22 gain K)."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200.picture import Picture
+from vbus.state import Names
 
 MC_MIN: Final = -2048
 MC_MAX: Final = 2047
@@ -19,6 +20,7 @@ class LeadFilter:
     """
 
     __slots__ = ("_command", "_error")
+    STATE: ClassVar[Names] = ("_error", "_command")
 
     def __init__(self) -> None:
         self._error: i64 = 0
@@ -41,11 +43,3 @@ class LeadFilter:
         elif command < MC_MIN:
             self._command = MC_MIN
         return command
-
-    def save(self) -> tuple[int, ...]:
-        """Return the state."""
-        return (self._error, self._command)
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._error, self._command = state

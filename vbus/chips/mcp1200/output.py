@@ -1,6 +1,6 @@
 """The motor command outputs: the 12-bit DAC port and the PWM frames."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -8,6 +8,7 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
 from vbus.chips.mcp1200.picture import Live, Picture
 from vbus.chips.mcp1200.timer import FAR
+from vbus.state import Names
 
 DAC_ZERO: Final = 0x800
 
@@ -81,6 +82,8 @@ class Pwm:
     """
 
     __slots__ = ("_live", "high", "length", "sign", "start")
+    STATE: ClassVar[Names] = ("start", "length", "high", "sign")
+    WIRING: ClassVar[Names] = ("_live",)
 
     def __init__(self, live: Live) -> None:
         self._live: Live = live
@@ -158,11 +161,3 @@ class Pwm:
         same = (self.high == 0) == (high == 0) and (self.high == self.length) == (high == length)
         self.high, self.length = high, length
         return same
-
-    def save(self) -> tuple[int, ...]:
-        """Return the state."""
-        return (self.start, self.length, self.high, self.sign)
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self.start, self.length, self.high, self.sign = state

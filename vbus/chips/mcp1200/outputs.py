@@ -1,11 +1,14 @@
 """The output pins: status lines, motor command port, Pulse and Sign."""
 
+from typing import ClassVar
+
 from vbus.chips.base import Chip
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.clockwork import Clockwork
 from vbus.chips.mcp1200.states import CONTROL, HELD, STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.signals import HIGH, LOW, Pin
+from vbus.state import Names
 
 
 class OutputPins:
@@ -22,6 +25,7 @@ class OutputPins:
     __slots__ = (
         "_busy", "_dac", "_idle", "_prof", "_pulse", "_shown", "_sign", "_trig", "_works",
     )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("*",)
 
     def __init__(self, chip: Chip, works: Clockwork) -> None:
         self._works: Clockwork = works

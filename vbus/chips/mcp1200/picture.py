@@ -1,8 +1,11 @@
 """The registers as numbers: those whose new value counts at once, and a sample's picture of all."""
 
+from typing import ClassVar
+
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.state import Names
 
 
 class Live:
@@ -26,6 +29,7 @@ class Live:
     """
 
     __slots__ = ("_bytes", "break_at", "config", "counts", "dac", "feature", "frame", "pre", "pwm")
+    DERIVED: ClassVar[Names] = ("*",)
 
     def __init__(self, registers: bytearray) -> None:
         self._bytes: bytearray = registers
@@ -99,6 +103,7 @@ class Picture:
         "lead_gain", "lead_pole", "lead_zero", "limit", "max_error", "ratio", "segment", "span",
         "top",
     )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("*",)
 
     def __init__(self) -> None:
         self.flag: i64 = 0

@@ -1,11 +1,12 @@
 """The PID filter with feed-forward (R61-R6A)."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
 from vbus.chips.mcp1200.picture import Picture
+from vbus.state import Names
 
 LONGEST_SPAN: Final = 8
 
@@ -20,6 +21,11 @@ class PidFilter:
     __slots__ = (
         "_error_1", "_error_2", "_error_3", "_error_4", "_error_5", "_error_6", "_error_7",
         "_error_8", "_integral", "_saturated", "_velocity",
+    )  # fmt: skip
+    STATE: ClassVar[Names] = ("errors: tuple[i64]", "_integral", "_velocity", "_saturated: bool")
+    DERIVED: ClassVar[Names] = (
+        "_error_1", "_error_2", "_error_3", "_error_4", "_error_5", "_error_6", "_error_7",
+        "_error_8",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -43,7 +49,7 @@ class PidFilter:
 
     def clear(self) -> None:
         """Forget old samples (MCP-FLT-5)."""
-        self._keep_errors((0,) * LONGEST_SPAN)
+        self.errors = (0,) * LONGEST_SPAN
         self._integral = 0
         self._velocity = 0
         self._saturated = False
@@ -94,21 +100,17 @@ class PidFilter:
         self._saturated = command > MC_MAX or command < MC_MIN
         return command
 
-    def _keep_errors(self, errors: tuple[int, ...]) -> None:
+    @property
+    def errors(self) -> tuple[int, ...]:
+        """Errors of the last samples, the latest first."""
+        return (
+            self._error_1, self._error_2, self._error_3, self._error_4, self._error_5,
+            self._error_6, self._error_7, self._error_8,
+        )  # fmt: skip
+
+    @errors.setter
+    def errors(self, errors: tuple[int, ...]) -> None:
         (
             self._error_1, self._error_2, self._error_3, self._error_4, self._error_5,
             self._error_6, self._error_7, self._error_8,
         ) = errors  # fmt: skip
-
-    def save(self) -> tuple[object, ...]:
-        """Return the state."""
-        errors = (
-            int(self._error_1), int(self._error_2), int(self._error_3), int(self._error_4),
-            int(self._error_5), int(self._error_6), int(self._error_7), int(self._error_8),
-        )  # fmt: skip
-        return (errors, self._integral, self._velocity, self._saturated)
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        errors, self._integral, self._velocity, self._saturated = state  # type: ignore[assignment]
-        self._keep_errors(tuple(errors))  # type: ignore[arg-type]

@@ -1,11 +1,12 @@
 """The host bus at the pins: /ALE, /CS, /OE, R/W and the multiplexed address/data bus."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.interface import HostInterface
 from vbus.kernel import NEVER
 from vbus.signals import LOW, Net, Watcher, Z
+from vbus.state import Names
 
 LONG_AGO: Final = 1 - (1 << 62)
 
@@ -33,6 +34,13 @@ class HostPins:
         "_overlapped", "_previous_closed_at", "_release", "_rw", "_rw_at", "_was_read",
         "_was_write", "own",
     )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "_ale", "_cs", "_oe", "_rw", "_data", "_address", "_open: bool", "_fresh: bool",
+        "_overlapped: bool", "_inside: bool", "_lost: bool", "_was_read: bool", "_was_write: bool",
+        "_ale_fell", "_ale_rose", "_cs_fell", "_cs_rose", "_oe_fell", "_rw_at", "_data_at",
+        "_closed_at", "_previous_closed_at",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_chip", "_release", "own")
 
     def __init__(self, chip: HostInterface) -> None:
         self._chip: HostInterface = chip
@@ -261,21 +269,3 @@ class HostPins:
         self._address = 0
         self._open = False
         self._fresh = False
-
-    def save(self) -> tuple[object, ...]:
-        """Return the state."""
-        return (
-            self._ale, self._cs, self._oe, self._rw, self._data, self._address, self._open,
-            self._fresh, self._overlapped, self._inside, self._lost, self._was_read,
-            self._was_write, self._ale_fell, self._ale_rose, self._cs_fell, self._cs_rose,
-            self._oe_fell, self._rw_at, self._data_at, self._closed_at, self._previous_closed_at,
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self._ale, self._cs, self._oe, self._rw, self._data, self._address, self._open,
-            self._fresh, self._overlapped, self._inside, self._lost, self._was_read,
-            self._was_write, self._ale_fell, self._ale_rose, self._cs_fell, self._cs_rose,
-            self._oe_fell, self._rw_at, self._data_at, self._closed_at, self._previous_closed_at,
-        ) = state  # type: ignore[assignment]  # fmt: skip

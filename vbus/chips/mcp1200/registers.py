@@ -1,11 +1,12 @@
 """What reading and writing a register does, beyond storing a byte."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.bits import sign_extend
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.blocks import Blocks
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
+from vbus.state import Names
 
 _PLAIN: Final = 0
 _READ_ONLY: Final = 1
@@ -51,6 +52,8 @@ class HostRegisters:
     __slots__ = (
         "_bytes", "_encoder_pins", "_held_csb", "_held_msb", "_noted", "_side", "_works",
     )  # fmt: skip
+    STATE: ClassVar[Names] = ("_held_msb", "_held_csb", "_noted: set[i64]")
+    WIRING: ClassVar[Names] = ("_bytes", "_works")
 
     def __init__(self, works: Blocks, side: SidePins, encoder_pins: EncoderPins) -> None:
         self._works: Blocks = works
@@ -197,12 +200,3 @@ class HostRegisters:
             self._works.live.look()
             self._works.counter.preset(here, cycle)
         stored[ds.CONFIG] = data
-
-    def save(self) -> tuple[object, ...]:
-        """Return the state."""
-        return (self._held_msb, self._held_csb, tuple(sorted(self._noted)))
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._held_msb, self._held_csb, noted = state  # type: ignore[assignment]
-        self._noted = set(noted)  # type: ignore[call-overload]

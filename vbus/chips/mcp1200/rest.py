@@ -1,10 +1,13 @@
 """Rest: samples that would repeat the one before bit for bit need not be computed."""
 
+from typing import ClassVar
+
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200.core import Core
 from vbus.chips.mcp1200.drive import PlantDrive
 from vbus.chips.mcp1200.encoder import Encoder
+from vbus.state import Names, save
 
 
 class Rest:
@@ -21,6 +24,8 @@ class Rest:
     """
 
     __slots__ = ("_core", "_drive", "_encoder", "_repeats", "_state")
+    WIRING: ClassVar[Names] = ("_core", "_drive", "_encoder")
+    DERIVED: ClassVar[Names] = ("_repeats", "_state")
 
     def __init__(self, core: Core, drive: PlantDrive, encoder: Encoder) -> None:
         self._core: Core = core
@@ -40,9 +45,9 @@ class Rest:
             self.disturb()
             return
         self._core.sheet.settle()
-        state = (self._core.sheet.file.save(), self._core.save())
-        self._repeats = state == self._state
-        self._state = state
+        now = (bytes(self._core.bytes), save(self._core))
+        self._repeats = now == self._state
+        self._state = now
 
     def possible(self, cycle: i64, control: bool) -> bool:
         """Tell whether the sample that starts at ``cycle`` would repeat the one before.

@@ -1,11 +1,12 @@
 """S-curve profile mode: flag F0 with R01 bit 4 set (MCP-SCV)."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.bits import wrap
 from vbus.chips.mcp1200.command import Command
 from vbus.chips.mcp1200.picture import Picture
 from vbus.chips.motion.scurve import SCurve
+from vbus.state import Names
 
 UNIT: Final = 16
 """Fraction bits of the plan: distances in 1/65536 count."""
@@ -18,6 +19,7 @@ class SCurveMove:
     """One planned move at a time, laid from the command position at its start."""
 
     __slots__ = ("_begun", "_final", "_origin", "_plan", "_sign")
+    STATE: ClassVar[Names] = ("_begun: bool", "_final", "_origin", "_sign", "_plan: part")
 
     def __init__(self) -> None:
         self._plan: SCurve = SCurve()
@@ -77,12 +79,3 @@ class SCurveMove:
         if distance < plan.distance and plan.phase != SLEWING:
             return False
         return plan.retarget(distance)
-
-    def save(self) -> tuple[object, ...]:
-        """Return the state."""
-        return (self._begun, self._final, self._origin, self._sign, self._plan.save())
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._begun, self._final, self._origin, self._sign, plan = state  # type: ignore[assignment]
-        self._plan.load(plan)  # type: ignore[arg-type]

@@ -1,9 +1,12 @@
 """Between the core and the register bytes: decoding them and writing them only when it matters."""
 
+from typing import ClassVar
+
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.picture import Live, Picture
 from vbus.chips.mcp1200.shown import Shown
 from vbus.chips.registers import RegisterFile
+from vbus.state import Names
 
 
 class Sheet:
@@ -26,6 +29,9 @@ class Sheet:
         "_before", "_dirty", "_image", "_known", "_taken", "bytes", "file", "live", "picture",
         "shown", "stale",
     )  # fmt: skip
+    STATE: ClassVar[Names] = ("image: bytes",)
+    WIRING: ClassVar[Names] = ("bytes", "file", "live", "picture", "shown")
+    DERIVED: ClassVar[Names] = ("_before", "_dirty", "_image", "_known", "_taken", "stale")
 
     def __init__(self, file: RegisterFile) -> None:
         self.file: RegisterFile = file
@@ -93,14 +99,15 @@ class Sheet:
         self.bytes[ds.PWM_FRACTION] = 0
         self.live.look()
 
+    @property
     def image(self) -> bytes:
-        """Return the registers as they were when the last sample began."""
+        """The registers as they were when the last sample began."""
         image = bytearray(self._image)
         self._before.store(image)
         return bytes(image)
 
-    def load(self, image: bytes) -> None:
-        """Take back what :meth:`image` gave; the register bytes have been loaded."""
+    @image.setter
+    def image(self, image: bytes) -> None:
         self._image = image
         self._before.load(image)
         self.picture.take(image)

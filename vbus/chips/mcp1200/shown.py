@@ -1,9 +1,12 @@
 """What the core's samples leave in the registers, as numbers until somebody looks."""
 
+from typing import ClassVar
+
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.picture import long_word, word
+from vbus.state import Names
 
 
 class Shown:
@@ -29,6 +32,7 @@ class Shown:
         "accel_delta", "capture", "command", "dac", "decel", "error", "flag", "left", "mode",
         "phase", "pwm", "status", "velocity",
     )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("*",)
 
     def __init__(self) -> None:
         self.flag: i64 = 0

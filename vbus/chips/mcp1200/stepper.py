@@ -1,6 +1,6 @@
 """Step mode: step pulses, direction, and the stall check against an encoder."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -8,6 +8,7 @@ from vbus.bits import wrap
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.picture import Picture
 from vbus.chips.mcp1200.timer import FAR
+from vbus.state import Names
 
 LEAST_SAMPLES: Final = 4
 """Samples in a window of the stall check, at least (MCP-STP-4)."""
@@ -31,6 +32,10 @@ class Stepper:
     __slots__ = (
         "_begin", "_bytes", "_limit", "_spacing", "_span", "_tail", "base", "offset", "sign",
     )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "base", "offset", "sign", "_begin", "_span", "_spacing", "_limit", "_tail",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_bytes",)
 
     def __init__(self, registers: bytearray) -> None:
         self._bytes: bytearray = registers
@@ -134,20 +139,6 @@ class Stepper:
             edge = min(edge, self.instant(done))
         return edge
 
-    def save(self) -> tuple[int, ...]:
-        """Return the state."""
-        return (
-            self.base, self.offset, self.sign, self._begin, self._span, self._spacing,
-            self._limit, self._tail,
-        )  # fmt: skip
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.base, self.offset, self.sign, self._begin, self._span, self._spacing,
-            self._limit, self._tail,
-        ) = state  # fmt: skip
-
 
 class StallCheck:
     """Compares encoder counts with steps over windows of some samples (MCP-STP-4).
@@ -157,6 +148,9 @@ class StallCheck:
 
     __slots__ = (
         "_counts", "_counts_seen", "_expected", "_samples", "_steps", "_steps_seen", "_way",
+    )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "_samples", "_expected", "_counts", "_steps_seen", "_counts_seen", "_steps", "_way",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -197,17 +191,3 @@ class StallCheck:
         stalled = self._counts * 256 < self._expected
         self.clear()
         return stalled
-
-    def save(self) -> tuple[int, ...]:
-        """Return the state."""
-        return (
-            self._samples, self._expected, self._counts, self._steps_seen, self._counts_seen,
-            self._steps, self._way,
-        )  # fmt: skip
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self._samples, self._expected, self._counts, self._steps_seen, self._counts_seen,
-            self._steps, self._way,
-        ) = state  # fmt: skip

@@ -1,11 +1,12 @@
 """The sample timer: a pre-scalar, a down counter, and what the core has to do in its period."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.picture import Live, Picture
+from vbus.state import Names
 
 FAR: Final = (1 << 62) - 1
 """A clock cycle that does not come."""
@@ -28,6 +29,8 @@ class SampleTimer:
     """
 
     __slots__ = ("_live", "counts", "pre", "running", "start")
+    STATE: ClassVar[Names] = ("start", "pre", "counts", "running: bool")
+    WIRING: ClassVar[Names] = ("_live",)
 
     def __init__(self, live: Live) -> None:
         self._live: Live = live
@@ -63,15 +66,6 @@ class SampleTimer:
         if not self.running:
             return 0
         return max(self.counts - 1 - (cycle - self.start) // self.pre, 0)
-
-    def save(self) -> tuple[int, ...]:
-        """Return the state."""
-        return (self.start, self.pre, self.counts, int(self.running))
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self.start, self.pre, self.counts, running = state
-        self.running = bool(running)
 
 
 def work_clocks(image: Picture, mode: i64) -> i64:

@@ -1,6 +1,6 @@
 """Trapezoid profile mode: flag F0 with R01 bit 4 clear (MCP-TRP)."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -9,6 +9,7 @@ from vbus.chips.mcp1200.command import Command
 from vbus.chips.mcp1200.picture import Picture
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.trapezoid import arrived, next_velocity, stopping_distance
+from vbus.state import Names
 
 ACCELERATING: Final = 2
 SLEWING: Final = 4
@@ -34,6 +35,7 @@ class Trapezoid:
     """One move at a time; acceleration and top velocity may change under way (MCP-TRP-1)."""
 
     __slots__ = ("_begun", "_final", "_origin")
+    STATE: ClassVar[Names] = ("_begun: bool", "_final", "_origin")
 
     def __init__(self) -> None:
         self._begun: bool = False
@@ -105,15 +107,6 @@ class Trapezoid:
             command.accel_delta = way
             if way < 0:
                 command.accel_delta = -way
-
-    def save(self) -> tuple[int, ...]:
-        """Return the state."""
-        return (int(self._begun), self._final, self._origin)
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        begun, self._final, self._origin = state
-        self._begun = bool(begun)
 
 
 def _reachable(command: Command, final: i64, accel: i64) -> bool:

@@ -1,6 +1,6 @@
 """Integral velocity mode: flag F5 (MCP-VEL)."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -8,6 +8,7 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.command import Command
 from vbus.chips.mcp1200.picture import Picture
 from vbus.chips.motion.ramp import toward
+from vbus.state import Names
 
 WIDEST: Final = 127
 WIDEST_HIGH: Final = 32767
@@ -18,6 +19,7 @@ class IntegralVelocity:
     """Runs toward the velocity command with the programmed acceleration, through positions."""
 
     __slots__ = ("_begun", "_goal")
+    STATE: ClassVar[Names] = ("_begun: bool", "_goal")
 
     def __init__(self) -> None:
         self._begun: bool = False
@@ -48,12 +50,3 @@ class IntegralVelocity:
         if change <= widest << 8:
             return 0
         return change >> 8
-
-    def save(self) -> tuple[int, ...]:
-        """Return the state."""
-        return (int(self._begun), self._goal)
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        begun, self._goal = state
-        self._begun = bool(begun)

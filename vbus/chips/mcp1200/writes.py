@@ -1,9 +1,12 @@
 """Bytes the host has written that are not yet visible inside."""
 
+from typing import ClassVar
+
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.timer import FAR
+from vbus.state import Names
 
 
 class Writes:
@@ -14,6 +17,8 @@ class Writes:
     """
 
     __slots__ = ("_waiting", "due")
+    STATE: ClassVar[Names] = ("_waiting: list[(i64, i64, i64), ...]",)
+    DERIVED: ClassVar[Names] = ("due",)
 
     def __init__(self) -> None:
         self._waiting: list[tuple[int, int, int]] = []
@@ -42,11 +47,6 @@ class Writes:
         self._waiting.clear()
         self.due = FAR
 
-    def save(self) -> tuple[tuple[int, int, int], ...]:
-        """Return the state."""
-        return tuple(self._waiting)
-
-    def load(self, state: tuple[tuple[int, int, int], ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._waiting = [(one[0], one[1], one[2]) for one in state]
+    def after_load(self) -> None:
+        """Find out when the first of them becomes visible."""
         self.due = self._waiting[0][0] if self._waiting else FAR

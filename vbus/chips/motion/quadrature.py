@@ -8,11 +8,12 @@ Nothing calls back. The chip tells every edge with :meth:`Quadrature.edge`, and 
 of earlier ones, each with its instant, by calling :meth:`Quadrature.settle` until it returns 0.
 """
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
 from vbus.kernel import NEVER
+from vbus.state import Names
 
 COUNTED: Final = 1
 """The count went up or down by one; :attr:`Quadrature.direction` says which."""
@@ -53,6 +54,7 @@ class InputFilter:
     """
 
     __slots__ = ("_floor", "dwell", "level", "raw", "since")
+    STATE: ClassVar[Names] = ("dwell", "level", "raw", "since", "_floor")
 
     def __init__(self, dwell: int, level: int = 1) -> None:
         self.dwell: i64 = dwell
@@ -88,14 +90,6 @@ class InputFilter:
         self.level = self.raw = level
         self.since = self._floor = LONG_AGO
 
-    def save(self) -> tuple[int, ...]:
-        """Return the whole state."""
-        return (self.dwell, self.level, self.raw, self.since, self._floor)
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self.dwell, self.level, self.raw, self.since, self._floor = state
-
 
 class Quadrature:
     """A, B and index inputs with their filters, and the count they make. A before B counts up.
@@ -121,6 +115,11 @@ class Quadrature:
         "_a", "_a_since", "_b", "_b_since", "_index", "_since", "_state", "_together", "at",
         "count", "direction", "dwell", "dwell_limit", "pulse", "pulse_limit",
     )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "count", "direction", "at", "dwell", "pulse", "_state", "_since", "_a_since", "_b_since",
+        "_a: part", "_b: part", "_index: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_together", "dwell_limit", "pulse_limit")
 
     def __init__(
         self,
@@ -259,20 +258,3 @@ class Quadrature:
         self._a.set_dwell(now, dwell)
         self._b.set_dwell(now, dwell)
         self._index.set_dwell(now, index_dwell)
-
-    def save(self) -> tuple[int, ...]:
-        """Return the whole state."""
-        return (
-            self.count, self.direction, self.at, self.dwell, self.pulse, self._state, self._since,
-            self._a_since, self._b_since, *self._a.save(), *self._b.save(), *self._index.save(),
-        )  # fmt: skip
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.count, self.direction, self.at, self.dwell, self.pulse, self._state, self._since,
-            self._a_since, self._b_since,
-        ) = state[:9]  # fmt: skip
-        self._a.load(state[9:14])
-        self._b.load(state[14:19])
-        self._index.load(state[19:24])

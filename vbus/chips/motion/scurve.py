@@ -19,6 +19,9 @@ each sample.
 """
 
 from math import isqrt
+from typing import ClassVar
+
+from vbus.state import Names
 
 
 def _ceil_div(a: int, b: int) -> int:
@@ -63,6 +66,11 @@ class SCurve:
     __slots__ = (
         "_c", "_den", "_end_part", "_k", "_left", "_num", "_part", "_peak", "_rest",
         "_stopping", "distance", "done", "flat", "hold", "offset", "phase", "rise", "velocity",
+    )  # fmt: skip
+    STATE: ClassVar[Names] = (
+        "distance: int", "offset: int", "velocity: int", "phase: int", "done: bool", "rise: int",
+        "flat: int", "hold: int", "_num: int", "_den: int", "_part: int", "_end_part: int",
+        "_rest: int", "_k: int", "_c: int", "_peak: int", "_left: int", "_stopping: bool",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -262,21 +270,3 @@ class SCurve:
         if phase == 4:
             return self.hold
         return self.flat if phase == 2 or phase == 6 else self.rise
-
-    def save(self) -> tuple[int, ...]:
-        """Return the whole state."""
-        return (
-            self.distance, self.offset, self.velocity, self.phase, int(self.done), self.rise,
-            self.flat, self.hold, self._num, self._den, self._part, self._end_part, self._rest,
-            self._k, self._c, self._peak, self._left, int(self._stopping),
-        )  # fmt: skip
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        (
-            self.distance, self.offset, self.velocity, self.phase, done, self.rise,
-            self.flat, self.hold, self._num, self._den, self._part, self._end_part, self._rest,
-            self._k, self._c, self._peak, self._left, stopping,
-        ) = state  # fmt: skip
-        self.done = done != 0
-        self._stopping = stopping != 0

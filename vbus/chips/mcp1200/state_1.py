@@ -1,0 +1,17 @@
+"""First version of a saved MCP-1200."""
+
+from typing import Any, Final
+
+from vbus.state.first import BITS
+
+LAYOUTS: Final[dict[str, Any]] = {
+    "Breakpoint": BITS, "Command": BITS, "Faults": BITS, "Following": BITS,
+    "IntegralVelocity": BITS, "SampleTimer": BITS, "Trapezoid": BITS,
+    "PositionCounter": "at_match", "PositionInterpolation": "segment", "Sheet": "image",
+    "VelocityInterpolation": "segment", "Writes": "_waiting",
+    "Clockwork": (
+        "state", "released", "_request", "writes", "_aiming", "_at_reset", "_at_sample",
+        "_at_results", "_at_routine", "counter",
+        ("file", "core", "timer", "encoder", "drive", "stepper", "pwm", "breakpoint", "host"),
+    ),
+}  # fmt: skip

@@ -1,0 +1,9 @@
+"""First version of saved faults."""
+
+from typing import Any, Final
+
+LAYOUTS: Final[dict[str, Any]] = {
+    "FaultyPlant": (
+        "count", "anchor", "shown", "_pulses", "_low", "_before", "+_stood", "+_touched", "*inner",
+    ),
+}  # fmt: skip
