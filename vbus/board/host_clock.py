@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from itertools import accumulate
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from mypy_extensions import i64, mypyc_attr
 
 from vbus.kernel import NEVER, US, Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import HostPort, PortError
+from vbus.state import Names
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -28,6 +29,8 @@ class HostClock(HostPort):
     Args:
         board: the board.
     """
+
+    WIRING: ClassVar[Names] = ("_cycle", "_kernel", "board", "held", "hold_until")
 
     def __init__(self, board: Board) -> None:
         self.board: Board = board

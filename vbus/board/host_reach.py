@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from mypy_extensions import mypyc_attr
 
@@ -16,6 +16,7 @@ from vbus.kernel import US
 from vbus.protocols import codes
 from vbus.protocols.port import ChipInfo, PortError, PortInfo
 from vbus.protocols.requests import FORESEEING
+from vbus.state import Names
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -36,6 +37,11 @@ class HostReach(HostClock):
         cycle_ps: cost of a whole cycle; 0: 1 us, or the chip's minimum in real time.
         card: address decoding, if the host speaks card addresses.
     """
+
+    WIRING: ClassVar[Names] = (
+        "_card", "_cycles", "chips", "cycle_ps", "label", "on_events", "on_resume", "pin_map",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_chip", "_mask", "_selected")
 
     def __init__(
         self, board: Board, label: str, chips: list[Chip], cycle_ps: int, card: Card | None

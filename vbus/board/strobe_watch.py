@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from vbus.chips.base import Chip
 from vbus.signals import Net
+from vbus.state import Names
 from vbus.trace.bus_watch import WATCHES, BusWatch
 
 if TYPE_CHECKING:
@@ -30,6 +31,10 @@ class StrobeWatch:
         label: the host's name.
         chips: chips whose strobes the host can move.
     """
+
+    STATE: ClassVar[Names] = ("watches: parts",)
+    WIRING: ClassVar[Names] = ("_board", "_label", "_rows", "found")
+    DERIVED: ClassVar[Names] = ("_noted", "_told")
 
     def __init__(self, board: Board, label: str, chips: list[Chip]) -> None:
         self.found: Found | None = None
@@ -76,14 +81,10 @@ class StrobeWatch:
         for (address, data), names in writes.items():
             self._tell(now, names, True, address, data)
 
-    def save(self) -> tuple[tuple[int, ...], ...]:
-        """Return what the watches of all chips remember."""
-        return tuple(row.watch.save() for row in self._rows)
-
-    def load(self, state: tuple[tuple[int, ...], ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        for row, saved in zip(self._rows, state, strict=True):
-            row.watch.load(saved)
+    @property
+    def watches(self) -> list[BusWatch]:
+        """What follows the bus of each chip."""
+        return [row.watch for row in self._rows]
 
     def _tell(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
         if self.found is not None:
@@ -97,6 +98,8 @@ class StrobeWatch:
 
 class _Row:
     """One chip: its control lines, and how they stood."""
+
+    DERIVED: ClassVar[Names] = ("*",)
 
     def __init__(self, chip: Chip, watch: BusWatch) -> None:
         self.chip: Chip = chip

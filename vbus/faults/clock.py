@@ -8,6 +8,7 @@ from vbus.faults import fitting
 from vbus.kernel import HELD, NEVER
 from vbus.options import Value
 from vbus.signals import Plant
+from vbus.state.first import load_tuple
 
 STOPPED: Final = "clock_stopped"
 CLOCKS: Final = frozenset({STOPPED, "clock_off"})
@@ -81,7 +82,7 @@ class ClockFaults:
     def restore(self, acting: dict[int, tuple[str, dict[str, Value]]], courses: Any) -> None:
         """Take back the clock a saved state has; the chip's own state comes after."""
         self.acting = acting
-        self.chip.clock.load(courses)
+        load_tuple(self.chip.clock, courses)
         if self.chip.FAMILY == "mcp1200" and not self.chip.clock.stopped:
             inside: Any = self.chip
             inside.works.encoder.clk_hz = self.chip.clock.frequency
