@@ -275,7 +275,7 @@ def test_a_snapshot_of_another_node_or_of_nothing_is_refused() -> None:
     while not made.conductors[0].participant.reported:
         made.conductors[0].poll()
     other = conductor_of(FILE, SOURCE, "b", played(8))
-    with pytest.raises(SnapshotError, match="the snapshot is of node a, format 1; this is node b"):
+    with pytest.raises(SnapshotError, match="the snapshot is of node a, format 2; this is node b"):
         other.load(made.conductors[0].save())
     with pytest.raises(SnapshotError, match="this is no snapshot of a node"):
         other.load(b"\xc1")

@@ -5,6 +5,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.conformance.lm628.bench import Bench, Follower, Log
+from vbus import state
 from vbus.chips.lm628.datasheet import COMMANDS, RATE_MAX
 from vbus.chips.lm628.profile import ACCELERATION, POSITION, VELOCITY, Profile
 from vbus.kernel import NS, US
@@ -141,16 +142,16 @@ def test_a_chip_restored_from_a_snapshot_goes_on_as_if_nothing_had_happened(
 
     one = fresh()
     do(one, first)
-    state = one.chip.save()
+    kept = one.chip.save()
     other = fresh()
-    other.kernel.load(one.kernel.save())
+    state.load(other.kernel, save(one.kernel))
     for name, pin in one.host.items():
         other.host[name].level = pin.level
     for name, pin in one.chip.pins.items():
         other.chip.pins[name].level = pin.level
         net, old = other.chip.pins[name].net, pin.net
         net.value, net.previous, net.changed_at = old.value, old.previous, old.changed_at
-    other.chip.load(state)
+    other.chip.load(kept)
 
     assert (do(other, second), other.chip.save()) == expected
 

@@ -2,20 +2,26 @@
 
 import hashlib
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import msgpack
 
 from vbus.board.cards import Card
 from vbus.board.circuit import Circuit
 from vbus.board.host_bus import HostBus, Hosts
+from vbus.board.loading import prepare
 from vbus.board.pin_maps import PinMap
 from vbus.chips.base import Chip
-from vbus.errors import SnapshotError
 from vbus.signals import Net, Policy, TraceHash
+from vbus.state import Names, Saved, save
+from vbus.state.first import to_tuple
 
 if TYPE_CHECKING:
     from vbus.faults.faults import Faults
+
+
+STATE_HASH: Final = 2
+"""Version of the state hash: 1 is over nested tuples, 2 over fields by name."""
 
 
 class Board(Circuit):
@@ -33,6 +39,19 @@ class Board(Circuit):
         seed: for every seeded stream of the board.
         clock_step: how far reading a clock moves time on a lockstep board (ps).
     """
+
+    STATE: ClassVar[Names] = (
+        "levels: list[i64]", "wires: parts", "ports: parts",
+        "tail: list[(i64, i64, str, i64), ...]", "kernel: part", "chips: parts",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = (
+        "_trace", "axes", "buses", "clock_step", "file", "limit", "listeners", "name", "nets",
+        "observers", "plants", "player", "policy", "port_type", "rate", "seed", "text",
+        "violation_policy",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = (
+        "_counters", "_faults", "disturbed", "hosts", "reads", "violations", "writes",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -65,6 +84,11 @@ class Board(Circuit):
 
             self._faults = Faults(self)
         return self._faults
+
+    @property
+    def broken(self) -> bool:
+        """Whether anybody has asked for its faults."""
+        return self._faults is not None
 
     # -- hosts --------------------------------------------------------------------------------
 
@@ -120,75 +144,54 @@ class Board(Circuit):
 
     # -- state --------------------------------------------------------------------------------
 
-    def _all_nets(self) -> list[Net]:
-        nets: dict[int, Net] = {}
-        for chip in self.chips:
-            for pin in chip.pins.values():
-                nets.setdefault(id(pin.net), pin.net)
+    @property
+    def wires(self) -> list[Net]:
+        """The nets at the chips' pins."""
+        nets = {id(pin.net): pin.net for chip in self.chips for pin in chip.pins.values()}
         return list(nets.values())
 
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state: time, chips with their plants, nets, pins, hosts' pins.
+    @property
+    def levels(self) -> list[int]:
+        """What each pin of the chips drives."""
+        return [pin.level for chip in self.chips for pin in chip.pins.values()]
 
-        Load it into a board built from the same file.
-        """
+    @levels.setter
+    def levels(self, levels: list[int]) -> None:
+        pins = [pin for chip in self.chips for pin in chip.pins.values()]
+        for pin, level in zip(pins, levels, strict=True):
+            pin.level = level
+
+    @property
+    def tail(self) -> list[tuple[int, int, str, int]]:
+        """The hold edges of strobes that are still to come: instant, host, pin, level."""
+        return self.player.tail([port._pins for port in self.ports])
+
+    @tail.setter
+    def tail(self, tail: list[tuple[int, int, str, int]]) -> None:
+        self.player.set_tail(tail, [port._pins for port in self.ports])
+
+    @property
+    def parts(self) -> list[tuple[str, str]]:
+        """Name and part number of each chip."""
+        return [(chip.name, chip.part) for chip in self.chips]
+
+    def save(self) -> Saved:
+        """Return the whole state: time, chips with their plants, nets, pins, hosts, faults."""
         self.catch_up()
-        return (
-            tuple((chip.name, chip.part) for chip in self.chips),
-            (
-                self.kernel.save(),
-                self.player.save([port._pins for port in self.ports]),
-                tuple(port.strobes.save() for port in self.ports),
-            ),
-            tuple(chip.save() for chip in self.chips),
-            tuple(net.save() for net in self._all_nets()),
-            tuple(pin.level for chip in self.chips for pin in chip.pins.values()),
-            tuple(port.save() for port in self.ports),
-            *(() if self._faults is None or not self._faults.all() else (self._faults.save(),)),
-        )
+        saved: Saved = {**save(self), "parts": tuple(self.parts)}
+        if self._faults is not None and self._faults.all():
+            saved["faults"] = self._faults.save()
+        return saved
 
-    def load(self, state: tuple[object, ...]) -> None:
+    def load(self, saved: Any) -> None:
         """Take back what :meth:`save` gave, on a board with the same chips and open ports.
 
         Raises:
-            SnapshotError: the state was made by another board.
+            SnapshotError: the state was made by another board, or is none; the board is as it was.
         """
-        chips, times, chip_states, nets, levels, ports = state[:6]
-        time: Any = times
-        mine = tuple((chip.name, chip.part) for chip in self.chips)
-        if tuple(tuple(pair) for pair in chips) != mine:  # type: ignore[attr-defined]
-            raise SnapshotError(f"the state belongs to a board with {chips}, this one has {mine}")
-        if len(ports) != len(self.ports):  # type: ignore[arg-type]
-            raise SnapshotError("the state was saved with another number of open ports")
-        self.player.flush()
-        if self._faults is not None or len(state) > 6:
-            self.faults.load(state[6:])
-        # Whoever is to be told of something is told now: it belongs to what is left behind.
-        self.kernel.settle()
-        pins = [pin for chip in self.chips for pin in chip.pins.values()]
-        for pin, level in zip(pins, levels, strict=True):  # type: ignore[call-overload]
-            pin.level = level
-        for net, saved in zip(self._all_nets(), nets, strict=True):  # type: ignore[call-overload]
-            net.load(saved)
-        for port, port_state in zip(self.ports, ports, strict=True):  # type: ignore[call-overload]
-            port.load(port_state)
-        for port, seen in zip(self.ports, time[2], strict=True):
-            port.strobes.load(seen)
-        self.player.load(time[1], [port._pins for port in self.ports])
-        for net in self._all_nets():
-            net.recall_clash()
-        self.kernel.load(time[0])
-        for chip, chip_state in zip(self.chips, chip_states, strict=True):  # type: ignore[call-overload]
-            chip.load(chip_state)
-        if self._faults is not None:
-            self._faults.go_on()
-        for net, saved in zip(self._all_nets(), nets, strict=True):  # type: ignore[call-overload]
-            net.recall_history(saved)
-        # Who listens now may not be who listened then.
-        for chip in self.chips:
-            chip.heard_changed()
-            chip.rearm()
+        prepare(self, saved)()
 
-    def state_hash(self) -> str:
-        """Return the SHA-256 (hex) over :meth:`save`."""
-        return hashlib.sha256(msgpack.packb(self.save())).hexdigest()
+    def state_hash(self, version: int = STATE_HASH) -> str:
+        """Return the SHA-256 (hex) over :meth:`save`; version 1 is that of the first version."""
+        saved = self.save() if version > 1 else to_tuple(self, self.save())
+        return hashlib.sha256(msgpack.packb(saved)).hexdigest()

@@ -1,6 +1,6 @@
 """One host's hold on a board: bus cycles, strobes, pins and time."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64, mypyc_attr
 
@@ -13,6 +13,7 @@ from vbus.kernel import NEVER, US
 from vbus.protocols import codes
 from vbus.protocols.port import PortError
 from vbus.signals import Z
+from vbus.state import Names
 
 FLOATING: Final = 0xFF
 LONGEST_LEASE: Final = 100_000 * US
@@ -49,6 +50,13 @@ class HostBus(HostReach):
         cycle_ps: cost of a whole cycle; 0: 1 us, or the chip's minimum in real time.
         card: address decoding, if the host speaks card addresses.
     """
+
+    STATE: ClassVar[Names] = (
+        "mask", "_stamp", "_last_at", "_timed: bool", "_target", "_polls",
+        "claimed: list[str, ...]", "_pins: part", "strobes: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_hosts", "every_cycle")
+    DERIVED: ClassVar[Names] = ("_claimed", "_leased_until")
 
     def __init__(
         self,
@@ -413,27 +421,28 @@ class HostBus(HostReach):
         self._stamp, self._last_at, self._target, self._polls = -1, 0, -1, -1
         self.held = False
 
-    def save(self) -> tuple[object, ...]:
-        """Return the session's state: selection, time stamps, and what its pins drive.
+    @property
+    def mask(self) -> int:
+        """The chips of following cycles, a bit each."""
+        return self._mask
 
-        What was promised by leases is no part of it: a run is the same with and without.
-        """
-        return (
-            self._mask, self._stamp, self._last_at, self._timed, self._target, self._polls,
-            tuple(self._claimed), self._pins.watched, self._pins.save(),
-        )  # fmt: skip
+    @mask.setter
+    def mask(self, mask: int) -> None:
+        self.select(mask)
 
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave; a session that was held makes its call again."""
-        mask, stamp, last_at, timed, target, polls, claimed, watched, pins = state
-        self.select(mask)  # type: ignore[arg-type]
-        self._stamp, self._last_at = stamp, last_at  # type: ignore[assignment]
-        self._timed, self._target = timed, target  # type: ignore[assignment]
-        self._polls, self._leased_until = polls, 0  # type: ignore[assignment]
-        self.held = False
+    @property
+    def claimed(self) -> list[str]:
+        """The chips this session has claimed."""
+        return self._claimed
+
+    @claimed.setter
+    def claimed(self, names: list[str]) -> None:
         self.unclaim()
-        for name in claimed:  # type: ignore[attr-defined]
+        for name in names:
             self._hosts.claims[name] = self
             self._claimed.append(name)
-        self._pins.watch(watched)  # type: ignore[arg-type]
-        self._pins.load(pins)  # type: ignore[arg-type]
+
+    def after_load(self) -> None:
+        """A session that was held makes its call again; nothing is promised to it."""
+        self.held = False
+        self._leased_until = 0

@@ -2,7 +2,7 @@
 
 from bisect import bisect_right
 from itertools import accumulate
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64, mypyc_attr
 
@@ -10,6 +10,7 @@ from vbus.board.circuit import Circuit
 from vbus.kernel import NEVER, US, Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import HostPort, PortError
+from vbus.state import Names
 
 APPROACH: Final = 1000 * US
 """How long before a host's time stamp the board may be brought there: longer than any strobe."""
@@ -24,6 +25,8 @@ class HostClock(HostPort):
     Args:
         board: the board.
     """
+
+    WIRING: ClassVar[Names] = ("_cycle", "_kernel", "board", "held", "hold_until")
 
     def __init__(self, board: Circuit) -> None:
         self.board: Circuit = board

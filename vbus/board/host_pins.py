@@ -1,12 +1,14 @@
 """The pins of one host: its numbered control lines, side pins and output lines."""
 
 from collections.abc import Callable
+from typing import ClassVar
 
 from vbus.chips.base import Chip
 from vbus.kernel import Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import PortError
 from vbus.signals import Net, Observer, Pin, Z
+from vbus.state import Names
 
 WORD: int = 32
 """Output lines that fit the word of SAMPLE, SYNC and event reports."""
@@ -25,6 +27,13 @@ class HostPins:
         on_edge: called when an output line moved whose events were asked for.
     """
 
+    STATE: ClassVar[Names] = ("watched", "levels: list[(str, i64), ...]")
+    WIRING: ClassVar[Names] = (
+        "_chips", "_kernel", "_label", "_on_edge", "_own_lines", "_soldered", "_word", "lines",
+        "outputs", "sides",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_edges", "_watched", "_watches")
+
     def __init__(
         self, kernel: Kernel, label: str, chips: list[Chip], on_edge: Callable[[], None]
     ) -> None:
@@ -34,8 +43,7 @@ class HostPins:
         self._on_edge: Callable[[], None] = on_edge
         self._soldered: dict[int, Pin] = {}
         self._watches: list[tuple[Net, Observer]] = []
-        self.watched: int = 0
-        """Output lines whose edges are noted."""
+        self._watched: int = 0
         self._edges: list[tuple[int, int]] = []
         self.lines: list[Pin] = []
         self.sides: list[Pin] = []
@@ -153,7 +161,7 @@ class HostPins:
         for net, observer in self._watches:
             net.unobserve(observer)
         self._watches = []
-        self.watched = mask
+        self._watched = mask
         if not mask:
             return
         # All outputs are listened to, so that the word reported with an edge is right.
@@ -199,26 +207,38 @@ class HostPins:
         chip = next(chip for chip in self._chips if chip.name == owner)
         return self.of(chip.pins[name])
 
-    def save(self) -> tuple[tuple[str, int], ...]:
-        """Return what each pin of the host drives, by name of the chip's pin."""
+    @property
+    def watched(self) -> int:
+        """Output lines whose edges are noted."""
+        return self._watched
+
+    @watched.setter
+    def watched(self, mask: int) -> None:
+        self.watch(mask)
+
+    @property
+    def levels(self) -> list[tuple[str, int]]:
+        """What each pin of the host drives, by name of the chip's pin."""
         levels: dict[str, int] = {}
         for chip in self._chips:
             for name, chip_pin in chip.pins.items():
                 pin = self._soldered.get(id(chip_pin.net))
                 if pin is not None and pin.level != Z:
                     levels[f"{chip.name}.{name}"] = pin.level
-        return tuple(levels.items())
+        return list(levels.items())
 
-    def load(self, state: tuple[tuple[str, int], ...]) -> None:
-        """Take back what :meth:`save` gave; nobody is notified."""
+    @levels.setter
+    def levels(self, levels: list[tuple[str, int]]) -> None:
         for pin in self._soldered.values():
             pin.level = Z
-        for full_name, level in state:
+        for full_name, level in levels:
             self.named(full_name).level = level
 
 
 class _EdgeWatch(Observer):
     """Tells a host's pins that one of its watched lines has moved."""
+
+    WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, pins: HostPins) -> None:
         self._pins: HostPins = pins

@@ -1,7 +1,7 @@
 """What one host reaches: its chips, their pins, a card's addresses, and all of it by name."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import mypyc_attr
 
@@ -15,6 +15,7 @@ from vbus.kernel import US
 from vbus.protocols import codes
 from vbus.protocols.port import ChipInfo, PortError, PortInfo
 from vbus.protocols.requests import FORESEEING
+from vbus.state import Names
 
 LOCKSTEP_CYCLE: Final = US
 """Default duration of a whole bus cycle where time moves only by cycles: an ISA bus, a fast MCU.
@@ -32,6 +33,11 @@ class HostReach(HostClock):
         cycle_ps: cost of a whole cycle; 0: 1 us, or the chip's minimum in real time.
         card: address decoding, if the host speaks card addresses.
     """
+
+    WIRING: ClassVar[Names] = (
+        "_card", "_cycles", "chips", "cycle_ps", "label", "on_events", "on_resume", "pin_map",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_chip", "_mask", "_selected")
 
     def __init__(
         self, board: Circuit, label: str, chips: list[Chip], cycle_ps: int, card: Card | None

@@ -14,13 +14,17 @@ import msgpack
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
+from vbus.board.loading import prepare
 from vbus.errors import SnapshotError, VbusError
 from vbus.protocols.base import Protocol
+from vbus.state import plan, save
+from vbus.state.first import from_tuple
+from vbus.state.kinds import Load
 from vbus.version import __version__
 
 MAGIC: Final = b"vbus snapshot\n"
-VERSION: Final = 1
-"""Version of the file format."""
+VERSION: Final = 2
+"""Version of the file format: 1 had states as nested tuples, 2 has fields by name."""
 
 Hosts = dict[int, Protocol]
 """Wire formats of sessions, by the place of their port in ``board.ports``."""
@@ -42,7 +46,7 @@ class HostState:
     chips: tuple[str, ...]
     cycle_ps: int
     leased_until: int = 0
-    wire: tuple[object, ...] = ()
+    wire: Any = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +73,7 @@ class Snapshot:
     vbus: str
     parts: dict[str, str]
     hosts: tuple[HostState, ...]
-    state: tuple[Any, ...]
+    state: Any
     counters: dict[str, int] = field(default_factory=dict)
     digest: str = ""
 
@@ -92,7 +96,7 @@ def take(board: Board, wires: Hosts | None = None) -> Snapshot:
             tuple(chip.name for chip in port.chips),
             port.cycle_ps,
             port.promised(),
-            wires[number].save() if number in wires else (),
+            save(wires[number]) if number in wires else None,
         )
         for number, port in enumerate(board.ports)
     )
@@ -106,7 +110,7 @@ def take(board: Board, wires: Hosts | None = None) -> Snapshot:
     )  # fmt: skip
 
 
-def _digest(state: tuple[Any, ...]) -> str:
+def _digest(state: Any) -> str:
     return hashlib.sha256(msgpack.packb(state)).hexdigest()
 
 
@@ -114,7 +118,7 @@ def _culprit(board: Board, error: Exception) -> str:
     """Say which chip's state is not made of numbers, strings, bytes and tuples of them."""
     for chip in board.chips:
         try:
-            msgpack.packb(chip.save())
+            msgpack.packb(save(chip))
         except (TypeError, ValueError, OverflowError) as found:
             return (
                 f"chip {chip.name} ({type(chip).__name__}) or a plant of it: save() gave what"
@@ -152,26 +156,36 @@ def restore(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> Non
         else:
             mine.remove(port)
         order.append(port)
-    for port in mine:
-        port.let_go()
     attached = list(board.ports)
     board.ports[:] = order
     try:
-        board.load(snapshot.state)
+        halves = [
+            _half(wire, snapshot.hosts[order.index(attached[number])].wire)
+            for number, wire in (wires or {}).items()
+            if attached[number] in order
+        ]
+        loading = prepare(board, snapshot.state)
+        for port in mine:
+            port.let_go()
+        loading()
     finally:
         board.ports[:] = attached
+        for port in guests:
+            port.close()
     for port in mine:
         port.forget_time()
     for port, host in zip(order, snapshot.hosts, strict=True):
         port.promise(host.leased_until)
-    for number, port in enumerate(attached):
-        wire = (wires or {}).get(number)
-        if wire is not None and port in order:
-            wire.load(snapshot.hosts[order.index(port)].wire)
-    for port in guests:
-        port.close()
+    for half in halves:
+        half.apply()
     board.set_counters(snapshot.counters)
     board.violations.clear()
+
+
+def _half(wire: Protocol, kept: Any) -> Load:
+    """Check half a request against the wire format it is for."""
+    name = type(wire).__name__
+    return plan(wire, from_tuple(wire, kept, name) if isinstance(kept, tuple) else kept, name)
 
 
 def _same(port: HostBus, host: HostState) -> bool:
@@ -266,8 +280,8 @@ def read(data: bytes, name: str = "the snapshot") -> Snapshot:
     try:
         content = msgpack.unpackb(body, use_list=False, strict_map_key=False)
         version = content[0]
-        if version != VERSION:
-            raise SnapshotError(f"{name}: format {version}; this vbus reads format {VERSION}")
+        if version not in (1, VERSION):
+            raise SnapshotError(f"{name}: format {version}; this vbus reads formats 1 to {VERSION}")
         _, when, board, file, text, made_by, parts, hosts, state, counters, digest = content
         return Snapshot(
             when, board, file, text, made_by, parts, tuple(HostState(*host) for host in hosts),

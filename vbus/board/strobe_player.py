@@ -1,11 +1,13 @@
 """Whole bus cycles as edges on the nets, for when somebody watches the bus."""
 
 from collections import deque
+from typing import ClassVar
 
 from vbus.board.host_pins import HostPins
 from vbus.chips.base import Chip
 from vbus.kernel import NEVER, Kernel
 from vbus.signals import Pin
+from vbus.state import Names
 
 
 class StrobePlayer:
@@ -14,6 +16,9 @@ class StrobePlayer:
     A cycle is over for its host at the latching edge. What comes after it (hold times) is queued
     and happens at its instant, or when the next cycle begins, if that is earlier.
     """
+
+    WIRING: ClassVar[Names] = ("_kernel", "_timer")
+    DERIVED: ClassVar[Names] = ("_tail",)
 
     def __init__(self, kernel: Kernel) -> None:
         self._kernel: Kernel = kernel
@@ -81,19 +86,19 @@ class StrobePlayer:
             self._kernel.settle()
         self._timer.cancel()
 
-    def save(self, hosts: list[HostPins]) -> tuple[tuple[int, int, str, int], ...]:
+    def tail(self, hosts: list[HostPins]) -> list[tuple[int, int, str, int]]:
         """Return the hold edges that are still to come: instant, host, pin, level."""
-        return tuple(
+        return [
             (when, number, host.name_of(pin), level)
             for when, pin, level in self._tail
             for number, host in enumerate(hosts)
             if host.name_of(pin)
-        )
+        ]
 
-    def load(self, state: tuple[tuple[int, int, str, int], ...], hosts: list[HostPins]) -> None:
-        """Take back what :meth:`save` gave; the kernel has the timer."""
+    def set_tail(self, tail: list[tuple[int, int, str, int]], hosts: list[HostPins]) -> None:
+        """Take back what :meth:`tail` gave; the kernel has the timer."""
         self._tail.clear()
-        for when, number, name, level in state:
+        for when, number, name, level in tail:
             self._tail.append((when, hosts[number].named(name), level))
 
     def _run_tail(self) -> None:

@@ -1,12 +1,13 @@
 """Bus cycles of a host that moves the control lines itself, told as those of any other host."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.board import plugins
 from vbus.board.circuit import Circuit
 from vbus.chips.base import Chip
 from vbus.signals import Net
+from vbus.state import Names
 from vbus.trace.bus_watch import BusWatch
 
 SETTLE_EVERY: Final = 4096
@@ -27,6 +28,10 @@ class StrobeWatch:
         label: the host's name.
         chips: chips whose strobes the host can move.
     """
+
+    STATE: ClassVar[Names] = ("watches: parts",)
+    WIRING: ClassVar[Names] = ("_board", "_label", "_rows", "found")
+    DERIVED: ClassVar[Names] = ("_noted", "_told")
 
     def __init__(self, board: Circuit, label: str, chips: list[Chip]) -> None:
         self.found: Found | None = None
@@ -75,14 +80,10 @@ class StrobeWatch:
         for (address, data), names in writes.items():
             self._tell(now, names, True, address, data)
 
-    def save(self) -> tuple[tuple[int, ...], ...]:
-        """Return what the watches of all chips remember."""
-        return tuple(row.watch.save() for row in self._rows)
-
-    def load(self, state: tuple[tuple[int, ...], ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        for row, saved in zip(self._rows, state, strict=True):
-            row.watch.load(saved)
+    @property
+    def watches(self) -> list[BusWatch]:
+        """What follows the bus of each chip."""
+        return [row.watch for row in self._rows]
 
     def _tell(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
         if self.found is not None:
@@ -96,6 +97,8 @@ class StrobeWatch:
 
 class _Row:
     """One chip: its control lines, and how they stood."""
+
+    DERIVED: ClassVar[Names] = ("*",)
 
     def __init__(self, chip: Chip, watch: BusWatch) -> None:
         self.chip: Chip = chip

@@ -7,9 +7,12 @@ from vbus.faults.armed import ACTING, Armed, LinkActs
 from vbus.faults.axis import AxisFaults
 from vbus.faults.bus import BusFault, Later
 from vbus.faults.clock import CLOCKS, ClockFaults
+from vbus.faults.plant import FaultyPlant
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE
+from vbus.faults.state import wrapped_in
 from vbus.faults.upsets import upsets_of
 from vbus.options import Value
+from vbus.state.first import save_tuple
 
 
 class Acts:
@@ -105,8 +108,28 @@ class Acts:
             for place, axis in sorted(self._axes.items())
             if axis.acting or axis.wrapper is not None
         )  # fmt: skip
-        courses = [(name, one.chip.clock.save()) for name, one in sorted(self._clocks.items())]
+        courses = [(name, save_tuple(one.chip.clock)) for name, one in sorted(self._clocks.items())]
         return axes, tuple(course for course in courses if course[1])
+
+    def stand_in(self, state: Any) -> dict[str, FaultyPlant | None]:
+        """Check saved faults; wrap plants as they were then, so that their states fit.
+
+        Returns:
+            How they were wrapped, for :meth:`stand_back`.
+
+        Raises:
+            SnapshotError: these are no saved faults; nothing is changed.
+        """
+        wrapped = wrapped_in(state, self._board.axes)
+        before = {place: axis.wrapper for place, axis in self._axes.items()}
+        for place in sorted({*wrapped, *self._axes}):
+            self.axis(place).wrap_as(place in wrapped)
+        return before
+
+    def stand_back(self, before: dict[str, FaultyPlant | None]) -> None:
+        """Wrap plants as they were wrapped before."""
+        for place, axis in self._axes.items():
+            axis.put(before.get(place))
 
     def load(self, state: Any, armed: list[Armed]) -> None:
         """Break axes and clocks as a saved state has them: before chips take back theirs."""

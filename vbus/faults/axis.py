@@ -104,9 +104,20 @@ class AxisFaults:
 
     def _wrap(self) -> FaultyPlant:
         if self.wrapper is None:
-            self.wrapper = FaultyPlant(self.plant)
-            self.upsets.exchange(self.axis, self.plant, self.wrapper)
+            self.put(FaultyPlant(self.plant))
+        assert self.wrapper is not None
         return self.wrapper
+
+    def put(self, wrapper: FaultyPlant | None) -> None:
+        """Put this between chip and plant, or nothing."""
+        if wrapper is not self.wrapper:
+            old, self.wrapper = self.wrapper, wrapper
+            self.upsets.exchange(self.axis, old or self.plant, wrapper or self.plant)
+
+    def wrap_as(self, wrapped: bool) -> None:
+        """Let there be something between chip and plant, or nothing."""
+        if wrapped != (self.wrapper is not None):
+            self.put(FaultyPlant(self.plant) if wrapped else None)
 
     def _between(self) -> None:
         """Work out what stands between chip and plant; nothing, if it would do nothing."""
@@ -114,8 +125,7 @@ class AxisFaults:
         wrapper.take_hold()
         self.set_up(wrapper)
         if wrapper.plain:
-            self.wrapper = None
-            self.upsets.exchange(self.axis, wrapper, self.plant)
+            self.put(None)
 
     def set_up(self, wrapper: FaultyPlant) -> None:
         """Say what is broken; where the encoder stands is left alone."""
@@ -231,13 +241,10 @@ class AxisFaults:
         self.acting = acting
         self._refit_if_needed()
         self._switches()
-        if wrapped or self.wrapper is not None:
-            wrapper = self._wrap()
-            wrapper.pulsed = pulsed
-            self.set_up(wrapper)
-            if not wrapped:
-                self.wrapper = None
-                self.upsets.exchange(self.axis, wrapper, self.plant)
+        self.wrap_as(wrapped)
+        if self.wrapper is not None:
+            self.wrapper.pulsed = pulsed
+            self.set_up(self.wrapper)
 
     def _refit_if_needed(self) -> None:
         if self._nominal is not None or any(name in SHAFT for name, _, _ in self.acting.values()):

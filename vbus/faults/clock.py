@@ -7,6 +7,7 @@ from vbus.faults.upsets import Upsets, upsets_of
 from vbus.kernel import HELD, NEVER
 from vbus.options import Value
 from vbus.signals import Plant
+from vbus.state.first import load_tuple
 
 STOPPED: Final = "clock_stopped"
 CLOCKS: Final = frozenset({STOPPED, "clock_off"})
@@ -67,7 +68,7 @@ class ClockFaults:
     def restore(self, acting: dict[int, tuple[str, dict[str, Value]]], courses: Any) -> None:
         """Take back the clock a saved state has; the chip's own state comes after."""
         self.acting = acting
-        self.chip.clock.load(courses)
+        load_tuple(self.chip.clock, courses)
         if not self.chip.clock.stopped:
             self._upsets.restore_frequency(self.chip.clock.frequency)
 

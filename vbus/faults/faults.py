@@ -64,7 +64,7 @@ class Faults:
         self.log: deque[Evidence] = deque(maxlen=KEPT)
         self._armed: dict[int, Armed] = {}
         self._last: int = 0
-        self._acts: Acts = Acts(board, self.later)
+        self.acts: Acts = Acts(board, self.later)
         self._queue: list[tuple[int, int, int, int]] = []
         self._calls: dict[int, Callable[[], None]] = {}
         self._serial: int = 0
@@ -75,11 +75,11 @@ class Faults:
     @property
     def links(self) -> LinkActs | None:
         """What does the faults of links; None where nobody serves the board."""
-        return self._acts.links
+        return self.acts.links
 
     @links.setter
     def links(self, links: LinkActs | None) -> None:
-        self._acts.links = links
+        self.acts.links = links
 
     # -- what people call ---------------------------------------------------------------------
 
@@ -244,7 +244,7 @@ class Faults:
 
     def _position(self, armed: Armed) -> int:
         place = armed.target if armed.fault.target == AXIS else f"{armed.target}.1"
-        axis = self._acts.axis(place)
+        axis = self.acts.axis(place)
         axis.chip.advance()
         return axis.count
 
@@ -262,7 +262,7 @@ class Faults:
             if mine is not None and mine.name not in names:
                 continue
             if armed.state == ACTING:
-                bus = self._acts.buses.get(armed.number)
+                bus = self.acts.buses.get(armed.number)
                 once = armed.until.kind == ONCE or armed.when.kind == RATE
                 if once and bus is not None and bus.concerns(write):
                     self._push(when, _END, armed.number)
@@ -330,7 +330,7 @@ class Faults:
 
     def _toggle(self, armed: Armed) -> None:
         armed.seen ^= 1
-        self._acts.axis(armed.target).toggle(armed.number, not armed.seen)
+        self.acts.axis(armed.target).toggle(armed.number, not armed.seen)
         self._push(self._board.now + int(armed.values["period"]) // 2, _TOGGLE, armed.number)
 
     # -- beginning and ending -----------------------------------------------------------------
@@ -339,7 +339,7 @@ class Faults:
         fault = armed.fault
         armed.state = ACTING
         try:
-            text = self._acts.begin(armed)
+            text = self.acts.begin(armed)
         except ValueError as error:
             self._tell(armed, FAILED, str(error))
             if fault.target != LINK:
@@ -370,7 +370,7 @@ class Faults:
 
     def _end(self, armed: Armed, text: str) -> None:
         armed.state = WAITING
-        told = self._acts.end(armed)
+        told = self.acts.end(armed)
         if armed.fired:
             self._tell(armed, ENDED, ", ".join(filter(None, (text, told))))
 
@@ -384,8 +384,7 @@ class Faults:
         live = self.live()
         self._board.disturbed = bool(live)
         wanted = any(
-            armed.when.kind in (CYCLE, COMMAND) or armed.number in self._acts.buses
-            for armed in live
+            armed.when.kind in (CYCLE, COMMAND) or armed.number in self.acts.buses for armed in live
         )
         if wanted != self._watching:
             self._watching = wanted
@@ -412,30 +411,29 @@ class Faults:
             self._last, self._serial,
             tuple(record(armed) for armed in self._armed.values()),
             tuple(sorted(entry for entry in self._queue if entry[2] != _CALL)),
-            self._acts.save(),
+            self.acts.save(),
         )  # fmt: skip
 
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave, alone in a tuple; else nothing is armed.
+    def load(self, state: Any) -> None:
+        """Take back what :meth:`save` gave; of None, nothing is armed.
 
         It comes before the chips take back theirs.
         """
         for armed in self.live():
-            if armed.number in self._acts.buses:
-                self._acts.end(armed)
+            if armed.number in self.acts.buses:
+                self.acts.end(armed)
             self._finish(armed)
-        values: Any = state[0] if state else (0, 0, (), (), ((), ()))
-        last, serial, records, queue, axes = values
+        last, serial, records, queue, axes = state or (0, 0, (), (), ((), ()))
         self._last, self._serial = last, serial
         self._armed = {row[0]: armed_of(row, self.find(row[1])) for row in records}
         self._queue = [tuple(entry) for entry in queue]
         self._calls = {}
         self._timer.cancel()
-        self._acts.load(axes, list(self._armed.values()))
+        self.acts.load(axes, list(self._armed.values()))
 
     def go_on(self) -> None:
         """Everything is loaded: let what acts on chips and buses act again."""
-        self._acts.go_on([a for a in self._armed.values() if a.state == ACTING])
+        self.acts.go_on([a for a in self._armed.values() if a.state == ACTING])
         for armed in self.live():
             if armed.when.kind == EDGE and armed.state == WAITING:
                 self._look_at_edge(armed)

@@ -1,11 +1,12 @@
 """A chip's CLK: clock cycles to picoseconds and back, without drift."""
 
 from math import gcd
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
 from vbus.kernel.kernel import NEVER
+from vbus.state import Names
 
 PS_PER_SECOND: Final = 10**12
 MILLION: Final = 10**6
@@ -31,6 +32,9 @@ class Clock:
     """
 
     __slots__ = ("_courses", "_den", "_last", "_num", "_plain", "hz", "stopped")
+    STATE: ClassVar[Names] = ("courses: list[(i64, i64, int, int), ...]",)
+    WIRING: ClassVar[Names] = ("hz",)
+    DERIVED: ClassVar[Names] = ("_courses", "_den", "_last", "_num", "_plain", "stopped")
 
     def __init__(self, hz: int) -> None:
         if hz <= 0:
@@ -144,13 +148,11 @@ class Clock:
         # Nobody asks for what is long past.
         self._take([*courses[-15:], course])
 
-    # -- state --------------------------------------------------------------------------------
+    @property
+    def courses(self) -> list[Course]:
+        """The courses it has taken, none if it is as it was made."""
+        return self._courses if len(self._courses) > 1 else []
 
-    def save(self) -> tuple[Course, ...]:
-        """Return the courses it has taken, () if it is as it was made."""
-        return tuple(self._courses) if len(self._courses) > 1 else ()
-
-    def load(self, state: tuple[Course, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        courses: list[Course] = [(one[0], one[1], one[2], one[3]) for one in state]
+    @courses.setter
+    def courses(self, courses: list[Course]) -> None:
         self._take(courses or [(0, 0, PS_PER_SECOND, self.hz)])

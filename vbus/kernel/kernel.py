@@ -2,9 +2,11 @@
 
 from collections.abc import Callable
 from heapq import heappop, heappush
-from typing import Final
+from typing import ClassVar, Final
 
 from mypy_extensions import i64, mypyc_attr
+
+from vbus.state import Names
 
 NS: Final = 1_000
 US: Final = 1_000_000
@@ -30,6 +32,8 @@ class Timer:
     """One callback that can be set to one instant; made by :meth:`Kernel.timer`."""
 
     __slots__ = ("callback", "due", "kernel", "rank", "saved")
+    STATE: ClassVar[Names] = ("due",)
+    WIRING: ClassVar[Names] = ("callback", "kernel", "rank", "saved")
 
     def __init__(
         self, kernel: "Kernel", rank: int, callback: Callable[[], None], saved: bool
@@ -74,6 +78,9 @@ class Kernel:
         "observations",
         "observed",
     )
+    STATE: ClassVar[Names] = ("now", "dues: list[i64]")
+    WIRING: ClassVar[Names] = ("_timers", "observed", "observations")
+    DERIVED: ClassVar[Names] = ("_done", "_heap", "_instant", "_waiting", "batch", "next_due")
 
     def __init__(self) -> None:
         self.now: i64 = 0
@@ -155,22 +162,19 @@ class Kernel:
         now: int = self.now
         self.run_until(now + duration)
 
-    def save(self) -> tuple[int, ...]:
-        """Return the instant and every timer's setting."""
-        return (int(self.now), *(timer.due for timer in self._timers if timer.saved))
+    @property
+    def dues(self) -> list[int]:
+        """What every timer of the board is set to. Loading forgets what waits at this instant."""
+        return [timer.due for timer in self._timers if timer.saved]
 
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave, on a board built from the same file."""
-        saved = [timer for timer in self._timers if timer.saved]
-        if len(state) != len(saved) + 1:
-            raise ValueError(f"state has {len(state) - 1} timers, this kernel {len(saved)}")
-        self.now = state[0]
+    @dues.setter
+    def dues(self, dues: list[int]) -> None:
         self._forget()
         # What moves from here on does not move together with what moved before.
         self.batch += 1
         self._heap = []
         self.next_due = NEVER
-        for timer, due in zip(saved, state[1:], strict=True):
+        for timer, due in zip([one for one in self._timers if one.saved], dues, strict=True):
             timer.due = due
             if due != NEVER:
                 self.push(due, timer.rank)

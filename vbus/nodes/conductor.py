@@ -13,7 +13,7 @@ from vbus.nodes.sync import Participant
 
 SLICE: Final = 20 * MS
 """Chip time that is computed in one go."""
-FORMAT: Final = 1
+FORMAT: Final = 2
 """Version of snapshots."""
 
 RUNS: Final = "runs"

@@ -10,6 +10,7 @@ from vbus.kernel import Timer
 from vbus.nodes.orders import Orders
 from vbus.nodes.trace import NodeTrace
 from vbus.signals.wire import Drive, WireEnd
+from vbus.state import load, save
 
 Edge = tuple[int, int, int, int, int, bool]
 """What travels on a wire: instant it was sent (ps), node's rank, the node's running number, wire's
@@ -158,7 +159,7 @@ class Node:
             self.number,
             tuple(sorted(self._arrivals)),
             tuple(self._drives),
-            tuple(end.save_ends() for end in self.ends.values()),
+            tuple(save(end) for end in self.ends.values()),
             tuple(orders.save() for orders in self.orders),
             self.trace.save() if self.trace is not None else None,
         )
@@ -170,7 +171,7 @@ class Node:
             SnapshotError: the state was made by another node.
         """
         board, number, arrivals, drives, ends, orders, trace = state
-        self.board.load(board)  # type: ignore[arg-type]
+        self.board.load(board)
         if len(ends) != len(self.ends) or len(orders) != len(self.orders):  # type: ignore[arg-type]
             raise SnapshotError("the state was made by a node with other wires or scenarios")
         if (trace is None) != (self.trace is None):
@@ -179,7 +180,7 @@ class Node:
         self._arrivals = [tuple(arrival) for arrival in arrivals]  # type: ignore[attr-defined]
         self._drives[:] = [tuple(drive) for drive in drives]  # type: ignore[attr-defined]
         for end, saved in zip(self.ends.values(), ends, strict=True):  # type: ignore[call-overload]
-            end.load_ends(saved)
+            load(end, saved, end.name)
         for mine, saved in zip(self.orders, orders, strict=True):  # type: ignore[call-overload]
             mine.load(saved)
         if self.trace is not None:

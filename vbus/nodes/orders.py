@@ -10,6 +10,7 @@ from vbus.board.strobe_player import together
 from vbus.chips.base import Chip
 from vbus.kernel import US, Timer
 from vbus.signals import Z
+from vbus.state import load, save
 
 READ: Final = 0
 WRITE: Final = 1
@@ -253,7 +254,7 @@ class Orders:
         )
         return (
             self._given, self._step, self.last, tuple(sorted(self._steps)), orders,
-            self._pins.save(),
+            save(self._pins),
         )  # fmt: skip
 
     def load(self, state: tuple[object, ...]) -> None:
@@ -264,7 +265,7 @@ class Orders:
             number: Order(when, tuple(chips), kind, address, data, pin)
             for number, when, chips, kind, address, data, pin in orders  # type: ignore[attr-defined]
         }
-        self._pins.load(pins)  # type: ignore[arg-type]
+        load(self._pins, pins, self.label)
 
 
 def _nothing() -> None:

@@ -1,8 +1,12 @@
 """What a protocol is: bytes in, calls on a port, bytes out."""
 
+from typing import ClassVar
+
 from mypy_extensions import mypyc_attr
 
 from vbus.protocols.port import HostPort
+from vbus.state import Names
+from vbus.state.first import load_tuple, save_tuple
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -15,6 +19,9 @@ class Protocol:
     When a request has to wait (``port.held``), the protocol keeps it and everything after it;
     the session calls :meth:`resume` when the wait may be over.
     """
+
+    STATE: ClassVar[Names] = ()
+    WIRING: ClassVar[Names] = ("port", "out")
 
     def __init__(self, port: HostPort) -> None:
         self.port: HostPort = port
@@ -38,12 +45,15 @@ class Protocol:
     def save(self) -> tuple[object, ...]:
         """Return what stands between this request and the next: half of one, counts, promises.
 
-        Plain tuples of numbers, strings and bytes. Bytes not yet sent are no part of it.
+        Plain tuples of numbers, strings and bytes, of what ``STATE`` declares unless overridden.
+        Bytes not yet sent are no part of it.
         """
-        return ()
+        state: tuple[object, ...] = save_tuple(self)
+        return state
 
     def load(self, state: tuple[object, ...]) -> None:
         """Take back what :meth:`save` gave."""
+        load_tuple(self, state)
 
     def take(self) -> bytes:
         """Return and forget the bytes that are to be sent."""

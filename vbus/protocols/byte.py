@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from struct import unpack_from
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.kernel.kernel import NEVER
 from vbus.protocols import codes
@@ -10,6 +10,7 @@ from vbus.protocols.base import Protocol
 from vbus.protocols.hello import encode_hello
 from vbus.protocols.port import HostPort, NotYet, PortError
 from vbus.protocols.requests import FATAL, FORESEEN, LEASED, NO_EDGE, REQUESTS, VERSION
+from vbus.state import Names
 
 _READ4: Final = REQUESTS["READ4"].code
 _D: Final = ord("D")
@@ -38,6 +39,12 @@ class ByteProtocol(Protocol):
     or a bad version nobody can tell where the next request starts: from then on every byte is
     answered with that same refusal until :meth:`reset`.
     """
+
+    STATE: ClassVar[Names] = (
+        "_kept: bytearray[...]", "_number", "_refusal: bytes[...]", "_watching: bool", "_leasing",
+        "_partial: bytearray[...]",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_handlers",)
 
     def __init__(self, port: HostPort) -> None:
         super().__init__(port)
@@ -68,21 +75,6 @@ class ByteProtocol(Protocol):
         self._watching = False
         self._leasing = 0
         self._partial.clear()
-
-    def save(self) -> tuple[object, ...]:
-        """Return half a request, the request count, and what the host has asked for."""
-        return (
-            bytes(self._kept), self._number, self._refusal, self._watching, self._leasing,
-            bytes(self._partial),
-        )  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        kept, number, refusal, watching, leasing, partial = state
-        self._kept[:] = kept  # type: ignore[call-overload]
-        self._number, self._refusal = number, refusal  # type: ignore[assignment]
-        self._watching, self._leasing = watching, leasing  # type: ignore[assignment]
-        self._partial[:] = partial  # type: ignore[call-overload]
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out every request now complete."""

@@ -1,9 +1,12 @@
 """The byte protocol inside frames, for real serial lines: they lose bytes and know no sessions."""
 
+from typing import ClassVar
+
 from vbus.protocols.base import Protocol
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.frames import EVENT, FrameReader, frames
 from vbus.protocols.port import HostPort
+from vbus.state import Names
 
 
 class FramedProtocol(Protocol):
@@ -21,6 +24,10 @@ class FramedProtocol(Protocol):
     * An event during a request stands before its reply, as ever. Events between requests come in
       frames of their own, whose sequence byte has bit 7 set; they are not repeated.
     """
+
+    STATE: ClassVar[Names] = (
+        "_inner: part", "_reader: part", "_sequence", "_busy: bool", "_answer: bytes[...]",
+    )  # fmt: skip
 
     def __init__(self, port: HostPort) -> None:
         super().__init__(port)
@@ -46,18 +53,6 @@ class FramedProtocol(Protocol):
         self._sequence = -1
         self._busy = False
         self._answer = b""
-
-    def save(self) -> tuple[object, ...]:
-        """Return half a frame, the last answer, and what the requests inside have come to."""
-        return self._inner.save(), self._reader.save(), self._sequence, self._busy, self._answer
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        inner, kept, sequence, busy, answer = state
-        self._inner.load(inner)  # type: ignore[arg-type]
-        self._reader.load(kept)  # type: ignore[arg-type]
-        self._sequence, self._busy = sequence, busy  # type: ignore[assignment]
-        self._answer = answer  # type: ignore[assignment]
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out the requests of every frame now complete."""

@@ -5,7 +5,9 @@ A frame is ``A5``, a sequence byte, a length n (u8), n bytes, and the CRC (big-e
 """
 
 from binascii import crc_hqx
-from typing import Final
+from typing import ClassVar, Final
+
+from vbus.state import Names
 
 MARK: Final = 0xA5
 LONGEST: Final = 255
@@ -43,6 +45,8 @@ class FrameReader:
     """
 
     __slots__ = ("_bytes", "damaged")
+    STATE: ClassVar[Names] = ("_bytes: bytearray[...]",)
+    DERIVED: ClassVar[Names] = ("damaged",)
 
     def __init__(self) -> None:
         self._bytes: bytearray = bytearray()
@@ -56,14 +60,6 @@ class FrameReader:
     def clear(self) -> None:
         """Forget half a frame."""
         self._bytes.clear()
-
-    def save(self) -> bytes:
-        """Return half a frame."""
-        return bytes(self._bytes)
-
-    def load(self, state: bytes) -> None:
-        """Take back what :meth:`save` gave."""
-        self._bytes[:] = state
 
     def next(self) -> tuple[int, bytes] | None:
         """Return the next good frame as ``(sequence, payload)``, or None until more bytes come."""

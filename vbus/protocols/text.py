@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.kernel.kernel import NEVER, NS
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort, NotYet, PortError
 from vbus.protocols.quantities import format_instant, parse_duration
+from vbus.state import Names
 
 LONGEST_LINE: Final = 512
 """Most characters of a line; the rest of a longer one is skipped and the line refused."""
@@ -100,6 +101,11 @@ class TextProtocol(Protocol):
     back, in order. Numbers are hexadecimal, except behind qtest's verbs (as in C).
     """
 
+    STATE: ClassVar[Names] = (
+        "_kept: bytearray[...]", "_overlong: bool", "_mask", "_partial: list[str, ...]",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_handlers",)
+
     def __init__(self, port: HostPort) -> None:
         super().__init__(port)
         self._kept: bytearray = bytearray()
@@ -118,17 +124,6 @@ class TextProtocol(Protocol):
         self._overlong = False
         self._mask = 1
         self._partial.clear()
-
-    def save(self) -> tuple[object, ...]:
-        """Return half a line, the selection, and how far a line of several cycles has come."""
-        return bytes(self._kept), self._overlong, self._mask, tuple(self._partial)
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        kept, overlong, mask, partial = state
-        self._kept[:] = kept  # type: ignore[call-overload]
-        self._overlong, self._mask = overlong, mask  # type: ignore[assignment]
-        self._partial[:] = partial  # type: ignore[call-overload]
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out every line now complete."""

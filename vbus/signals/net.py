@@ -1,10 +1,11 @@
 """Wires and the pins connected to them."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.kernel.kernel import Kernel, Task
 from vbus.signals.observer import Observer
+from vbus.state import Names
 
 LOW: Final = 0
 HIGH: Final = 1
@@ -20,6 +21,7 @@ class Watcher(Task):
     """
 
     __slots__ = ("_callback", "_kernel", "_pending")
+    WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, kernel: Kernel, callback: Callable[[], None]) -> None:
         self._kernel: Kernel = kernel
@@ -48,6 +50,8 @@ class Pin:
     """
 
     __slots__ = ("level", "name", "net", "on_heard", "open_drain")
+    STATE: ClassVar[Names] = ("level",)
+    WIRING: ClassVar[Names] = ("name", "net", "on_heard", "open_drain")
 
     def __init__(self, name: str, net: "Net", *, open_drain: bool = False) -> None:
         self.name: str = name
@@ -114,6 +118,11 @@ class Net:
         "_batch", "_kernel", "bends", "changed_at", "clash", "clashing", "let_go_at", "name",
         "observers", "pins", "previous", "rest", "value", "watchers", "width",
     )  # fmt: skip
+    STATE: ClassVar[Names] = ("value", "history: tuple[i64]")
+    WIRING: ClassVar[Names] = (
+        "_kernel", "bends", "clash", "name", "observers", "pins", "rest", "watchers", "width",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_batch", "changed_at", "clashing", "let_go_at", "previous")
 
     def __init__(self, kernel: Kernel, name: str, *, rest: int = HIGH, width: int = 1) -> None:
         self._kernel: Kernel = kernel
@@ -227,7 +236,22 @@ class Net:
             for watcher in self.watchers:
                 watcher.notify()
 
-    def recall_clash(self) -> None:
+    @property
+    def history(self) -> tuple[int, ...]:
+        """Level before the last change, its instant, and when the last driver let go.
+
+        A wire to which nobody listens has no history: chips drive it when somebody looks at them,
+        and being looked at changes nothing. Of D0-D7 the AC limits look at every change.
+        """
+        if not self.heard and self.width != 8:
+            return (self.value, 0, -1)
+        return (self.previous, self.changed_at, self.let_go_at)
+
+    @history.setter
+    def history(self, history: tuple[int, ...]) -> None:
+        self.previous, self.changed_at, self.let_go_at = history
+
+    def after_load(self) -> None:
         """Find out whether pins disagree and tell nobody: their levels have been loaded."""
         level = Z
         fight = False
@@ -237,21 +261,3 @@ class Net:
                     fight = fight or not pin.open_drain
                 level = pin.level if level == Z else level & pin.level
         self.clashing = fight
-
-    def recall_history(self, state: tuple[int, ...]) -> None:
-        """Take back all but the level: who listens has begun to listen since."""
-        self.previous, self.changed_at, self.let_go_at = state[1:]
-
-    def save(self) -> tuple[int, ...]:
-        """Return the level and its history; what each pin drives is its owner's to save.
-
-        A wire to which nobody listens has no history: chips drive it when somebody looks at them,
-        and being looked at changes nothing. Of D0-D7 the AC limits look at every change.
-        """
-        if not self.heard and self.width != 8:
-            return (self.value, self.value, 0, -1)
-        return (self.value, self.previous, self.changed_at, self.let_go_at)
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave; nobody is notified."""
-        self.value, self.previous, self.changed_at, self.let_go_at = state

@@ -1,7 +1,10 @@
 """One node's end of a wire that goes on at other nodes."""
 
+from typing import ClassVar
+
 from vbus.kernel.kernel import Kernel
 from vbus.signals.net import HIGH, Net, Pin, Z
+from vbus.state import Names
 
 Drive = tuple[int, int, int, bool]
 """What an end began to drive: instant (ps), rank of the wire, level, whether open drain only."""
@@ -27,6 +30,10 @@ class WireEnd(Net):
     """
 
     __slots__ = ("_outbox", "far", "rank", "sent", "weak")
+    STATE: ClassVar[Names] = (
+        *Net.STATE, "sent", "weak: bool", "driven_far: list[(i64, i64, bool)]",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_outbox", "far", "rank")
 
     def __init__(
         self,
@@ -76,14 +83,13 @@ class WireEnd(Net):
         pin.open_drain = weak
         pin.drive(level)
 
-    def save_ends(self) -> tuple[object, ...]:
-        """Return what this end and the others drive, for :meth:`load_ends`."""
-        far = tuple((node, pin.level, pin.open_drain) for node, pin in self.far.items())
-        return (self.sent, self.weak, far)
+    @property
+    def driven_far(self) -> list[tuple[int, int, bool]]:
+        """What the other ends drive: number of the node, level, and whether it pulls low only."""
+        return [(node, pin.level, pin.open_drain) for node, pin in self.far.items()]
 
-    def load_ends(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save_ends` gave; nobody is notified."""
-        self.sent, self.weak, far = state  # type: ignore[assignment]
-        for node, level, weak in far:  # type: ignore[attr-defined]
+    @driven_far.setter
+    def driven_far(self, ends: list[tuple[int, int, bool]]) -> None:
+        for node, level, weak in ends:
             self.far[node].level = level
             self.far[node].open_drain = weak

@@ -5,7 +5,7 @@ import platform
 from collections.abc import Callable
 from typing import BinaryIO
 
-from vbus.board.board import Board
+from vbus.board.board import STATE_HASH, Board
 from vbus.board.cards import Card
 from vbus.board.circuit import Circuit
 from vbus.board.host_bus import HostBus, Hosts
@@ -19,15 +19,30 @@ from vbus.trace.recorded_bus import RecordedBus
 from vbus.version import __version__
 
 
-def end_of(board: Board) -> tuple[str, str, int]:
+def named(version: int, state: str) -> str:
+    """Return a state hash as a journal has it: "2:" and the hash; those of version 1 are bare."""
+    return f"{version}:{state}" if version > 1 else state
+
+
+def version_of(state: str) -> int:
+    """Return the version of the state hash a journal has."""
+    version, colon, _ = state.partition(":")
+    return int(version) if colon else 1
+
+
+def end_of(board: Board, version: int = STATE_HASH) -> tuple[str, str, int]:
     """Return what a run comes to.
 
+    Args:
+        board: where it has ended.
+        version: of the state hash.
+
     Returns:
-        The board's state hash; a hash over what the chips tell of themselves; and how often
-        somebody has looked at nets. State hashes can be compared where nobody has, the others
-        always.
+        The board's state hash, with its version; a hash over what the chips tell of themselves;
+        and how often somebody has looked at nets. State hashes can be compared where nobody has,
+        the others always.
     """
-    state = board.state_hash()
+    state = named(version, board.state_hash(version))
     told = [(chip.name, sorted(chip.telemetry().items())) for chip in board.chips]
     return state, hashlib.sha256(repr(told).encode()).hexdigest(), board.kernel.observations
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 from vbus.board.board import Board
 from vbus.signals import Observer, Violation
 from vbus.trace.decode import decoder_of, settings_for_decoders
-from vbus.trace.journal import end_of
+from vbus.trace.journal import end_of, version_of
 from vbus.trace.journal_format import Entry
 from vbus.trace.journal_view import Sessions, violation_of
 from vbus.trace.packets import Cycle, Decoder, Packet
@@ -210,7 +210,7 @@ class Replay:
         left = self._findings.compare() or self._findings.rest()
         if left is not None:
             return left
-        state_now, told_now, observations_now = end_of(self.board)
+        state_now, told_now, observations_now = end_of(self.board, version_of(state))
         same = told_now == told and (bool(observations or observations_now) or state_now == state)
         if not same:
             return Divergence(

@@ -258,10 +258,10 @@ def test_a_damaged_file_is_refused(data) -> None:
 
 
 def test_a_later_format_is_refused_by_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(snapshots, "VERSION", 2)
+    monkeypatch.setattr(snapshots, "VERSION", 3)
     later = taken()
     monkeypatch.undo()
-    with pytest.raises(SnapshotError, match="format 2; this vbus reads format 1"):
+    with pytest.raises(SnapshotError, match="format 3; this vbus reads formats 1 to 2"):
         snapshots.read(later)
 
 

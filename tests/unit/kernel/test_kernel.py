@@ -4,8 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vbus.errors import SnapshotError
 from vbus.kernel import NEVER, Kernel
 from vbus.kernel.kernel import Task
+from vbus.state import load, save
 
 
 def test_a_timer_fires_at_its_instant_and_not_before() -> None:
@@ -126,7 +128,7 @@ def test_running_in_two_parts_with_a_snapshot_between_is_running_at_once(
     before.run_until(first)
     after = Kernel()
     after_tickers = [Ticker(after, period) for period in periods]
-    after.load(before.save())
+    load(after, save(before))
     after.run_until(first + second)
 
     for one, two, three in zip(expected, before_tickers, after_tickers, strict=True):
@@ -134,5 +136,6 @@ def test_running_in_two_parts_with_a_snapshot_between_is_running_at_once(
 
 
 def test_a_state_of_another_board_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"^state has 2 timers, this kernel 0$"):
-        Kernel().load((0, NEVER, NEVER))
+    other = {"STATE_VERSION": 1, "now": 0, "dues": (NEVER, NEVER)}
+    with pytest.raises(SnapshotError, match=r"^kernel.dues: wants 0 values, not 2$"):
+        load(Kernel(), other, "kernel")

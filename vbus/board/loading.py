@@ -1,0 +1,55 @@
+"""Bringing a board to a saved state: everything is checked first, then set in its order."""
+
+from collections.abc import Callable
+from typing import Any
+
+from vbus.board.state_1 import told
+from vbus.errors import SnapshotError
+from vbus.state import plan
+from vbus.state.first import from_tuple
+
+
+def prepare(board: Any, saved: Any) -> Callable[[], None]:
+    """Check a state against a board; return what loads it, to be called at once.
+
+    Args:
+        board: a board with the same chips and open ports as the one that was saved.
+        saved: what its ``save()`` gave, or that of a first version.
+
+    Raises:
+        SnapshotError: the state was made by another board, or is none; the board is as it was.
+    """
+    parts, broken = told(saved)
+    if parts != board.parts:
+        raise SnapshotError(
+            f"the state belongs to a board with {parts}, this one has {board.parts}"
+        )
+    acts = board.faults.acts if board.broken or broken else None
+    stood = acts.stand_in(broken) if acts is not None else {}
+    try:
+        fields = from_tuple(board, saved) if isinstance(saved, tuple) else dict(saved)
+        fields.pop("parts")
+        fields.pop("faults", None)
+        loading = plan(board, fields, "the state")
+    except SnapshotError:
+        if acts is not None:
+            acts.stand_back(stood)
+        raise
+
+    def go() -> None:
+        board.player.flush()
+        if acts is not None:
+            board.faults.load(broken)
+        # Whoever is to be told of something is told now: it belongs to what is left behind.
+        board.kernel.settle()
+        loading.apply()
+        if acts is not None:
+            board.faults.go_on()
+        # Who listens now has begun to listen since.
+        for net, kept in zip(board.wires, fields["wires"], strict=True):
+            net.history = tuple(kept["history"])
+        for chip in board.chips:
+            chip.heard_changed()
+            chip.rearm()
+
+    return go
