@@ -11,6 +11,7 @@ from vbus.board.board import Board
 from vbus.chips.mc1241a import MC1241A
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.chips.mc1241a.microstep import Microstepper
+from vbus.chips.mc1241a.parameters import Registers
 from vbus.kernel import MS, SECOND, US
 from vbus.plant.ideal import IdealPlant
 from vbus.plant.stepper import StepperMotor
@@ -299,6 +300,24 @@ def test_an_angle_stored_in_whole_microsteps_is_the_same() -> None:
     stepper.begin_cycle(10 << 32, 0)
     assert stepper.angle(8) == 210
     assert stepper.save() == (1, 200, 210 << 32, 0, -1, 0, 0)
+
+
+def test_an_angle_that_renumbering_has_left_is_stored_with_its_fraction() -> None:
+    stepper = Microstepper(True)
+    stepper.renumber((200 << 32) + 0x89ABCDEF, 0)
+    state = stepper.save()
+    assert state == (0, 200 | 0x89ABCDEF << 8, 0, 0, -1, 0, 0)
+    second = Microstepper(True)
+    second.load(state)
+    assert second.save() == state
+    for target, angle in ((0, 200), (0x76543210, 200), (0x76543211, 201)):
+        second.begin_cycle(target, 0)
+        assert second.angle(8) == angle
+
+
+def test_registers_and_currents_begin_at_zero() -> None:
+    assert Registers().save() == (0,) * 10
+    assert Rig().chip.cycles.save()[1] == ((0, 0, 0), (0, 0, 0))
 
 
 @pytest.mark.parametrize("motor", [None, StepperMotor])
