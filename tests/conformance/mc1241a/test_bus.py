@@ -236,6 +236,7 @@ def test_writes_while_busy_are_lost_and_reported(bench: Bench) -> None:
     bench.byte_out(DATA, 0x7A)  # busy: neither this byte
     bench.byte_out(COMMAND, 0x33)  # nor this command counts
     assert bench.rules() == ["not-ready", "not-ready"]
+    assert [violation.limit for violation in bench.violations] == [0, 0]
     bench.write_word(0x0123)
     assert bench.checksum() == 0x0029 + 0x0123
     assert bench.send("GET_POS_ERR") == 0x0123

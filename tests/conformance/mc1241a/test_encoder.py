@@ -99,6 +99,20 @@ def test_the_second_axis_has_its_own_encoder(chip: Bench) -> None:
     assert (chip.seen("actual", 1), chip.seen("actual", 2)) == (0, -1)
 
 
+@spec("PMD-ENC-1", "PMD-CAP-1")
+@pytest.mark.parametrize(("before", "cycles"), [(480, 1), (479, 2)])
+def test_an_edge_that_nothing_follows_is_taken_in_by_the_cycle_after_the_filter(
+    chip: Bench, before: int, cycles: int
+) -> None:
+    chip.send("SET_2")
+    chip.send("SET_CAPT_HOME")
+    chip.run_until((chip.now // CYCLE + 1) * CYCLE - before * NS)
+    chip.drive("QuadA1", 1)
+    chip.drive("~Home2", 0)
+    assert chip.trace("actual", 2) == [2 - cycles, 1]
+    assert chip.send("GET_STATUS") == 0x1308
+
+
 # -- capture ----------------------------------------------------------------------------------
 
 
@@ -251,18 +265,22 @@ def test_the_plant_s_home_switch_is_captured_where_it_falls(active: int) -> None
 
 
 @spec("PMD-CAP-1")
-def test_arming_in_the_middle_of_a_slot_misses_what_has_gone_by_in_it() -> None:
+@pytest.mark.parametrize(("source", "place"), [(1, 100), (0, 600)])
+def test_arming_in_the_middle_of_a_slot_misses_what_has_gone_by_in_it(
+    source: int, place: int
+) -> None:
     for offset, captured in ((-10, True), (10, False)):
         bench, plant = motored(home=Switch(100, 200))
-        bench.send("SET_CAPT_HOME")
+        bench.send("SET_CAPT_HOME" if source else "SET_CAPT_INDEX")
         bench.move(pos=1000, vel=8 << 16, acc=8 << 16)  # one count a slot
-        start = (bench.now // CYCLE + 1) * CYCLE + 99 * SLOT  # count 100 comes in this slot
+        # The place comes in this slot.
+        start = (bench.now // CYCLE + 1) * CYCLE + (place - 1) * SLOT
         bench.run_until(start)
-        assert (plant.count, plant.count_at(0.0)) == (100, 99)
-        crossing = start + int(plant.fraction_at(100) * SLOT)
+        assert (plant.count, plant.count_at(0.0)) == (place, place - 1)
+        crossing = start + int(plant.fraction_at(place) * SLOT)
         bench.run_until(crossing + offset * NS)
         bench.chip.cycles.follow_encoders()
-        bench.chip.axes[0].encoder.set_source(1)
+        bench.chip.axes[0].encoder.set_source(source)
         bench.run_until(start + 20 * SLOT)
         # Armed before the edge it captures; what was captured by the first arming is forgotten.
         assert bench.chip.axes[0].encoder._armed is not captured

@@ -267,6 +267,18 @@ def test_outputs_heard_after_other_lines_are_made_in_time() -> None:
 
 
 @spec("PMD-USTP-6")
+@pytest.mark.parametrize(("command", "high"), [(64, 1), (191, 1), (192, 2), (32703, 255)])
+def test_the_shortest_and_the_longest_pulse(command: int, high: int) -> None:
+    bench = powered(command)
+    at_angle(bench, 64)
+    bench.run_for(1)
+    edges = Edges(bench, "PWMMag1A")
+    start = (bench.now // FRAME + 1) * FRAME
+    bench.run_until(start + FRAME - 1)
+    assert edges.of("PWMMag1A") == [(start, 1), (start + high * CLK, 0)]
+
+
+@spec("PMD-USTP-6")
 def test_full_and_no_magnitude_have_no_edges() -> None:
     bench = powered()
     at_angle(bench, 64)
@@ -381,6 +393,10 @@ def test_the_dac_port_keeps_its_own_limits() -> None:
     for symbol, interval in measured.items():
         row = AC[symbol]
         assert row.min_ps <= interval <= (row.max_ps or NEVER), symbol
+    # Where the chip set puts them within these limits.
+    assert {symbol: interval // NS for symbol, interval in measured.items()} == {
+        "T19": 55, "T20": 75, "T21": 85, "T22": 25, "T23": 80, "T24": 80, "T26": 63, "T27": 8,
+    }  # fmt: skip
     assert first("~I/OWrite", 0, low + 1) - low == clock_out
 
 

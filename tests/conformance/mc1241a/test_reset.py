@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.conformance.mc1241a.conftest import BUSY, CYCLE, Bench
+from tests.conformance.mc1241a.conftest import BUSY, CLK, CYCLE, Bench
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.kernel import MS, NEVER, NS, US
 from vbus.plant.stepper import StepperMotor
@@ -126,6 +126,37 @@ def test_nothing_gets_through_during_reset(bench: Bench) -> None:
     assert bench.status() == 0x0300
 
 
+@spec("PMD-RST-1", "PMD-BUS-8")
+def test_the_byte_read_last_is_forgotten_by_a_reset(bench: Bench) -> None:
+    bench.command(COMMANDS["GET_VRSN"].code)
+    bench.wait_ready()
+    assert bench.byte_in() == 0x4A
+    bench.command(0x39)
+    assert bench.byte_in() == 0x4A
+    bench.run_for(MS)
+    assert bench.byte_in() == 0
+
+
+@spec("PMD-RST-1", "PMD-BUS-3")
+def test_a_read_under_way_when_a_reset_comes_does_not_count() -> None:
+    bench = Bench("strobe")
+    bench.command(COMMANDS["GET_VRSN"].code)
+    bench.wait_ready()
+    for pin in ("HostCmd", "~HostSlct", "~HostRead", "~Reset"):
+        bench.drive(pin, 0)
+        bench.run_for(US)
+    bench.run_for(10 * US)
+    bench.drive("~Reset", 1)
+    bench.run_for(3 * MS)
+    for pin in ("~HostRead", "~HostSlct"):
+        bench.drive(pin, 1)
+        bench.run_for(US)
+    bench.byte_in()
+    assert bench.level("HostRdy") == 1
+    bench.byte_in()
+    assert bench.level("HostRdy") == 0
+
+
 @spec("PMD-RST-2", "PMD-AMB-25", "PMD-CMD-77")
 def test_time_starts_at_0_with_every_reset(chip: Bench) -> None:
     chip.next_cycle(1000)
@@ -179,8 +210,9 @@ def test_a_motor_coasts_through_the_reset_and_its_place_is_then_0(chip: Bench) -
     assert motor.driven[-1] == (0.0, 1.0, 0.0)
     motor.until = slots + 28
     chip.wait_ready()
+    chip.run_for(CLK)
+    assert motor.driven[slots:] == [(0.0, 0.0, 0.0)] * 29
     chip.next_cycle(2)
-    assert motor.driven[slots : slots + 28] == [(0.0, 0.0, 0.0)] * 28
     assert motor.count == 28
     assert chip.send("GET_ACTL_POS") == 0
 

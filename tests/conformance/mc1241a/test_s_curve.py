@@ -76,6 +76,16 @@ def test_the_move_of_2003_is_one_cycle_longer_and_a_little_slower(bench: Bench) 
 
 
 @spec("PMD-TRJ-4")
+def test_a_curve_begins_though_its_first_velocity_is_below_every_unit(chip: Bench) -> None:
+    """m = 444, so that the first cycle moves 3/197136 of 1/65536 ustep."""
+    s_curve(chip, 3, vel=3, max_acc=0x7FFF, jerk=1)
+    chip.next_cycle()
+    assert (chip.seen("status"), chip.chip.axes[0].profile.position) == (0x0700, 0)
+    chip.next_cycle(1000)
+    assert chip.send("GET_TRGT_VEL") == 3
+
+
+@spec("PMD-TRJ-4")
 def test_backwards_ends_on_the_destination_too(chip: Bench) -> None:
     s_curve(chip, -2000)
     chip.next_cycle(310)

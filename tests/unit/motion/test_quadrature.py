@@ -161,7 +161,7 @@ def test_a_pulse_shorter_than_its_limit_is_told_with_its_length(inputs, limit):
 def test_a_state_shorter_than_its_limit_is_told_with_its_length(inputs, limit):
     for length, found in ((limit, 0), (limit - 1, SHORT_DWELL)):
         decoder = inputs()
-        decoder.edge(0, 1, 0, 1)
+        assert decoder.edge(0, 1, 0, 1) == 0
         drain(decoder, length)
         assert decoder.edge(length, 1, 1, 1) == found
         assert decoder.dwell == length

@@ -108,9 +108,14 @@ def test_what_would_be_left_over_lowers_every_velocity_alike():
         # More acceleration than the jerk can reach on the way to the top velocity.
         ((10_000, 100, 12, 1), (10, 0, 80)),
         ((10_000, 101, 12, 1), (11, 0, 78)),
+        # Just long enough for the top velocity, and one unit too short.
+        ((2121, 101, 10, 1), (10, 1, 0)),
+        ((2120, 101, 10, 1), (11, 0, 0)),
         # Too short for the top velocity: the cube root of 54 / 2, and a little more.
         ((54, 1000, 1000, 1), (3, 0, 0)),
         ((55, 1000, 1000, 1), (4, 0, 0)),
+        *(((2 * m**3, 1 << 62, 1 << 62, 1), (m, 0, 0)) for m in (1000, 77_777, 123_456)),
+        *(((2 * m**3 + 1, 1 << 62, 1 << 62, 1), (m + 1, 0, 0)) for m in (1000, 77_777, 123_456)),
         # Too short, and the acceleration is reached: 3 * (3 + t) * (6 + t) is at least 200.
         ((200, 1000, 3, 1), (3, 4, 0)),
         ((210, 1000, 3, 1), (3, 4, 0)),

@@ -39,6 +39,14 @@ def test_a_move_that_does_not_divide_evenly_spreads_the_rest_over_the_decelerati
     assert [p >> 16 for p in positions] == [0, 1, 3, 5, 7, 8, 10, 10, 11]
 
 
+@pytest.mark.spec("LM-TRJ-12", "PMD-TRJ-2")
+@pytest.mark.parametrize(("velocity", "over"), [(10, True), (11, False), (-10, True), (-11, False)])
+def test_a_move_is_over_on_its_target_if_one_acceleration_stops_it(velocity: int, over: bool):
+    assert arrived(0, velocity, 10) is over
+    assert not arrived(1, velocity, 10)
+    assert arrived(0, velocity + (2 if velocity > 0 else -2), 10, 2) is over
+
+
 @pytest.mark.spec("LM-T-4")
 def test_the_manuals_100_revolution_move_peaks_halfway_and_takes_20_seconds():
     positions, velocities = move(200_000 << 16, 0x6D1EC, 15)
