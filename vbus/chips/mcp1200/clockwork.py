@@ -249,6 +249,7 @@ class Clockwork:
         self.live.look()
         self.stepper.clear(cycle)
         self.core.soft_reset()
+        self.core.command.clear()
         self.file.bytes[ds.FLAG] = 0
         self.file.bytes[ds.MODE] = 0
         self.core.point = 0
@@ -409,8 +410,8 @@ class Clockwork:
 
     def _next_period(self, cycle: i64) -> None:
         """The plant's period is over: run it to the next instant its drive may change."""
-        end: i64 = FAR
-        if self._at_sample > cycle:
+        end: i64 = self._at_reset
+        if cycle < self._at_sample < end:
             end = self._at_sample
         if cycle < self._at_results < end:
             end = self._at_results
