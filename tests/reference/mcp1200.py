@@ -161,21 +161,25 @@ class Reference:
 
     def __init__(self, unipolar: str = "magnitude") -> None:
         self.unipolar = unipolar
+        self.limit_low = self.stop_low = False
+        self.trig_level = self.index_level = 1
+        self.power_on()
+
+    def power_on(self) -> None:
+        """What a hard reset leaves (MCP-RST-3)."""
         self.r = [0] * 128
         for address, value in HARD_DEFAULTS.items():
             self.r[address] = value
         self.state = IDLE
         self.order: int | None = None
+        """What the host has written to R05 since the sample began."""
         self.actual = 0
         """Actual position, signed 24 bits."""
         self.command = 0
         """Command position, signed 24 bits."""
-        self.limit_low = self.stop_low = False
         self.limit_noted = self.stop_noted = self.break_noted = self.error_noted = False
         self.compare = -0x800000
         self.break_pending = False
-        self.trig_level = self.index_level = 1
-        self.captured = 0
         # What was captured when R29 or R25 was written (MCP-INT-2).
         self.point = self.speed = 0
         # Backlash (MCP-ERR-1).
@@ -257,12 +261,12 @@ class Reference:
             pass
         else:
             self.r[address] = data
-        if address == 0x29 and not self.r[0x00] & F4:  # MCP-INT-2, NOTES 12
+        if address == 0x29:  # MCP-INT-2, NOTES 12
             self.point = self.final
-            self.r[0x03] |= 0x80
-        if address == 0x25 and not self.r[0x00] & F3:
+            self.r[0x03] |= 0 if self.r[0x00] & F4 else 0x80
+        if address == 0x25:
             self.speed = self.high_resolution_velocity
-            self.r[0x03] |= 0x80
+            self.r[0x03] |= 0 if self.r[0x00] & F3 else 0x80
         if self.state == IDLE and self.limit_low:
             self.outputs_off()  # MCP-MOD-4
 
@@ -407,6 +411,8 @@ class Reference:
 
     def count(self, counts: int) -> None:
         """The encoder counts; in step mode that is looked at for stalls alone."""
+        if self.r[0x1A] & 0x80:  # MCP-ENC-1
+            counts = -counts
         if self.r[0x02] & 0x02:
             self.encoder += counts
         else:
@@ -632,7 +638,11 @@ class Reference:
         self.window = (0, 0, 0)
         self.left = 0
         self.kept_from = None
-        self.fresh = False
+
+    def hard_reset(self, cycle: int) -> None:
+        """/RESET rises: everything is as after power-on, and a soft reset follows (MCP-RST-1)."""
+        self.power_on()
+        self.soft_reset(cycle)
 
     def soft_reset(self, cycle: int) -> None:
         """A reset begins (MCP-RST-4, MCP-RST-5, NOTES 18)."""
@@ -892,7 +902,6 @@ class Reference:
         if self.entering or self.action == 2:
             self.left = 0
             self.kept_from: int | None = None
-        self.fresh = self.fresh or self.entering
         if self.action == 2:
             self.stand(self.position)
             self.kept_from = self.final
@@ -904,9 +913,8 @@ class Reference:
             changed = self.final != self.place >> 8 and self.kept_from is None
             if self.left == 0 and (self.entering or loaded or changed):
                 self.first = self.place >> 8
-                point = self.point if loaded and not self.fresh else self.final
+                point = self.point if loaded and not self.entering else self.final
                 self.way = signed(point - self.first, 24)
-                self.fresh = False
                 self.kept_from = None
                 self.begin_segment()
                 self.r[0x03] &= 0x7F
@@ -1053,7 +1061,7 @@ class Reference:
 
     def step(self) -> None:
         """Step mode: a new sample's steps begin now (MCP-STP-1, MCP-STP-2, NOTES 20)."""
-        goal = signed(self.command + self.offset, 24)
+        goal = self.command  # Without the backlash offset (NOTES 41).
         steps = self.sign_of_steps * (self.steps - self.sent) + signed(goal - self.stepped_to, 24)
         self.stepped_to = goal
         self.steps, self.sent = abs(steps), 0

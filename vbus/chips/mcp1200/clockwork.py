@@ -380,7 +380,7 @@ class Clockwork:
             if self.stepper.overrun(period):
                 most = period // self.stepper.width
                 self._report(ds.STEP_OVERRUN, abs(int(core.steps)), most, "", self._clock.ps(cycle))
-            self.counter.replan(cycle)
+            self.counter.begin_steps(cycle)
         self.rest.note()
 
     def _routine(self, cycle: int) -> None:
