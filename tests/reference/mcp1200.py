@@ -21,7 +21,6 @@ MODE_FLAGS = F0 | F3 | F4 | F5
 LIMIT, STOP, BREAKPOINT, ERROR, TIMER, IN_POSITION, REVERSE = 128, 64, 32, 16, 8, 4, 2
 """Bits of the Status Register."""
 
-KNOWN: set[str] = set()
 RESET_CLK = 320
 READ_ONLY = {0x06, 0x12, 0x14, 0x19, *range(0x2C, 0x36), 0x39, 0x3A, 0x3B}
 LISTED = {
@@ -102,14 +101,11 @@ class SCurve:
         samples = max(self.ramp, -(-d // v))
         self.way = d
         self.peak, self.per = d, samples
-        if "scurve" in KNOWN and d >= v * self.ramp:
-            samples = d // v
-            self.peak, self.per = v, 1
         self.shape = m * (m + t)
         self.left = [m, t, m, samples - self.ramp, m, t, m]
         self.held = 0
         self.k = self.c = self.covered = 0
-        self.rest = d - samples * v if "scurve" in KNOWN and d >= v * self.ramp else 0
+        self.rest = 0
         """What a new end leaves over, as a numerator over ``per``: one sample more (MCP-SCV-3)."""
         self.phase = 1
         self.velocity = 0
@@ -165,21 +161,25 @@ class Reference:
 
     def __init__(self, unipolar: str = "magnitude") -> None:
         self.unipolar = unipolar
+        self.limit_low = self.stop_low = False
+        self.trig_level = self.index_level = 1
+        self.power_on()
+
+    def power_on(self) -> None:
+        """What a hard reset leaves (MCP-RST-3)."""
         self.r = [0] * 128
         for address, value in HARD_DEFAULTS.items():
             self.r[address] = value
         self.state = IDLE
         self.order: int | None = None
+        """What the host has written to R05 since the sample began."""
         self.actual = 0
         """Actual position, signed 24 bits."""
         self.command = 0
         """Command position, signed 24 bits."""
-        self.limit_low = self.stop_low = False
         self.limit_noted = self.stop_noted = self.break_noted = self.error_noted = False
         self.compare = -0x800000
         self.break_pending = False
-        self.trig_level = self.index_level = 1
-        self.captured = 0
         # What was captured when R29 or R25 was written (MCP-INT-2).
         self.point = self.speed = 0
         # Backlash (MCP-ERR-1).
@@ -200,7 +200,6 @@ class Reference:
         self.window = (0, 0, 0)
         self.mode_ended = False
         """Whether the flag of the mode under way has been cleared since the last sample."""
-        self.was_reset = False
         self.mode = POSITION
         self.clear_generator()
         self.clear_history()
@@ -262,12 +261,12 @@ class Reference:
             pass
         else:
             self.r[address] = data
-        if address == 0x29 and not self.r[0x00] & F4:  # MCP-INT-2, NOTES 12
+        if address == 0x29:  # MCP-INT-2, NOTES 12
             self.point = self.final
-            self.r[0x03] |= 0x80
-        if address == 0x25 and not self.r[0x00] & F3:
+            self.r[0x03] |= 0 if self.r[0x00] & F4 else 0x80
+        if address == 0x25:
             self.speed = self.high_resolution_velocity
-            self.r[0x03] |= 0x80
+            self.r[0x03] |= 0 if self.r[0x00] & F3 else 0x80
         if self.state == IDLE and self.limit_low:
             self.outputs_off()  # MCP-MOD-4
 
@@ -412,6 +411,8 @@ class Reference:
 
     def count(self, counts: int) -> None:
         """The encoder counts; in step mode that is looked at for stalls alone."""
+        if self.r[0x1A] & 0x80:  # MCP-ENC-1
+            counts = -counts
         if self.r[0x02] & 0x02:
             self.encoder += counts
         else:
@@ -578,10 +579,6 @@ class Reference:
         """BUSY falls: everything computed appears (MCP-SMP-5)."""
         self.computing = False
         self.run(self.busy_until)
-        if "reset" in KNOWN and self.was_reset:
-            for n in (0x31, 0x32, 0x33, 0x39, 0x3A, 0x3B):
-                self.r[n] = 0
-        self.was_reset = False
         self.generate()
         self.measure()
         self.stall_check()
@@ -589,7 +586,7 @@ class Reference:
         if self.r[0x02] & 0x02:
             self.step()
             self.ahead = self.sign_of_steps * self.due(self.next_start)
-            self.run(self.busy_until, "step-break" in KNOWN)
+            self.run(self.busy_until)
         else:
             self.drive(error)
 
@@ -606,14 +603,10 @@ class Reference:
 
     def idle_sample(self) -> None:
         """Decision 37: In-position goes on; NOTES 14: so does the breakpoint routine."""
-        kept = self.offset
         if self.r[0x44] == 0:
             self.offset = 0
         error = signed(self.command + self.offset - self.actual, 24)
-        if "offset" in KNOWN:
-            self.offset = kept
-        if "idle" not in KNOWN:
-            self.in_position(error)
+        self.in_position(error)
         due, self.break_pending = self.break_pending, False
         self.breakpoint_routine(due)
         self.last_actual = self.actual
@@ -645,7 +638,11 @@ class Reference:
         self.window = (0, 0, 0)
         self.left = 0
         self.kept_from = None
-        self.fresh = False
+
+    def hard_reset(self, cycle: int) -> None:
+        """/RESET rises: everything is as after power-on, and a soft reset follows (MCP-RST-1)."""
+        self.power_on()
+        self.soft_reset(cycle)
 
     def soft_reset(self, cycle: int) -> None:
         """A reset begins (MCP-RST-4, MCP-RST-5, NOTES 18)."""
@@ -665,7 +662,6 @@ class Reference:
         self.offset = self.direction = self.last_command = 0
         self.clear_history()
         self.clear_generator()
-        self.was_reset = True
         self.begin_period(self.started)
 
     # -- generators ----------------------------------------------------------------------------
@@ -685,10 +681,7 @@ class Reference:
             self.r[0x00] &= ~MODE_FLAGS
             self.stand(self.position)
         if self.entering and self.command != self.generated:
-            fraction = self.place & 0xFF
             self.stand(self.command)
-            if "fraction" in KNOWN:
-                self.place += fraction
         elif self.mode != POSITION:
             self.command = self.generated
         if self.mode != PROFILE:
@@ -711,7 +704,7 @@ class Reference:
         """MCP-POS-1."""
         self.stand(self.position if self.action == 2 else self.command)
         self.velocity = 0
-        if not (self.action in (2, 3) and "r0b" in KNOWN):
+        if self.action not in (2, 3):  # MCP-EXC-2, NOTES 37
             self.stand(signed(self.command + signed(self.r[0x0B], 8), 24))
             self.r[0x0B] = 0
         self.command_velocity = signed(self.word(0x57, 0x56), 16)
@@ -774,19 +767,13 @@ class Reference:
         """Start from the command as it stands, once everything has a value (NOTES 8)."""
         self.r[0x06] = 0
         self.target = self.final
-        if self.entering:
-            self.begun = None
-        if not s_curve and (self.begun is None or self.waiting):
-            self.begun = self.place >> 8
+        self.begun = self.place >> 8
         a, top, jerk = self.acceleration << 8, self.top_velocity << 8, self.word(0x55, 0x54)
         wanting = not (a and top and (jerk or not s_curve))
-        carried = self.velocity
         if wanting or s_curve:
             self.velocity = self.command_velocity = 0
         self.rest = self.way_to_target()
         self.waiting = wanting and self.target != self.place >> 8
-        if wanting and carried and not s_curve and "equal" in KNOWN:
-            self.waiting = True
         if self.velocity == 0 and self.target == self.place >> 8:
             self.stand(self.place >> 8)
         elif s_curve and not self.waiting and self.rest:
@@ -825,7 +812,7 @@ class Reference:
         if self.final != self.target and self.r[0x06] < 5:
             self.target = self.final
             self.rest = self.way_to_target()
-            if v and (not self.reachable(v, a) or ("landing" in KNOWN and not self.rest)):
+            if v and not self.reachable(v, a):
                 self.slow_down()
                 self.stop_now()
                 return
@@ -856,16 +843,14 @@ class Reference:
             elif abs(u) > top and abs(new) >= top:
                 self.r[0x06] = 4
             elif new < u or not rest:
-                if not ("landing" in KNOWN and rest == self.velocity and abs(self.velocity) <= a):
-                    self.deceleration_position(self.generated)
+                self.deceleration_position(self.generated)
                 self.r[0x06] = 6
             else:
                 self.r[0x06] = 4 if new == u == top else 2
         self.move(self.velocity)
         self.rest -= self.velocity
         self.command_velocity = self.velocity
-        landing = self.rest == 0 and abs(self.velocity) <= a
-        if self.r[0x06] == 2 and not ("landing" in KNOWN and landing):
+        if self.r[0x06] == 2:
             self.acceleration_distance(abs(signed((self.place >> 8) - self.begun, 24)))
         if self.rest == 0 and abs(self.velocity) <= a:
             self.end_profile()
@@ -894,22 +879,19 @@ class Reference:
             self.target = self.final
             self.way += (self.way_to_target() - before >> 8) * self.sign
             if self.way < 0 or not curve.new_end(self.way << 16):
-                if "rounding" in KNOWN:
-                    self.velocity = self.sign * (abs(self.velocity16) >> 8)
                 self.slow_down()
                 self.stop_now()
                 return
         before = curve.phase
         way = curve.distance(1)
         curve.step()
-        if curve.phase > 4 and before < 5 and not ("landing" in KNOWN and curve.finished()):
+        if curve.phase > 4 and before < 5:
             self.deceleration_position(self.origin + self.sign * curve.deceleration_point())
         self.stand(signed(self.origin + self.sign * curve.distance(1 << 16), 24))
         self.r[0x06] = curve.phase
-        if curve.phase < 4 and not ("landing" in KNOWN and curve.finished()):
+        if curve.phase < 4:
             self.acceleration_distance(curve.distance(1 << 16))
-        self.velocity = self.sign * (curve.distance(1) - way) >> 8
-        self.velocity16 = curve.distance(1) - way
+        self.velocity = self.sign * (curve.distance(1) - way >> 8)
         self.command_velocity = self.velocity
         if curve.finished():
             self.end_profile()
@@ -920,7 +902,6 @@ class Reference:
         if self.entering or self.action == 2:
             self.left = 0
             self.kept_from: int | None = None
-        self.fresh = self.fresh or self.entering
         if self.action == 2:
             self.stand(self.position)
             self.kept_from = self.final
@@ -932,9 +913,8 @@ class Reference:
             changed = self.final != self.place >> 8 and self.kept_from is None
             if self.left == 0 and (self.entering or loaded or changed):
                 self.first = self.place >> 8
-                point = self.point if loaded and not self.fresh else self.final
+                point = self.point if loaded and not self.entering else self.final
                 self.way = signed(point - self.first, 24)
-                self.fresh = False
                 self.kept_from = None
                 self.begin_segment()
                 self.r[0x03] &= 0x7F
@@ -1030,8 +1010,6 @@ class Reference:
         motor = self.pid(error) if self.r[0x01] & 0x08 else self.lead(error)
         shown = clamp(error * 16, -2048, 2047)
         code = 0x800 + shown if self.r[0x01] & 0x80 else self.dac(motor)
-        if "diag" in KNOWN and self.r[1] & 0x80:
-            code = self.dac(shown)
         code = clamp(code + signed(self.r[0x0A], 8), 0, 0xFFF)
         self.r[0x08], self.r[0x4C] = code >> 4, code << 4 & 0xF0
         pwm = shown if self.r[0x01] & 0x40 else clamp(motor, -2048, 2047)
@@ -1083,7 +1061,7 @@ class Reference:
 
     def step(self) -> None:
         """Step mode: a new sample's steps begin now (MCP-STP-1, MCP-STP-2, NOTES 20)."""
-        goal = signed(self.command + (0 if "step-backlash" in KNOWN else self.offset), 24)
+        goal = self.command  # Without the backlash offset (NOTES 41).
         steps = self.sign_of_steps * (self.steps - self.sent) + signed(goal - self.stepped_to, 24)
         self.stepped_to = goal
         self.steps, self.sent = abs(steps), 0
@@ -1105,14 +1083,11 @@ class Reference:
         due = -(-(cycle - self.steps_from + 1) * self.steps // self.steps_over)
         return min(max(due, 0), self.steps)
 
-    def run(self, cycle: int, unseen: bool = False) -> None:
+    def run(self, cycle: int) -> None:
         """Send the steps that are due; they count the position."""
         if self.sent == self.steps:
             return
         due = max(self.due(cycle), self.sent)
-        if unseen:
-            self.actual = signed(self.actual + self.sign_of_steps * (due - self.sent), 24)
-        else:
-            self.pass_by(self.sign_of_steps * (due - self.sent))
+        self.pass_by(self.sign_of_steps * (due - self.sent))
         self.made += self.sign_of_steps * (due - self.sent)
         self.sent = due

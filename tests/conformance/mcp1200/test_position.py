@@ -37,6 +37,40 @@ def test_an_increment_waits_while_another_mode_runs(bench: Bench) -> None:
     assert (bench.seen("COMMAND_POSITION"), bench.read(0x0B)) == (5, 0)
 
 
+@pytest.mark.spec("MCP-ERR-1", "MCP-STA-4")
+def test_no_backlash_in_idle_mode_forgets_what_was_made_up_for(bench: Bench) -> None:
+    bench.extended()
+    bench.put("BACKLASH", 10)
+    bench.control()
+    assert errors(bench, [0, 5, 2]) == [0, 5, -8]
+    bench.write(0x05, 0x01)
+    bench.put("BACKLASH", 0)
+    bench.put("COMMAND_POSITION", 0)
+    bench.samples(2)
+    assert bench.read(0x07) == 0xFC
+    bench.put("BACKLASH", 10)
+    bench.samples(1)
+    assert bench.read(0x07) == 0xFC
+    bench.control()
+    assert errors(bench, [0, 3]) == [0, 13]
+
+
+@pytest.mark.spec("MCP-POS-1", "MCP-EXC-2", "MCP-EXC-5")
+@pytest.mark.parametrize("action", [2, 3])
+def test_an_increment_waits_while_an_exception_stops_the_axis(bench: Bench, action: int) -> None:
+    bench.put("COMMAND_POSITION", 100)
+    bench.control()
+    bench.samples(1)
+    bench.extended()
+    bench.write(0x46, action)
+    bench.write(0x0B, 0x05)
+    bench.samples(2)
+    assert (bench.seen("COMMAND_POSITION"), bench.read(0x0B)) == (0, 5)
+    bench.write(0x46, 0)
+    bench.samples(1)
+    assert (bench.seen("COMMAND_POSITION"), bench.read(0x0B)) == (5, 0)
+
+
 @pytest.mark.spec("MCP-POS-1")
 def test_an_increment_written_while_busy_is_kept_for_the_next_sample(bench: Bench) -> None:
     bench.control()

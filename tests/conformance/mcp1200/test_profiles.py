@@ -252,6 +252,50 @@ def test_acceleration_distance_and_deceleration_position(bench: Bench) -> None:
 
 
 @pytest.mark.spec("MCP-TRP-8")
+@pytest.mark.parametrize(
+    ("final", "accel", "samples", "distance", "position"),
+    [(5, 0x600, 1, 5, 0), (8, 0x600, 2, 6, 6), (-8, 0x600, 2, 6, -6)],
+)
+def test_the_last_sample_of_a_move_accelerates_or_decelerates_as_any_other(
+    bench: Bench, final: int, accel: int, samples: int, distance: int, position: int
+) -> None:
+    prepare(bench, final, accel=accel)
+    start(bench)
+    assert len(run(bench)) == samples
+    assert (bench.get("ACCEL_DELTA"), bench.get("DECEL_POSITION")) == (distance, position)
+
+
+@pytest.mark.spec("MCP-TRP-5")
+def test_a_move_without_velocity_to_where_it_stands_ends_in_its_first_sample(
+    bench: Bench,
+) -> None:
+    bench.write(0x3C, 5)
+    prepare(bench, 0, velocity=0)
+    bench.write(0x00, 0x0D)
+    assert bench.trace("COMMAND_POSITION", 4) == [1, 4, 9, 14]
+    bench.write(0x29, 14)
+    bench.write(0x00, 0x05)
+    start(bench)
+    bench.samples()
+    assert (bench.seen("COMMAND_POSITION"), bench.seen("FLAG")) == (14, 0)
+
+
+@pytest.mark.spec("MCP-TRP-1", "MCP-VEL-1")
+def test_a_move_from_a_position_the_host_has_written_begins_at_that_whole_count(
+    bench: Bench,
+) -> None:
+    bench.write(0x3C, 0x40)
+    prepare(bench, 200, accel=0x80)
+    bench.write(0x00, 0x0D)
+    bench.samples()
+    bench.put("COMMAND_POSITION", 100)
+    bench.write(0x00, 0x05)
+    start(bench)
+    # At half a count a sample: half a count had been covered, which the host has overwritten.
+    assert bench.trace("COMMAND_POSITION", 3) == [101, 102, 104]
+
+
+@pytest.mark.spec("MCP-TRP-8")
 def test_the_acceleration_distance_is_a_magnitude(bench: Bench) -> None:
     prepare(bench, -100)
     start(bench)
@@ -327,6 +371,65 @@ def test_an_s_curve_backwards_is_the_mirror_image(bench: Bench) -> None:
     assert bench.trace("COMMAND_POSITION", 8) == [0, 0, -1, -2, -4, -6, -9, -12]
     assert run(bench)[-1] == -1000
     assert bench.seen("DECEL_POSITION") == -890
+
+
+@pytest.mark.spec("MCP-SCV-5", "MCP-TRP-8")
+def test_the_last_sample_of_an_s_curve_accelerates_or_decelerates_as_any_other(
+    bench: Bench,
+) -> None:
+    prepare(bench, 1, velocity=10, accel=0x500, jerk=0xFFFF)
+    start(bench)
+    assert run(bench) == [0, 1]
+    assert (bench.get("ACCEL_DELTA"), bench.get("DECEL_POSITION")) == (1, 0)
+    # Velocities 1/6, 1/3, 1/3, 1/6: 100 and 5/6 is where the last one begins.
+    bench.put("COMMAND_POSITION", 100)
+    bench.put("FINAL_POSITION", 101)
+    bench.put("ACCELERATION", 0x40)
+    bench.put("JERK", 0x8000)
+    start(bench)
+    assert run(bench) == [100, 100, 100, 101]
+    assert (bench.get("ACCEL_DELTA"), bench.get("DECEL_POSITION")) == (0, 100)
+
+
+@pytest.mark.spec("MCP-SCV-6", "MCP-TRP-4")
+def test_a_change_between_trapezoid_and_s_curve_begins_the_move_anew(bench: Bench) -> None:
+    prepare(bench, 1000, velocity=10, accel=0x80, jerk=0x2000)
+    start(bench)
+    assert bench.trace("COMMAND_POSITION", 5) == [0, 0, 1, 2, 4]
+    # A trapezoid goes on at the velocity it finds, here 1.75; an S-curve begins at rest.
+    bench.write(0x01, 0x00)
+    assert bench.trace("COMMAND_POSITION", 3) == [6, 9, 12]
+    assert (bench.seen("PHASE"), bench.get("ACCEL_DELTA")) == (2, 8)
+    bench.write(0x01, 0x10)
+    assert bench.trace("COMMAND_POSITION", 5) == [12, 12, 13, 14, 16]
+    assert (bench.seen("PHASE"), bench.get("ACCEL_DELTA")) == (2, 4)
+    bench.write(0x01, 0x00)
+    bench.samples()
+    bench.put("JERK", 0)
+    bench.write(0x01, 0x10)
+    bench.samples(2)
+    assert (bench.seen("COMMAND_POSITION"), bench.seen("FLAG"), bench.seen("PHASE")) == (18, 5, 0)
+    bench.write(0x28, 0)
+    bench.write(0x01, 0x00)
+    bench.samples(2)
+    assert (bench.seen("COMMAND_POSITION"), bench.seen("FLAG"), bench.seen("PHASE")) == (18, 5, 0)
+
+
+@pytest.mark.spec("MCP-SCV-5", "MCP-TRP-6", "MCP-EXC-2")
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("forced", [False, True])
+def test_an_s_curve_stops_from_its_velocity_cut_down(bench: Bench, forced: bool, sign: int) -> None:
+    # Faster by 96 / 158 / 157, which is 0.99 / 256, in each sample.
+    prepare(bench, 96 * sign, velocity=20, accel=1, jerk=0x5EE2)
+    start(bench)
+    bench.samples(4)
+    if forced:
+        bench.put("FORCED_EXCEPTION", 2)
+    else:
+        bench.put("FINAL_POSITION", 22 * sign & 0xFFFFFF)
+    # Velocity 3.96 / 256, of which the stop makes 2, 1 and 0.
+    assert [value & 5 for value in bench.trace("FLAG", 3)] == [5, 5, 0]
+    assert bench.seen("COMMAND_POSITION") == (0 if sign > 0 else -1)
 
 
 @pytest.mark.spec("MCP-SCV-4")

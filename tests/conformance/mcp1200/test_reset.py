@@ -246,6 +246,45 @@ def test_idle_ends_what_was_under_way(bench: Bench, flag: int, register: str, sh
     assert (bench.seen(register), bench.pin("PROF"), bench.seen("FLAG") & 4) == (0, 0, 0)
 
 
+@pytest.mark.spec("MCP-RST-3", "MCP-RST-4", "MCP-TRP-8")
+def test_a_soft_reset_keeps_what_the_last_move_left_a_hard_reset_does_not(bench: Bench) -> None:
+    bench.put("FINAL_POSITION", 100)
+    bench.put("PROFILE_VELOCITY", 10)
+    bench.put("ACCELERATION", 0x180)
+    bench.write(0x00, 0x08)
+    bench.control()
+    bench.samples(17)
+    bench.write(0x05, 0x00)
+    bench.samples(1)
+    bench.wait(400)
+    bench.control()
+    bench.samples(1)
+    assert (bench.get("ACCEL_DELTA"), bench.get("DECEL_POSITION")) == (41, 71)
+    bench.drive("/RESET", LOW)
+    bench.wait(2)
+    bench.drive("/RESET", HIGH)
+    bench.wait(320)
+    bench.control()
+    bench.samples(1)
+    assert (bench.get("ACCEL_DELTA"), bench.get("DECEL_POSITION")) == (0, 0)
+
+
+@pytest.mark.spec("MCP-RST-5")
+def test_the_plant_feels_the_end_of_a_reset() -> None:
+    rail = Rail()
+    bench = Bench(plant=rail)
+    bench.write(0x0F, 0xFF)
+    bench.put("COMMAND_POSITION", 5)
+    bench.control()
+    bench.samples(2)
+    bench.write(0x05, 0x00)
+    start = bench.sample_start()
+    bench.until(start + 319)
+    assert rail.commands[-1] == -185 / 1600
+    bench.until(start + 320)
+    assert rail.commands[-2:] == [-185 / 1600, 0]
+
+
 @pytest.mark.spec("MCP-RST-4", "MCP-ERR-1")
 def test_a_reset_forgets_the_backlash_taken_up(bench: Bench) -> None:
     bench.extended()

@@ -211,6 +211,33 @@ def test_a_breakpoint_stands_at_a_step() -> None:
     assert (bench.pin("TRIG"), bench.position) == (0, 3)
 
 
+@pytest.mark.spec("MCP-BRK-1", "MCP-STP-2")
+@pytest.mark.parametrize(("breakpoint", "steps", "first"), [(1, 4, 1), (2, 10_000, 3)])
+def test_a_breakpoint_at_a_step_that_begins_with_the_results(
+    breakpoint: int, steps: int, first: int
+) -> None:
+    bench = stepper(config=0x13, BREAKPOINT=breakpoint)
+    bench.samples(1)
+    bench.put("COMMAND_POSITION", steps)
+    out = bench.sample_start() + WORK
+    bench.until(out - 1)
+    assert (bench.pin("TRIG"), bench.position) == (1, 0)
+    bench.until(out)
+    assert (bench.pin("TRIG"), bench.position) == (0, first)
+
+
+@pytest.mark.spec("MCP-STP-1", "MCP-ERR-1")
+def test_backlash_gives_no_steps() -> None:
+    bench = stepper(config=0x03, BACKLASH=10)
+    places = []
+    for command in (0, 5, 2):
+        bench.put("COMMAND_POSITION", command)
+        bench.samples(3)
+        places.append(bench.position)
+    assert places == [0, 5, 2]
+    assert bench.seen("POSITION_ERROR") == -10
+
+
 @pytest.mark.spec("MCP-STP-1")
 def test_switching_step_mode_keeps_the_counter() -> None:
     rail = Rail()

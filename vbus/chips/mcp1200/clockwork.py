@@ -213,6 +213,7 @@ class Clockwork(Blocks):
         self.live.look()
         self.stepper.clear(cycle)
         self.core.soft_reset()
+        self.core.command.clear()
         self.file.bytes[ds.FLAG] = 0
         self.file.bytes[ds.MODE] = 0
         self.core.point = 0
@@ -343,7 +344,7 @@ class Clockwork(Blocks):
             if self.stepper.overrun(period):
                 most = period // self.stepper.width
                 self._report(ds.STEP_OVERRUN, abs(int(core.steps)), most, "", self._clock.ps(cycle))
-            self.counter.replan(cycle)
+            self.counter.begin_steps(cycle)
         self.rest.note()
 
     def _routine(self, cycle: int) -> None:
@@ -373,8 +374,8 @@ class Clockwork(Blocks):
 
     def _next_period(self, cycle: i64) -> None:
         """The plant's period is over: run it to the next instant its drive may change."""
-        end: i64 = FAR
-        if self._at_sample > cycle:
+        end: i64 = self._at_reset
+        if cycle < self._at_sample < end:
             end = self._at_sample
         if cycle < self._at_results < end:
             end = self._at_results

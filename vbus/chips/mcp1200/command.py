@@ -57,7 +57,7 @@ class Command:
         self.left = 0
 
     def clear(self) -> None:
-        """Forget everything: a reset."""
+        """Forget everything: a hard reset."""
         self.rest()
         self.position = 0
         self.accel_delta = 0

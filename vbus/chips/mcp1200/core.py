@@ -129,7 +129,7 @@ class Core:
         """Load what a soft reset loads, then idle (MCP-RST-4)."""
         self.sheet.settle()
         self.sheet.file.reset(*ds.SOFT_RESET)
-        self.command.clear()
+        self.command.position = 0
         self.following.clear()
         self.last_position = 0
         self._dropped = 0
@@ -257,8 +257,10 @@ class Core:
         """Move the command position; return the flags to clear."""
         command = self.command
         mode = self.mode
-        if mode == 0 or self._entering:
+        if (mode == 0 or self._entering) and command.position != image.command:
+            # The host has put it there: a whole count.
             command.position = image.command
+            command.fraction = 0
         self.goal_step = 0
         cleared: i64 = 0
         if self.abrupt:
@@ -308,9 +310,12 @@ class Core:
             self._begin_stop(image)
         over: i64 = 0
         if not self._stopping:
+            # R01 bit 4 may change under way: the other generator begins anew (NOTES 38).
             if image.feature & ds.S_CURVE:
+                self.trapezoid.enter()
                 over = self.scurve.step(command, image)
             else:
+                self.scurve.enter()
                 over = self.trapezoid.step(command, image)
             if over < 0:
                 self._begin_stop(image)

@@ -129,11 +129,21 @@ class PositionCounter:
     def replan(self, cycle: int) -> None:
         """Look anew for what will be reached: a setting has changed."""
         self._encoder.look_from(cycle)
+        self._watch_steps(cycle)
+        self.plan()
+
+    def begin_steps(self, cycle: int) -> None:
+        """Look for what the steps that begin now will reach, the first of them in this cycle."""
+        self._encoder.look_from(cycle)
+        self._watch_steps(cycle - 1)
+        self.plan()
+
+    def _watch_steps(self, cycle: int) -> None:
+        """Find the step after ``cycle`` that reaches the breakpoint."""
         self.at_match = FAR
         if self.step_mode and self._breakpoint.armed:
             ahead = wrap(self._breakpoint.compare - self._stepper.position(cycle), 24)
             self.at_match = self._stepper.when(ahead, cycle)
-        self.plan()
 
     def plan(self) -> None:
         """Look for what the encoder will reach in its present period."""

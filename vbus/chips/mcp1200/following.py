@@ -49,13 +49,11 @@ class Following:
         return self._command + self.offset
 
     def near(self, command: i64, actual: i64, registers: bytearray) -> bool:
-        """Whether a control sample would find the axis in position, if one began now."""
-        backlash: i64 = registers[ds.BACKLASH]
+        """Whether a sample of idle mode finds the axis in position (NOTES 32)."""
         deadband: i64 = registers[ds.DEADBAND]
-        error = command - actual
-        if backlash:
-            error += self.offset
-        error = wrap_word(error, 0x800000)
+        if registers[ds.BACKLASH] == 0:
+            self.offset = 0
+        error = wrap_word(command + self.offset - actual, 0x800000)
         return -deadband - 1 <= error <= deadband + 1
 
     def step(self, image: Picture, command: i64, actual: i64) -> i64:

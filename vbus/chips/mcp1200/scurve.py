@@ -39,6 +39,7 @@ class SCurveMove:
         if not self._begun:
             command.fraction = 0
             command.velocity = 0
+            command.phase = 0
             way = wrap(final - command.position, 24)
             if way == 0:
                 return 1
@@ -51,24 +52,24 @@ class SCurveMove:
             self._sign = 1 if way > 0 else -1
         elif final != self._final and plan.phase <= SLEWING:
             if not self._retarget(command, final):
-                command.velocity = self._sign * (plan.velocity >> 8)
                 self._begun = False
                 return -1
             self._final = final
         before = plan.offset
-        phase = plan.phase
+        last = plan.phase
+        phase = plan.coming_phase()
         offset = plan.step()
         command.position = wrap(self._origin + self._sign * (offset >> UNIT), 24)
-        command.velocity = self._sign * (offset - before) >> 8
+        command.velocity = self._sign * (offset - before >> 8)
         command.phase = plan.phase
+        if phase <= LAST_RISING:
+            command.accel_delta = offset >> UNIT
+        if last < FIRST_FALLING <= phase:
+            start = plan.distance - plan.deceleration_distance
+            command.decel_position = wrap(self._origin + self._sign * (start >> UNIT), 24)
         if plan.done:
             self._begun = False
             return 1
-        if plan.phase <= LAST_RISING:
-            command.accel_delta = offset >> UNIT
-        if phase < FIRST_FALLING <= plan.phase:
-            start = plan.distance - plan.deceleration_distance
-            command.decel_position = wrap(self._origin + self._sign * (start >> UNIT), 24)
         return 0
 
     def _retarget(self, command: Command, final: int) -> bool:

@@ -57,11 +57,14 @@ class Trapezoid:
         top = image.top
         final = image.final
         if not self._begun:
+            waits = accel == 0 or top == 0
+            if waits:
+                command.velocity = 0
+                command.phase = 0
             if final == command.position and command.velocity == 0:
                 command.fraction = 0
                 return 1
-            if accel == 0 or top == 0:
-                command.velocity = 0
+            if waits:
                 return 0
             self._begun = True
             self._final = final
@@ -76,9 +79,6 @@ class Trapezoid:
         ahead = (wrap_word(self._final - here, 0x800000) << 8) - command.fraction
         velocity = next_velocity(ahead, before, top, accel)
         command.move(velocity)
-        if arrived(ahead - velocity, velocity, accel):
-            self._begun = False
-            return 1
         old = before
         if before < 0 < ahead or ahead < 0 < before:
             old = 0
@@ -88,6 +88,9 @@ class Trapezoid:
         if velocity < 0:
             speed = -velocity
         self._show_phase(command, speed, old, top, here)
+        if arrived(ahead - velocity, velocity, accel):
+            self._begun = False
+            return 1
         return 0
 
     def _show_phase(self, command: Command, speed: i64, old: i64, top: i64, here: i64) -> None:

@@ -155,14 +155,10 @@ class SCurve:
         """
         if self.done or self._peak == 0:
             return self.offset
-        phase = self.phase if self.phase > 0 else 1
-        if self.phase == 0:
-            self._left = self.rise
-        # A hold can be lengthened after its last sample: what comes next is decided only here.
-        while self._left == 0:
-            phase += 1
+        phase = self.coming_phase()
+        if phase != self.phase:
+            self.phase = phase
             self._left = self._samples(phase)
-        self.phase = phase
 
         c = self._c
         k = self._k
@@ -197,6 +193,18 @@ class SCurve:
         else:
             self.velocity = whole
         return self.offset
+
+    def coming_phase(self) -> int:
+        """Return the phase of the coming sample, the last one of the move too.
+
+        A hold can be lengthened after its last sample, so this is known only now.
+        """
+        phase = self.phase if self.phase > 0 else 1
+        left = self._left if self.phase > 0 else self.rise
+        while left == 0:
+            phase += 1
+            left = self._samples(phase)
+        return phase
 
     def retarget(self, distance: int) -> bool:
         """Change the whole way of a move under way, at the same peak velocity (MCP-SCV-5).
