@@ -1,6 +1,6 @@
 """Faults of mechanics, encoder and switches: what they do to a plant and its chip."""
 
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from vbus.chips.base import Chip
 from vbus.faults import fitting
@@ -8,6 +8,7 @@ from vbus.faults.plant import PLAY, SHARE, STUCK_A, STUCK_B, WHOLE, FaultyPlant
 from vbus.options import Value
 from vbus.plant.shaft import Shaft
 from vbus.signals import HIGH, LOW, Pin, Plant, Switch, Z
+from vbus.state import Names
 
 NOWHERE: Final = 1 << 62
 
@@ -30,6 +31,9 @@ class AxisFaults:
         axis: its axis, 0-based.
         plant: the plant behind it.
     """
+
+    DERIVED: ClassVar[Names] = ("*",)
+    """It is worked out anew from the faults that act, which :class:`Faults` saves."""
 
     def __init__(self, chip: Chip, axis: int, plant: Plant) -> None:
         self.chip: Chip = chip
