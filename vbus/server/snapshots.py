@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.board.snapshot import Hosts, Snapshot, check_version, read, restore, take, write
+from vbus.board.snapshot import Hosts, Snapshot, read, restore, take, write
 from vbus.errors import SnapshotError
 
 if TYPE_CHECKING:
@@ -16,15 +16,13 @@ def load_into(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> N
     """Bring a board to a snapshot.
 
     Raises:
-        SnapshotError: the snapshot is of another board or version, or the board writes a journal.
-        VbusError: it is of another version of vbus.
+        SnapshotError: the snapshot is of another board, or the board writes a journal.
     """
     if board.port_type is not HostBus:
         raise SnapshotError(
             f'"{board.name}" writes a journal, which begins at power-on and could not be replayed'
             " over a jump in time; run the board without one"
         )
-    check_version(snapshot)
     restore(board, snapshot, wires)
 
 
