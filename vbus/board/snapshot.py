@@ -15,7 +15,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.loading import prepare
-from vbus.errors import SnapshotError, VbusError
+from vbus.errors import SnapshotError
 from vbus.protocols.base import Protocol
 from vbus.state import plan, save
 from vbus.state.first import from_tuple
@@ -289,16 +289,3 @@ def read(data: bytes, name: str = "the snapshot") -> Snapshot:
         )  # fmt: skip
     except (ValueError, TypeError, IndexError) as error:
         raise SnapshotError(f"{name}: its content makes no sense: {error}") from error
-
-
-def check_version(snapshot: Snapshot) -> None:
-    """Refuse a snapshot of another version of vbus, whose chips may keep other things.
-
-    Raises:
-        VbusError: it is of another version.
-    """
-    if snapshot.vbus != __version__:
-        raise VbusError(
-            f"the snapshot was taken with vbus {snapshot.vbus}, this is {__version__}: a chip"
-            " may keep other things now; replay a journal instead"
-        )

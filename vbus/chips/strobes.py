@@ -2,9 +2,11 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 from vbus.kernel.clock import Clock
 from vbus.signals.violation import Rule
+from vbus.state import Names
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,7 @@ class AcTable:
     """The AC rows of one family, each with its rule (``FAMILY.SYMBOL``)."""
 
     __slots__ = ("_rows", "family", "rules")
+    WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, family: str, *rows: AcLimit) -> None:
         self.family: str = family

@@ -1,11 +1,12 @@
 """A fault that is armed, and the evidence of what it did."""
 
 from dataclasses import dataclass, field
-from typing import Any, Final, Protocol
+from typing import Any, ClassVar, Final, Protocol
 
 from vbus.faults.row import Fault
 from vbus.faults.trigger import Until, When
 from vbus.options import Value
+from vbus.state import Names
 
 WAITING: Final = "waiting"
 ACTING: Final = "acting"
@@ -65,6 +66,9 @@ class Armed:
         side: on which side of its trigger's position it was armed.
         eyes: what its trigger looks with.
     """
+
+    DERIVED: ClassVar[Names] = ("*",)
+    """Saved as a whole, as one record."""
 
     number: int
     fault: Fault

@@ -1,6 +1,6 @@
 """Faults of mechanics, encoder and switches: what they do to a plant and its chip."""
 
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.board import plugins
 from vbus.chips.base import Chip
@@ -9,6 +9,7 @@ from vbus.faults.upsets import Upsets, upsets_of
 from vbus.options import Value
 from vbus.plant.shaft import Mechanics, Shaft
 from vbus.signals import HIGH, Pin, Plant, Switch, Z
+from vbus.state import Names
 
 NOWHERE: Final = 1 << 62
 
@@ -31,6 +32,9 @@ class AxisFaults:
         axis: its axis, 0-based.
         plant: the plant behind it.
     """
+
+    DERIVED: ClassVar[Names] = ("*",)
+    """It is worked out anew from the faults that act, which :class:`Faults` saves."""
 
     def __init__(self, chip: Chip, axis: int, plant: Plant) -> None:
         self.chip: Chip = chip

@@ -1,11 +1,13 @@
 """What triggers look at: bus cycles, commands, edges."""
 
 from collections.abc import Callable
+from typing import ClassVar
 
 from vbus.board import plugins
 from vbus.board.settings import listed, suggestion
 from vbus.chips.base import Chip
 from vbus.signals import Observer
+from vbus.state import Names
 
 Cycle = Callable[[int, str, bool, int, int], None]
 """Is told of a bus cycle: instant, chips, write, address, byte."""
@@ -13,6 +15,8 @@ Cycle = Callable[[int, str, bool, int, int], None]
 
 class BusEyes(Observer):
     """Sees whole bus cycles, in the place of somebody who wants to hear of them."""
+
+    WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, tell: Cycle) -> None:
         self._tell: Cycle = tell

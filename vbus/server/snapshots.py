@@ -6,7 +6,7 @@ from typing import Any
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.board.snapshot import Hosts, Snapshot, check_version, read, restore, take, write
+from vbus.board.snapshot import Hosts, Snapshot, read, restore, take, write
 from vbus.errors import SnapshotError
 from vbus.server.control import Control
 from vbus.server.pacer import Pacer
@@ -17,15 +17,13 @@ def load_into(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> N
     """Bring a board to a snapshot.
 
     Raises:
-        SnapshotError: the snapshot is of another board or version, or the board writes a journal.
-        VbusError: it is of another version of vbus.
+        SnapshotError: the snapshot is of another board, or the board writes a journal.
     """
     if board.port_type is not HostBus:
         raise SnapshotError(
             f'"{board.name}" writes a journal, which begins at power-on and could not be replayed'
             " over a jump in time; run the board without one"
         )
-    check_version(snapshot)
     restore(board, snapshot, wires)
 
 

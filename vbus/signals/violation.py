@@ -1,7 +1,9 @@
 """Findings about a host that breaks the datasheet, and what to do with them."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
+
+from vbus.state import Names
 
 OFF: Final = 0
 WARN: Final = 1
@@ -60,6 +62,7 @@ class Policy:
     """
 
     __slots__ = ("_rules", "default")
+    WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, default: int = WARN, rules: dict[str, int] | None = None) -> None:
         self.default: int = default

@@ -39,6 +39,7 @@ from vbus.state.fields import (
     VERSION,
     Names,
     Saved,
+    attributes,
     differences,
     keep,
     load,
@@ -49,6 +50,6 @@ from vbus.state.fields import (
 )
 
 __all__ = [
-    "UNDECLARED", "VERSION", "Names", "Saved", "differences", "keep", "load", "plan", "save",
-    "take_back", "undeclared",
+    "UNDECLARED", "VERSION", "Names", "Saved", "attributes", "differences", "keep", "load",
+    "plan", "save", "take_back", "undeclared",
 ]  # fmt: skip

@@ -74,7 +74,7 @@ class Parts(Kind):
             try:
                 self.each.take(one, part, load)
             except Refused as refused:
-                raise refused.below(str(number)) from None
+                raise refused.below(getattr(part, "name", str(number))) from None
         return now
 
 
@@ -198,21 +198,28 @@ def layout_of(cls: Any) -> Layout:
     return found
 
 
-def undeclared(part: Any) -> set[str]:
-    """Return the attributes of a part that its class declares nowhere."""
-    cls = type(part)
+def attributes(part: Any) -> set[str]:
+    """Return the names of a part's attributes, compiled or not."""
     there: set[str] = set(getattr(part, "__dict__", ()))
+    for base in type(part).__mro__:
+        for names in (vars(base).get("__mypyc_attrs__", ()), vars(base).get("__slots__", ())):
+            there.update((names,) if isinstance(names, str) else names)
+    return there - {"__dict__", "__weakref__"}
+
+
+def undeclared(part: Any) -> set[str]:
+    """Return the attributes that a class without a save() of its own declares nowhere."""
+    cls = type(part)
+    if hasattr(cls, "save") and layout_of(cls).own:
+        return set()
     told: set[str] = set()
     for base in cls.__mro__:
         inside = vars(base)
-        there.update(inside.get("__mypyc_attrs__", ()))
-        slots = inside.get("__slots__", ())
-        there.update((slots,) if isinstance(slots, str) else slots)
         for declaration in ("STATE", "WIRING", "DERIVED"):
             told.update(name.partition(":")[0] for name in inside.get(declaration, ()))
     if "*" in told and not hasattr(cls, "STATE"):
         return set()
-    return there - told - {"__dict__", "__weakref__"}
+    return attributes(part) - told
 
 
 # -- saving, loading, comparing -----------------------------------------------------------------
