@@ -77,7 +77,8 @@ class DC8(Chip):
         elif self.reading and not reading:
             self.data_pin.release()
         if self.writing and not writing:
-            self.write(self.pins["A0"].value, self.bus_net.before)
+            # What moves together with the edge that ends a write comes too late for it.
+            self.write(self.pins["A0"].net.before, self.bus_net.before)
         self.reading, self.writing = reading, writing
 
     def strobes(self, write, address, data):
