@@ -40,6 +40,16 @@ def test_a_stopped_clock_holds_the_count():
     assert port.read(1) == 9
 
 
+def test_a_shorted_data_line_is_seen_from_the_command_on():
+    board = load_board("counter.toml")
+    port = board.open_port("host")
+    port.write(0, 2)
+    board.faults.arm("bit_stuck", when="command LOAD", bit=0, level=1)
+    board.run_for(10**9)
+    port.write(0, 4)
+    assert port.read(0) == 5
+
+
 def test_a_driver_reads_what_it_wrote(vbus_dc8):
     vbus_dc8.host.write_load(200)
     assert vbus_dc8.host.read_load() == 200

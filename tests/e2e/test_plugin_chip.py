@@ -141,4 +141,4 @@ def test_its_own_tests_pass_with_its_fixture_and_its_client(place: Path) -> None
     shutil.copy(EXAMPLE / "test_dc8.py", place)
     done = typed(place, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_dc8.py")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "5 passed" in done.stdout
+    assert "6 passed" in done.stdout

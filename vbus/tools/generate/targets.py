@@ -26,6 +26,7 @@ _CLIENT: Final = ROOT / "vbus" / "client"
 _GENERATED: Final = '"""Made from the tables of the chip by vbus.tools.generate."""\n'
 
 DOCUMENTS: Final[list[Target]] = [
+    ("docs/add-a-chip.md", documents.add_a_chip),
     ("docs/board-file.md", board_file.board_file),
     ("docs/byte-protocol.md", documents.byte_protocol),
     ("docs/faults.md", faults.faults),
