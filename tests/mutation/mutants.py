@@ -253,8 +253,18 @@ def difference(root: Path, mutant: Mutant) -> tuple[str, str]:
     return old[at].strip(), new[at].strip()
 
 
+ROLES: Final = {
+    "bus": "vbus/trace", "packets": "vbus/trace", "coverage": "vbus/trace",
+    "upsets": "vbus/faults", "access": "", "host": "", "demo": "", "generated": "",
+}  # fmt: skip
+"""What files of a chip's folder count for that are not its behaviour; clients are not mutated."""
+
+
 def folder(file: str) -> str:
-    """Return the quota a file counts for."""
+    """Return the quota a file counts for; "" if it is not mutated."""
+    parts = file.removesuffix(".py").split("/")
+    if parts[:2] == ["vbus", "chips"] and len(parts) > 3 and parts[3] in ROLES:
+        return ROLES[parts[3]]
     return max((name for name in QUOTAS if file.startswith(f"{name}/")), key=len, default="")
 
 

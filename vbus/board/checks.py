@@ -113,6 +113,12 @@ class _Checks:
         axes = part.axis_count if part is not None else plugins.chip_class(chip.part).AXES
         if chip.plant and chip.plants:
             self._source.fail((*path, "plants"), 'write either "plant" or "plants", not both')
+        elif axes == 0:
+            if chip.axes:
+                self._source.fail(
+                    (*path, "plant" if chip.plant else "plants"),
+                    f"{chip.part} has no axis; leave the plant out",
+                )
         elif axes == 1 and chip.plants:
             self._source.fail(
                 (*path, "plants"), f'{chip.part} has one axis; write plant = "{chip.plants[0]}"'

@@ -38,11 +38,11 @@ class StrobeWatch:
         """Takes each cycle too, before the observers: for a journal."""
         self._board: Circuit = board
         self._label: str = label
-        self._rows: list[_Row] = [
-            _Row(chip, follow())
-            for chip in chips
-            if (follow := plugins.family(chip.FAMILY).load("bus", BusWatch)) is not None
-        ]
+        self._rows: list[_Row] = []
+        for chip in chips:
+            follow = plugins.family(chip.FAMILY).load("bus", BusWatch)
+            if follow is not None:
+                self._rows.append(_Row(chip, follow()))
         self._told: int = 0
         self._noted: bool = False
 

@@ -44,10 +44,10 @@ def find_target(board: Circuit, fault: Fault, target: str) -> str:
 
 def _axis(board: Circuit, fault: Fault, chip: Chip, number: str) -> str:
     if not number.isdecimal() or not 1 <= int(number) <= chip.axis_count:
-        raise ValueError(
-            f'{fault.name} target "{chip.name}.{number}": axes of "{chip.name}" are 1 to'
-            f" {chip.axis_count}"
-        )
+        axes = f'axes of "{chip.name}" are 1 to {chip.axis_count}'
+        if not chip.axis_count:
+            axes = f"a {chip.part} has no axis"
+        raise ValueError(f'{fault.name} target "{chip.name}.{number}": {axes}')
     place = f"{chip.name}.{int(number)}"
     plant = board.axes.get(place)
     if plant is None:

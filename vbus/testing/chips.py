@@ -24,7 +24,8 @@ class ChipBench:
         chip: the chip.
         plants: the mechanics behind it, axis by axis.
         bus: a client's bus, as :func:`vbus.connect` returns it.
-        host: the family's client over that bus; None if it has none.
+        host: the family's client over that bus, or the calls made from its tables; None if it
+            has neither.
         clock: chip time.
     """
 
@@ -70,6 +71,7 @@ def chip_bench(bench: Bench, start: str) -> ChipBench:
         raise VbusError(f'board "{board.name}" has no {part} or kin; it has {have}')
     board.run_until(max(board.now, chip.ready_at()))
     bus = connect_in_process(board)
-    client = family.object("host")
+    client, calls = family.object("host"), family.object("calls")
+    host = client(bus, chip.name) if client else calls(bus.chip(chip.name)) if calls else None
     plants = tuple(plant for axis, plant in board.axes.items() if axis.startswith(f"{chip.name}."))
-    return ChipBench(board, chip, plants, bus, client and client(bus, chip.name), fitted.clock)
+    return ChipBench(board, chip, plants, bus, host, fitted.clock)

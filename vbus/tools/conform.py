@@ -138,10 +138,12 @@ def _board(part: str, clock: str | None, options: tuple[str, ...], plants: tuple
         names.append(f"p{number}")
         models += f"[plants.p{number}]\nmodel = {json.dumps(model)}\n"
         models += _settings(settings, "--plant")
+    if axes < 2 and len(names) > axes:
+        has = "one axis" if axes else "no axis"
+        times = "once" if len(names) == 1 else f"{len(names)} times"
+        raise click.UsageError(f"{part} has {has}; --plant is given {times}")
     names = names or ["none"]
-    key = f"plants = {json.dumps(names)}" if axes > 1 else f"plant = {json.dumps(names[0])}"
-    if axes == 1 and len(names) > 1:
-        raise click.UsageError(f"{part} has one axis; --plant is given {len(names)} times")
+    key = f"plants = {json.dumps(names)}" if axes > 1 else f"plant = {json.dumps(names[0])}" * axes
     return load_board_text(
         '[board]\nname = "conform"\ntime = "slaved"\npower_on = "done"\n'
         f"[chips.x]\npart = {json.dumps(part)}\nclock = {json.dumps(clock)}\n{key}\n"

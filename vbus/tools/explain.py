@@ -108,7 +108,9 @@ def _decoder(name: str) -> Decoder | None:
         except PluginError:
             return None
     made = family.load("packets", Decoder)
-    return made() if made is not None else None
+    if made is None:
+        raise click.UsageError(f"{name}: nothing is registered that reads its bus in words")
+    return made()
 
 
 def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:

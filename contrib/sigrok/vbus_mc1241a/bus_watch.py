@@ -62,3 +62,33 @@ class BusWatch:
 
     def load(self, state: tuple[int, ...]) -> None:
         """Take back what :meth:`save` gave."""
+
+
+class StrobedBus(BusWatch):
+    """A bus with a select, one address line and a strobe each way, all but the address active low.
+
+    :attr:`PINS` are select, address, read and write. A cycle ends when its strobe or the select
+    rises.
+    """
+
+    def edges(
+        self, when: int, before: tuple[int, ...], after: tuple[int, ...], old: int, data: int
+    ) -> list[Cycle]:
+        """Return a write, a read, or both."""
+        select, address, read, write = before
+        if select:
+            return []
+        cycles = []
+        if not write and (after[3] or after[0]):
+            cycles.append(Cycle(when, True, address, old))
+        if not read and (after[2] or after[0]):
+            cycles.append(Cycle(when, False, address, data))
+        return cycles
+
+    def reading(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether the select and the read strobe are low."""
+        return not levels[0] and not levels[2]
+
+    def idle(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether the select, or both strobes, are high."""
+        return bool(levels[0] or (levels[2] and levels[3]))

@@ -10,8 +10,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+from .tables import Register, RegisterMap
+
 WRITE: Final = "w"
 READ: Final = "r"
+
+PATIENCE: Final = 1000
+"""Bus cycles after which the other bytes of a register are not waited for any more."""
 
 WHOLE: Final = "packet"
 STATUS: Final = "status"
@@ -158,6 +163,112 @@ class Decoder:
             ValueError: they cannot stand for cycles of this chip.
         """
         raise NotImplementedError
+
+
+class RegisterPackets(Decoder):
+    """Bytes of registers; a register of several bytes is a packet once all of them have moved.
+
+    One of which only some have moved is told a thousand bus cycles later, or at the end.
+    """
+
+    ROWS: RegisterMap
+    NO_REGISTER: str = ""
+    """Clause about addresses at which there is no register."""
+
+    def __init__(self) -> None:
+        self._open: dict[tuple[str, bool], dict[int, Cycle]] = {}
+        """Registers of which some bytes have moved; the one whose last byte is oldest first."""
+        self._moved: dict[tuple[str, bool], int] = {}
+        """Bus cycle in which the last byte of each of them moved."""
+        self._count: int = 0
+
+    def take(self, cycle: Cycle) -> list[Packet]:
+        """Take a cycle that reached the chip."""
+        self._count += 1
+        return [*self._given_up(), *self._taken(cycle)]
+
+    def _given_up(self) -> list[Packet]:
+        for key, moved in self._moved.items():
+            if self._count - moved < PATIENCE:
+                break
+            del self._moved[key]
+            return [_partial(self.ROWS[key[0]], self._open.pop(key))]
+        return []
+
+    def _taken(self, cycle: Cycle) -> list[Packet]:
+        address = self.address(cycle)
+        row = self.ROWS.at(address)
+        way = "write" if cycle.write else "read"
+        if row is None:
+            what = f"{way} {address:02X}H, which is no register"
+            return [Packet(UNKNOWN, what, f"{cycle.data:02X}H", self.NO_REGISTER, (cycle,))]
+        if len(row.addresses) == 1:
+            kind = STATUS if row.name == "STATUS" and not cycle.write else WHOLE
+            name = f"{way} {row.name}"
+            text = self.value(row, cycle.data, cycle.write)
+            return [Packet(kind, name, text, row.clause, (cycle,))]
+        key = (row.name, cycle.write)
+        seen = self._open.pop(key, {})
+        self._moved.pop(key, 0)
+        packets = []
+        if address in seen:
+            packets.append(_partial(row, seen))
+            seen = {}
+        seen[address] = cycle
+        if len(seen) < len(row.addresses):
+            self._open[key] = seen
+            self._moved[key] = self._count
+        else:
+            value = 0
+            for place in row.addresses:
+                value = value << 8 | seen[place].data
+            cycles = tuple(seen.values())
+            text = self.value(row, value, cycle.write)
+            packets.append(Packet(WHOLE, f"{way} {row.name}", text, row.clause, cycles))
+        return packets
+
+    def finish(self) -> list[Packet]:
+        """Return the registers of which only some bytes have moved."""
+        packets = [_partial(self.ROWS[name], seen) for (name, _), seen in self._open.items()]
+        self._open = {}
+        self._moved = {}
+        return packets
+
+    def unfinished(self) -> int | None:
+        """Return the instant of the oldest last byte of a register that is open, if one is."""
+        for seen in self._open.values():
+            return next(reversed(seen.values())).when
+        return None
+
+    def typed(self, data: list[int]) -> list[Cycle]:
+        """Read pairs of address and byte written."""
+        if len(data) % 2:
+            raise ValueError(
+                "write pairs of address and data byte; the last address has no data byte"
+            )
+        pairs = zip(data[::2], data[1::2], strict=True)
+        return [Cycle(0, True, address % self.ROWS.size, byte) for address, byte in pairs]
+
+    def address(self, cycle: Cycle) -> int:
+        """Return the address a cycle goes to."""
+        return cycle.address
+
+    def value(self, row: Register, value: int, write: bool) -> str:
+        """Return a register's value as people read it."""
+        if row.signed:
+            return number(signed(value, row.bits), row.fraction, True)
+        if row.fraction or row.bits > 8:
+            return number(value, row.fraction)
+        return f"{value:02X}H ({value})"
+
+
+def _partial(row: Register, seen: dict[int, Cycle]) -> Packet:
+    cycles = tuple(seen.values())
+    way = "write" if cycles[0].write else "read"
+    values = " ".join(f"{address:02X}H={cycle.data:02X}H" for address, cycle in seen.items())
+    missing = len(row.addresses) - len(seen)
+    text = f"{values}, {missing} of {len(row.addresses)} bytes not touched"
+    return Packet(CUT, f"{way} {row.name}", text, row.clause, cycles)
 
 
 # -- values as people read them -----------------------------------------------------------------

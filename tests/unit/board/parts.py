@@ -3,6 +3,7 @@
 from importlib.metadata import EntryPoint
 
 from tests.unit.board.toy import Toy
+from vbus.chips.family import Family
 from vbus.chips.tables import CardRow, PinRow
 from vbus.options import Option
 from vbus.signals import Plant, Rule
@@ -72,6 +73,15 @@ class Steps(Plant):
 
 
 NOT_A_CHIP = 3
+
+FAMILY = Family(
+    "acme",
+    chip="parts:Acme",
+    home="tests.unit.board",
+    bus="parts:Motor",
+    packets="no_such_module:Packets",
+    host="parts:NOT_A_CHIP",
+)
 
 ENTRIES = {
     "vbus.chips": {

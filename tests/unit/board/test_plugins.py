@@ -7,7 +7,9 @@ import pytest
 
 from tests.unit.board import parts
 from vbus.board import plugins
+from vbus.chips.family import Family
 from vbus.errors import PluginError
+from vbus.trace.bus_watch import BusWatch
 
 
 @pytest.fixture
@@ -27,6 +29,43 @@ def test_the_longest_name_that_fits_a_part_wins(registered: dict[str, dict[str, 
     assert plugins.chip_class("ACME-1") is parts.Acme
     assert plugins.chip_class("ACME-2") is parts.Twin
     assert plugins.chip_class("ACID") is parts.Grumpy
+
+
+def test_an_entry_may_be_a_family_or_a_chip_class(registered: dict[str, dict[str, str]]) -> None:
+    registered["vbus.chips"]["ACME"] = f"{parts.HERE}:FAMILY"
+    assert plugins.family_of("TWIN-1") == Family("twin", parts.Twin)
+    assert plugins.family_of("ACME-1") is parts.FAMILY
+    assert plugins.chip_class("ACME-1") is parts.Acme
+
+
+def test_what_a_family_leaves_out_is_none_and_what_is_broken_says_so() -> None:
+    assert parts.FAMILY.load("coverage", object) is None
+    assert parts.FAMILY.object("host") == 3
+    assert (parts.FAMILY.commands, parts.FAMILY.registers) == ((), ())
+    assert parts.FAMILY.rules == parts.Acme.RULES
+    with pytest.raises(
+        PluginError,
+        match=r"^family acme: packets = 'no_such_module:Packets' cannot be loaded: ModuleNotFound",
+    ):
+        parts.FAMILY.object("packets")
+    with pytest.raises(
+        PluginError,
+        match=r"^family acme: bus = 'parts:Motor' is not a subclass of BusWatch$",
+    ):
+        parts.FAMILY.load("bus", BusWatch)
+
+
+def test_a_family_is_found_by_its_name_and_broken_plugins_are_passed_over(acme: None) -> None:
+    assert plugins.family("twin").chip is parts.Twin
+    assert plugins.family("nobody") == Family("nobody")
+
+
+def test_a_board_asks_no_plugin_but_those_of_its_chips(
+    acme: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plugins.family_of("TWIN-1")
+    monkeypatch.setattr(plugins, "load", None)
+    assert plugins.family("twin").chip is parts.Twin
 
 
 def test_a_broken_entry_point_costs_nothing_until_it_is_wanted(acme: None) -> None:

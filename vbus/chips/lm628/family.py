@@ -15,6 +15,7 @@ FAMILY: Final = Family(
     packets="packets:Lm628Packets",
     coverage="coverage:Lm628Exercises",
     access="access:Lm628Packets",
+    calls="generated.calls:Lm628Calls",
     host="generated.host:Lm628",
     demo="demo:DEMO",
     demo_name="lm629",

@@ -3,9 +3,9 @@
 from typing import Final
 
 from vbus.chips.mc1241a import datasheet as ds
+from vbus.chips.mc1241a.generated.host import Mc1241a
 from vbus.client import Bus
 from vbus.client.demo import Demo, Gauge, Step
-from vbus.errors import NotReadyError, VbusError
 
 _BOARD: Final = """\
 [chips.xy]
@@ -40,107 +40,61 @@ def _explain(write: bool, address: int, data: int) -> str:
     return f"{row.name}: {row.title}" if row is not None else f"command {data:02X}h"
 
 
-class _Packets:
-    """Packets with their checksums."""
-
-    def __init__(self, bus: Bus) -> None:
-        self.bus: Bus = bus
-
-    def send(self, name: str, value: int = 0) -> int:
-        """Send a command with its data; return what it gives, signed if the manual says so.
-
-        Raises:
-            VbusError: the checksum of the packet is wrong.
-        """
-        row = ds.COMMANDS[name]
-        words = [value >> shift & 0xFFFF for shift in range(16 * row.write - 16, -16, -16)]
-        self._ready()
-        self.bus.write(ds.COMMAND_PORT, row.code)
-        for word in words:
-            self._ready()
-            self.bus.writes(ds.DATA_PORT, word.to_bytes(2, "big"))
-        words += [self._word() for _ in range(row.read)]
-        checksum = self._word()
-        if checksum != (row.code + sum(words)) & 0xFFFF:
-            raise VbusError(f"{name}: checksum {checksum:04X}h is wrong")
-        data = b"".join(word.to_bytes(2, "big") for word in words[row.write :])
-        return int.from_bytes(data, "big", signed=row.signed)
-
-    def _word(self) -> int:
-        self._ready()
-        return int.from_bytes(self.bus.reads(ds.DATA_PORT, 2), "big")
-
-    def _ready(self) -> None:
-        """Poll HostRdy at the card's status port."""
-        for _ in range(1000):
-            if self.bus.read(ds.COMMAND_PORT) & ds.STATUS_READY:
-                return
-        raise NotReadyError("HostRdy stays low")
-
-    def wait(self, event: int) -> None:
-        """Read the status of the current axis until an event bit is set, for 10 s at most."""
-        end = self.bus.now() + 10 * 10**12
-        while not self.send("GET_STATUS") & event:
-            if self.bus.now() > end:
-                raise NotReadyError(f"status {self.send('GET_STATUS'):04X}h after 10 s")
-            self.bus.delay("2ms")
-
-
 def _host(bus: Bus) -> None:
-    chip = _Packets(bus)
+    chip = Mc1241a(bus, checked=True)
 
     step = Step(bus, "look at version and status after reset")
-    step.found("version", 0x4A10, chip.send("GET_VRSN"), digits=4)
-    step.found("status of axis 2", 0x1300, chip.send("SET_2"), digits=4)
-    step.found("status of axis 1", 0x0300, chip.send("SET_1"), digits=4)
+    step.found("version", 0x4A10, chip.get_vrsn(), digits=4)
+    step.found("status of axis 2", 0x1300, chip.set_2(), digits=4)
+    step.found("status of axis 1", 0x0300, chip.set_1(), digits=4)
 
     step = Step(bus, "both axes: two phases, current, encoder ratio")
-    for axis in ("SET_2", "SET_1"):
-        chip.send(axis)
-        chip.send("SET_PHASE_2")
-        chip.send("SET_STEP_RATIO", _RATIO)
-        chip.send("SET_BUF_MTR_CMD", _AMPLITUDE)
-    chip.send("MULTI_UPDATE", 0x3)
+    for axis in (2, 1):
+        chip.select(axis)
+        chip.set_phase_2()
+        chip.set_step_ratio(_RATIO)
+        chip.set_buf_mtr_cmd(_AMPLITUDE)
+    chip.multi_update(0x3)
     bus.delay("50ms")
-    step.found("motor command", _AMPLITUDE, chip.send("GET_MTR_CMD"))
+    step.found("motor command", _AMPLITUDE, chip.get_mtr_cmd())
 
     step = Step(bus, "axis 1: two turns in an S-curve")
-    chip.send("SET_PRFL_S_CRV")
-    chip.send("SET_POS", 2 * _TURN)
-    chip.send("SET_VEL", 18 << 16)
-    chip.send("SET_MAX_ACC", 0x1000)
-    chip.send("SET_JERK", 0x0020_0000)
-    chip.send("UPDATE")
-    chip.wait(ds.MOTION_COMPLETE)
+    chip.set_prfl_s_crv()
+    chip.set_pos(2 * _TURN)
+    chip.set_vel(18 << 16)
+    chip.set_max_acc(0x1000)
+    chip.set_jerk(0x0020_0000)
+    chip.update()
+    chip.wait_event(longest="10s", every="2ms")
     bus.delay("50ms")
-    step.found("target position", 2 * _TURN, chip.send("GET_TRGT_POS"))
-    step.found("actual position", 2 * _COUNTS, chip.send("GET_ACTL_POS"), tolerance=2)
+    step.found("target position", 2 * _TURN, chip.get_trgt_pos())
+    step.found("actual position", 2 * _COUNTS, chip.get_actl_pos(), tolerance=2)
 
     step = Step(bus, "both axes started by one MULTI_UPDATE, in opposite directions")
     _together(chip, _TURN, -_TURN)
-    for axis, counts in (("SET_1", _COUNTS), ("SET_2", -_COUNTS)):
-        chip.send(axis)
-        step.found(f"actual position, {axis[-1]}", counts, chip.send("GET_ACTL_POS"), tolerance=2)
+    for axis, counts in ((1, _COUNTS), (2, -_COUNTS)):
+        chip.select(axis)
+        step.found(f"actual position, {axis}", counts, chip.get_actl_pos(), tolerance=2)
 
     step = Step(bus, "both axes home")
     _together(chip, 0, 0)
-    for axis in ("SET_1", "SET_2"):
-        chip.send(axis)
-        step.found(f"actual position, {axis[-1]}", 0, chip.send("GET_ACTL_POS"), tolerance=2)
+    for axis in (1, 2):
+        chip.select(axis)
+        step.found(f"actual position, {axis}", 0, chip.get_actl_pos(), tolerance=2)
 
 
-def _together(chip: _Packets, first: int, second: int) -> None:
-    for axis, position in (("SET_1", first), ("SET_2", second)):
-        chip.send(axis)
-        chip.send("SET_PRFL_TRAP")
-        chip.send("SET_POS", position)
-        chip.send("SET_VEL", 15 << 16)
-        chip.send("SET_ACC", 0x1000)
-        chip.send("CLR_STATUS")
-    chip.send("MULTI_UPDATE", 0x3)
-    for axis in ("SET_1", "SET_2"):
-        chip.send(axis)
-        chip.wait(ds.MOTION_COMPLETE)
+def _together(chip: Mc1241a, first: int, second: int) -> None:
+    for axis, position in ((1, first), (2, second)):
+        chip.select(axis)
+        chip.set_prfl_trap()
+        chip.set_pos(position)
+        chip.set_vel(15 << 16)
+        chip.set_acc(0x1000)
+        chip.clr_status()
+    chip.multi_update(0x3)
+    for axis in (1, 2):
+        chip.select(axis)
+        chip.wait_event(longest="10s", every="2ms")
     chip.bus.delay("50ms")
 
 

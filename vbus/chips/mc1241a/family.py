@@ -15,6 +15,7 @@ FAMILY: Final = Family(
     packets="packets:Mc1241aPackets",
     coverage="coverage:Mc1241aExercises",
     access="access:Mc1241aPackets",
+    calls="generated.calls:Mc1241aCalls",
     host="generated.host:Mc1241a",
     demo="demo:DEMO",
     demo_name="mc1241a",

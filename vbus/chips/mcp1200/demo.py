@@ -3,9 +3,9 @@
 from typing import Final
 
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.generated.host import PROFILE, Mcp1200
 from vbus.client import Bus
 from vbus.client.demo import Demo, Gauge, Step
-from vbus.errors import NotReadyError
 
 _BOARD: Final = """\
 [chips.x]
@@ -22,10 +22,6 @@ index_offset = 1200
 _INDEX: Final = 1200
 _BREAKPOINTS: Final = 2500
 _FAR: Final = 12_000
-_PROFILE: Final = 0x08
-_VELOCITY: Final = 0x0D
-_NO_VELOCITY: Final = 0x05
-"""Flag register codes: set F0, set F5, clear F5."""
 
 
 def _explain(write: bool, address: int, data: int) -> str:
@@ -34,92 +30,52 @@ def _explain(write: bool, address: int, data: int) -> str:
     return f"R{address:02X} {name:<18} {'<-' if write else '->'} {data:02X}h"
 
 
-class _Registers:
-    """The registers by name; several bytes in the order the manual asks for."""
-
-    def __init__(self, bus: Bus) -> None:
-        self.bus: Bus = bus
-
-    def write(self, name: str, value: int) -> None:
-        """Write a whole register, the byte that makes it count last (MCP-REG-13, 29)."""
-        row = ds.REGISTERS[name]
-        shifts = range(8 * len(row.addresses) - 8, -8, -8)
-        with self.bus.batch() as batch:
-            for address, shift in zip(row.addresses, shifts, strict=True):
-                batch.write(address, value >> shift & 0xFF)
-
-    def read(self, name: str) -> int:
-        """Read a whole register, least significant byte first (MCP-REG-16)."""
-        row = ds.REGISTERS[name]
-        with self.bus.batch() as batch:
-            later = [batch.read(address) for address in reversed(row.addresses)]
-        data = bytes(byte.value for byte in later)
-        return int.from_bytes(data, "little", signed=row.signed)
-
-    def wait(self, name: str, mask: int, level: int) -> None:
-        """Read a register until the bits in ``mask`` are ``level``, for 10 s at most."""
-        end = self.bus.now() + 10 * 10**12
-        while self.read(name) & mask != level:
-            if self.bus.now() > end:
-                raise NotReadyError(f"{name} is {self.read(name):02X}h after 10 s")
-            self.bus.delay("1ms")
-
-
 def _host(bus: Bus) -> None:
-    chip = _Registers(bus)
+    chip = Mcp1200(bus)
 
     step = Step(bus, "wait for the reset to end, look at status and flags")
-    chip.wait("FLAG", ds.F1, ds.F1)
-    step.found("status", 0xF8, chip.read("STATUS") & 0xF8, digits=2)
+    chip.wait_flags(ds.F1, ds.F1)
+    step.found("status", 0xF8, chip.read_status() & 0xF8, digits=2)
 
     step = Step(bus, "PID filter, extended addressing, control mode")
-    chip.write("CONFIG", ds.EXTENDED)
-    chip.write("FEATURE", ds.PID | ds.HIGH_RESOLUTION)
-    chip.write("KP", 64)
-    chip.write("KD", 64)
-    chip.write("MODE", ds.CONTROL_CODE)
-    chip.wait("FLAG", ds.F1, 0)
-    step.found("mode", ds.CONTROL_CODE, chip.read("MODE"))
+    chip.write_config(ds.EXTENDED)
+    chip.write_feature(ds.PID | ds.HIGH_RESOLUTION)
+    chip.write_kp(64)
+    chip.write_kd(64)
+    chip.control()
+    step.found("mode", ds.CONTROL_CODE, chip.read_mode())
 
     step = Step(bus, "home: run slowly until the index is captured")
-    chip.write("CAPTURE_CONTROL", ds.INDEX_CAPTURE)
-    chip.write("ACCELERATION", 0x0010)
-    chip.write("VELOCITY", 0x0200)
-    chip.write("FLAG", _VELOCITY)
-    chip.wait("CAPTURE_CONTROL", ds.INDEX_LATCH, ds.INDEX_LATCH)
-    step.found("captured position", _INDEX, chip.read("CAPTURE"))
-    chip.write("VELOCITY", 0)
-    chip.wait("FLAG", ds.F2, 0)
-    chip.write("FLAG", _NO_VELOCITY)
+    step.found("captured position", _INDEX, chip.home(velocity=0x0200, acceleration=0x0010))
 
     step = Step(bus, "trapezoid with a pulse on TRIG every 2500 counts")
-    chip.write("FEATURE", ds.PID)
-    chip.write("BREAKPOINT", _BREAKPOINTS)
-    chip.write("CONFIG", ds.EXTENDED | ds.BREAK_ENABLE)
+    chip.write_feature(ds.PID)
+    chip.write_breakpoint(_BREAKPOINTS)
+    chip.write_config(ds.EXTENDED | ds.BREAK_ENABLE)
     bus.delay("2ms")
-    chip.write("CONFIG", ds.EXTENDED | ds.BREAK_ENABLE | ds.BREAK_REPEAT)
+    chip.write_config(ds.EXTENDED | ds.BREAK_ENABLE | ds.BREAK_REPEAT)
     bus.events("TRIG")
     _move(chip, _FAR, velocity=10, acceleration=0x0018)
-    step.found("actual position", _FAR, chip.read("ACTUAL_POSITION"), tolerance=2)
+    step.found("actual position", _FAR, chip.read_actual_position(), tolerance=2)
     step.found("pulses", _FAR // _BREAKPOINTS, len(bus.take_events()) // 2)
     bus.events()
 
     step = Step(bus, "back to zero in an S-curve")
-    chip.write("CONFIG", ds.EXTENDED)
-    chip.write("FEATURE", ds.PID | ds.S_CURVE)
-    chip.write("JERK", 0x0060)
+    chip.write_config(ds.EXTENDED)
+    chip.write_feature(ds.PID | ds.S_CURVE)
+    chip.write_jerk(0x0060)
     _move(chip, 0, velocity=10, acceleration=0x0018)
-    step.found("command position", 0, chip.read("COMMAND_POSITION"))
-    step.found("actual position", 0, chip.read("ACTUAL_POSITION"), tolerance=2)
+    step.found("command position", 0, chip.read_command_position())
+    step.found("actual position", 0, chip.read_actual_position(), tolerance=2)
 
 
-def _move(chip: _Registers, final: int, velocity: int, acceleration: int) -> None:
-    chip.write("PROFILE_VELOCITY", velocity)
-    chip.write("ACCELERATION", acceleration)
-    chip.write("FINAL_POSITION", final)
-    chip.write("FLAG", _PROFILE)
+def _move(chip: Mcp1200, final: int, velocity: int, acceleration: int) -> None:
+    chip.write_profile_velocity(velocity)
+    chip.write_acceleration(acceleration)
+    chip.write_final_position(final)
+    chip.set_flag(PROFILE)
     chip.bus.delay("2ms")
-    chip.wait("FLAG", ds.F0, 0)
+    chip.wait_flags(ds.F0, 0)
     chip.bus.delay("50ms")
 
 

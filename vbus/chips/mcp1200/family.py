@@ -15,6 +15,7 @@ FAMILY: Final = Family(
     packets="packets:Mcp1200Packets",
     coverage="coverage:Mcp1200Exercises",
     access="access:Mcp1200Access",
+    calls="generated.calls:Mcp1200Calls",
     host="generated.host:Mcp1200",
     demo="demo:DEMO",
     demo_name="mcp1200",

@@ -91,7 +91,7 @@ def _parts() -> list[str]:
         if chip in done:
             continue
         done.add(chip)
-        axes = "one axis" if chip.AXES == 1 else f"{chip.AXES} axes"
+        axes = {0: "no axis", 1: "one axis"}.get(chip.AXES, f"{chip.AXES} axes")
         circuits = ", ".join(f"`{circuit}`" for circuit in decodes(chip))
         lines += [
             f"### {', '.join(chip.PARTS)}",

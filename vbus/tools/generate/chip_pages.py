@@ -223,8 +223,15 @@ def _silent(family: Family) -> list[str]:
     notes = folder_of(family) / "NOTES.md" if family.home else None
     if notes is None or not notes.exists():
         return []
-    path = f"{family.home.replace('.', '/')}/NOTES.md"
-    return [f"What was decided, in full: [`{path}`](../../{path}).", "", *_notes(notes.read_text())]
+    place = f"{family.home.replace('.', '/')}/NOTES.md"
+    told = f"What was decided, in full: [`{place}`]({_beside(family)}/NOTES.md)."
+    return [told, "", *_notes(notes.read_text())]
+
+
+def _beside(family: Family) -> str:
+    """Return the way from a family's page to its folder."""
+    own = family in own_families()
+    return f"../../{family.home.replace('.', '/')}" if own else ".."
 
 
 def _notes(text: str) -> Iterator[str]:
@@ -240,7 +247,9 @@ def _notes(text: str) -> Iterator[str]:
 def clause_page(family: Family) -> str:
     """Return the page with the clauses of a chip family."""
     clauses = clauses_of(family.home)
-    folder = f"../../{family.home.replace('.', '/')}"
+    notes = ""
+    if (folder_of(family) / "NOTES.md").exists():
+        notes = f"; NOTES are those of [NOTES.md]({_beside(family)}/NOTES.md)"
     rows = ((clause.name, clause.title, clause.kind) for clause in clauses.values())
     lines = [
         f"# Clauses of the {_title(family)}",
@@ -250,8 +259,7 @@ def clause_page(family: Family) -> str:
         f"What the [chip]({family.name}.md) has to do. Of the kinds of clauses, *manual* is what"
         " its manual states; *ruling* is what was decided where the manual is silent or contradicts"
         " itself; *silicon* is decided by what real parts, or drivers that work with them, are"
-        " known to do. `vbus explain ID` also names the tests of a clause; NOTES are those of"
-        f" [NOTES.md]({folder}/NOTES.md).",
+        f" known to do. `vbus explain ID` also names the tests of a clause{notes}.",
         "",
         *_table(("clause", "title", "kind"), rows),
     ]

@@ -1,5 +1,7 @@
 """Fills the generated tables of documentation pages."""
 
+import re
+from pathlib import Path
 from typing import Final
 
 from vbus.protocols.requests import FATAL, REFUSALS, REPLIES, REQUESTS, Layout, Request
@@ -36,6 +38,17 @@ def text_protocol() -> str:
     """Return the text protocol's page with its table up to date."""
     page = (ROOT / "docs" / "text-protocol.md").read_text()
     return fill(page, "verbs", _verbs())
+
+
+def add_a_chip() -> str:
+    """Return the page about chips of other packages with the files of its example."""
+    page = (ROOT / "docs" / "add-a-chip.md").read_text()
+    example = ROOT / "examples" / "down_counter"
+    for name in re.findall(r"<!-- begin ([\w./]+): ", page):
+        language = {".py": "python", ".toml": "toml"}[Path(name).suffix]
+        text = (example / name).read_text().rstrip("\n")
+        page = fill(page, name, [f"```{language}", text, "```"])
+    return page
 
 
 def _requests() -> list[str]:

@@ -19,8 +19,8 @@ WIDTH: Final = 100
 
 
 def own_families() -> list[Family]:
-    """Return the chip families of this source tree."""
-    return [one for one in plugins.families() if one.home and folder_of(one).is_relative_to(ROOT)]
+    """Return the chip families that come with vbus."""
+    return [one for one in plugins.families() if one.home.startswith(f"{plugins.CHIPS}.")]
 
 
 def folder_of(family: Family) -> Path:
@@ -35,9 +35,10 @@ def formatted(text: str, name: str) -> str:
         VbusError: ruff is missing, or the text is not Python.
     """
     ruff = [sys.executable, "-m", "ruff"]
+    plain = ["--quiet", "--isolated", f"--config=line-length={WIDTH}", "--config=src=['.']"]
     for command in (
-        [*ruff, "check", "--quiet", "--select", "I", "--fix-only", "--stdin-filename", name, "-"],
-        [*ruff, "format", "--quiet", "--stdin-filename", name, "-"],
+        [*ruff, "check", *plain, "--select", "I", "--fix-only", "--stdin-filename", name, "-"],
+        [*ruff, "format", *plain, "--stdin-filename", name, "-"],
     ):
         done = subprocess.run(command, input=text, capture_output=True, text=True, cwd=ROOT)
         if done.returncode:

@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from vbus.chips.clauses import clauses_of
 from vbus.chips.family import Family
 from vbus.tools.generate import (
     board_file,
@@ -25,6 +26,7 @@ _CLIENT: Final = ROOT / "vbus" / "client"
 _GENERATED: Final = '"""Made from the tables of the chip by vbus.tools.generate."""\n'
 
 DOCUMENTS: Final[list[Target]] = [
+    ("docs/add-a-chip.md", documents.add_a_chip),
     ("docs/board-file.md", board_file.board_file),
     ("docs/byte-protocol.md", documents.byte_protocol),
     ("docs/faults.md", faults.faults),
@@ -76,6 +78,19 @@ def _door(family: Family, module: str) -> str:
         "# Made by vbus.tools.generate.\n"
         f'"""The client of the {family.title}."""\n\nfrom {module} import *  # noqa: F403\n'
     )
+
+
+def family_targets(family: Family) -> list[Target]:
+    """Return all that is made for one chip family, in the folder it is installed in.
+
+    That is its client, its pages, and its decoder for sigrok.
+    """
+    made = folder_of(family) / "generated"
+    pages = [(f"{made}/{family.name}.md", partial(chip_pages.page, family))]
+    if clauses_of(family.home):
+        path = f"{made}/{family.name}-clauses.md"
+        pages.append((path, partial(chip_pages.clause_page, family)))
+    return [*client_targets(family), *pages, *sigrok.decoder_targets(family, f"{made}/sigrok")]
 
 
 def twins() -> list[Target]:

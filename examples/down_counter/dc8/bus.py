@@ -1,0 +1,9 @@
+"""DC-8: edges of the host bus to bus cycles."""
+
+from vbus.trace.bus_watch import StrobedBus
+
+
+class Dc8Watch(StrobedBus):
+    """A cycle ends when its strobe or /CS rises."""
+
+    PINS = ("/CS", "A0", "/RD", "/WR")

@@ -1,0 +1,23 @@
+"""The DC-8's tables: pins, registers, rules."""
+
+from vbus.chips.tables import PinRow, Register, RegisterMap
+from vbus.signals import HIGH, LOW, Rule
+
+COUNT_CLK = 16
+"""Cycles of CLK for one count (DC-CNT-1)."""
+
+PINS = (
+    PinRow("/CS", "in", strobe=True, select=True, title="select"),
+    PinRow("A0", "in", rest=LOW, strobe=True, title="which register"),
+    PinRow("/RD", "in", strobe=True, title="read strobe"),
+    PinRow("/WR", "in", strobe=True, title="write strobe"),
+    PinRow("D0-D7", "io", width=8, title="data"),
+    PinRow("DONE", "out", rest=HIGH, title="the count is 0"),
+)
+REGISTERS = RegisterMap(
+    2,
+    Register("LOAD", (0,), clause="DC-REG-1", title="what is counted down from"),
+    Register("COUNT", (1,), access="r", clause="DC-REG-2", title="what is left"),
+)
+RUNNING = Rule("dc8.running", "DC-REG-1", "LOAD is written only while the count is 0.")
+RULES = (RUNNING,)

@@ -1,0 +1,144 @@
+"""A chip of a package of its own, installed as anybody's: every tool takes it as it takes ours."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "down_counter"
+pytestmark = pytest.mark.slow
+
+
+def typed(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    """Run a command where the package is installed, and nothing of its sources is in reach."""
+    path = f"{folder / 'site'}:{os.environ.get('PYTHONPATH', ROOT)}"
+    return subprocess.run(
+        [sys.executable, *command],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": path, "VBUS_RUNTIME": str(folder / "run")},
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+
+
+def vbus(folder: Path, *arguments: str) -> str:
+    done = typed(folder, "-m", "vbus", *arguments)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the package installed below it, its generated files included."""
+    folder = tmp_path_factory.mktemp("plugin")
+    shutil.copytree(EXAMPLE, folder / "source")
+    shutil.copy(EXAMPLE / "counter.toml", folder)
+    pip = ("-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--upgrade",
+           "--target", "site", "./source")  # fmt: skip
+    for command in (pip, ("-m", "vbus.tools.generate", "--family", "dc8")):
+        done = typed(folder, *command)
+        assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def played(place: Path) -> dict[str, object]:
+    """What became of a host that moves the lines itself."""
+    done = typed(place, str(Path(__file__).with_name("plugin_host.py")))
+    assert done.returncode == 0, done.stderr
+    told: dict[str, object] = json.loads(done.stdout)
+    return told
+
+
+def test_bit_banged_cycles_are_seen_once_by_everybody(played: dict[str, object]) -> None:
+    assert played["seen"] == [[True, 0, 7], [False, 1, 7], [True, 0, 7]]
+    assert played["journal"] == played["seen"]
+    first, other = played["hashes"]
+    assert first != other
+
+
+def test_what_a_host_breaks_and_exercises_is_counted(played: dict[str, object]) -> None:
+    assert played["rules"] == ["dc8.running"]
+    assert played["covered"] == [
+        ["registers written", "LOAD", 2],
+        ["registers read", "COUNT", 1],
+        ["rules broken", "dc8.running", 1],
+    ]
+    assert played["share"] == [2, 3]
+
+
+def test_its_bus_is_explained_in_words(place: Path, played: dict[str, object]) -> None:
+    assert vbus(place, "explain", "dc8", "00", "05") == "05: write LOAD 05H (5)  [DC-REG-1]\n"
+    assert "One count takes 16 cycles of CLK" in vbus(place, "explain", "DC-CNT-1")
+    assert "dc8.running (error, DC-REG-1)" in vbus(place, "explain", "running")
+    lines = vbus(place, "explain", "run.vbj", "--no-progress")
+    assert "write LOAD 09H (9)" in lines
+    assert "read COUNT" in lines
+
+
+def test_waveforms_have_lanes_with_its_packets(place: Path, played: dict[str, object]) -> None:
+    wave = (place / "full.vcd").read_text()
+    assert wave.count("swrite\\x20LOAD\\x2009H") == 2
+    assert "$var real 64 ( count $end" in wave
+
+
+def test_a_capture_of_its_bus_is_compared_with_the_model(
+    place: Path, played: dict[str, object]
+) -> None:
+    done = vbus(place, "conform", "DC-8", "run.vcd", "--clock", "1 MHz", "--no-progress")
+    assert "no difference in 3 bus cycles, 1 of them reads, and DONE" in done
+    assert typed(place, "-m", "vbus", "conform", "DC-8", "run.vcd", "--clock", "1 MHz", "--plant",
+                 "ideal").stderr.endswith("DC-8 has no axis; --plant is given once\n")  # fmt: skip
+
+
+def test_sigrok_decodes_its_bus(place: Path, played: dict[str, object]) -> None:
+    sigrok = shutil.which("sigrok-cli")
+    if sigrok is None:
+        if os.environ.get("VBUS_REQUIRE_ALL") == "1":
+            pytest.fail("sigrok-cli is not installed, and VBUS_REQUIRE_ALL is 1")
+        pytest.skip("sigrok-cli is not installed (apt-get install sigrok-cli)")
+    wiring = ["cs=x_CS", "a0=x_A0", "rd=x_RD", "wr=x_WR", *(f"d{n}=x_D{n}" for n in range(8))]
+    made = place / "site" / "dc8" / "generated" / "sigrok"
+    done = subprocess.run(
+        [sigrok, "-I", "vcd:compress=1000", "-i", "run.vcd", "-P", ":".join(["vbus_dc8", *wiring]),
+         "-A", "vbus_dc8=packets"],
+        cwd=place, env={**os.environ, "SIGROKDECODE_DIR": str(made)},
+        capture_output=True, text=True, timeout=100,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert [line.partition(": ")[2] for line in done.stdout.splitlines()] == [
+        "write LOAD 09H (9)", "read COUNT 09H (9)", "write LOAD 09H (9)",
+    ]  # fmt: skip
+
+
+def test_its_files_are_made_and_up_to_date(place: Path) -> None:
+    made = place / "site" / "dc8" / "generated"
+    assert "async def write_load(self, value: int)" in (made / "aio_calls.py").read_text()
+    assert "    def read_count(self) -> int:" in (made / "calls.py").read_text()
+    assert "| `COUNT` | 01H | 8 bits unsigned | read |" in (made / "dc8.md").read_text()
+    assert "### DC-CNT-1" in (made / "dc8-clauses.md").read_text()
+    done = typed(place, "-m", "vbus.tools.generate", "--check", "--family", "dc8")
+    assert (done.returncode, done.stdout) == (0, "")
+
+
+def test_its_board_file_is_checked_in_words_that_make_sense(place: Path) -> None:
+    vbus(place, "check", "counter.toml")
+    text = (place / "counter.toml").read_text()
+    wrong = text.replace("[[hosts]]", 'plant = "m"\n\n[plants.m]\nmodel = "ideal"\n\n[[hosts]]')
+    (place / "wrong.toml").write_text(wrong)
+    done = typed(place, "-m", "vbus", "check", "wrong.toml")
+    assert done.returncode != 0
+    assert "chips.x.plant: DC-8 has no axis; leave the plant out" in done.stdout + done.stderr
+
+
+def test_its_own_tests_pass_with_its_fixture_and_its_client(place: Path) -> None:
+    shutil.copy(EXAMPLE / "test_dc8.py", place)
+    done = typed(place, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_dc8.py")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "6 passed" in done.stdout
