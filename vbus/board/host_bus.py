@@ -28,6 +28,8 @@ class Hosts:
         claims: who has claimed a chip, by its name.
     """
 
+    WIRING: ClassVar[Names] = ("claims", "ports")
+
     def __init__(self) -> None:
         self.ports: list[HostBus] = []
         self.claims: dict[str, HostBus] = {}

@@ -8,6 +8,7 @@ from vbus.chips.base import Chip
 from vbus.faults.row import Fault
 from vbus.options import Value
 from vbus.signals import LOW, Plant
+from vbus.state import Names
 
 Shift = Callable[[int, int], int]
 """Moves an instant: from where it was, and now (ps)."""
@@ -27,6 +28,8 @@ class Upsets:
     """Faults of this family's chips alone."""
     LIMIT_CLOSED: ClassVar[int] = LOW
     """Level of a limit input whose switch is closed, where no switch is wired to it."""
+
+    WIRING: ClassVar[Names] = ("chip", "inside")
 
     def __init__(self, chip: Chip) -> None:
         self.chip: Chip = chip

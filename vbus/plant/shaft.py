@@ -51,6 +51,8 @@ class Mechanics:
         stopped: whether there are end stops.
     """
 
+    DERIVED: ClassVar[Names] = ("*",)
+
     def __init__(
         self, load: float, coulomb: float, static: float, viscous: float, torque: float,
         supply: float, low: i64, high: i64, stopped: bool,

@@ -19,7 +19,7 @@ class EncoderPins:
     """
 
     STATE: ClassVar[Names] = ("_low_from", "_low: bool")
-    WIRING: ClassVar[Names] = ("_chip", "_inputs", "_pins", "_t1", "_t2", "_turn")
+    WIRING: ClassVar[Names] = ("_chip", "_encoder", "_inputs", "_pins", "_t1", "_t2", "_turn")
 
     def __init__(self, chip: HostInterface, encoder: Encoder) -> None:
         self._chip: HostInterface = chip

@@ -66,7 +66,7 @@ class MC1241A(ChipSet):
         "cycles: part", "interrupts: part", "port: part", "output: part", "host_pins: part",
         "axes: parts", "judged: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_interrupt_pin", "_ready_pin", "_slot_busy", "shared", "version")
+    WIRING: ClassVar[Names] = ("_interrupt_pin", "_ready_pin", "_slot_busy", "shared")
     DERIVED: ClassVar[Names] = ("instant",)
 
     def __init__(

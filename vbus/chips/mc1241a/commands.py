@@ -47,7 +47,9 @@ class Commands:
     """
 
     STATE: ClassVar[Names] = ("current",)
-    WIRING: ClassVar[Names] = ("_chip", "_methods")
+    WIRING: ClassVar[Names] = (
+        "_axes", "_chip", "_cycles", "_interrupts", "_methods", "_version",
+    )  # fmt: skip
 
     def __init__(
         self, chip: ChipSet, axes: list[Axis], cycles: Cycles, interrupts: Interrupts

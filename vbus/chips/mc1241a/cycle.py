@@ -59,7 +59,7 @@ class Cycles:
         "_reset_since", "_slot_start", "_slot_end",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_axes", "_chip", "skipping")
-    DERIVED: ClassVar[Names] = ("_slotted", "run_count")
+    DERIVED: ClassVar[Names] = ("_slotted", "heard", "run_count")
 
     def __init__(self, chip: ChipSet, axes: list[Axis]) -> None:
         self._chip: ChipSet = chip

@@ -45,8 +45,7 @@ class Output:
     """
 
     STATE: ClassVar[Names] = ("_frame", "_sequence", "_queue: heap[(i64, i64, i64, i64)]")
-    WIRING: ClassVar[Names] = ("_chip", "_pins", "_positive_sign")
-    DERIVED: ClassVar[Names] = ("heard",)
+    WIRING: ClassVar[Names] = ("_axes", "_chip", "_cycles", "_pins", "_positive_sign")
 
     def __init__(self, chip: ChipSet, cycles: Cycles, axes: int) -> None:
         self._chip: ChipSet = chip

@@ -45,7 +45,7 @@ class HostPort:
         "_result", "_checksum", "_high", "_low_write_next: bool", "_low_read_next: bool", "_word",
         "_word_is_data: bool", "_reading: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_chip", "_noop_codes")
+    WIRING: ClassVar[Names] = ("_chip", "_commands", "_noop_codes")
     DERIVED: ClassVar[Names] = ("_row",)
 
     def __init__(self, chip: ChipSet, commands: Commands) -> None:

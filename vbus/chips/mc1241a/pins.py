@@ -34,7 +34,7 @@ class HostPins:
         "_read_fell", "_strobe_ended", "_write_ended", "_read_ended", "_reset_fell", "_data_judged",
         "_command_at", "_data_at", "_data_before",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_chip", "_command", "_read", "_select", "_write")
+    WIRING: ClassVar[Names] = ("_chip", "_command", "_port", "_read", "_select", "_write")
 
     def __init__(self, chip: ChipSet, port: HostPort) -> None:
         self._chip: ChipSet = chip

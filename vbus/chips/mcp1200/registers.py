@@ -53,7 +53,7 @@ class HostRegisters:
         "_bytes", "_encoder_pins", "_held_csb", "_held_msb", "_noted", "_side", "_works",
     )  # fmt: skip
     STATE: ClassVar[Names] = ("_held_msb", "_held_csb", "_noted: set[i64]")
-    WIRING: ClassVar[Names] = ("_bytes", "_works")
+    WIRING: ClassVar[Names] = ("_bytes", "_encoder_pins", "_side", "_works")
 
     def __init__(self, works: Blocks, side: SidePins, encoder_pins: EncoderPins) -> None:
         self._works: Blocks = works
