@@ -37,14 +37,15 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
             acts.stand_back(stood)
         raise
 
-    before = board.save()
+    before = board.save() if loading.foreign else None
 
     def go() -> None:
         try:
             _load(board, loading, fields["wires"], broken, acts is not None)
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             # A part of somebody else's, which checks nothing before.
-            prepare(board, before)()
+            if before is not None:
+                prepare(board, before)()
             raise SnapshotError(f"the state does not fit: {error!r}") from error
 
     return go

@@ -33,7 +33,7 @@ class Encoder:
     """
 
     __slots__ = ("_offset", "_turn", "counts", "index", "index_offset")
-    WIRING: ClassVar[Names] = __slots__
+    WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, lines: int, index: bool = True, index_offset: int = 0) -> None:
         if index_offset % 4:

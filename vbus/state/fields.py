@@ -2,23 +2,22 @@
 
 from collections.abc import Callable, Iterable
 from functools import partial
+from operator import attrgetter
 from typing import Any, ClassVar, Final
 
 from vbus.errors import SnapshotError
 from vbus.state.kinds import (
-    Flag,
+    FLAG,
     InPlace,
     Integer,
     Kind,
     Load,
-    Mixed,
     Octets,
     Real,
     Refused,
     Row,
     Several,
     Sorted,
-    Text,
 )
 
 Saved = dict[str, Any]
@@ -53,12 +52,16 @@ class Part(Kind):
         return now
 
 
+PART: Final = Part("a part")
+
+
 class Parts(Kind):
     """A list of parts."""
 
     STAYS: ClassVar[bool] = True
 
     def __init__(self, each: Kind) -> None:
+        super().__init__("parts", tuple, list)
         self.each: Kind = each
 
     def save(self, value: Any) -> Any:
@@ -68,8 +71,8 @@ class Parts(Kind):
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the parts as they are."""
-        if type(saved) not in (tuple, list) or len(saved) != len(now):
-            raise Refused(f"wants {len(now)} parts, not {saved!r:.60}")
+        if len(super().take(saved, now, load)) != len(now):
+            raise Refused(f"wants {len(now)} parts, not {len(saved)}")
         for number, (one, part) in enumerate(zip(saved, now, strict=True)):
             try:
                 self.each.take(one, part, load)
@@ -82,6 +85,7 @@ class Kept(Kind):
     """What :func:`keep` gave of the part at attribute ``of``, or nothing."""
 
     def __init__(self, of: str) -> None:
+        super().__init__("kept fields", dict)
         self.of: str = of
 
     def owner(self, name: str) -> str:
@@ -98,11 +102,12 @@ class Kept(Kind):
 # -- declarations -------------------------------------------------------------------------------
 
 SIMPLE: Final[dict[str, Kind]] = {
-    "i64": Kind(), "i64 | bool": Mixed(), "int": Integer(), "bool": Flag(), "float": Real(),
-    "str": Text(),
+    "i64": Kind("an integer of 64 bits", int), "bool": FLAG, "str": Kind("a text", str),
+    "i64 | bool": Kind("an integer of 64 bits, true or false", int, bool),
+    "int": Integer("an integer", int), "float": Real("a number", float, int),
     "bytes": Octets(True), "bytes[...]": Octets(False), "bytearray": InPlace(True),
     "bytearray[...]": InPlace(False),
-    "part": Part(), "part | None": Part(), "parts": Parts(Part()),
+    "part": PART, "part | None": PART, "parts": Parts(PART),
 }  # fmt: skip
 MAKERS: Final[dict[str, Callable[[Iterable[Any]], Any]]] = {
     "list": list, "tuple": tuple, "set": set, "heap": list,
@@ -139,18 +144,22 @@ class Layout:
 
     Attributes:
         names: its fields.
-        kinds: what they hold.
+        fields: the same with what they hold.
+        others: those whose values are not kept as they are.
+        get: returns the values of all fields; None if there are none.
         version: of the declaration.
         own: it has a save() and load() of its own instead.
         prepares: it has a before_save().
         refreshes: it has an after_load().
     """
 
-    __slots__ = ("kinds", "names", "own", "prepares", "refreshes", "version")
+    __slots__ = ("fields", "get", "names", "others", "own", "prepares", "refreshes", "version")
 
     def __init__(self, cls: Any, declaration: str = "STATE") -> None:
         self.names: list[str] = []
-        self.kinds: list[Kind] = []
+        self.fields: list[tuple[str, Kind]] = []
+        self.others: list[tuple[str, Kind]] = []
+        self.get: Callable[[Any], tuple[Any, ...]] | None = None
         self.version: int = getattr(cls, "STATE_VERSION", 1)
         self.own: bool = False
         self.prepares: bool = hasattr(cls, "before_save")
@@ -168,11 +177,15 @@ class Layout:
         for field in declared:
             name, colon, kind = field.partition(":")
             self.names.append(name)
-            self.kinds.append(kind_of(kind if colon else "i64"))
+            self.fields.append((name, kind_of(kind if colon else "i64")))
+        self.others = [(name, kind) for name, kind in self.fields if not kind.plain]
+        if self.names:
+            # One name would come without a tuple: it comes twice, and zip() takes one.
+            self.get = attrgetter(*self.names, *(self.names if len(self.names) == 1 else ()))
 
     def kind(self, name: str) -> Kind:
         """Return what a field holds."""
-        return self.kinds[self.names.index(name)]
+        return self.fields[self.names.index(name)][1]
 
 
 _LAYOUTS: Final[dict[Any, Layout]] = {}
@@ -236,9 +249,10 @@ def save_fields(part: Any, layout: Layout) -> Saved:
     if layout.prepares:
         part.before_save()
     saved: Saved = {VERSION: layout.version}
-    kinds = layout.kinds
-    for number, name in enumerate(layout.names):
-        saved[name] = kinds[number].save(getattr(part, name))
+    if layout.get is not None:
+        saved.update(zip(layout.names, layout.get(part), strict=False))
+    for name, kind in layout.others:
+        saved[name] = kind.save(saved[name])
     return saved
 
 
@@ -250,6 +264,7 @@ def check(part: Any, saved: Any, load: Load) -> None:
     """
     layout = layout_of(type(part))
     if layout.own:
+        load.foreign = load.foreign or not type(part).__module__.startswith("vbus.")
         load.value(part, "", partial(part.load, saved))
     else:
         check_fields(part, layout, saved, load)
@@ -258,11 +273,12 @@ def check(part: Any, saved: Any, load: Load) -> None:
 def check_fields(part: Any, layout: Layout, saved: Any, load: Load) -> None:
     """Check the fields that a part declares."""
     fields = _present(part, layout, saved)
-    kinds = layout.kinds
     name = ""
     try:
-        for number, name in enumerate(layout.names):
-            kind = kinds[number]
+        for name, kind in layout.fields:
+            if kind.plain:
+                load.value(part, name, kind.take(fields[name], None, load))
+                continue
             value = kind.take(fields[name], getattr(part, kind.owner(name)), load)
             if not kind.STAYS:
                 load.value(part, name, value)

@@ -23,7 +23,7 @@ from typing import Any, Final
 
 from vbus.errors import SnapshotError
 from vbus.state.fields import VERSION, Kept, Part, Parts, Saved, layout_of, plan_fields, save_fields
-from vbus.state.kinds import Flag, Integer, Kind
+from vbus.state.kinds import FLAG, Integer, Kind
 
 BITS: Final = ("+",)
 """Every bool as 0 or 1."""
@@ -65,7 +65,7 @@ def _find(cls: type, more: str) -> Any:
         if found or "STATE" in vars(base):
             break
     if found == BITS:
-        flags = {name for name in declared.names if isinstance(declared.kind(name), Flag)}
+        flags = {name for name in declared.names if declared.kind(name) is FLAG}
         return tuple("+" + name if name in flags else name for name in declared.names)
     return found or tuple(declared.names)
 

@@ -28,9 +28,11 @@ class Refused(Exception):
 class Load:
     """What loading does once everything has been checked."""
 
-    __slots__ = ("_hooks", "_values")
+    __slots__ = ("_hooks", "_values", "foreign")
 
     def __init__(self) -> None:
+        self.foreign: bool = False
+        """Whether a part of somebody else's is among it, which checks nothing before."""
         self._values: list[tuple[Any, str, Any]] = []
         self._hooks: list[Callable[[], None]] = []
 
@@ -54,11 +56,21 @@ class Load:
 
 
 class Kind:
-    """What a field holds."""
+    """What a field holds: a value of one of some types, with integers of 64 bits.
 
-    TEXT: ClassVar[str] = "an integer of 64 bits"
+    Args:
+        text: what that is, for an error.
+        types: the types.
+    """
+
     STAYS: ClassVar[bool] = False
     """The field keeps its object; what is inside takes other values."""
+
+    def __init__(self, text: str, *types: type) -> None:
+        self.text: str = text
+        self.types: tuple[type, ...] = types
+        self.plain: bool = type(self) is Kind
+        """Kept as it is, whatever the field holds now."""
 
     def owner(self, name: str) -> str:
         """Return the attribute that says what the field ``name`` may hold: that field."""
@@ -79,20 +91,19 @@ class Kind:
         Raises:
             Refused: it is no such value.
         """
-        if type(saved) is int and -MOST - 1 <= saved <= MOST:
-            return saved
-        raise self.refuse(saved)
+        kind = type(saved)
+        if kind not in self.types or (kind is int and not -MOST - 1 <= saved <= MOST):
+            raise self.refuse(saved)
+        return saved
 
     def refuse(self, saved: Any) -> Refused:
         """Return the exception that says what was wanted."""
         text = repr(saved)
-        return Refused(f"wants {self.TEXT}, not {text if len(text) < 60 else text[:56] + ' ...'}")
+        return Refused(f"wants {self.text}, not {text if len(text) < 60 else text[:56] + ' ...'}")
 
 
 class Integer(Kind):
     """An integer of any size; beyond 64 bits it is kept as a decimal text."""
-
-    TEXT: ClassVar[str] = "an integer"
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
@@ -100,39 +111,15 @@ class Integer(Kind):
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
-        if type(saved) is int:
-            return saved
         if type(saved) is str and saved.lstrip("-").isdecimal():
             return int(saved)
-        raise self.refuse(saved)
-
-
-class Flag(Kind):
-    """True or False."""
-
-    TEXT: ClassVar[str] = "true or false"
-
-    def take(self, saved: Any, now: Any, load: Load) -> Any:
-        """Return the value for what was kept."""
-        if type(saved) is bool:
-            return saved
-        raise self.refuse(saved)
-
-
-class Mixed(Kind):
-    """An integer of 64 bits, or True or False."""
-
-    TEXT: ClassVar[str] = "an integer of 64 bits, true or false"
-
-    def take(self, saved: Any, now: Any, load: Load) -> Any:
-        """Return the value for what was kept."""
-        return saved if type(saved) is bool else super().take(saved, now, load)
+        if type(saved) is not int:
+            raise self.refuse(saved)
+        return saved
 
 
 class Real(Kind):
     """A number."""
-
-    TEXT: ClassVar[str] = "a number"
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
@@ -140,29 +127,14 @@ class Real(Kind):
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
-        if type(saved) is float or type(saved) is int:
-            return float(saved)
-        raise self.refuse(saved)
-
-
-class Text(Kind):
-    """A text."""
-
-    TEXT: ClassVar[str] = "a text"
-
-    def take(self, saved: Any, now: Any, load: Load) -> Any:
-        """Return the value for what was kept."""
-        if type(saved) is str:
-            return saved
-        raise self.refuse(saved)
+        return float(super().take(saved, now, load))
 
 
 class Octets(Kind):
     """Bytes."""
 
-    TEXT: ClassVar[str] = "bytes"
-
     def __init__(self, fixed: bool) -> None:
+        super().__init__("bytes", bytes)
         self.fixed: bool = fixed
 
     def save(self, value: Any) -> Any:
@@ -171,8 +143,7 @@ class Octets(Kind):
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
-        if type(saved) is not bytes:
-            raise self.refuse(saved)
+        super().take(saved, now, load)
         if self.fixed and len(saved) != len(now):
             raise Refused(f"wants {len(now)} bytes, not {len(saved)}")
         return saved
@@ -194,6 +165,7 @@ class Several(Kind):
     """Several values of one kind."""
 
     def __init__(self, make: Callable[[Iterable[Any]], Any], each: Kind, fixed: bool) -> None:
+        super().__init__("several values", tuple, list)
         self.make: Callable[[Iterable[Any]], Any] = make
         self.each: Kind = each
         self.fixed: bool = fixed
@@ -205,8 +177,7 @@ class Several(Kind):
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
-        if type(saved) not in (tuple, list):
-            raise Refused(f"wants several values, not {saved!r}")
+        super().take(saved, now, load)
         if self.fixed and len(saved) != len(now):
             raise Refused(f"wants {len(now)} values, not {len(saved)}")
         each = self.each
@@ -225,6 +196,7 @@ class Row(Kind):
     """A tuple of one value of each kind."""
 
     def __init__(self, kinds: list[Kind]) -> None:
+        super().__init__(f"{len(kinds)} values in a row", tuple, list)
         self.kinds: list[Kind] = kinds
 
     def save(self, value: Any) -> Any:
@@ -233,8 +205,11 @@ class Row(Kind):
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
-        if type(saved) not in (tuple, list) or len(saved) != len(self.kinds):
-            raise Refused(f"wants {len(self.kinds)} values in a row, not {saved!r}")
+        if len(super().take(saved, now, load)) != len(self.kinds):
+            raise self.refuse(saved)
         return tuple(
             [kind.take(one, None, load) for kind, one in zip(self.kinds, saved, strict=True)]
         )
+
+
+FLAG: Final = Kind("true or false", bool)

@@ -9,6 +9,7 @@ import pytest
 from vbus import state
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
+from vbus.chips.tables import RegisterMap
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.framed import FramedProtocol
 from vbus.protocols.text import TextProtocol
@@ -80,7 +81,7 @@ def inside(value: Any) -> Iterator[Any]:
 def constant(value: Any) -> bool:
     """Tell whether nobody changes it once it is made: a row of a table."""
     frozen = dataclasses.is_dataclass(value) and value.__dataclass_params__.frozen  # type: ignore[attr-defined]
-    return frozen or isinstance(value, (tuple, Exception))
+    return frozen or isinstance(value, (tuple, Exception, RegisterMap))
 
 
 def reached(*roots: Any) -> list[Any]:

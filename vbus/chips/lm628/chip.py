@@ -26,6 +26,13 @@ _RESET_BY_PIN: Final = 1
 _RESET_BY_COMMAND: Final = 2
 _UNPOWERED: Final = 3
 
+_INSIDE: Final = (
+    "axis: part", "host: part", "commands: part", "output: part", "encoder: part", "_mode",
+    "_reset_end", "_fails_left", "_when", "_cycle", "_sample_at",
+    "_course: tuple[i64 | bool, ...]", "_still: bool", "_outputs: part",
+)  # fmt: skip
+"""Everything behind the front-end: what a cycle that is lost has changed."""
+
 
 class LM628(HostInterface):
     """Motion controller with a trapezoidal profile, a PID filter and one quadrature encoder.
@@ -53,14 +60,9 @@ class LM628(HostInterface):
     FREE_READS: ClassVar[tuple[int, ...]] = (ds.COMMAND_PORT,)
     TRACELESS: ClassVar[bool] = True
     OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
-    KEPT: ClassVar[Names] = (
-        "axis: part", "host: part", "commands: part", "output: part", "encoder: part", "_mode",
-        "_reset_end", "_fails_left", "_when", "_cycle", "_sample_at",
-        "_course: tuple[i64 | bool, ...]", "_still: bool", "_outputs: part",
-    )  # fmt: skip
-    """Everything behind the front-end: what a cycle that is lost has changed."""
+    KEPT: ClassVar[Names] = _INSIDE
     STATE: ClassVar[Names] = (
-        *KEPT, "_front: part", "_encoder_pins: part", "_reset_fell", "judged: bool",
+        *_INSIDE, "_front: part", "_encoder_pins: part", "_reset_fell", "judged: bool",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_hi",)
     DERIVED: ClassVar[Names] = ("_due_at",)
