@@ -3,11 +3,14 @@
 import json
 import os
 import shutil
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from tests.e2e.command import running, start
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "down_counter"
@@ -61,6 +64,32 @@ def test_bit_banged_cycles_are_seen_once_by_everybody(played: dict[str, object])
     assert played["journal"] == played["seen"]
     first, other = played["hashes"]
     assert first != other
+
+
+def test_the_monitor_shows_a_bit_banged_write_once(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = f"{place / 'site'}:{os.environ.get('PYTHONPATH', ROOT)}"
+    monkeypatch.setenv("PYTHONPATH", path)
+    monkeypatch.setenv("VBUS_RUNTIME", str(place / "run"))
+    monkeypatch.chdir(place)
+    requests = b"lines A0=0 /CS=0\ndrive 07\nlines /WR=0\nlines /WR=1\nlines /CS=1\nw 0 09\n"
+    with running("counter.toml"):
+        process = start("monitor", "counter", "--count", "2")
+        assert process.stdout is not None
+        assert process.stdout.readline() == "watching counter\n"
+        with socket.socket(socket.AF_UNIX) as host:
+            host.connect(str(place / "run" / "counter.sock"))
+            host.sendall(requests)
+            answers = host.makefile()
+            assert [answers.readline() for _ in range(6)] == ["ok\n"] * 6
+            out, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (0, "")
+    assert [line.split(" ", 1)[1] for line in out.splitlines()] == [
+        "x write LOAD 07H (7)  [DC-REG-1]",
+        "x ! dc8.running: LOAD is written only while the count is 0.",
+        "x write LOAD 09H (9)  [DC-REG-1]",
+    ]
 
 
 def test_what_a_host_breaks_and_exercises_is_counted(played: dict[str, object]) -> None:
