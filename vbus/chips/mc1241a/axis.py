@@ -59,9 +59,6 @@ class Axis:
         self.stepper: Microstepper = stepper
         self.profile: Profile = Profile()
         self.limits: LimitDetector = LimitDetector()
-        self.buffer: Registers = Registers()
-        self.active: Registers = Registers()
-        self._taken: Registers = Registers()
         self._report: Report = report
         self.reset()
 
@@ -88,9 +85,9 @@ class Axis:
         self.position_error: int = 0
         """Target minus actual position (counts), clamped to 16 bits."""
         self._error_offset: int = 0
-        self.buffer.load((0,) * 10)
-        self.active.load((0,) * 10)
-        self._taken.load((0,) * 10)
+        self.buffer: Registers = Registers()
+        self.active: Registers = Registers()
+        self._taken: Registers = Registers()
         self.profile.reset()
         self.limits.reset()
         self.encoder.reset()
@@ -335,7 +332,7 @@ class Axis:
         if self.breakpoint_mode == BRK_OFF:
             return (1 << 62) - 1
         if is_met(
-            self.breakpoint_mode, self.breakpoint_value, time + 1, self.profile.target(),
+            self.breakpoint_mode, self.breakpoint_value, time, self.profile.target(),
             self.encoder.actual, self.events, home,
         ):  # fmt: skip
             return 0

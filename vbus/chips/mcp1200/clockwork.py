@@ -365,7 +365,7 @@ class Clockwork(Blocks):
         end: i64 = FAR
         if self._at_sample > cycle:
             end = self._at_sample
-        if cycle < self._at_results < end:
+        if self._at_results < end:
             end = self._at_results
         if end == FAR:
             end = cycle + self.timer.period
