@@ -225,8 +225,9 @@ def test_a_switch_on_the_index_input_can_record_the_position_too():
 def test_an_index_input_held_low_for_more_than_a_turn_is_reported_once(make):
     bench = make(counts_per_turn=40)
     bench.chip.judged = False
+    state = turn(bench, 44)
     bench.set(**{"/IN": LOW})
-    state = turn(bench, 40)
+    state = turn(bench, 40, state=state)
     assert bench.rules() == []
     state = turn(bench, 1, state=state)
     assert [(v.rule, v.measured, v.limit) for v in bench.violations] == [
@@ -234,6 +235,27 @@ def test_an_index_input_held_low_for_more_than_a_turn_is_reported_once(make):
     ]
     turn(bench, 60, state=state)
     assert bench.rules() == ["index-grounded"]
+
+
+@pytest.mark.spec("LM-POS-3")
+def test_an_index_input_held_low_since_power_up_is_reported_too(make):
+    bench = make(counts_per_turn=40, done=None)
+    bench.chip.judged = False
+    bench.set(**{"/IN": LOW})
+    bench.chip.power_on(True)
+    state = turn(bench, 40)
+    assert bench.rules() == []
+    turn(bench, 1, state=state)
+    assert [(v.rule, v.measured, v.limit) for v in bench.violations] == [
+        ("lm628.index-grounded", 41, 40)
+    ]
+
+
+def test_a_chip_without_mechanics_comes_to_rest(bench):
+    for _ in range(3):
+        bench.next_sample()
+    bench.chip.advance()
+    assert bench.chip.resting()
 
 
 @pytest.mark.spec("LM-POS-3")

@@ -390,6 +390,10 @@ def test_the_dac_port_keeps_its_own_limits() -> None:
         "T26": select - address,
         "T27": select - low,
     }
+    assert measured == {
+        "T19": 55 * NS, "T20": 75 * NS, "T21": 85 * NS, "T22": 25 * NS, "T23": 80 * NS,
+        "T24": 80 * NS, "T26": 63 * NS, "T27": 8 * NS,
+    }  # fmt: skip
     for symbol, interval in measured.items():
         row = AC[symbol]
         assert row.min_ps <= interval <= (row.max_ps or NEVER), symbol

@@ -244,6 +244,21 @@ def test_an_update_that_was_asked_for_does_not_outlive_a_reset(chip: Bench) -> N
     assert chip.status() == 0x0300
 
 
+@spec("PMD-RST-2", "PMD-BUS-3", "PMD-BUS-5")
+def test_a_read_that_a_reset_cuts_short_moves_no_byte_pointer() -> None:
+    chip = Bench("cycle")
+    chip.chip.begin_read(0)
+    chip.drive("~Reset", 0)
+    chip.run_for(10 * US)
+    chip.drive("~Reset", 1)
+    chip.wait_ready()
+    chip.chip.end_read()
+    chip.byte_in()
+    assert chip.chip.ready_at() < chip.now, "that was a high byte"
+    chip.byte_in()
+    assert chip.chip.ready_at() == chip.now + BUSY
+
+
 @spec("PMD-RST-2", "PMD-LIM-2")
 def test_reset_arms_the_limit_detector(chip: Bench) -> None:
     chip.drive("NegLimit1", 1)

@@ -353,6 +353,21 @@ def test_a_motor_at_rest_gets_a_new_amplitude_from_the_next_slot_on(command: int
         assert rig.chip.telemetry()["actual 1"] != before, phase
 
 
+class Standing(StepperMotor):
+    """A motor that has come to rest."""
+
+    def resting(self) -> bool:
+        return True
+
+
+def test_a_motor_at_rest_does_not_end_the_rest_of_a_chip_set_without_currents() -> None:
+    rig = Rig()
+    rig.board.run_for(10 * CYCLE)
+    rig.board.catch_up()
+    rig.chip.connect(0, Standing())
+    assert rig.chip.resting()
+
+
 def test_rest_ends_at_a_time_breakpoint() -> None:
     rig = Rig()
     rig.send("SET_BRK_PNT", 1_000_000)

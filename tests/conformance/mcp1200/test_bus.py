@@ -385,6 +385,23 @@ def test_ad6_is_pulled_up_on_a_floating_bus(strobes: Strober) -> None:
     assert [v.measured for v in strobes.bench.violations] == [0x41]
 
 
+@pytest.mark.spec("MCP-BUS-1", "MCP-BUS-2")
+def test_edges_of_a_whole_cycle() -> None:
+    chip = Bench().chip
+    latch = [(-70_000, DATA, 0x2A), (-70_000, "/ALE", 0), (-60_000, "/ALE", 1)]
+    assert chip.strobes(True, 0x2A, 0x5A) == [
+        (-70_000, "R/W", 0), *latch,
+        (-50_000, DATA, 0x5A), (-50_000, "/CS", 0),
+        (0, "/CS", 1),
+        (10_000, DATA, Z), (10_000, "R/W", 1),
+    ]  # fmt: skip
+    assert chip.strobes(False, 0x2A, 0) == [
+        (-70_000, "R/W", 1), *latch,
+        (-50_000, DATA, Z), (-50_000, "/CS", 0), (-45_000, "/OE", 0),
+        (0, "/CS", 1), (10_000, "/OE", 1),
+    ]  # fmt: skip
+
+
 @pytest.mark.spec("MCP-BUS-1")
 def test_the_bus_has_four_strobes_and_one_bundle_of_eight(chip: Bench) -> None:
     pins = chip.chip.pins

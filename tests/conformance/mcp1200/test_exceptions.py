@@ -399,17 +399,18 @@ def test_a_pin_s_flag_needs_the_pin_high_and_a_write(pin: str, bit: int) -> None
 
 
 @pytest.mark.spec("MCP-EXC-5")
-def test_an_abrupt_stop_repeats_while_the_pin_is_low() -> None:
+@pytest.mark.parametrize(("pin", "setting"), [("/STOP", ABRUPT << 2), ("/LIMIT", ABRUPT)])
+def test_an_abrupt_stop_repeats_while_the_pin_is_low(pin: str, setting: int) -> None:
     bench = Bench()
-    bench.write(0x04, ABRUPT << 2)
+    bench.write(0x04, setting)
     moving(bench, position)
-    bench.drive("/STOP", LOW)
+    bench.drive(pin, LOW)
     bench.samples(1)
     assert bench.seen("COMMAND_POSITION") == 7
     bench.chip.works.counter.preset(9, bench.cycle)
     bench.samples(1)
     assert bench.seen("COMMAND_POSITION") == 9
-    bench.drive("/STOP", HIGH)
+    bench.drive(pin, HIGH)
     bench.put("COMMAND_POSITION", 77)
     bench.samples(2)
     assert bench.seen("COMMAND_POSITION") == 77

@@ -455,6 +455,19 @@ def test_an_s_curve_can_be_lengthened_until_it_decelerates(bench: Bench, sample:
     assert max(b - a for a, b in pairwise(course)) <= 10
 
 
+@pytest.mark.spec("MCP-SCV-5", "MCP-POS-1")
+@pytest.mark.parametrize(("final", "here"), [(0x7FF000, 1000), (-0x7FF000, -1000)])
+def test_an_s_curve_can_be_lengthened_by_half_the_range(
+    bench: Bench, final: int, here: int
+) -> None:
+    prepare(bench, here, velocity=10, accel=0x80, jerk=0x2000)
+    start(bench)
+    bench.samples(40)
+    bench.put("FINAL_POSITION", final & 0xFFFFFF)
+    bench.samples(200)
+    assert (bench.seen("PHASE"), bench.seen("FLAG") & 1) == (4, 1)
+
+
 @pytest.mark.spec("MCP-SCV-5")
 def test_an_s_curve_can_be_shortened_only_at_its_top_velocity(bench: Bench) -> None:
     prepare(bench, 1000, velocity=10, accel=0x80, jerk=0x2000)

@@ -111,6 +111,8 @@ def test_what_would_be_left_over_lowers_every_velocity_alike():
         # Just long enough for the top velocity, and one unit too short.
         ((2121, 101, 10, 1), (10, 1, 0)),
         ((2120, 101, 10, 1), (11, 0, 0)),
+        # Just long enough for the top velocity, which holds for no sample.
+        ((6, 2, 1, 1), (1, 1, 0)),
         # Too short for the top velocity: the cube root of 54 / 2, and a little more.
         ((54, 1000, 1000, 1), (3, 0, 0)),
         ((55, 1000, 1000, 1), (4, 0, 0)),

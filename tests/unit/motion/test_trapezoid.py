@@ -92,6 +92,15 @@ def test_a_move_to_where_it_stands_is_over_in_its_first_sample():
     assert move(0, 1000, 10) == ([0], [0])
 
 
+@pytest.mark.spec("LM-TRJ-12", "PMD-TRJ-2")
+@pytest.mark.parametrize(("slowness", "start"), [((), 0), ((3,), 3)])
+def test_a_move_is_over_on_the_target_and_within_one_acceleration_of_rest(slowness, start):
+    for sign in (1, -1):
+        assert arrived(0, sign * (10 + start), 10, *slowness)
+        assert not arrived(0, sign * (11 + start), 10, *slowness)
+        assert not arrived(sign, 0, 10, *slowness)
+
+
 @pytest.mark.spec("LM-TRJ-12")
 def test_on_the_target_but_too_fast_it_passes_through_and_comes_back():
     assert next_velocity(0, 50, 100, 10) == 40

@@ -6,7 +6,7 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.encoder import Encoder
 from vbus.chips.lm628.interface import HostInterface
 from vbus.chips.motion import quadrature as q
-from vbus.signals import Watcher
+from vbus.signals import LOW, Watcher
 from vbus.state import Names
 
 
@@ -40,6 +40,8 @@ class EncoderPins:
         """Power is up: the levels there are now have been there for ever."""
         a, b, index = self._pins
         self._inputs.preset(a.value, b.value, index.value)
+        self._low = index.value == LOW
+        self._low_from = self._inputs.count
 
     def look(self) -> None:
         """Take in the levels as they are, unless no clock does it."""

@@ -70,9 +70,6 @@ class Axis:
         self.stepper: Microstepper = stepper
         self.profile: Profile = Profile()
         self.limits: LimitDetector = LimitDetector()
-        self.buffer: Registers = Registers()
-        self.active: Registers = Registers()
-        self._taken: Registers = Registers()
         self._report: Report = report
         self.reset()
 
@@ -346,7 +343,7 @@ class Axis:
         if self.breakpoint_mode == BRK_OFF:
             return (1 << 62) - 1
         if is_met(
-            self.breakpoint_mode, self.breakpoint_value, time + 1, self.profile.target(),
+            self.breakpoint_mode, self.breakpoint_value, time, self.profile.target(),
             self.encoder.actual, self.events, home,
         ):  # fmt: skip
             return 0

@@ -296,7 +296,7 @@ class Cycles:
         # The cycle under way is run: a command may still change what its slots put out.
         clk = self._chip.clock.cycle_at(now) - self._origin
         over = (clk - self._slot * SLOT_CLK) // CYCLE_CLK
-        if over == 0 or not self.skipping or self.heard:
+        if not over or not self.skipping or self.heard:
             return False
         cycles = min(self._idle(), over)
         if cycles == 0:

@@ -377,7 +377,7 @@ class Clockwork(Blocks):
         end: i64 = self._at_reset
         if cycle < self._at_sample < end:
             end = self._at_sample
-        if cycle < self._at_results < end:
+        if self._at_results < end:
             end = self._at_results
         if end == FAR:
             end = cycle + self.timer.period

@@ -1,0 +1,49 @@
+"""What the tables of a datasheet refuse: a row that stands in them twice or in the wrong place."""
+
+import re
+
+import pytest
+
+from vbus.chips.tables import Command, CommandTable, Register, RegisterMap
+
+
+@pytest.mark.parametrize(
+    ("rows", "problem"),
+    [
+        ((Register("A", (0x00,)), Register("A", (0x01,))), "register A stands in the map twice"),
+        ((Register("A", (0x05, 0x10)),), "A: address 10H is outside the map"),
+        ((Register("A", (-1,)),), "A: address -1H is outside the map"),
+        ((Register("A", (3,)), Register("B", (2, 3))), "address 03H is in B and in A"),
+    ],
+)
+def test_a_register_map_refuses_an_address_that_is_taken_or_outside(
+    rows: tuple[Register, ...], problem: str
+) -> None:
+    with pytest.raises(ValueError, match=f"^{re.escape(problem)}$"):
+        RegisterMap(16, *rows)
+
+
+def test_a_register_map_finds_rows_by_name_and_by_address() -> None:
+    low, high = Register("LOW", (0x00,)), Register("HIGH", (0x0E, 0x0F))
+    registers = RegisterMap(16, low, high)
+
+    assert list(registers) == [low, high]
+    assert (registers["LOW"], registers["HIGH"]) == (low, high)
+    assert [registers.at(address) for address in (0, 1, 13, 14, 15, 16)] == [
+        low, None, None, high, high, None,
+    ]  # fmt: skip
+    assert (low.bits, high.bits) == (8, 16)
+
+
+@pytest.mark.parametrize(
+    ("rows", "problem"),
+    [
+        ((Command("A", 0x0A), Command("B", 0x0A)), "code 0AH stands for B and A"),
+        ((Command("A", 0x0A), Command("A", 0x0B)), "A stands in the table twice"),
+    ],
+)
+def test_a_command_table_refuses_a_code_or_a_mnemonic_that_is_taken(
+    rows: tuple[Command, ...], problem: str
+) -> None:
+    with pytest.raises(ValueError, match=f"^{re.escape(problem)}$"):
+        CommandTable(*rows)
