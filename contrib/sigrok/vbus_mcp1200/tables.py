@@ -4,10 +4,8 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
 
 HIGH = 1
-from vbus.state import Names
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +176,6 @@ class RegisterMap:
     """Registers of one chip by name and by address; refuses an address given twice."""
 
     __slots__ = ("_by_address", "_by_name", "rows", "size")
-    WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, size: int, *rows: Register) -> None:
         self.size: int = size

@@ -70,6 +70,9 @@ class Axis:
         self.stepper: Microstepper = stepper
         self.profile: Profile = Profile()
         self.limits: LimitDetector = LimitDetector()
+        self.buffer: Registers = Registers()
+        self.active: Registers = Registers()
+        self._taken: Registers = Registers()
         self._report: Report = report
         self.reset()
 
