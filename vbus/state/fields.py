@@ -168,7 +168,7 @@ class Layout:
             inside = vars(base)
             if "STATE" in inside:
                 break
-            self.own = self.own or "save" in inside
+            self.own = self.own or "save" in inside or "load" in inside
         declared: Names = getattr(cls, declaration, UNDECLARED)
         if declared == UNDECLARED:
             if self.own:
