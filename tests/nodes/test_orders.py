@@ -153,6 +153,18 @@ def test_orders_that_wait_are_part_of_the_state() -> None:
     assert found.cycles == [cycle for cycle in seen.cycles if cycle[0] > 131 * US]
 
 
+def test_an_order_given_last_may_come_first() -> None:
+    board, seen = made(False)
+    orders = Orders(board, "h")
+    for when in (300 * US, 100 * US):
+        orders.give(Order(when, ("m",), WRITE, 0x20, when // (100 * US)))
+    board.run_until(400 * US)
+    assert [(when, data) for when, _, _, _, data in seen.cycles] == [
+        (100 * US, 1),
+        (300 * US, 3),
+    ]
+
+
 def test_an_order_for_the_past_is_carried_out_at_once_and_counted() -> None:
     board, seen = made(False)
     board.run_until(50 * US)
