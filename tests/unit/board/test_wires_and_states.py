@@ -31,9 +31,9 @@ wire = ["x.HI", "y./STOP"]
 
 def test_a_wire_joins_at_least_one_pin_and_pins_of_one_width_only() -> None:
     board = load_board_text(TWO)
-    with pytest.raises(ValueError, match="^net 'none' joins no pins$"):
+    with pytest.raises(ValueError, match=r"^net 'none' joins no pins$"):
         board.join("none", [])
-    with pytest.raises(ValueError, match="^net 'odd' joins pins of different widths$"):
+    with pytest.raises(ValueError, match=r"^net 'odd' joins pins of different widths$"):
         board.join("odd", ["x.HI", "y.DB0-DB7"])
 
 
