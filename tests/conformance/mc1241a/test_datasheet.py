@@ -3,8 +3,8 @@
 import pytest
 
 from tests.reference.mc1241a import COMMANDS as MANUAL
-from vbus.chips.mc1241a import MC1241A
 from vbus.chips.mc1241a import datasheet as ds
+from vbus.chips.mc1241a.chip import MC1241A
 
 spec = pytest.mark.spec
 
