@@ -5,6 +5,7 @@ import pytest
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.kernel import US
+from vbus.nodes.host import NodeBus
 from vbus.nodes.orders import PIN, READ, WRITE, Order, Orders
 from vbus.signals import Observer
 
@@ -215,3 +216,14 @@ def test_a_read_of_several_chips_is_the_fight_a_host_would_cause(
     assert cycles[-1] == (200 * US, "x+y", False, 0, 0x80)
     where = "d.D0-D7" if joined else "h.D0-D7"
     assert [(rule, chip) for _, rule, chip in found] == [("board.contention", where)]
+
+
+def test_a_host_that_only_makes_cycles_uses_time_too() -> None:
+    board, _ = made(False)
+    board.port_type = NodeBus
+    port = board.open_port("h", ["m"])
+    assert isinstance(port, NodeBus)
+    assert not port.uses_time
+    board.limit = 100 * US
+    port.write(0x20, 1)
+    assert port.uses_time
