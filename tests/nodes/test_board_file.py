@@ -54,6 +54,12 @@ def problems(old: str, new: str) -> list[str]:
         ),
         (
             "[nets]",
+            '[pinmaps.uno]\nchips = ["x", "y"]\n\n[nets]',
+            'pinmaps.uno: pin map "uno" reaches chips of the nodes a, b; only wires with a delay go'
+            " from node to node: name the chips of one",
+        ),
+        (
+            "[nets]",
             '[[hosts]]\ntransport = "unix:/tmp/h"\n\n[nets]',
             "hosts[0]: this host reaches chips of the nodes a, b, c, d; only wires with a delay go"
             " from node to node: name the chips of one",

@@ -5,6 +5,7 @@ import pytest
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.kernel import US
+from vbus.nodes.host import NodeBus
 from vbus.nodes.orders import PIN, READ, WRITE, Order, Orders
 from vbus.signals import Observer
 
@@ -153,6 +154,18 @@ def test_orders_that_wait_are_part_of_the_state() -> None:
     assert found.cycles == [cycle for cycle in seen.cycles if cycle[0] > 131 * US]
 
 
+def test_an_order_given_last_may_come_first() -> None:
+    board, seen = made(False)
+    orders = Orders(board, "h")
+    for when in (300 * US, 100 * US):
+        orders.give(Order(when, ("m",), WRITE, 0x20, when // (100 * US)))
+    board.run_until(400 * US)
+    assert [(when, data) for when, _, _, _, data in seen.cycles] == [
+        (100 * US, 1),
+        (300 * US, 3),
+    ]
+
+
 def test_an_order_for_the_past_is_carried_out_at_once_and_counted() -> None:
     board, seen = made(False)
     board.run_until(50 * US)
@@ -203,3 +216,14 @@ def test_a_read_of_several_chips_is_the_fight_a_host_would_cause(
     assert cycles[-1] == (200 * US, "x+y", False, 0, 0x80)
     where = "d.D0-D7" if joined else "h.D0-D7"
     assert [(rule, chip) for _, rule, chip in found] == [("board.contention", where)]
+
+
+def test_a_host_that_only_makes_cycles_uses_time_too() -> None:
+    board, _ = made(False)
+    board.port_type = NodeBus
+    port = board.open_port("h", ["m"])
+    assert isinstance(port, NodeBus)
+    assert not port.uses_time
+    board.limit = 100 * US
+    port.write(0x20, 1)
+    assert port.uses_time

@@ -64,7 +64,8 @@ class HostReach(HostClock):
         """Set what a whole cycle costs (ps), for all chips or for each; return what it did."""
         before = self._cycles
         self._cycles = list(cycles) if len(cycles) > 1 else [cycles[0]] * len(self.chips)
-        self._cycle = max((c for n, c in enumerate(self._cycles) if self._mask >> n & 1), default=0)
+        chosen = (c for n, c in enumerate(self._cycles) if self._mask >> n & 1)
+        self._cycle = max(chosen, default=cycles[0])
         return before
 
     def info(self) -> PortInfo:

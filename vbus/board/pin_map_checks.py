@@ -23,12 +23,11 @@ class PinMapChecks:
         self._chips: Mapping[str, Chip] = chips
         self._known: list[str] = known
         self._source: Source = source
-        self._sound: bool = True
 
     def check(self, section: PinMapSection) -> None:
         """Check one map."""
         path: Path = ("pinmaps", section.name)
-        self._sound = True
+        self._sound: bool = True
         for place, chip in enumerate(section.chips):
             self._chip((*path, "chips", place), chip)
         meant = section.chips or tuple(self._known)

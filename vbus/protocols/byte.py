@@ -103,8 +103,6 @@ class ByteProtocol(Protocol):
             if code & 0xF0 == _READ4 and not self._watching and not self._leasing:
                 # Nearly all traffic is a driver polling its status.
                 position = self._read_run(data, position)
-                if self._refusal:
-                    break
                 continue
             following = position + SIZES[code]
             if following > end:
@@ -153,12 +151,7 @@ class ByteProtocol(Protocol):
                 self.out += bytes(values)
                 values = []
                 self._partial.clear()
-                refusal = self._refuse(error.code)
-                self.out += refusal
-                if error.code in FATAL:
-                    self._refusal = refusal
-                    self._number += 1
-                    return position + 1
+                self.out += self._refuse(error.code)
             else:
                 values.append(_D)
                 values.append(value)

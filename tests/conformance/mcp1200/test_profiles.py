@@ -455,7 +455,7 @@ def test_an_s_curve_can_be_lengthened_until_it_decelerates(bench: Bench, sample:
     assert max(b - a for a, b in pairwise(course)) <= 10
 
 
-@pytest.mark.spec("MCP-SCV-5", "MCP-POS-1")
+@pytest.mark.spec("MCP-SCV-5", "MCP-POS-2")
 @pytest.mark.parametrize(("final", "here"), [(0x7FF000, 1000), (-0x7FF000, -1000)])
 def test_an_s_curve_can_be_lengthened_by_half_the_range(
     bench: Bench, final: int, here: int

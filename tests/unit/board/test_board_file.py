@@ -362,6 +362,12 @@ MISTAKES = [
      ' "off"? allowed are "off", "warn", "strict"'),
     ("", '[violations]\n"toy.T2" = "off"\n', 'b.toml:9: violations."toy.T2": unknown rule; did you'
      ' mean "toy.T1"? "vbus check --rules" lists them all'),
+    # metrics
+    ("", '[metrics]\nlisten = "0.0.0.0:9100"\n', 'b.toml:9: metrics.listen: "0.0.0.0:9100" lets'
+     ' other computers in; write "127.0.0.1:9100", or say remote = true in [metrics] if that is'
+     " meant"),
+    ("", '[metrics]\nlisten = "[::]:9100"\n', 'b.toml:9: metrics.listen: "[::]:9100" lets other'
+     ' computers in; write "[::1]:9100", or say remote = true in [metrics] if that is meant'),
     # wires
     ("", '[nets]\na = ["x./SYNK"]\n', 'b.toml:9: nets.a[0]: "x" has no pin "/SYNK"; did you mean'
      ' "/SYNC"? it has /CS, A0, /RD, /WR, D0-D7, TRIG, IRQ, /RST, /SYNC, READY'),

@@ -223,6 +223,12 @@ def test_a_cycle_costs_what_the_slowest_of_the_selected_chips_costs(
     port.write(1, 0x55)
     assert board.now - begun == 7 * US, "of those that were selected before"
 
+    port.select(0)
+    port.cost(4 * US)
+    begun = board.now
+    port.write(1, 0x55)
+    assert board.now - begun == 4 * US, "a cycle that reaches nobody takes its time too"
+
 
 def test_in_real_time_each_chip_has_its_own_shortest_cycle() -> None:
     board = Board("bench", "realtime")

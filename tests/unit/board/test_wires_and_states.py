@@ -1,5 +1,7 @@
 """Wires whose levels are found out late, and what a saved state keeps of them."""
 
+import pytest
+
 from vbus.board import snapshot
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
@@ -25,6 +27,14 @@ model = "ideal"
 [nets]
 wire = ["x.HI", "y./STOP"]
 """
+
+
+def test_a_wire_joins_at_least_one_pin_and_pins_of_one_width_only() -> None:
+    board = load_board_text(TWO)
+    with pytest.raises(ValueError, match=r"^net 'none' joins no pins$"):
+        board.join("none", [])
+    with pytest.raises(ValueError, match=r"^net 'odd' joins pins of different widths$"):
+        board.join("odd", ["x.HI", "y.DB0-DB7"])
 
 
 def test_a_board_that_has_just_started_and_takes_a_state_loses_no_wire() -> None:

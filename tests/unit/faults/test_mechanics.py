@@ -143,12 +143,13 @@ def test_cleared_mechanics_are_as_new() -> None:
     assert (shaft._load, shaft._coulomb, shaft._static, shaft._loss, shaft._ease) == before
 
 
-def test_an_end_stop_is_hit_where_it_was_put() -> None:
+@pytest.mark.parametrize("ahead", [150, 0])
+def test_an_end_stop_is_hit_where_it_was_put(ahead: int) -> None:
     board, host = running()
     here = board.plants[0].count
-    board.faults.arm("end_stop", ahead=150)
+    board.faults.arm("end_stop", ahead=ahead)
     settle(board, 100)
-    assert host.position() == here + 150
+    assert host.position() == here + ahead
     board.faults.clear()
     settle(board, 100)
     assert host.position() > here + 500

@@ -190,7 +190,9 @@ def test_tables_as_they_are_exported(text: str) -> None:
 def test_a_table_without_time_needs_a_rate() -> None:
     with pytest.raises(CaptureError, match="give it with --samplerate"):
         from_csv("a,b\n1,0\n")
-    assert samples(from_csv("a,b\n1,0\n0,1\n", 2_000_000)) == [(0, 1), (500_000, 2)]
+    sampled = from_csv("a,b\n1,0\n0,1\n", 2_000_000)
+    assert (sampled.period, samples(sampled)) == (500_000, [(0, 1), (500_000, 2)])
+    assert from_csv("Time [s],a,b\n0,1,0\n0.5,0,1\n").period == 0
 
 
 @pytest.mark.parametrize(

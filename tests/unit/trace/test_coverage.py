@@ -69,15 +69,16 @@ def test_lm628_commands_control_bits_modes_and_flags_are_counted() -> None:
     assert port.read(0) & 0x80
     command(port, 0, lm628.COMMANDS["RSTI"].code, 0xFF7B, data=1)
     command(port, 0, lm628.COMMANDS["LTRJ"].code, 0x1808, 0x0001, 0x0000, data=1)
-    command(port, 0, lm628.COMMANDS["LTRJ"].code, 0x0002, 0x0000, 0x0100, data=1)
+    for _ in range(2):
+        command(port, 0, lm628.COMMANDS["LTRJ"].code, 0x0002, 0x0000, 0x0100, data=1)
     command(port, 0, lm628.COMMANDS["STT"].code, data=1)
-    assert counts(observer, "lm628", COMMANDS) == {"RSTI": 1, "LTRJ": 2, "STT": 1, "RDSTAT": 1}
-    assert counts(observer, "lm628", MODES) == {"velocity mode": 1, "position mode": 1}
+    assert counts(observer, "lm628", COMMANDS) == {"RSTI": 1, "LTRJ": 3, "STT": 1, "RDSTAT": 1}
+    assert counts(observer, "lm628", MODES) == {"velocity mode": 1, "position mode": 2}
     assert counts(observer, "lm628", BITS) == {
         "LTRJ FORWARD": 1,
         "LTRJ VELOCITY_MODE": 1,
         "LTRJ LOAD_VELOCITY": 1,
-        "LTRJ LOAD_POSITION": 1,
+        "LTRJ LOAD_POSITION": 2,
         "RSTI TRAJECTORY_COMPLETE": 1,
     }
     assert counts(observer, "lm628", FLAGS) == {
