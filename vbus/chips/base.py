@@ -191,6 +191,14 @@ class Chip:
         """
         raise NotImplementedError
 
+    def exchange_plant(self, axis: int, plant: Plant) -> None:
+        """Put other mechanics behind an axis (0-based) between two periods, while time runs.
+
+        Raises:
+            ValueError: this chip does not let its plant be exchanged.
+        """
+        raise ValueError(f"{self.part}: this chip does not let its plant be exchanged")
+
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
         """Return the edges of a whole bus cycle, for when somebody watches the bus.
 

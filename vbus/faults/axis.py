@@ -115,8 +115,8 @@ class AxisFaults:
     def put(self, wrapper: FaultyPlant | None) -> None:
         """Put this between chip and plant, or nothing."""
         if wrapper is not self.wrapper:
-            old, self.wrapper = self.wrapper, wrapper
-            self.upsets.exchange(self.axis, old or self.plant, wrapper or self.plant)
+            self.wrapper = wrapper
+            self.upsets.exchange(self.axis, wrapper or self.plant)
 
     def wrap_as(self, wrapped: bool) -> None:
         """Let there be something between chip and plant, or nothing."""

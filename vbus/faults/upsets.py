@@ -1,7 +1,7 @@
 """What can be upset inside a chip: the base, which does what any chip allows."""
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from vbus.board import plugins
 from vbus.chips.base import Chip
@@ -17,8 +17,8 @@ Shift = Callable[[int, int], int]
 class Upsets:
     """How faults get at what is inside a chip.
 
-    A chip of another package has a method ``exchange_plant(axis, plant)`` where that is all there
-    is to upset; else its family names a subclass of this.
+    A chip's :meth:`~vbus.chips.base.Chip.exchange_plant` may be all there is to upset; else its
+    family names a subclass of this.
 
     Args:
         chip: the chip.
@@ -29,24 +29,21 @@ class Upsets:
     LIMIT_CLOSED: ClassVar[int] = LOW
     """Level of a limit input whose switch is closed, where no switch is wired to it."""
 
-    WIRING: ClassVar[Names] = ("chip", "inside")
+    WIRING: ClassVar[Names] = ("chip",)
 
     def __init__(self, chip: Chip) -> None:
         self.chip: Chip = chip
-        self.inside: Any = chip
 
     # -- behind an axis -----------------------------------------------------------------------
 
-    def exchange(self, axis: int, old: Plant, new: Plant) -> None:
-        """Put ``new`` where ``old`` was behind an axis (0-based): between two periods.
+    def exchange(self, axis: int, plant: Plant) -> None:
+        """Put ``plant`` behind an axis (0-based): between two periods.
 
         Raises:
             ValueError: the chip has no way to do so.
         """
         self.chip.advance()
-        if not hasattr(self.chip, "exchange_plant"):
-            raise ValueError(f"{self.chip.part}: this chip does not let its plant be exchanged")
-        self.inside.exchange_plant(axis, new)
+        self.chip.exchange_plant(axis, plant)
 
     def disturb(self) -> None:
         """Tell the chip that something behind it is different now: rest is over."""

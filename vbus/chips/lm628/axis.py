@@ -55,9 +55,10 @@ class Axis:
     """
 
     __slots__ = (
-        "_stuck_part", "breakpoint", "breakpoint_armed", "breakpoint_side", "command", "count",
+        "breakpoint", "breakpoint_armed", "breakpoint_side", "command", "count",
         "error", "flags", "following", "index", "mask", "motor_off", "pid", "port8", "profile",
-        "real", "real_change", "sip", "start", "stop_on_error", "stuck", "threshold", "udf",
+        "real", "real_change", "sip", "start", "stop_on_error", "stuck", "stuck_part", "threshold",
+        "udf",
     )  # fmt: skip
     STATE: ClassVar[Names] = (
         "profile: part", "pid: part", "count", "real", "real_change", "error", "following",
@@ -65,12 +66,13 @@ class Axis:
         "stop_on_error: bool", "sip: bool", "index", "start", "udf: bool", "breakpoint",
         "breakpoint_side", "breakpoint_armed: bool", "stuck: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_stuck_part",)
+    WIRING: ClassVar[Names] = ("stuck_part",)
 
     def __init__(self, settings: Settings) -> None:
         self.profile: Profile = Profile()
         self.pid: Pid = Pid(settings["pid_overflow"] == "wrap", settings["integral_limit"] == "sum")
-        self._stuck_part: bool = settings["reset_status"] == "C4"
+        self.stuck_part: bool = settings["reset_status"] == "C4"
+        """Whether resets end with the breakpoint flag stuck (LM-RST-5)."""
         self.count: i64 = 0
         self.real: i64 = 0
         self.real_change: i64 = 0
@@ -146,7 +148,7 @@ class Axis:
     def finish_reset(self, count: int) -> None:
         """The reset is over, with the encoder at ``count``: that is position 0 (LM-RST-5)."""
         self.count = count
-        self.stuck = self._stuck_part
+        self.stuck = self.stuck_part
         # LM-STA-4: motor-off has just risen.
         self.flags = ds.TRAJECTORY_COMPLETE | (ds.BREAKPOINT if self.stuck else 0)
 

@@ -68,15 +68,9 @@ class LM628(HostInterface):
     DERIVED: ClassVar[Names] = ("_due_at",)
 
     def __init__(
-        self,
-        name: str,
-        part: str,
-        kernel: Kernel,
-        clock: Clock,
-        settings: Settings | None = None,
-        policy: Policy | None = None,
-        file: Callable[[Violation], None] | None = None,
-    ) -> None:
+        self, name: str, part: str, kernel: Kernel, clock: Clock, settings: Settings | None = None,
+        policy: Policy | None = None, file: Callable[[Violation], None] | None = None,
+    ) -> None:  # fmt: skip
         if part not in ds.PARTS:
             raise ValueError(f"part {part!r}: allowed are {', '.join(ds.PARTS)}")
         check_clock(part, clock.hz)
@@ -90,7 +84,7 @@ class LM628(HostInterface):
         self.encoder: Encoder = Encoder(clock)
         self.host: Host = Host(clock, chosen, self._host_broke)
         self.commands: Commands = Commands(
-            self.host, self.axis, pwm, self._command_reset, self._found
+            self.host, self.axis, pwm, self._command_reset, self._host_broke
         )
         self._mode: int = _UNPOWERED
         self._reset_end: i64 = NEVER
@@ -99,8 +93,7 @@ class LM628(HostInterface):
         # Clock cycle of the last sample, and instant of the next one.
         self._cycle: i64 = 0
         self._sample_at: i64 = NEVER
-        # The last sample's outcome, if nothing has touched the chip since; see _run_samples.
-        self._course: tuple[int, ...] = ()
+        self._course: tuple[int, ...] = ()  # the last sample's, if untouched; see _run_samples
         self._still: bool = False
         drivers = ("MAG", "SIGN") if pwm else tuple(f"DAC{n}" for n in range(8))
         self._outputs: OutputPins = OutputPins(
@@ -131,6 +124,36 @@ class LM628(HostInterface):
                 f"a {self.part} gives a servo command; {type(plant).__name__} takes {plant.TAKES}"
             )
         self.encoder.connect(plant, ds.SAMPLE_CLK / self.clock.hz)
+
+    def exchange_plant(self, axis: int, plant: Plant) -> None:
+        """Put other mechanics behind the encoder."""
+        self.encoder.plant = plant
+
+    def fail_resets(self, times: int) -> bool:
+        """Let so many resets fail; tell whether one that runs is the first of them."""
+        runs = self._reset_end != NEVER
+        if runs:
+            self._mode, self._reset_end = _RESET_BY_PIN, NEVER
+            self.touched()
+        self._fails_left += times - runs
+        return runs
+
+    def move_instants(self, shift: Callable[[int, int], int]) -> None:
+        """Move what the chip waits for: the clock stands, or runs again."""
+        host, encoder, now = self.host, self.encoder, self.kernel.now
+        host.busy_end = shift(host.busy_end, now)
+        self._reset_end = shift(self._reset_end, now)
+        encoder.index_at = shift(encoder.index_at, now)
+
+    def follow_clock(self) -> None:
+        """The clock has another course: so is when the next sample and the index come."""
+        self._outputs.due = 0
+        if self.powered:
+            self._place_sample()
+        if not self.clock.stopped:
+            if self.encoder.index_at != NEVER:
+                self.encoder.index_at = min(self.encoder.index_at, self._sample_at)
+            self._encoder_pins.look()
 
     def power_on(self, done: bool) -> None:
         """Supply is up and /RST is released now: the reset runs, or has just ended if ``done``.
@@ -275,11 +298,8 @@ class LM628(HostInterface):
         """Return the edges of a whole cycle at the shortest times the manual allows."""
         return edges_of(write, address, data)
 
-    def _host_broke(self, rule: Rule, detail: str, when: int) -> None:
-        self.report(rule, detail=detail, when=when)
-
-    def _found(self, rule: Rule, detail: str) -> None:
-        self.report(rule, detail=detail, when=self._when)
+    def _host_broke(self, rule: Rule, detail: str, when: int = -1) -> None:
+        self.report(rule, detail=detail, when=self._when if when < 0 else when)
 
     @property
     def powered(self) -> bool:

@@ -53,15 +53,15 @@ class Host:
 
     __slots__ = (
         "_busy_clk", "_clock", "_code", "_execute", "_high", "_jitter_clk", "_kind", "_latched",
-        "_pending", "_random", "_reply", "_report", "_second", "_step", "_value", "_worst",
-        "busy_end", "words_due",
+        "_pending", "_random", "_reply", "_report", "_second", "_step", "_value", "busy_end",
+        "words_due", "worst",
     )  # fmt: skip
     STATE: ClassVar[Names] = (
         "busy_end", "words_due", "_pending", "_value", "_code", "_step", "_reply: list[i64, ...]",
         "_second: bool", "_high", "_latched", "_kind", "_random",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_busy_clk", "_clock", "_execute", "_jitter_clk", "_report", "_worst",
+        "_busy_clk", "_clock", "_execute", "_jitter_clk", "_report", "worst",
     )  # fmt: skip
 
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
@@ -70,7 +70,8 @@ class Host:
         self._execute: Execute = _undefined
         self._busy_clk: int = int(settings["busy_clk"])
         self._jitter_clk: int = int(settings["busy_jitter_clk"])
-        self._worst: bool = settings["busy"] == "worst"
+        self.worst: bool = settings["busy"] == "worst"
+        """Whether each byte keeps the chip busy for as long as it may (LM-BUS-8)."""
         self._random: int = int(settings["seed"])
         self.busy_end: i64 = NEVER
         self.words_due: int = 0
@@ -114,7 +115,7 @@ class Host:
         self._value = value
         if self._clock.stopped:
             now = HELD
-        if self._worst:
+        if self.worst:
             self.busy_end = now + ds.BUSY_CAP
             return
         clk = self._busy_clk

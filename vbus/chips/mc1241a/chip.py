@@ -359,6 +359,23 @@ class MC1241A(ChipSet):
         super().heard_changed()
         self.rearm()
 
+    def exchange_plant(self, axis: int, plant: Plant) -> None:
+        """Put another motor behind an axis, and behind every encoder that hears the one there."""
+        self.cycles.exchange(axis, plant)
+
+    def move_instants(self, shift: Callable[[int, int], int]) -> None:
+        """Move what the chip set waits for: the clock stands, or runs again."""
+        now = self.kernel.now
+        self.port.busy_until = shift(self.port.busy_until, now)
+        self.interrupts.quiet_until = shift(self.interrupts.quiet_until, now)
+        self.output.move_instants(shift, now)
+        self.cycles.pause(self.clock.stopped)
+
+    def follow_clock(self) -> None:
+        """The clock has another course: so is when the next cycle comes."""
+        if not self._held:
+            self.cycles.replan(self.port.busy_until)
+
     def connect(self, axis: int, plant: Plant) -> None:
         """Attach a stepper motor with its encoder and switches to ``axis`` (0-based).
 

@@ -210,6 +210,12 @@ class Cycles:
             other.encoder.attach(axis, motor)
         self.choose_slots()
 
+    def exchange(self, axis: int, motor: Plant) -> None:
+        """Put another motor behind an axis, and behind every encoder that hears the one there."""
+        old, self.motors[axis] = self.motors[axis], motor
+        for each in self._axes:
+            each.encoder.exchange(old, motor)
+
     def choose_slots(self) -> None:
         """Run every slot if a motor or an observer of the outputs takes it, else cycles only."""
         slotted = self.heard or any(motor is not None for motor in self.motors)

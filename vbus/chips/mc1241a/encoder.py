@@ -95,7 +95,7 @@ class Encoder:
         for pin in (self._a, self._b, self._index):
             pin.net.watch(Watcher(chip.kernel, self._encoder_moved))
         self._home.net.watch(Watcher(chip.kernel, self._home_moved))
-        limits = Watcher(chip.kernel, self._limit_moved)
+        limits = Watcher(chip.kernel, self.limit_moved)
         self._positive.net.watch(limits)
         self._negative.net.watch(limits)
         self._wired: bool = False
@@ -147,6 +147,18 @@ class Encoder:
             self._follow_plant(self._plant, fraction)
         if self._unsettled:
             self._settle(instant)
+
+    def exchange(self, old: Plant | None, new: Plant) -> None:
+        """Hear ``new`` in place of ``old``."""
+        if self._plant is old:
+            self._plant = new
+        if self._mechanics is old:
+            self._mechanics = new
+
+    @property
+    def filter_dwell(self) -> int:
+        """For how long (ps) a channel must stand for its filter to believe it."""
+        return self._decoder.filter_dwell
 
     def _follow_plant(self, plant: Plant, fraction: float) -> None:
         count: i64 = plant.count
@@ -307,7 +319,7 @@ class Encoder:
         self._home_filter.edge(chip.kernel.now, self._home.value)
         chip.rearm()
 
-    def _limit_moved(self) -> None:
+    def limit_moved(self) -> None:
         """A limit switch pin has moved."""
         self._chip.advance()
         for place, pin in enumerate((self._positive, self._negative)):

@@ -1,5 +1,6 @@
 """Motor output pins: PWM frames and DAC words, made only while somebody looks at them."""
 
+from collections.abc import Callable
 from heapq import heappop, heappush
 from typing import ClassVar, Final
 
@@ -81,6 +82,10 @@ class Output:
         self._queue = []
         for pin in self._pins:
             self._chip.put(pin, pin.net.rest)
+
+    def move_instants(self, shift: Callable[[int, int], int], now: int) -> None:
+        """Move what is to be put out: the clock stands, or runs again."""
+        self._queue = [(shift(one[0], now), *one[1:]) for one in self._queue]
 
     def due(self) -> i64:
         """Return the instant of the next edge or frame (ps), NEVER if nobody looks."""

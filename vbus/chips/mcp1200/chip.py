@@ -254,6 +254,16 @@ class MCP1200(HostInterface):
         self._latch = 0
         self.bus.clear()
 
+    def exchange_plant(self, axis: int, plant: Plant) -> None:
+        """Put other mechanics behind the encoder."""
+        self.works.encoder.plant = plant
+
+    def disturb(self) -> None:
+        """Something behind the chip is different now: rest is over, switches may have moved."""
+        self.works.rest.disturb()
+        self.side.look(self.cycle_now())
+        self.changed()
+
     def connect(self, axis: int, plant: Plant) -> None:
         """Attach a motor (``drive``), or a stepper with its driver (``pulses``)."""
         if axis != 0:

@@ -63,6 +63,11 @@ class Encoder:
         self._pulses: bool = False
         self._servo: bool = False
 
+    def set_clock(self, hz: float) -> None:
+        """Cycles are as long as at ``hz`` from the next period on."""
+        self.clk_hz = hz
+        self._prepared = 0
+
     def connect(self, plant: Plant, limits: bool, home: bool) -> None:
         """Attach the mechanics; ``limits`` and ``home`` say which of its switches are wired."""
         self.plant = plant

@@ -1,5 +1,7 @@
 """MCP-1200: what can be upset inside the chip."""
 
+from vbus.chips.base import Chip
+from vbus.chips.mcp1200.chip import MCP1200
 from vbus.faults.upsets import Upsets
 from vbus.signals import Plant
 
@@ -7,27 +9,23 @@ from vbus.signals import Plant
 class Mcp1200Upsets(Upsets):
     """Its encoder's plant and its clock."""
 
-    def exchange(self, axis: int, old: Plant, new: Plant) -> None:
-        """Put ``new`` behind the encoder."""
-        self.chip.advance()
-        self.inside.works.encoder.plant = new
+    def __init__(self, chip: Chip) -> None:
+        super().__init__(chip)
+        assert isinstance(chip, MCP1200)
+        self.chip: MCP1200 = chip
 
     def disturb(self) -> None:
         """Tell the chip that something behind it is different now."""
-        inside = self.inside
-        inside.works.rest.disturb()
-        inside.side.look(inside.cycle_now())
-        inside.changed()
+        self.chip.disturb()
 
     def filter_ps(self, axis: int) -> int:
         """Return how long the inputs' filter dwells (ps)."""
-        return self.chip.clock.span_up(self.inside.encoder_pins.decoder._a.dwell)
+        return self.chip.clock.span_up(self.chip.encoder_pins.decoder.filter_dwell)
 
     def set_frequency(self, hz: float, plants: list[Plant]) -> None:
         """Tell mechanics how long a sample is, from the next one on."""
-        self.restore_frequency(hz)
-        self.inside.works.encoder._prepared = 0
+        self.chip.works.encoder.set_clock(hz)
 
     def restore_frequency(self, hz: float) -> None:
         """Take the frequency of a saved state."""
-        self.inside.works.encoder.clk_hz = hz
+        self.chip.works.encoder.clk_hz = hz

@@ -160,6 +160,11 @@ class Quadrature:
         """Level of the index that is believed."""
         return self._index.level
 
+    @property
+    def filter_dwell(self) -> int:
+        """For how long a channel must stand for its filter to believe it."""
+        return self._a.dwell
+
     def preset(self, a: int, b: int, index: int) -> None:
         """Take these levels as what has been there for ever; nothing is counted."""
         self._state = a << 1 | b
