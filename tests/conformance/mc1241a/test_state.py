@@ -353,8 +353,16 @@ def test_a_motor_at_rest_gets_a_new_amplitude_from_the_next_slot_on(command: int
         assert rig.chip.telemetry()["actual 1"] != before, phase
 
 
-class Standing(StepperMotor):
+class Standing(Plant):
     """A motor that has come to rest."""
+
+    TAKES = ("phases",)
+
+    def prepare(self, period: float) -> None:
+        pass
+
+    def phases(self, a: float, b: float, c: float) -> int:
+        return 0
 
     def resting(self) -> bool:
         return True
