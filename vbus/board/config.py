@@ -399,13 +399,13 @@ class _Reader:
         if not isinstance(value, list):
             self._source.fail(("faults",), f"found {quoted(value)}; this is a list of tables")
             return
+        known = faults() if value else {}
         for place, table in enumerate(value):
             where: Path = ("faults", place)
             if not isinstance(table, dict):
                 self._source.fail(where, f"found {quoted(table)}; this is a table")
                 continue
             name = table.get("fault", "")
-            known = faults()
             row = known.get(name) if isinstance(name, str) else None
             if row is None and isinstance(name, str) and name:
                 self._source.fail(

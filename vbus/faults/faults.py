@@ -425,7 +425,8 @@ class Faults:
             self._finish(armed)
         last, serial, records, queue, axes = state or (0, 0, (), (), ((), ()))
         self._last, self._serial = last, serial
-        self._armed = {row[0]: armed_of(row, self.find(row[1])) for row in records}
+        known = faults() if records else {}
+        self._armed = {row[0]: armed_of(row, known[row[1]]) for row in records}
         self._queue = [tuple(entry) for entry in queue]
         self._calls = {}
         self._timer.cancel()

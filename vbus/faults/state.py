@@ -39,7 +39,7 @@ def wrapped_in(state: Any, places: Collection[str]) -> set[str]:
     Raises:
         SnapshotError: they are none; says why.
     """
-    known = faults()
+    known = faults() if state else {}
     try:
         _, _, records, queue, (axes, clocks) = state or (0, 0, (), (), ((), ()))
         for row in records:

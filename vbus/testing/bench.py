@@ -94,7 +94,7 @@ class Fitted:
     def faults(self) -> list[Any]:
         """Return every fault that was armed on the board."""
         # A board that never had one is not given any: that would be part of its state.
-        return [] if self.board._faults is None else self.call(self.board.faults.all)
+        return self.call(self.board.faults.all) if self.board.broken else []
 
 
 class Bench:

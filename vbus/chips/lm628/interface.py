@@ -30,11 +30,3 @@ class HostInterface(Chip):
     def expect(self, when: int) -> None:
         """The front-end has something to do at instant ``when``."""
         raise NotImplementedError
-
-    def save_core(self) -> tuple[object, ...]:
-        """Return the state of everything behind the front-end."""
-        raise NotImplementedError
-
-    def load_core(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save_core` gave, now or a little while ago."""
-        raise NotImplementedError
