@@ -6,7 +6,7 @@ from typing import Final
 
 from mypy_extensions import i64
 
-from vbus.board.interrupt_check import hear_interrupts
+from vbus.board.interrupt_check import check_interrupts
 from vbus.board.strobe_player import StrobePlayer
 from vbus.chips.base import Chip
 from vbus.kernel import NEVER, Clock, Kernel
@@ -201,7 +201,7 @@ class Circuit:
             if not chip.resting():
                 awake = True
                 chip.advance()
-            hear_interrupts()
+            check_interrupts()
         return awake
 
     def run_for(self, duration: int) -> None:

@@ -1,7 +1,7 @@
 """Where a long computation lets the interpreter hear signals; never compiled."""
 
 
-def hear_interrupts() -> None:
+def check_interrupts() -> None:
     """Let Ctrl-C interrupt.
 
     Python runs the handlers of signals when it begins an interpreted function; a compiled one never

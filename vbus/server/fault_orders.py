@@ -21,9 +21,9 @@ class _LinkFault(LinkFilter):
         self._once: bool = once
         self._kept: bytearray = bytearray()
         self._silent: bool = False
-        session.put_between(self)
+        session.add_filter(self)
         if name == "link_dead":
-            session.deafen()
+            session.stop_reading()
 
     def passes(self, out: bytearray) -> None:
         """Keep an answer for later, cut it short, or lose it."""
@@ -40,9 +40,9 @@ class _LinkFault(LinkFilter):
 
     def undo(self) -> None:
         """Let the session send and read as ever; what was kept is sent now."""
-        self.session.take_out(self, bytes(self._kept))
+        self.session.remove_filter(self, bytes(self._kept))
         if self._name == "link_dead":
-            self.session.hear()
+            self.session.read_again()
 
 
 class FaultOrders:

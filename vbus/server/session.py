@@ -86,7 +86,7 @@ class Session:
         self._skipped: int = 0
         self._finished: bool = False
         self._filters: list[LinkFilter] = []
-        self._deaf: int = 0
+        self._stopped_reading: int = 0
         self.received: int = 0
         self.sent: int = 0
         self._changed: Callable[[], bool] = link.changed
@@ -97,7 +97,7 @@ class Session:
     # -- reading ------------------------------------------------------------------------------
 
     def _read_on(self) -> None:
-        if not self._reading and self._open and not self._finished and not self._deaf:
+        if not self._reading and self._open and not self._finished and not self._stopped_reading:
             self._reading = True
             self._add_reader(self._fd, self._readable)
 
@@ -304,27 +304,27 @@ class Session:
 
     # -- what may be wrong with the link ------------------------------------------------------
 
-    def put_between(self, link_filter: LinkFilter) -> None:
+    def add_filter(self, link_filter: LinkFilter) -> None:
         """Let ``link_filter`` change what is sent from now on, after those that are there."""
         self._filters.append(link_filter)
 
-    def take_out(self, link_filter: LinkFilter, kept: bytes = b"") -> None:
+    def remove_filter(self, link_filter: LinkFilter, kept: bytes = b"") -> None:
         """Take a filter out again; what it has ``kept`` is sent now, before anything else."""
         self._filters.remove(link_filter)
         if kept and self._open:
             self.protocol.out[:0] = kept
             self._send()
 
-    def deafen(self) -> None:
+    def stop_reading(self) -> None:
         """Read nothing any more; a host that goes is noticed all the same."""
-        self._deaf += 1
+        self._stopped_reading += 1
         self._read_off()
         self._listen_for_the_end()
 
-    def hear(self) -> None:
-        """Read again, if :meth:`deafen` has been taken back as often as it was called."""
-        self._deaf -= 1
-        if not self._deaf and self._open and not self.port.held:
+    def read_again(self) -> None:
+        """Read again, if :meth:`stop_reading` has been taken back as often as it was called."""
+        self._stopped_reading -= 1
+        if not self._stopped_reading and self._open and not self.port.held:
             self._listen_no_more()
             self._read_on()
 
