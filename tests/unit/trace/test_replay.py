@@ -20,9 +20,9 @@ from vbus.protocols.port import PortError
 from vbus.protocols.requests import LEASED, REQUESTS
 from vbus.server.recording import wave_of
 from vbus.signals import Observer
-from vbus.trace.journal import Journal
-from vbus.trace.journal_format import Entry
-from vbus.trace.replay import Divergence, Outcome, Replay
+from vbus.trace.journal.format import Entry
+from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.replay import Divergence, Outcome, Replay
 
 MC1241A = """\
 [board]

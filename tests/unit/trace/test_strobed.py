@@ -14,12 +14,12 @@ from vbus.board.host_bus import HostBus
 from vbus.kernel import MS, NS, US
 from vbus.signals import Observer
 from vbus.trace.decode import BoardPackets
-from vbus.trace.journal import Journal
-from vbus.trace.journal_format import JournalReader
-from vbus.trace.journal_view import play
+from vbus.trace.findings.report import Report
+from vbus.trace.journal.format import JournalReader
+from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.replay import Divergence, Replay
+from vbus.trace.journal.view import play
 from vbus.trace.packets import Packet
-from vbus.trace.replay import Divergence, Replay
-from vbus.trace.report import Report
 
 MC1241A = LM629.replace('plant = "m"', 'plants = ["none"]').replace("LM629N-8", "MC1241A")
 MCP1200 = LM629.replace('plant = "m"', 'plant = "none"').replace("LM629N-8", "MCP-1200")

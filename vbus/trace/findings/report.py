@@ -7,8 +7,8 @@ from typing import Final
 
 from vbus.signals import Observer, Rule, Violation
 from vbus.trace.decode import NO_SETTINGS_AT_ALL, BoardPackets, Settings
+from vbus.trace.findings.suppress import Suppression
 from vbus.trace.packets import Packet
-from vbus.trace.suppress import Suppression
 
 AROUND: Final = 20
 """Bus cycles shown on either side of a violation."""

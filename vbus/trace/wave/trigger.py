@@ -9,7 +9,7 @@ from vbus.board.board import Board
 from vbus.board.settings import suggestion
 from vbus.errors import VbusError
 from vbus.signals import Net
-from vbus.trace.wave_signals import Signal, Value, net_names, values_of
+from vbus.trace.wave.signals import Signal, Value, net_names, values_of
 
 FORMS: Final = (
     "violation", "violation RULE", "CHIP.PIN rises", "CHIP.PIN falls", "command MNEMONIC",

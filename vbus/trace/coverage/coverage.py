@@ -8,7 +8,7 @@ import msgspec
 
 from vbus.errors import VbusError
 from vbus.signals import Observer, Violation
-from vbus.trace.coverage_tables import COUNTED, GROUPS, Item, Key, exercised, items
+from vbus.trace.coverage.tables import COUNTED, GROUPS, Item, Key, exercised, items
 from vbus.trace.decode import NO_SETTINGS_AT_ALL, BoardPackets, Settings
 from vbus.trace.packets import Packet
 

@@ -10,15 +10,15 @@ from vbus.kernel import MS
 from vbus.signals import Net, Observer, Violation
 from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.packets import Packet
-from vbus.trace.wave_file import VcdFile
-from vbus.trace.wave_signals import (
+from vbus.trace.wave.signals import (
     FULL,
     PROFILES,
     Signal,
     Value,
     signals_of,
 )
-from vbus.trace.wave_trigger import Trigger
+from vbus.trace.wave.trigger import Trigger
+from vbus.trace.wave.vcd_file import VcdFile
 
 MOST: Final = 1_000_000
 """Changes kept while a trigger is waited for."""
@@ -42,7 +42,7 @@ class Wave(Observer):
         profile: ``"full"`` (vectors, values of the chips, commands, violations) or ``"sigrok"``
             (single bits with plain names).
         signals: patterns of names, as in ``"x.*"``; none: everything but pins with fast waveforms.
-        trigger: what to wait for; see :data:`~vbus.trace.wave_trigger.FORMS`. "": nothing.
+        trigger: what to wait for; see :data:`~vbus.trace.wave.trigger.FORMS`. "": nothing.
         before: how much to show from before the trigger (ps).
         duration: how long to record (ps); 0 for no limit.
         sample: how often the chips' own values are looked at (ps).

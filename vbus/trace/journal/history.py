@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from vbus.board import snapshot as snapshots
 from vbus.board.board import Board
 from vbus.board.snapshot import Snapshot
-from vbus.trace.journal_format import Entry
-from vbus.trace.player import Player
+from vbus.trace.journal.format import Entry
+from vbus.trace.journal.player import Player
 
 Condition = Callable[[Board], bool]
 """Looks at a board that is up to date; changes nothing."""

@@ -9,11 +9,11 @@ from typing import Any, Final
 from vbus.board.board import Board
 from vbus.signals import Observer, Violation
 from vbus.trace.decode import decoder_of, settings_for_decoders
-from vbus.trace.journal import end_of, version_of
-from vbus.trace.journal_format import Entry
-from vbus.trace.journal_view import Sessions, violation_of
+from vbus.trace.journal.format import Entry
+from vbus.trace.journal.journal import end_of, version_of
+from vbus.trace.journal.player import Player
+from vbus.trace.journal.view import Sessions, violation_of
 from vbus.trace.packets import Cycle, Decoder, Packet
-from vbus.trace.player import Player
 
 AHEAD: Final = 64
 """Entries played on beyond a difference, to decode the whole packet it stands in."""

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from vbus.signals import Observer, Violation
-from vbus.trace.journal_format import Entry
+from vbus.trace.journal.format import Entry
 
 
 @dataclass(slots=True)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final, TextIO
 
-from vbus.trace.wave_signals import FULL, Signal, Value, bit_names
+from vbus.trace.wave.signals import FULL, Signal, Value, bit_names
 from vbus.version import __version__
 
 TICK: Final = 100

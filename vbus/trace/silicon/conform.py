@@ -12,12 +12,12 @@ from vbus.errors import CaptureError
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Observer, Pin, Violation
 from vbus.trace.bus_watch import BusWatch
-from vbus.trace.capture import Sample
-from vbus.trace.channel_map import Wiring
-from vbus.trace.conform_outputs import OutputWatch
-from vbus.trace.conform_start import Start, watch_of
 from vbus.trace.decode import decoder_of
 from vbus.trace.packets import Cycle, Decoder, Packet
+from vbus.trace.silicon.capture import Sample
+from vbus.trace.silicon.channel_map import Wiring
+from vbus.trace.silicon.outputs import OutputWatch
+from vbus.trace.silicon.start import Start, watch_of
 
 AROUND: Final = 20
 """Bus cycles shown on either side of a difference."""

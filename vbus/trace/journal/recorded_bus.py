@@ -9,8 +9,8 @@ from vbus.board.circuit import Circuit
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
 from vbus.protocols.port import PortError
-from vbus.trace.journal_format import CODE, PORTS
-from vbus.trace.journal_rows import JournalRows
+from vbus.trace.journal.format import CODE, PORTS
+from vbus.trace.journal.rows import JournalRows
 
 
 class RecordedBus(HostBus):
