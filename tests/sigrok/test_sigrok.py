@@ -18,9 +18,9 @@ from vbus.trace.decode import BoardPackets
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.view import play
+from vbus.trace.names import plain
 from vbus.trace.packets import STATUS, Packet
 from vbus.trace.silicon.start import watch_of
-from vbus.trace.wave.signals import plain
 from vbus.trace.wave.wave import Wave
 
 ROOT = Path(__file__).parents[2]

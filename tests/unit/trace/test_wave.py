@@ -12,7 +12,7 @@ from vbus.board.host_bus import HostBus
 from vbus.errors import VbusError
 from vbus.kernel import MS, US
 from vbus.signals import Violation
-from vbus.trace.wave.signals import bit_names, plain
+from vbus.trace.names import bit_names, plain
 from vbus.trace.wave.wave import DONE, Wave
 
 Changes = dict[str, list[tuple[int, object]]]

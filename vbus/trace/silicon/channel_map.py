@@ -7,7 +7,7 @@ from typing import Final
 from vbus.chips.tables import PinRow
 from vbus.errors import CaptureError
 from vbus.trace.bus_watch import BusWatch
-from vbus.trace.wave.signals import bit_names, plain
+from vbus.trace.names import bit_names, plain
 
 LEVELS: Final = {"low": 0, "high": 1}
 """What a control line that was not captured may be said to be tied to."""

@@ -1,8 +1,8 @@
 """What a waveform can show of a board: nets, values of the chips, commands, violations."""
 
 import fnmatch
-import re
-from collections.abc import Iterable
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from vbus.board.board import Board
@@ -13,30 +13,24 @@ FULL: Final = "full"
 SIGROK: Final = "sigrok"
 PROFILES: Final = (FULL, SIGROK)
 
-_RANGE: Final = re.compile(r"(.*?)(\d+)-\D*(\d+)")
-
 Value = int | float | str
 
 
+@dataclass(eq=False, slots=True)
 class Signal:
     """One thing that changes.
 
     Attributes:
         name: ``"x./CS"``, ``"x.real"``, ``"x.packet"``.
         kind: ``"net"``, ``"value"``, ``"command"`` or ``"violation"``.
-        width: wires of a net; else 0.
         shown: whether it is in the file; a trigger may look at any.
-        number: place in the list of signals.
+        net: the net, if it is one.
     """
 
-    __slots__ = ("kind", "name", "number", "shown", "width")
-
-    def __init__(self, name: str, kind: str, width: int = 0, shown: bool = True) -> None:
-        self.name: str = name
-        self.kind: str = kind
-        self.width: int = width
-        self.shown: bool = shown
-        self.number: int = -1
+    name: str
+    kind: str
+    shown: bool = True
+    net: Net | None = None
 
 
 def net_names(board: Board) -> dict[str, Net]:
@@ -49,10 +43,8 @@ def net_names(board: Board) -> dict[str, Net]:
     return names | {net.name: net for net in names.values()}
 
 
-def signals_of(
-    board: Board, patterns: Iterable[str], watched: Net | None = None
-) -> tuple[list[Net], list[Signal]]:
-    """Return everything that is looked at: the nets, and the signals, those of the nets first.
+def signals_of(board: Board, patterns: Sequence[str], watched: Net | None = None) -> list[Signal]:
+    """Return everything that is looked at, nets first.
 
     Args:
         board: the board.
@@ -62,23 +54,18 @@ def signals_of(
     Raises:
         VbusError: a pattern matches nothing; says what there is.
     """
-    patterns = list(patterns)
     nets = nets_of(board, patterns)
-    signals = [Signal(net.name, "net", net.width) for net in nets]
+    signals = [Signal(net.name, "net", True, net) for net in nets]
     if watched is not None and watched not in nets:
-        nets.append(watched)
-        signals.append(Signal(watched.name, "net", watched.width, shown=False))
-    for name in values_of(board):
-        signals.append(Signal(name, "value", shown=chosen(name, patterns)))
+        signals.append(Signal(watched.name, "net", False, watched))
+    signals += [Signal(name, "value", _chosen(name, patterns)) for name in values_of(board)]
     for name in texts_of(board):
         kind = "command" if name.endswith(".packet") else "violation"
-        signals.append(Signal(name, kind, shown=chosen(name, patterns)))
-    for number, signal in enumerate(signals):
-        signal.number = number
-    return nets, signals
+        signals.append(Signal(name, kind, _chosen(name, patterns)))
+    return signals
 
 
-def nets_of(board: Board, patterns: Iterable[str]) -> list[Net]:
+def nets_of(board: Board, patterns: Sequence[str]) -> list[Net]:
     """Return the nets whose own name, or that of a pin on them, matches a pattern.
 
     Without patterns: the host buses and every pin but those that carry fast waveforms.
@@ -86,32 +73,28 @@ def nets_of(board: Board, patterns: Iterable[str]) -> list[Net]:
     Raises:
         VbusError: a pattern matches nothing; says what there is.
     """
-    patterns = list(patterns)
     names = net_names(board)
-    if not patterns:
-        usual: list[Net] = []
-        for chip in board.chips:
-            for row in chip.pin_rows:
-                net = chip.pins[row.name].net
-                if not row.wave and net not in usual:
-                    usual.append(net)
-        return usual
     found: list[Net] = []
+    if not patterns:
+        for chip in board.chips:
+            found += [chip.pins[row.name].net for row in chip.pin_rows if not row.wave]
     for pattern in patterns:
         matched = [names[name] for name in names if fnmatch.fnmatchcase(name, pattern)]
         others = [*values_of(board), *texts_of(board)]
-        if not matched and not any(fnmatch.fnmatchcase(name, pattern) for name in others):
+        if not matched and not fnmatch.filter(others, pattern):
             known = ", ".join([*sorted(names), *others])
             raise VbusError(f'no signal matches "{pattern}"; there are {known}')
-        found += [net for net in matched if net not in found]
-    return found
+        found += matched
+    return list(dict.fromkeys(found))
 
 
-def values_of(board: Board) -> list[str]:
-    """Return the names of what chips tell of themselves, ``"chip.name"``."""
-    return [
-        f"{chip.name}.{name.replace(' ', '_')}" for chip in board.chips for name in chip.telemetry()
-    ]
+def values_of(board: Board) -> dict[str, Value]:
+    """Return what chips tell of themselves, by ``"chip.name"``; they are up to date after that."""
+    return {
+        f"{chip.name}.{name.replace(' ', '_')}": value
+        for chip in board.chips
+        for name, value in chip.telemetry().items()
+    }
 
 
 def texts_of(board: Board) -> list[str]:
@@ -119,27 +102,6 @@ def texts_of(board: Board) -> list[str]:
     return [f"{chip.name}.{what}" for chip in board.chips for what in ("packet", "violation")]
 
 
-def chosen(name: str, patterns: Iterable[str]) -> bool:
+def _chosen(name: str, patterns: Sequence[str]) -> bool:
     """Tell whether something is asked for; without patterns everything is."""
-    patterns = list(patterns)
     return not patterns or any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
-
-
-def bit_names(name: str, width: int) -> list[str]:
-    """Return plain names for the wires of a net, least significant first.
-
-    ``"x.D0-D7"`` becomes ``x_D0`` to ``x_D7``, ``"x./CS"`` becomes ``x_CS``.
-    """
-    match = _RANGE.fullmatch(name) if width > 1 else None
-    if match is not None:
-        first, last = int(match[2]), int(match[3])
-        if last - first + 1 == width:
-            return [plain(f"{match[1]}{number}") for number in range(first, last + 1)]
-    if width == 1:
-        return [plain(name)]
-    return [f"{plain(name)}_{number}" for number in range(width)]
-
-
-def plain(name: str) -> str:
-    """Return a name of ASCII letters, digits and underscores."""
-    return re.sub(r"[^A-Za-z0-9]+", "_", name.replace("/", "").replace("~", "")).strip("_")

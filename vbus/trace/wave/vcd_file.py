@@ -1,9 +1,11 @@
 """A VCD file in one of two profiles, written by pyvcd. Time scale 100 ps."""
 
+import re
 from collections.abc import Mapping
 from typing import Any, Final, TextIO
 
-from vbus.trace.wave.signals import FULL, Signal, Value, bit_names
+from vbus.trace.names import bit_names
+from vbus.trace.wave.signals import FULL, Signal, Value
 from vbus.version import __version__
 
 TICK: Final = 100
@@ -22,10 +24,10 @@ class VcdFile:
         self._file: TextIO = file
         self._full: bool = profile == FULL
         self._writer: Any = None
-        self._variables: dict[int, list[Any]] = {}
-        self._kinds: dict[int, str] = {}
+        self._variables: dict[Signal, list[Any]] = {}
+        self._used: set[tuple[str, str]] = set()
 
-    def begin(self, signals: list[Signal], values: Mapping[int, Value], first: int) -> None:
+    def begin(self, signals: list[Signal], values: Mapping[Signal, Value], first: int) -> None:
         """Write the head with the values at instant ``first`` (ps)."""
         from vcd import VCDWriter
 
@@ -36,54 +38,49 @@ class VcdFile:
             version=f"vbus {__version__}",
             init_timestamp=first // TICK,
         )
-        used: set[str] = set()
         for signal in signals:
-            self._kinds[signal.number] = signal.kind
-            if not signal.shown:
-                continue
-            if signal.kind == "net":
-                self._net(signal, int(values.get(signal.number, 0)), used)
-            elif self._full:
-                self._other(signal, values.get(signal.number), used)
+            if signal.shown and (self._full or signal.net is not None):
+                self._variables[signal] = self._declared(signal, values.get(signal))
         self._writer.flush()
         self._file.flush()
 
-    def _net(self, signal: Signal, value: int, used: set[str]) -> None:
-        if self._full:
-            scope, name = _split(signal.name, used)
-            variable = self._writer.register_var(scope, name, "wire", size=signal.width, init=value)
-            self._variables[signal.number] = [variable]
-            return
-        variables = []
-        for bit, name in enumerate(bit_names(signal.name, signal.width)):
-            while name in used:
-                name += "_"
-            used.add(name)
-            init = value >> bit & 1
-            variables.append(self._writer.register_var("vbus", name, "wire", size=1, init=init))
-        self._variables[signal.number] = variables
-
-    def _other(self, signal: Signal, value: Value | None, used: set[str]) -> None:
-        scope, name = _split(signal.name, used)
+    def _declared(self, signal: Signal, value: Any) -> list[Any]:
+        """Declare the variables of a signal: one, or where single bits are wanted one a wire."""
+        register = self._writer.register_var
+        if signal.net is not None and not self._full:
+            bits = enumerate(bit_names(signal.name, signal.net.width))
+            return [
+                register("vbus", self._unlike("", name), "wire", size=1, init=value >> bit & 1)
+                for bit, name in bits
+            ]
+        scope, dot, name = signal.name.partition(".")
+        if not dot:
+            scope, name = "nets", signal.name
+        name = self._unlike(scope, re.sub(r"\s", "_", name))
+        scope = scope.replace(" ", "_")
+        if signal.net is not None:
+            return [register(scope, name, "wire", size=signal.net.width, init=value)]
         if signal.kind == "value" and not isinstance(value, str):
-            variable = self._writer.register_var(scope, name, "real", init=float(value or 0))
-        else:
-            variable = self._writer.register_var(scope, name, "string", init=str(value or ""))
-        self._variables[signal.number] = [variable]
+            return [register(scope, name, "real", init=float(value or 0))]
+        return [register(scope, name, "string", init=str(value or ""))]
 
-    def change(self, when: int, number: int, value: Value) -> None:
+    def _unlike(self, scope: str, name: str) -> str:
+        """Return a name that no other variable of a scope has."""
+        while (scope, name) in self._used:
+            name += "_"
+        self._used.add((scope, name))
+        return name
+
+    def change(self, when: int, signal: Signal, value: Value) -> None:
         """Write a change at ``when`` (ps)."""
-        variables = self._variables.get(number)
-        if variables is None:
-            return
+        variables = self._variables.get(signal, [])
         tick = when // TICK
         if len(variables) > 1:
             for bit, variable in enumerate(variables):
                 self._writer.change(variable, tick, int(value) >> bit & 1)
-        elif self._kinds[number] == "value" and not isinstance(value, str):
-            self._writer.change(variables[0], tick, float(value))
-        else:
-            self._writer.change(variables[0], tick, value)
+        elif variables:
+            real = signal.kind == "value" and not isinstance(value, str)
+            self._writer.change(variables[0], tick, float(value) if real else value)
 
     def flush(self) -> None:
         """Hand on what was written."""
@@ -93,15 +90,3 @@ class VcdFile:
         """End the text at ``when`` (ps)."""
         self._writer.close(when // TICK)
         self._file.flush()
-
-
-def _split(name: str, used: set[str]) -> tuple[str, str]:
-    """Return scope and name of a signal, unlike all others."""
-    scope, dot, rest = name.partition(".")
-    if not dot:
-        scope, rest = "nets", name
-    rest = "".join("_" if c.isspace() else c for c in rest)
-    while f"{scope}.{rest}" in used:
-        rest += "_"
-    used.add(f"{scope}.{rest}")
-    return scope.replace(" ", "_"), rest
