@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from vbus.signals import Observer, Rule, Violation
-from vbus.trace.decode import NO_SETTINGS_AT_ALL, BoardPackets, Settings
+from vbus.trace.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.trace.findings.suppress import Suppression
 from vbus.trace.packets import Packet
 
@@ -66,7 +66,7 @@ class Report(Observer):
         rules: list[Rule],
         suppressions: list[Suppression] | None = None,
         file: str = "",
-        settings: Mapping[str, Settings] = NO_SETTINGS_AT_ALL,
+        settings: Mapping[str, Settings] = NO_SETTINGS,
     ) -> None:
         self.board: str = board
         self.file: str = file

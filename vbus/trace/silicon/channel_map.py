@@ -59,91 +59,69 @@ def wiring_of(
     Raises:
         CaptureError: a pin of the bus has no channel, or several; or a name is not known.
     """
-    return _Search(channels, chip, rows, watch, wanted).run()
+    data = bit_names(watch.DATA, next(row.width for row in rows if row.name == watch.DATA))
+    lines = [row.name for row in rows if row.width == 1]
+    pins = {_key(name): name for name in lines}
+    for bit, name in enumerate(data):
+        pins[_key(name)] = pins[f"d{bit}"] = name
+    chosen = {}
+    for name, channel in wanted.items():
+        if _key(name) not in pins:
+            known = ", ".join([*data, *lines])
+            raise CaptureError(f'map: the chip has no pin "{name}"; it has {known}')
+        chosen[pins[_key(name)]] = channel
+    mine = [plain(name) for name in channels]
+    # Names as they are, of this chip, without their scope, and the end of them.
+    spellings = [
+        [*channels],
+        [name.removeprefix(f"{chip}_") if name.startswith(f"{chip}_") else "" for name in mine],
+        [name.rpartition(".")[2] for name in channels],
+        [name.rpartition("_")[2] for name in mine],
+    ]
 
-
-class _Search:
-    def __init__(
-        self, channels: Sequence[str], chip: str, rows: Sequence[PinRow], watch: BusWatch,
-        wanted: Mapping[str, str],
-    ) -> None:  # fmt: skip
-        self._channels: list[str] = list(channels)
-        mine = [plain(name) for name in channels]
-        self._spellings: list[list[str]] = [
-            list(channels),
-            [name.removeprefix(f"{chip}_") if name.startswith(f"{chip}_") else "" for name in mine],
-            [name.rpartition(".")[2] for name in channels],
-            [name.rpartition("_")[2] for name in mine],
-        ]
-        """Names as they are, of this chip, without their scope, and the end of them."""
-        self._rows: list[PinRow] = [row for row in rows if row.width == 1]
-        self._watch: BusWatch = watch
-        width = next(row.width for row in rows if row.name == watch.DATA)
-        self._data: list[str] = bit_names(watch.DATA, width)
-        self._wanted: dict[str, str] = {}
-        pins = {_key(row.name): row.name for row in self._rows}
-        for bit, name in enumerate(self._data):
-            pins[_key(name)] = pins[f"d{bit}"] = name
-        self._pins: dict[str, str] = pins
-        for name, channel in wanted.items():
-            pin = pins.get(_key(name))
-            if pin is None:
-                known = ", ".join([*self._data, *(row.name for row in self._rows)])
-                raise CaptureError(f'map: the chip has no pin "{name}"; it has {known}')
-            self._wanted[pin] = channel
-
-    def run(self) -> Wiring:
-        wiring = Wiring()
-        missing = []
-        for name in self._data:
-            bit = self._find(name)
-            if bit is None:
-                missing.append(name)
-            else:
-                wiring.data.append(bit)
-        for row in self._rows:
-            tied = self._wanted.get(row.name, "").lower()
-            if tied in LEVELS and tied not in (name.lower() for name in self._channels):
-                wiring.tied[row.name] = LEVELS[tied]
-                continue
-            bit = self._find(row.name)
-            if bit is not None:
-                wiring.bits[row.name] = bit
-            elif row.name in self._watch.PINS:
-                missing.append(row.name)
-        if missing:
-            raise CaptureError(
-                f"the capture has no channel for {', '.join(missing)}; it has"
-                f" {', '.join(self._channels)}. Say which is which with --map PIN=CHANNEL"
-            )
-        return wiring
-
-    def _find(self, pin: str) -> int | None:
-        """Return the channel of a pin, or None."""
-        channel = self._wanted.get(pin)
-        if channel is not None:
-            if channel not in self._channels:
+    def channel_of(pin: str) -> int:
+        """Return the channel of a pin, or -1."""
+        if pin in chosen:
+            if chosen[pin] not in channels:
                 raise CaptureError(
-                    f'map: there is no channel "{channel}"; there are {", ".join(self._channels)}'
+                    f'map: there is no channel "{chosen[pin]}"; there are {", ".join(channels)}'
                 )
-            return self._channels.index(channel)
-        for names in self._spellings:
+            return channels.index(chosen[pin])
+        for names in spellings:
             found = [
                 bit
                 for bit, name in enumerate(names)
-                if self._pins.get(_key(name)) == pin and self._free(bit)
+                if pins.get(_key(name)) == pin and channels[bit] not in chosen.values()
             ]
             if len(found) > 1:
-                both = ", ".join(self._channels[bit] for bit in found)
+                both = ", ".join(channels[bit] for bit in found)
                 raise CaptureError(
                     f"several channels may be {pin}: {both}; choose with --map {pin}=CHANNEL"
                 )
             if found:
                 return found[0]
-        return None
+        return -1
 
-    def _free(self, bit: int) -> bool:
-        return self._channels[bit] not in self._wanted.values()
+    wiring = Wiring([channel_of(name) for name in data])
+    names_of_channels = {name.lower() for name in channels}
+    for name in lines:
+        tied = chosen.get(name, "").lower()
+        if tied in LEVELS and tied not in names_of_channels:
+            wiring.tied[name] = LEVELS[tied]
+        elif (bit := channel_of(name)) >= 0:
+            wiring.bits[name] = bit
+    missing = [name for name, bit in zip(data, wiring.data, strict=True) if bit < 0]
+    missing += [
+        name
+        for name in lines
+        if name in watch.PINS and name not in wiring.bits and name not in wiring.tied
+    ]
+    if missing:
+        raise CaptureError(
+            f"the capture has no channel for {', '.join(missing)}; it has"
+            f" {', '.join(channels)}. Say which is which with --map PIN=CHANNEL"
+        )
+    return wiring
 
 
 def _key(name: str) -> str:
