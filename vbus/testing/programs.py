@@ -128,7 +128,7 @@ def run_program(
         run = _Run(file, board, bounds, own, start)
         try:
             with run:
-                outcome = _beside(run, command, bounds, environment or {}, folder)
+                outcome = _communicate(run, command, bounds, environment or {}, folder)
         finally:
             board.unobserve(run.watch)
     if run.error is not None:
@@ -138,7 +138,7 @@ def run_program(
     return outcome
 
 
-def _beside(
+def _communicate(
     run: _Run,
     command: Sequence[str],
     limits: Limits,

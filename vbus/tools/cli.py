@@ -10,6 +10,7 @@ import click
 from vbus.compiled import core
 from vbus.errors import CaptureError, ConfigError, PluginError, TransportError, VbusError
 from vbus.tools import exit_codes
+from vbus.tools.output import complain
 from vbus.version import __version__
 
 _COMMANDS: Final = {
@@ -91,11 +92,6 @@ def exit_code_of(error: VbusError) -> int:
     return exit_codes.BAD_CAPTURE if isinstance(error, CaptureError) else exit_codes.FAILURE
 
 
-def complain(message: str) -> None:
-    """Print an error message where errors belong."""
-    click.echo(message, err=True)
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Run ``vbus`` and exit with one of :data:`~vbus.tools.exit_codes.MEANINGS`."""
     sys.exit(_run(arguments))
@@ -111,10 +107,10 @@ def _run(arguments: list[str] | None) -> int:
     except click.exceptions.Exit as error:
         return error.exit_code
     except ConfigError as error:
-        complain(str(error))
+        click.echo(str(error), err=True)
         return exit_codes.BAD_BOARD
     except VbusError as error:
-        complain(f"vbus: {error}")
+        complain(str(error))
         return exit_code_of(error)
     except (KeyboardInterrupt, click.Abort):
         return exit_codes.INTERRUPTED

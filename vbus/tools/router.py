@@ -5,6 +5,8 @@ import threading
 
 import click
 
+from vbus.tools.ready_lines import READY
+
 DEFAULT = "tcp/127.0.0.1:7447"
 
 
@@ -47,7 +49,7 @@ def command(file: str | None, listen: tuple[str, ...], connect: tuple[str, ...])
             click.echo(f"router: {', '.join(endpoints)}")
             for endpoint in network.connect:
                 click.echo(f"  connected to {endpoint}")
-            click.echo("ready; Ctrl-C stops it")
+            click.echo(READY)
             stop.wait()
             del access
         finally:

@@ -10,7 +10,7 @@ from vbus.trace.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.trace.findings.suppress import Suppression
 from vbus.trace.packets import Packet
 
-AROUND: Final = 20
+CONTEXT: Final = 20
 """Bus cycles shown on either side of a violation."""
 DETAILED: Final = 100
 """Violations of one rule by one chip that are kept whole; more are counted."""
@@ -79,7 +79,7 @@ class Report(Observer):
         self.cycles: int = 0
         self.faults: list[tuple[int, str, str, str, str]] = []
         """Evidence of faults: instant, name, target, what happened, what it changed."""
-        self._ring: deque[Line] = deque(maxlen=AROUND)
+        self._ring: deque[Line] = deque(maxlen=CONTEXT)
         self._open: list[Finding] = []
         self._packets: BoardPackets = BoardPackets(families, self._packet, settings)
         self._ended: list[str] = []
@@ -102,8 +102,8 @@ class Report(Observer):
         if self._open:
             for finding in self._open:
                 finding.after.append(line)
-            if len(self._open[0].after) > AROUND:
-                self._open = [f for f in self._open if len(f.after) <= AROUND]
+            if len(self._open[0].after) > CONTEXT:
+                self._open = [f for f in self._open if len(f.after) <= CONTEXT]
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation, with what came before it."""

@@ -15,7 +15,7 @@ from vbus.trace.wave.signals import FULL, PROFILES, Signal, Value, signals_of, v
 from vbus.trace.wave.trigger import Trigger
 from vbus.trace.wave.vcd_file import VcdFile
 
-MOST: Final = 1_000_000
+RING: Final = 1_000_000
 """Changes kept while a trigger is waited for."""
 
 WAITING: Final = "waiting"
@@ -231,7 +231,7 @@ class Wave(Observer):
             return
         ring = self._ring
         ring.append(change)
-        while ring and (ring[0][0] < when - self._before or len(ring) > MOST):
+        while ring and (ring[0][0] < when - self._before or len(ring) > RING):
             _, old, kept = ring.popleft()
             self._values[old] = kept
         if self._trigger is not None and self._trigger.fires(signal, before, value):
