@@ -261,7 +261,7 @@ class Bench:
     def _report(self, tested: TestedBoard, report: FailureReport) -> None:
         board = tested.board
         faults = tested.faults()
-        lines = tested.call(lambda: list(tested.watch.lines))
+        lines = tested.call(lambda: tested.watch.lines)
         journal = self._keep(tested, "vbj", tested.journal())
         replay = f"vbus replay {shlex.quote(str(journal))}"
         report.lines += [

@@ -55,7 +55,7 @@ class Outcome:
         self.stuck = watch.stuck
         self.cycles = watch.cycles
         self.violations = watch.violations
-        self.transcript = list(watch.lines)
+        self.transcript = watch.lines
 
 
 class _Run(ServedBoard):

@@ -10,7 +10,6 @@ import click
 from vbus.compiled import core
 from vbus.errors import CaptureError, ConfigError, PluginError, TransportError, VbusError
 from vbus.tools import exit_codes
-from vbus.tools.output import complain
 from vbus.version import __version__
 
 _COMMANDS: Final = {
@@ -38,6 +37,14 @@ _COMMANDS: Final = {
 _EPILOG: Final = "\b\nExit codes:\n" + "\n".join(
     f"  {code:<4}{meaning}" for code, meaning in exit_codes.MEANINGS.items()
 )
+
+
+_CODES: Final = {
+    ConfigError: exit_codes.BAD_BOARD,
+    TransportError: exit_codes.NO_LINK,
+    PluginError: exit_codes.NO_PLUGIN,
+    CaptureError: exit_codes.BAD_CAPTURE,
+}
 
 
 class _Lazy(click.Group):
@@ -83,13 +90,8 @@ def cli() -> None:
 
 def exit_code_of(error: VbusError) -> int:
     """Return the exit code that says what kind of mistake ``error`` is."""
-    if isinstance(error, ConfigError):
-        return exit_codes.BAD_BOARD
-    if isinstance(error, TransportError):
-        return exit_codes.NO_LINK
-    if isinstance(error, PluginError):
-        return exit_codes.NO_PLUGIN
-    return exit_codes.BAD_CAPTURE if isinstance(error, CaptureError) else exit_codes.FAILURE
+    codes = (code for kind, code in _CODES.items() if isinstance(error, kind))
+    return next(codes, exit_codes.FAILURE)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -106,11 +108,9 @@ def _run(arguments: list[str] | None) -> int:
         return error.exit_code
     except click.exceptions.Exit as error:
         return error.exit_code
-    except ConfigError as error:
-        click.echo(str(error), err=True)
-        return exit_codes.BAD_BOARD
     except VbusError as error:
-        complain(str(error))
+        # Mistakes of board files begin with their place.
+        click.echo(f"{'' if isinstance(error, ConfigError) else 'vbus: '}{error}", err=True)
         return exit_code_of(error)
     except (KeyboardInterrupt, click.Abort):
         return exit_codes.INTERRUPTED

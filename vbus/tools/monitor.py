@@ -3,7 +3,7 @@
 import io
 import json
 import socket
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any, Final
 
@@ -14,6 +14,7 @@ from vbus.signals import Violation
 from vbus.tools import exit_codes
 from vbus.tools.journal_lines import instant
 from vbus.trace.decode import BoardPackets
+from vbus.trace.latest_lines import LatestLines
 from vbus.trace.packets import STATUS, Packet
 
 SHOWN: Final = 16
@@ -108,7 +109,7 @@ class View(BoardPackets):
             self._packet,
             {chip["name"]: chip["bus_settings"] for chip in chips},
         )
-        self.lines: deque[tuple[str, str, int]] = deque(maxlen=SHOWN)
+        self.lines: LatestLines = LatestLines(maxlen=SHOWN)
         self.new: list[str] = []
         """Lines since the caller looked last."""
         self.packets: int = 0
@@ -146,11 +147,7 @@ class View(BoardPackets):
 
     def _line(self, when: int, text: str) -> None:
         self.new.append(f"{instant(when)} {text}")
-        if self.lines and self.lines[-1][1] == text:
-            first, _, times = self.lines.pop()
-            self.lines.append((first, text, times + 1))
-        else:
-            self.lines.append((instant(when), text, 1))
+        self.lines.add(when, text)
 
 
 def _print(feed: Feed, status: bool, count: int | None) -> None:
@@ -192,10 +189,9 @@ def screen(hello: dict[str, Any], view: View) -> Any:
     traffic = Table.grid(padding=(0, 2))
     traffic.add_column(justify="right", style="dim")
     traffic.add_column()
-    for when, text, times in view.lines:
-        style = "bold red" if " ! " in text else ""
-        more = f"  x{times}" if times > 1 else ""
-        traffic.add_row(when, Text(text + more, style=style))
+    for line in view.lines:
+        style = "bold red" if " ! " in line.text else ""
+        traffic.add_row(instant(line.when), Text(line.counted("  "), style=style))
     axes = Table.grid(padding=(0, 2))
     for chip, values in view.values.items():
         shown = "  ".join(f"{name} {value}" for name, value in values.items())
