@@ -5,13 +5,13 @@ import json
 import socket
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import closing, suppress
 from typing import Any, Final
 
 import click
 
 from vbus.errors import TransportError
 from vbus.signals import Violation
-from vbus.tools import exit_codes
 from vbus.tools.journal_lines import instant
 from vbus.trace.decode import BoardPackets
 from vbus.trace.latest_lines import LatestLines
@@ -73,25 +73,19 @@ class Feed:
 @click.option("--plain", is_flag=True, help="Print lines, also on a terminal.")
 @click.option("--status", is_flag=True, help="Show status reads too; else they are only counted.")
 @click.option("--count", type=click.IntRange(1), help="End after this many packets.")
-def command(board: str, plain: bool, status: bool, count: int | None) -> int:
+def command(board: str, plain: bool, status: bool, count: int | None) -> None:
     """Watch a running board: packets with their values, violations, and where the axes are.
 
     BOARD is the name "vbus ls" shows. Ends with Ctrl-C, or with the board.
     """
     from rich.console import Console
 
-    feed = Feed(board)
-    try:
+    with closing(Feed(board)) as feed, suppress(KeyboardInterrupt):
         console = Console()
         if plain or not console.is_terminal:
             _print(feed, status, count)
         else:
             _live(feed, console, status, count)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        feed.close()
-    return exit_codes.OK
 
 
 class View(BoardPackets):

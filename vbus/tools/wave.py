@@ -4,7 +4,7 @@ import io
 import json
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -79,10 +79,7 @@ def _of_journal(path: Path, section: Any, quiet: bool) -> int:
         complain(f"{path}: the run differs from its journal at entry {outcome.divergence.entry};"
                   ' "vbus replay" shows how')  # fmt: skip
         return exit_codes.FAILURE
-    if not wave.changes and section.trigger:
-        complain(f'the trigger "{section.trigger}" has not come')
-        return exit_codes.FAILURE
-    return exit_codes.OK
+    return _code(bool(wave.changes), section)
 
 
 def _of_board(name: str, section: Any) -> int:
@@ -90,33 +87,32 @@ def _of_board(name: str, section: Any) -> int:
 
     from vbus.tools.monitor import Feed
 
-    feed = Feed(name)
     written = 0
-    try:
+    with closing(Feed(name)) as feed, suppress(KeyboardInterrupt):
         keys = {k: v for k, v in structs.asdict(section).items() if k not in ("name", "file")}
-        feed.send(json.dumps({"wave": keys}).encode() + b"\n")
-        for item in feed:
-            if item[0] == "refused":
-                raise VbusError(item[1])
-            if item[0] == "wave":
-                break
-        else:
-            raise TransportError(f'board "{name}" has stopped')
-        with _output(section.file) as file:
-            for data in feed.raw():
-                file.write(data.decode("ascii"))
-                file.flush()
-                written += len(data)
-    except KeyboardInterrupt:
-        pass
-    except OSError as error:
-        if isinstance(error, VbusError):
-            raise
-        where = "standard output" if section.file == "-" else section.file
-        raise VbusError(f"{where}: cannot be written: {error.strerror}") from error
-    finally:
-        feed.close()
-    if not written and section.trigger:
-        complain(f'the trigger "{section.trigger}" has not come')
-        return exit_codes.FAILURE
-    return exit_codes.OK
+        try:
+            feed.send(json.dumps({"wave": keys}).encode() + b"\n")
+            answer = next((item for item in feed if item[0] in ("refused", "wave")), None)
+            if answer is None:
+                raise TransportError(f'board "{name}" has stopped')
+            if answer[0] == "refused":
+                raise VbusError(answer[1])
+            with _output(section.file) as file:
+                for data in feed.raw():
+                    file.write(data.decode("ascii"))
+                    file.flush()
+                    written += len(data)
+        except OSError as error:
+            if isinstance(error, VbusError):
+                raise
+            where = "standard output" if section.file == "-" else section.file
+            raise VbusError(f"{where}: cannot be written: {error.strerror}") from error
+    return _code(bool(written), section)
+
+
+def _code(written: bool, section: Any) -> int:
+    """Return the exit code; say so if the trigger has not come."""
+    if written or not section.trigger:
+        return exit_codes.OK
+    complain(f'the trigger "{section.trigger}" has not come')
+    return exit_codes.FAILURE
