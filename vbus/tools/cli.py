@@ -88,12 +88,6 @@ def cli() -> None:
     """Hold the subcommands."""
 
 
-def exit_code_of(error: VbusError) -> int:
-    """Return the exit code that says what kind of mistake ``error`` is."""
-    codes = (code for kind, code in _CODES.items() if isinstance(error, kind))
-    return next(codes, exit_codes.FAILURE)
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Run ``vbus`` and exit with one of :data:`~vbus.tools.exit_codes.MEANINGS`."""
     sys.exit(_run(arguments))
@@ -111,7 +105,8 @@ def _run(arguments: list[str] | None) -> int:
     except VbusError as error:
         # Mistakes of board files begin with their place.
         click.echo(f"{'' if isinstance(error, ConfigError) else 'vbus: '}{error}", err=True)
-        return exit_code_of(error)
+        codes = (code for kind, code in _CODES.items() if isinstance(error, kind))
+        return next(codes, exit_codes.FAILURE)
     except (KeyboardInterrupt, click.Abort):
         return exit_codes.INTERRUPTED
     except BrokenPipeError:

@@ -3,6 +3,7 @@
 import operator
 import re
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any, Final
 
 from vbus.board.board import Board
@@ -67,11 +68,8 @@ def condition(
 
 
 def _number(text: str, wanted: str) -> float:
-    try:
+    with suppress(ValueError):
         return int(wanted, 0)
-    except ValueError:
-        pass
-    try:
+    with suppress(ValueError):
         return float(wanted)
-    except ValueError:
-        raise VbusError(f'"{text}": {wanted} is no number') from None
+    raise VbusError(f'"{text}": {wanted} is no number')

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import zip_longest
+from operator import attrgetter
 from typing import Any, Final
 
 from vbus.board.board import Board
@@ -87,7 +88,8 @@ class _Findings(Observer):
                 number, was = recorded.popleft()
                 _, now = found.popleft()
                 if was != now:
-                    return _different(number, was, now)
+                    lines = line_of(was), line_of(now)
+                    return Divergence(number, was.when, "violation", chip, *lines, was.clause)
         return None
 
     def rest(self) -> Divergence | None:
@@ -101,17 +103,7 @@ class _Findings(Observer):
             for queue in self.found.values()
             for number, v in queue
         ]
-        return min(left, key=_place, default=None)
-
-
-def _place(divergence: Divergence) -> int:
-    return divergence.entry
-
-
-def _different(number: int, was: Violation, now: Violation) -> Divergence:
-    return Divergence(
-        number, was.when, "violation", was.chip, line_of(was), line_of(now), was.clause
-    )
+        return min(left, key=attrgetter("entry"), default=None)
 
 
 def line_of(violation: Violation) -> str:
