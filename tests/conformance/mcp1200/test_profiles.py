@@ -95,6 +95,18 @@ def test_phases_of_a_trapezoid_and_of_a_triangle(bench: Bench) -> None:
     assert bench.trace("PHASE", 7) == [2, 2, 2, 2, 6, 6, 0]
 
 
+@pytest.mark.spec("MCP-TRP-4", "MCP-TRP-8")
+def test_a_sample_that_does_not_accelerate_is_no_part_of_the_acceleration(bench: Bench) -> None:
+    prepare(bench, 100, 1, 0x0100)
+    start(bench)
+    assert bench.trace("COMMAND_POSITION", 3) == [1, 2, 3]
+    assert (bench.seen("PHASE"), bench.seen("ACCEL_DELTA")) == (4, 1)
+    bench.put("PROFILE_VELOCITY", 50)
+    bench.put("FINAL_POSITION", 4)
+    assert run(bench) == [4]
+    assert bench.seen("ACCEL_DELTA") == 1
+
+
 @pytest.mark.spec("MCP-TRP-5")
 def test_a_move_to_where_it_stands_ends_in_its_first_sample(bench: Bench) -> None:
     prepare(bench, 0)

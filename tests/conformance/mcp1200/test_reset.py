@@ -202,6 +202,23 @@ def test_halt_stops_at_the_actual_position_and_holds_it_until_control(bench: Ben
     assert bench.seen("COMMAND_POSITION") > 33
 
 
+@pytest.mark.spec("MCP-MOD-1", "MCP-MOD-7", "MCP-SMP-5")
+@pytest.mark.parametrize(("before", "code"), [(3, 2), (2, 3)])
+def test_a_halt_and_its_end_are_read_with_the_results_of_their_sample(
+    bench: Bench, before: int, code: int
+) -> None:
+    bench.control()
+    bench.samples(1)
+    bench.write(0x05, before)
+    bench.samples(1)
+    start = bench.sample_start()
+    bench.write(0x05, code)
+    bench.until(start + 999)
+    assert (bench.seen("MODE"), bench.pin("BUSY")) == (before, 1)
+    bench.until(start + 1000)
+    assert (bench.seen("MODE"), bench.pin("BUSY")) == (code, 0)
+
+
 @pytest.mark.spec("MCP-MOD-7")
 def test_halt_is_ignored_in_idle(bench: Bench) -> None:
     bench.write(0x05, 0x02)
