@@ -74,6 +74,8 @@ ROLES = {
     "generated": "client",
 }
 """The room of a file in a chip's folder, by its name; all other files are behaviour."""
+NUMBERS = ["generated", "registers"]
+"""What is made for the chip itself, not for its clients."""
 SHARED_BY_CHIPS = {"base", "family", "motion", "registers", "strobes", "tables"}
 DATA = {"tables", "datasheet"}
 LONGEST = 450
@@ -100,7 +102,7 @@ def imports(path: Path) -> Iterator[str]:
 
 def room(places: list[str]) -> str:
     """Return the room of a module, by the parts of its name below ``vbus``."""
-    in_folder = places[0] == "chips" and len(places) > 2
+    in_folder = places[0] == "chips" and len(places) > 2 and places[2:4] != NUMBERS
     return ROLES.get(places[2], "chips") if in_folder else places[0]
 
 

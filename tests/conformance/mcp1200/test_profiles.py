@@ -74,7 +74,7 @@ def test_a_move_starts_from_the_command_position_even_if_the_motor_is_elsewhere(
     bench: Bench,
 ) -> None:
     bench.put("COMMAND_POSITION", 1000)
-    bench.chip.works.counter.preset(77, bench.cycle)
+    bench.chip.axis.counter.preset(77, bench.cycle)
     prepare(bench, 1100)
     start(bench)
     assert run(bench) == [1000 + place for place in T_10]
@@ -538,7 +538,7 @@ def test_every_move_lands_exactly_and_keeps_its_limits(
     accel = max(accel, abs(final) // 100)
     prepare(bench, final, velocity, accel, jerk)
     start(bench)
-    command = bench.chip.works.core.command
+    command = bench.chip.axis.loop.command
     place = speed = 0
     for _ in range(20_000):
         bench.samples(1)

@@ -28,22 +28,31 @@ class EncoderPins:
 
     Args:
         chip: whose pins.
-        works: where counts go.
+        blocks: where counts go.
 
     Attributes:
         at: cycle at which a level at the pins will have passed the filter.
     """
 
     __slots__ = (
-        "_a", "_a_at", "_b", "_b_at", "_chip", "_index", "_index_at", "_works", "at", "decoder",
+        "_a",
+        "_a_at",
+        "_b",
+        "_b_at",
+        "_blocks",
+        "_chip",
+        "_index",
+        "_index_at",
+        "at",
+        "decoder",
     )  # fmt: skip
     STATE: ClassVar[Names] = ("_a", "_b", "_index", "_a_at", "_b_at", "_index_at", "decoder: part")
-    WIRING: ClassVar[Names] = ("_chip", "_works")
+    WIRING: ClassVar[Names] = ("_chip", "_blocks")
     DERIVED: ClassVar[Names] = ("at",)
 
-    def __init__(self, chip: HostInterface, works: Blocks) -> None:
+    def __init__(self, chip: HostInterface, blocks: Blocks) -> None:
         self._chip: HostInterface = chip
-        self._works: Blocks = works
+        self._blocks: Blocks = blocks
         self.decoder: Quadrature = Quadrature(ds.FILTER_STAGES, ds.FILTER_STAGES)
         self.decoder.preset(1, 1, 1)
         self._a: int = 1
@@ -71,7 +80,7 @@ class EncoderPins:
         self._look()
 
     def _divider(self) -> int:
-        return ds.FILTER_DIVIDER[self._works.file.bytes[ds.ENCODER_PWM] >> 4 & 7]
+        return ds.FILTER_DIVIDER[self._blocks.registers.encoder_pwm >> 4 & 7]
 
     def after_load(self) -> None:
         """Find out when the next edge is believed."""
@@ -83,15 +92,15 @@ class EncoderPins:
 
     def settle(self, cycle: int) -> None:
         """Take what has passed the filter by ``cycle``."""
-        works = self._works
+        blocks = self._blocks
         decoder = self.decoder
         while (found := decoder.settle(cycle)) != 0:
             if found & COUNTED:
-                works.counter.count_external(decoder.direction, decoder.at)
+                blocks.counter.count_external(decoder.direction, decoder.at)
             if found & SKIPPED:
-                works.report(ds.DOUBLE_EDGE, decoder.at)
+                blocks.report(ds.DOUBLE_EDGE, decoder.at)
             if found & (INDEX_FELL | INDEX_ROSE):
-                works.counter.index_external(bool(found & INDEX_ROSE), decoder.at)
+                blocks.counter.index_external(bool(found & INDEX_ROSE), decoder.at)
         self._look()
 
     def _moved(self) -> None:
@@ -138,7 +147,7 @@ class SidePins:
 
     Args:
         chip: whose pins.
-        works: what they act on.
+        blocks: what they act on.
 
     Attributes:
         limit: level of /LIMIT.
@@ -147,18 +156,27 @@ class SidePins:
     """
 
     __slots__ = (
-        "_chip", "_fell", "_home", "_home_index", "_levels", "_trigger", "_works", "limit", "own",
-        "stop", "sync",
+        "_blocks",
+        "_chip",
+        "_fell",
+        "_home",
+        "_home_index",
+        "_levels",
+        "_trigger",
+        "limit",
+        "own",
+        "stop",
+        "sync",
     )  # fmt: skip
     STATE: ClassVar[Names] = (
         "_levels: list[i64]", "_fell: list[i64]", "limit", "stop", "sync", "_trigger",
         "_home_index",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_chip", "_home", "_works", "own")
+    WIRING: ClassVar[Names] = ("_chip", "_home", "_blocks", "own")
 
-    def __init__(self, chip: HostInterface, works: Blocks) -> None:
+    def __init__(self, chip: HostInterface, blocks: Blocks) -> None:
         self._chip: HostInterface = chip
-        self._works: Blocks = works
+        self._blocks: Blocks = blocks
         self._levels: list[int] = [1, 1, 1, 1]
         self._fell: list[int] = [LONG_AGO] * 4
         self.limit: int = 1
@@ -191,9 +209,9 @@ class SidePins:
 
     def look(self, cycle: int) -> None:
         """Find out what has moved by ``cycle``: a net, or a switch of the axis."""
-        works = self._works
-        home = works.encoder.home_level()
-        limit = self._levels[2] & works.encoder.limit_level()
+        blocks = self._blocks
+        home = blocks.encoder.home_level()
+        limit = self._levels[2] & blocks.encoder.limit_level()
         stop = self._levels[3] & (home if self._home == "/STOP" else 1)
         trigger = self._chip.pins["TRIG"].value & (home if self._home == "TRIG" else 1)
         if limit != self.limit:
@@ -208,45 +226,44 @@ class SidePins:
         if trigger != self._trigger:
             self._trigger = trigger
             if trigger == 0:
-                trigger_edge(works.file.bytes, works.counter.position(cycle))
+                trigger_edge(blocks.registers, blocks.counter.position(cycle))
         if home != self._home_index:
             self._home_index = home
             if self._home == "INDEX":
-                index_edge(works.file.bytes, home == 1, works.counter.position(cycle))
+                index_edge(blocks.registers, home == 1, blocks.counter.position(cycle))
 
     def _sync_moved(self) -> None:
         """/SYNC has moved: in idle mode it holds the sample timer (MCP-SMP-2)."""
-        works = self._works
-        if works.state == STANDING:
+        blocks = self._blocks
+        if blocks.state == STANDING:
             if self.sync == 0:
-                works.hold_timer()
+                blocks.hold_timer()
             else:
-                works.start_timer(self._chip.next_cycle())
+                blocks.start_timer(self._chip.next_cycle())
 
     def guard(self) -> None:
         """Idle with /LIMIT low: the motor outputs stay off, whatever R04 says (MCP-MOD-4)."""
-        works = self._works
-        if works.state == STANDING and self.limit == 0:
-            works.sheet.outputs_off()
+        blocks = self._blocks
+        if blocks.state == STANDING and self.limit == 0:
+            blocks.registers.outputs_off()
 
     def _fault(self, level: int, flag: int, cycle: int) -> None:
         """/LIMIT or /STOP has moved: low sets its flag at once (MCP-EXC-4, MCP-EXC-7)."""
-        works = self._works
-        works.rest.disturb()
-        if level == 0 and works.state >= STANDING:
-            works.core.sheet.fault(flag)
+        blocks = self._blocks
+        if level == 0 and blocks.state >= STANDING:
+            blocks.registers.fault(flag)
             if flag == ds.LIMIT_OK:
-                works.core.faults.limit = True
-                works.pwm.roll(cycle - 1)
+                blocks.loop.faults.limit = True
+                blocks.pwm.roll(cycle - 1)
                 self.guard()
             else:
-                works.core.faults.stop = True
+                blocks.loop.faults.stop = True
 
     def settle_levels(self) -> None:
         """Take the levels as they stand: power-on."""
         for place, (name, _) in enumerate(PULSES):
             self._levels[place] = self._chip.pins[name].value
-        encoder = self._works.encoder
+        encoder = self._blocks.encoder
         home = encoder.home_level()
         self.limit = self._levels[2] & encoder.limit_level()
         self.stop = self._levels[3] & (home if self._home == "/STOP" else 1)

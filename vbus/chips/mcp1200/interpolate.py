@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from vbus.bits import wrap_word
 from vbus.chips.mcp1200.command import Command
-from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.state import Names
 
 
@@ -28,12 +28,12 @@ class Segment:
         self.left: i64 = 0
         self._shift: i64 = 1
 
-    def begin(self, image: Picture, start: i64, end: i64) -> None:
+    def begin(self, sampled: SampledRegisters, start: i64, end: i64) -> None:
         """Lay a segment; R18 is read now (MCP-INT-3)."""
         self.start = start
         self.end = end
         one: i64 = 1
-        self._shift = image.segment
+        self._shift = (sampled.interpolator_preset & 7) + 1
         self.left = one << self._shift
 
     def next(self) -> i64:
@@ -62,12 +62,12 @@ class PositionInterpolation:
         self.segment.left = 0
         self.segment.end = point
 
-    def step(self, command: Command, image: Picture, fresh: bool, point: i64) -> bool:
+    def step(self, command: Command, sampled: SampledRegisters, fresh: bool, point: i64) -> bool:
         """Make one sample; tell whether the new ``point`` has been taken.
 
         Args:
             command: what moves.
-            image: the registers at the sample's start.
+            sampled: the registers at the sample's start.
             fresh: a new point is there.
             point: position to reach by the next segment. If it is not new, it is that of the
                 registers as they stand, and reached anew if it is another (MCP-INT-2).
@@ -76,7 +76,7 @@ class PositionInterpolation:
         begins = segment.left == 0 and (fresh or point != wrap_word(segment.end, 0x800000))
         if begins:
             here = command.position
-            segment.begin(image, here, here + wrap_word(point - here, 0x800000))
+            segment.begin(sampled, here, here + wrap_word(point - here, 0x800000))
         if segment.left == 0:
             command.rest()
             return False
@@ -103,12 +103,12 @@ class VelocityInterpolation:
         self.segment.left = 0
         self.segment.end = velocity
 
-    def slow_down(self, command: Command, image: Picture) -> None:
+    def slow_down(self, command: Command, sampled: SampledRegisters) -> None:
         """Ramp to standstill over one segment, unless that is under way (MCP-EXC-2)."""
         if self.segment.end != 0:
-            self.segment.begin(image, command.velocity, 0)
+            self.segment.begin(sampled, command.velocity, 0)
 
-    def step(self, command: Command, image: Picture, fresh: bool, velocity: i64) -> bool:
+    def step(self, command: Command, sampled: SampledRegisters, fresh: bool, velocity: i64) -> bool:
         """Make one sample; tell whether the new ``velocity`` has been taken.
 
         The parameters are those of :meth:`PositionInterpolation.step`.
@@ -116,7 +116,7 @@ class VelocityInterpolation:
         segment = self.segment
         begins = segment.left == 0 and (fresh or velocity != segment.end)
         if begins:
-            segment.begin(image, segment.end, velocity)
+            segment.begin(sampled, segment.end, velocity)
         command.left = segment.left
         command.phase = 0
         if segment.left:

@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
-from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.state import Names
 
 LONGEST_SPAN: Final = 8
@@ -54,22 +54,22 @@ class PidFilter:
         self._velocity = 0
         self._saturated = False
 
-    def step(self, image: Picture, error: i64, velocity: i64) -> i64:
+    def step(self, sampled: SampledRegisters, error: i64, velocity: i64) -> i64:
         """Return the motor command, not limited. All on the way to it fits 48 bits.
 
         Args:
-            image: the registers at the sample's start.
+            sampled: the registers at the sample's start.
             error: position error after the deadband (16 bits).
             velocity: command velocity in 1/256 count per sample (MCP-FLT-4).
         """
         if not self._saturated:
             self._integral += error
-        limit = image.integral_limit
+        limit = sampled.integral_limit & 0x7FFF
         if self._integral > limit:
             self._integral = limit
         elif self._integral < -limit:
             self._integral = -limit
-        span = image.span
+        span = sampled.derivative_span
         if span == 2:
             change = error - self._error_2
         elif span == 3:
@@ -91,11 +91,11 @@ class PidFilter:
         acceleration = velocity - self._velocity
         self._velocity = velocity
         command = (
-            256 * image.kp * error
-            + image.ki * self._integral
-            + 1024 * image.kd * change
-            + 2 * image.kv * velocity
-            + 32 * image.ka * acceleration
+            256 * sampled.kp * error
+            + sampled.ki * self._integral
+            + 1024 * sampled.kd * change
+            + 2 * sampled.kv * velocity
+            + 32 * sampled.ka * acceleration
         ) >> 9
         self._saturated = command > MC_MAX or command < MC_MIN
         return command

@@ -120,20 +120,22 @@ def _registers(registers: Iterable[Register]) -> list[str]:
     cells = []
     for row in registers:
         sense = "signed" if row.signed else "unsigned"
-        scale = f", 1/{1 << row.fraction}" if row.fraction else ""
+        scale = f"1/{1 << row.fraction}" if row.fraction else ""
+        scale = f", {f'{scale} {row.unit}'.strip()}" if scale or row.unit else ""
         cells.append(
             (
                 f"`{row.name}`",
                 ", ".join(f"{address:02X}H" for address in row.addresses),
                 f"{row.bits} bits {sense}{scale}",
                 access[row.access],
+                row.counts,
                 f"{row.reset:0{row.bits // 4}X}H",
                 row.title,
                 row.clause,
             )
         )
-    head = ("register", "addresses, high byte first", "value", "access", "reset", "meaning")
-    return _table((*head, "clause"), cells)
+    head = ("register", "addresses, high byte first", "value", "access", "counts", "reset")
+    return _table((*head, "meaning", "clause"), cells)
 
 
 def _bits(bits: Iterable[Bit]) -> list[str]:

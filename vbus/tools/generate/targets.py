@@ -14,6 +14,7 @@ from vbus.tools.generate import (
     documents,
     faults,
     proofs,
+    registers,
     sigrok,
 )
 from vbus.tools.generate.layout import ROOT, folder_of, own_families
@@ -51,7 +52,15 @@ def client_targets(family: Family) -> list[Target]:
         (f"{made}/aio_calls.py", partial(calls.calls, family)),
         (f"{made}/calls.py", partial(_calls, family, f"{made}/calls.py")),
         *((f"{made}/{path.name}", partial(_host, path, made)) for path in sources),
+        *_numbers(family, made),
     ]
+
+
+def _numbers(family: Family, made: str) -> list[Target]:
+    """Return the registers as numbers, if the rows say when each of them counts."""
+    if not any(row.counts for row in family.registers or ()):
+        return []
+    return [(f"{made}/registers.py", partial(registers.registers, family))]
 
 
 def _calls(family: Family, name: str) -> str:
