@@ -35,7 +35,7 @@ def servo(pid: bool = False, **registers: int) -> Bench:
 def test_the_lead_filter_with_its_default_parameters() -> None:
     bench = servo()
     assert respond(bench, [1, 1, 1, 1, 0, 0, -3]) == [256, -37, 37, 18, -233, 59, -782]
-    assert bench.chip.axis.pwm.command() == -782
+    assert bench.chip.axis.registers.pwm == -782
     assert bench.pin("MC0-MC11") == 0x800 - 782
 
 
@@ -75,7 +75,7 @@ def test_the_lead_filter_is_its_difference_equation(
 def test_the_pid_filter_with_its_default_parameters() -> None:
     bench = servo(pid=True)
     assert respond(bench, [1, 1, 2, 2, 2, -3]) == [160, 32, 192, 64, 64, -736]
-    assert bench.chip.axis.pwm.command() == -736
+    assert bench.chip.axis.registers.pwm == -736
 
 
 @pytest.mark.spec("MCP-FLT-3", "MCP-REG-44")

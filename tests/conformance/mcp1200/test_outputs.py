@@ -65,7 +65,7 @@ def test_unipolar_gives_the_magnitude_and_leaves_pwm_and_sign(
     assert command(bench, mc) == code
     bench.wait(200)
     assert bench.pin("SIGN") == sign
-    assert bench.chip.axis.pwm.command() == max(-2048, min(2047, mc))
+    assert bench.chip.axis.registers.pwm == max(-2048, min(2047, mc))
 
 
 @pytest.mark.spec("MCP-OUT-2", "MCP-AMB-5", "MCP-OUT-3")
@@ -82,7 +82,7 @@ def test_unipolar_clipped_gives_zero_of_a_negative_command(
     assert command(bench, mc) == code
     bench.wait(200)
     assert bench.pin("SIGN") == sign
-    assert bench.chip.axis.pwm.command() == max(-2048, min(2047, mc))
+    assert bench.chip.axis.registers.pwm == max(-2048, min(2047, mc))
     # In idle mode the host writes what it likes.
     bench.write(0x05, 0x01)
     bench.samples(1)
@@ -130,7 +130,7 @@ def test_the_dac_offset_is_added_with_carry_and_clamped(offset: int, mc: int, co
 def test_pwm_takes_the_plain_command_limited_to_12_bits(mc: int, shown: int) -> None:
     bench = servo(DAC_OFFSET=0x40, SATURATION=0x90)
     command(bench, mc)
-    assert bench.chip.axis.pwm.command() == shown
+    assert bench.chip.axis.registers.pwm == shown
     assert bench.read(0x09) == shown >> 4 & 0xFF
     assert bench.read(0x4D) == shown << 4 & 0xF0
 
@@ -327,14 +327,14 @@ def test_diagnostic_outputs_carry_the_position_error(feature: int, dac: int, pwm
     bench = servo(LEAD_GAIN=2, FEATURE=feature)
     bench.put("COMMAND_POSITION", 3)
     bench.samples(1)
-    assert (bench.pin("MC0-MC11"), bench.chip.axis.pwm.command()) == (dac, pwm)
+    assert (bench.pin("MC0-MC11"), bench.chip.axis.registers.pwm) == (dac, pwm)
     bench.put("COMMAND_POSITION", 0xFFFF00)
     bench.samples(1)
     shown = -256 * 8
     expected = -2048
     assert expected == shown
     if feature & 0x40:
-        assert bench.chip.axis.pwm.command() == -2048
+        assert bench.chip.axis.registers.pwm == -2048
     if feature & 0x80:
         assert bench.pin("MC0-MC11") == 0
 

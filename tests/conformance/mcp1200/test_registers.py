@@ -208,7 +208,7 @@ def test_the_motor_command_registers_and_their_nibbles(bench: Bench) -> None:
         bench.write(address, data)
         assert bench.read(address) == reads
     assert bench.pin("MC0-MC11") == 0x9AB
-    assert bench.chip.axis.pwm.command() == (0xC47 - 0x1000)
+    assert bench.chip.axis.registers.pwm == (0xC47 - 0x1000)
 
 
 @pytest.mark.spec("MCP-REG-48")

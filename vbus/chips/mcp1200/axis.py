@@ -5,11 +5,10 @@ from typing import ClassVar
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.blocks import Blocks, Report
+from vbus.chips.mcp1200.blocks import CONTROL, HELD, NO_REQUEST, RESETTING, STANDING, Blocks, Report
 from vbus.chips.mcp1200.control_loop import IDLE
 from vbus.chips.mcp1200.host_registers import HostRegisters
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
-from vbus.chips.mcp1200.states import CONTROL, HELD, NO_REQUEST, RESETTING, STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.kernel import Clock
 from vbus.options import Value
@@ -33,10 +32,6 @@ class Axis(Blocks):
         report: files a violation.
     """
 
-    __slots__ = (
-        "_aiming", "_at_reset", "_at_results", "_at_routine", "_at_sample", "_request",
-        "_stall_clk", "_target", "encoder_pins", "host", "side",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "state", "released", "_request", "writes: part", "_aiming: bool", "_at_reset", "_at_sample",
         "_at_results", "_at_routine", "counter: part", "registers: part", "loop: part",
@@ -356,7 +351,8 @@ class Axis(Blocks):
         if not self.rest.possible(cycle, control):
             return cycle
         last = min(self._target, min(self._next_count(), self.writes.due) - 1)
-        passed = self.rest.passed(cycle, last, self.timer.period)
+        period = self.timer.period
+        passed = (last - cycle) // period * period
         if passed > 0:
             cycle += passed
             self.start_timer(cycle)

@@ -1,6 +1,7 @@
 """The blocks inside, and what they ask of the whole."""
 
 from collections.abc import Callable
+from typing import Final
 
 from mypy_extensions import i64
 
@@ -12,7 +13,6 @@ from vbus.chips.mcp1200.encoder import Encoder
 from vbus.chips.mcp1200.output import Pwm
 from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.rest import Rest
-from vbus.chips.mcp1200.states import HELD
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import SampleTimer
 from vbus.chips.mcp1200.writes import Writes
@@ -21,6 +21,16 @@ from vbus.options import Value
 from vbus.signals import Rule
 
 Report = Callable[[Rule, int, int, str, int], bool]
+
+HELD: Final = 0
+"""/RESET is low, or the supply has just come."""
+RESETTING: Final = 1
+STANDING: Final = 2
+"""Idle mode."""
+CONTROL: Final = 3
+
+NO_REQUEST: Final = -1
+"""The host has written nothing to R05 since the last sample."""
 
 
 class Blocks:
@@ -36,11 +46,6 @@ class Blocks:
         released: cycle in which Pulse is high after a hard reset, else -1.
         writes: what the host has written, before it is visible.
     """
-
-    __slots__ = (
-        "_clock", "_report", "breakpoint", "counter", "drive", "encoder", "loop", "pwm",
-        "registers", "released", "rest", "state", "stepper", "timer", "writes",
-    )  # fmt: skip
 
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
         self._clock: Clock = clock

@@ -20,7 +20,6 @@ class Breakpoint:
         compare: the position it waits for.
     """
 
-    __slots__ = ("_found", "_loaded", "_reached", "_registers", "compare")
     STATE: ClassVar[Names] = ("compare", "_reached: bool", "_found: bool", "_loaded")
     WIRING: ClassVar[Names] = ("_registers",)
 

@@ -5,11 +5,11 @@ from typing import ClassVar, Final
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import Axis
+from vbus.chips.mcp1200.blocks import STANDING
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
 from vbus.chips.mcp1200.interface import HostInterface
 from vbus.chips.mcp1200.outputs import OutputPins
 from vbus.chips.mcp1200.pins import LONG_AGO, HostPins
-from vbus.chips.mcp1200.states import STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.tables import PinRow
 from vbus.kernel import NEVER, Clock, Kernel
@@ -65,7 +65,7 @@ class MCP1200(HostInterface):
         super().__init__(name, part, kernel, clock, settings, policy, file)
         self.read_low_ps = self.ac["tALDB"].max_ps
         self.cycle_ps = STROBE_PS + self.ac.minimum("tCSAL", clock)
-        self.axis: Axis = Axis(clock, self.settings, self._report_at)
+        self.axis: Axis = Axis(clock, self.settings, self.report)
         self._reading: int = -1
         self._latch: int = 0
         self._last_rise: int = LONG_AGO
@@ -279,9 +279,6 @@ class MCP1200(HostInterface):
         self.changed()
 
     # -- AC limits ----------------------------------------------------------------------------
-
-    def _report_at(self, rule: Rule, measured: int, limit: int, detail: str, when: int) -> bool:
-        return self.report(rule, measured, limit, detail, when)
 
     def _judge_clock(self) -> None:
         """Judge what the board file says about the clock and the edges of inputs."""

@@ -17,7 +17,7 @@ from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.scurve import SCurveMove
 from vbus.chips.mcp1200.stepper import StallCheck
 from vbus.chips.mcp1200.timer import work_clocks
-from vbus.chips.mcp1200.trapezoid import Stop, Trapezoid
+from vbus.chips.mcp1200.trapezoid import Trapezoid, stop
 from vbus.chips.mcp1200.velocity import IntegralVelocity
 from vbus.state import Names
 
@@ -50,14 +50,6 @@ class ControlLoop:
         increment_written: the host has written R0B during this sample.
     """
 
-    __slots__ = (
-        "_action", "_clip", "_dropped", "_entering", "_last_mode", "_position", "_sampled_point",
-        "_sampled_velocity", "_stopping", "abrupt", "command", "command_written",
-        "faults", "following", "goal_step", "halted", "increment_written",
-        "interpolation", "last_position", "lead", "mc", "mode", "pid", "point",
-        "ramps", "registers", "scurve", "stall", "steps", "trapezoid", "velocity",
-        "velocity_point",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "mode", "mc", "halted: bool", "abrupt: bool", "steps", "goal_step", "last_position",
         "point", "velocity_point", "command_written: bool", "increment_written: bool",
@@ -304,7 +296,7 @@ class ControlLoop:
             if over < 0:
                 self._begin_stop(sampled)
         if self._stopping:
-            over = int(Stop.step(command, sampled.accel))
+            over = int(stop(command, sampled.accel))
         command.moving = over <= 0
         if over > 0:
             self._stopping = False

@@ -30,9 +30,6 @@ class PositionCounter:
         at_match: step mode: cycle at which the breakpoint will be reached.
     """
 
-    __slots__ = (
-        "_breakpoint", "_encoder", "_faults", "_index_high", "_registers", "_stepper", "at_match",
-    )  # fmt: skip
     STATE: ClassVar[Names] = ("at_match",)
     WIRING: ClassVar[Names] = (
         "_breakpoint", "_encoder", "_faults", "_index_high", "_registers", "_stepper",

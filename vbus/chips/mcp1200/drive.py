@@ -28,7 +28,6 @@ class PlantDrive:
             unipolar one means.
     """
 
-    __slots__ = ("_clip", "_dac", "_encoder", "_given", "_registers", "_stepper", "_steps")
     STATE: ClassVar[Names] = ("_given: float", "_steps")
     WIRING: ClassVar[Names] = ("_clip", "_dac", "_encoder", "_registers", "_stepper")
 

@@ -22,7 +22,6 @@ class Faults:
         error: the position error was too large, or the motor stalled.
     """
 
-    __slots__ = ("breakpoint", "error", "limit", "stop")
     STATE: ClassVar[Names] = ("limit: bool", "stop: bool", "breakpoint: bool", "error: bool")
 
     def __init__(self) -> None:

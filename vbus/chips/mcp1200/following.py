@@ -20,7 +20,6 @@ class Following:
         too_large: it exceeds R4A:R49 (MCP-ERR-2).
     """
 
-    __slots__ = ("_command", "_direction", "error", "in_position", "offset", "too_large")
     STATE: ClassVar[Names] = (
         "_command", "_direction", "offset", "error", "in_position: bool", "too_large: bool",
     )  # fmt: skip

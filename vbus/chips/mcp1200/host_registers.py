@@ -32,9 +32,6 @@ class HostRegisters:
         encoder_pins: the filter that R1A sets.
     """
 
-    __slots__ = (
-        "_blocks", "_encoder_pins", "_held_csb", "_held_msb", "_noted", "_registers", "_side",
-    )  # fmt: skip
     STATE: ClassVar[Names] = ("_held_msb", "_held_csb", "_noted: set[i64]")
     WIRING: ClassVar[Names] = ("_blocks", "_encoder_pins", "_registers", "_side")
 

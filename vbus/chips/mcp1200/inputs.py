@@ -5,10 +5,9 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.blocks import Blocks
+from vbus.chips.mcp1200.blocks import STANDING, Blocks
 from vbus.chips.mcp1200.capture import index_edge, trigger_edge
 from vbus.chips.mcp1200.interface import HostInterface
-from vbus.chips.mcp1200.states import STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.motion.quadrature import COUNTED, INDEX_FELL, INDEX_ROSE, SKIPPED, Quadrature
 from vbus.kernel import NEVER
@@ -34,18 +33,6 @@ class EncoderPins:
         at: cycle at which a level at the pins will have passed the filter.
     """
 
-    __slots__ = (
-        "_a",
-        "_a_at",
-        "_b",
-        "_b_at",
-        "_blocks",
-        "_chip",
-        "_index",
-        "_index_at",
-        "at",
-        "decoder",
-    )  # fmt: skip
     STATE: ClassVar[Names] = ("_a", "_b", "_index", "_a_at", "_b_at", "_index_at", "decoder: part")
     WIRING: ClassVar[Names] = ("_chip", "_blocks")
     DERIVED: ClassVar[Names] = ("at",)
@@ -155,19 +142,6 @@ class SidePins:
         sync: level of /SYNC.
     """
 
-    __slots__ = (
-        "_blocks",
-        "_chip",
-        "_fell",
-        "_home",
-        "_home_index",
-        "_levels",
-        "_trigger",
-        "limit",
-        "own",
-        "stop",
-        "sync",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "_levels: list[i64]", "_fell: list[i64]", "limit", "stop", "sync", "_trigger",
         "_home_index",

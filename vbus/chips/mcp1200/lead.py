@@ -19,7 +19,6 @@ class LeadFilter:
     terms (MCP-FLT-2).
     """
 
-    __slots__ = ("_command", "_error")
     STATE: ClassVar[Names] = ("_error", "_command")
 
     def __init__(self) -> None:

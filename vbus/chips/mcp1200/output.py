@@ -79,7 +79,6 @@ class Pwm:
         sign: level of Sign (1 = negative).
     """
 
-    __slots__ = ("_registers", "high", "length", "sign", "start")
     STATE: ClassVar[Names] = ("start", "length", "high", "sign")
     WIRING: ClassVar[Names] = ("_registers",)
 
@@ -89,10 +88,6 @@ class Pwm:
         self.length: i64 = ds.PWM_RESOLUTION[0]
         self.high: i64 = 0
         self.sign: i64 = 0
-
-    def command(self) -> int:
-        """The motor command in R09 and R4D, in 1/16 of an R09 step."""
-        return self._registers.pwm
 
     def restart(self, cycle: i64) -> None:
         """Begin a frame at ``cycle`` with nothing before it."""

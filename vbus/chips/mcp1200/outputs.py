@@ -5,7 +5,7 @@ from typing import ClassVar
 from vbus.chips.base import Chip
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import Axis
-from vbus.chips.mcp1200.states import CONTROL, HELD, STANDING
+from vbus.chips.mcp1200.blocks import CONTROL, HELD, STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.signals import HIGH, LOW, Pin
 from vbus.state import Names
@@ -22,17 +22,6 @@ class OutputPins:
         axis: what they show.
     """
 
-    __slots__ = (
-        "_axis",
-        "_busy",
-        "_dac",
-        "_idle",
-        "_prof",
-        "_pulse",
-        "_shown",
-        "_sign",
-        "_trig",
-    )  # fmt: skip
     DERIVED: ClassVar[Names] = ("*",)
 
     def __init__(self, chip: Chip, axis: Axis) -> None:

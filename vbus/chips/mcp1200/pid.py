@@ -16,13 +16,12 @@ class PidFilter:
 
     The integrator takes no error in a sample after a saturated one, but is kept within the
     integral limit in every sample (MCP-FLT-3).
+
+    Attributes:
+        integral: the accumulator IACC.
     """
 
-    __slots__ = (
-        "_error_1", "_error_2", "_error_3", "_error_4", "_error_5", "_error_6", "_error_7",
-        "_error_8", "_integral", "_saturated", "_velocity",
-    )  # fmt: skip
-    STATE: ClassVar[Names] = ("errors: tuple[i64]", "_integral", "_velocity", "_saturated: bool")
+    STATE: ClassVar[Names] = ("errors: tuple[i64]", "integral", "_velocity", "_saturated: bool")
     DERIVED: ClassVar[Names] = (
         "_error_1", "_error_2", "_error_3", "_error_4", "_error_5", "_error_6", "_error_7",
         "_error_8",
@@ -38,19 +37,14 @@ class PidFilter:
         self._error_6: i64 = 0
         self._error_7: i64 = 0
         self._error_8: i64 = 0
-        self._integral: i64 = 0
+        self.integral: i64 = 0
         self._velocity: i64 = 0
         self._saturated: bool = False
-
-    @property
-    def integral(self) -> int:
-        """The integral accumulator IACC."""
-        return self._integral
 
     def clear(self) -> None:
         """Forget old samples (MCP-FLT-5)."""
         self.errors = (0,) * LONGEST_SPAN
-        self._integral = 0
+        self.integral = 0
         self._velocity = 0
         self._saturated = False
 
@@ -63,12 +57,12 @@ class PidFilter:
             velocity: command velocity in 1/256 count per sample (MCP-FLT-4).
         """
         if not self._saturated:
-            self._integral += error
+            self.integral += error
         limit = sampled.integral_limit & 0x7FFF
-        if self._integral > limit:
-            self._integral = limit
-        elif self._integral < -limit:
-            self._integral = -limit
+        if self.integral > limit:
+            self.integral = limit
+        elif self.integral < -limit:
+            self.integral = -limit
         span = sampled.derivative_span
         if span == 2:
             change = error - self._error_2
@@ -92,7 +86,7 @@ class PidFilter:
         self._velocity = velocity
         command = (
             256 * sampled.kp * error
-            + sampled.ki * self._integral
+            + sampled.ki * self.integral
             + 1024 * sampled.kd * change
             + 2 * sampled.kv * velocity
             + 32 * sampled.ka * acceleration

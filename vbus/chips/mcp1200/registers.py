@@ -44,7 +44,6 @@ class RegisterFile(Registers):
         sampled: the same when the last control sample began.
     """
 
-    __slots__ = ("sampled",)
     STATE: ClassVar[Names] = ("image: bytes",)
     WIRING: ClassVar[Names] = ("sampled",)
     DERIVED: ClassVar[Names] = ()

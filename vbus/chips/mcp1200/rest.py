@@ -23,7 +23,6 @@ class Rest:
         encoder: the plant's periods.
     """
 
-    __slots__ = ("_drive", "_encoder", "_loop", "_repeats", "_state")
     WIRING: ClassVar[Names] = ("_drive", "_encoder", "_loop")
     DERIVED: ClassVar[Names] = ("_repeats", "_state")
 
@@ -70,13 +69,3 @@ class Rest:
         if control:
             return self._repeats and self._drive.at_rest()
         return self._encoder.plant is None or (sampling and self._drive.at_rest())
-
-    def passed(self, cycle: i64, last: i64, period: i64) -> i64:
-        """Return the clocks of the whole samples that can be passed over, as it is possible.
-
-        Args:
-            cycle: start of the sample that is due.
-            last: cycle up to which nothing happens from outside.
-            period: clocks of a sample.
-        """
-        return (last - cycle) // period * period

@@ -18,7 +18,6 @@ FIRST_FALLING: Final = 5
 class SCurveMove:
     """One planned move at a time, laid from the command position at its start."""
 
-    __slots__ = ("_begun", "_final", "_origin", "_plan", "_sign")
     STATE: ClassVar[Names] = ("_begun: bool", "_final", "_origin", "_sign", "_plan: part")
 
     def __init__(self) -> None:

@@ -7,8 +7,7 @@ from vbus.state.first import BITS
 LAYOUTS: Final[dict[str, Any]] = {
     "Breakpoint": BITS, "Command": BITS, "Faults": BITS, "Following": BITS,
     "IntegralVelocity": BITS, "SampleTimer": BITS, "Trapezoid": BITS,
-    "PositionCounter": "at_match", "PositionInterpolation": "segment", "RegisterFile": "image",
-    "VelocityInterpolation": "segment", "Writes": "_waiting",
+    "PositionCounter": "at_match", "RegisterFile": "image", "Writes": "_waiting",
     "Axis": (
         "state", "released", "_request", "writes", "_aiming", "_at_reset", "_at_sample",
         "_at_results", "_at_routine", "counter",

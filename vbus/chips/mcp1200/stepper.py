@@ -29,9 +29,6 @@ class Stepper:
         sign: level of the direction output (1 = negative).
     """
 
-    __slots__ = (
-        "_begin", "_limit", "_registers", "_spacing", "_span", "_tail", "base", "offset", "sign",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "base", "offset", "sign", "_begin", "_span", "_spacing", "_limit", "_tail",
     )  # fmt: skip
@@ -146,9 +143,6 @@ class StallCheck:
     A window closes when it holds at least four samples and at least one whole expected count.
     """
 
-    __slots__ = (
-        "_counts", "_counts_seen", "_expected", "_samples", "_steps", "_steps_seen", "_way",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "_samples", "_expected", "_counts", "_steps_seen", "_counts_seen", "_steps", "_way",
     )  # fmt: skip

@@ -28,7 +28,6 @@ class SampleTimer:
         running: False while reset or /SYNC holds the counter at zero.
     """
 
-    __slots__ = ("_registers", "counts", "pre", "running", "start")
     STATE: ClassVar[Names] = ("start", "pre", "counts", "running: bool")
     WIRING: ClassVar[Names] = ("_registers",)
 

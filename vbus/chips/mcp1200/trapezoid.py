@@ -17,24 +17,23 @@ DECELERATING: Final = 6
 """Phases a trapezoid shows in R06 (MCP-TRP-4)."""
 
 
-class Stop:
-    """A linear deceleration to rest: for stops and for new final positions too near to reach."""
+def stop(command: Command, accel: i64) -> bool:
+    """Make one sample of a deceleration to rest, the same for every profile.
 
-    @staticmethod
-    def step(command: Command, accel: i64) -> bool:
-        """Make one sample; tell whether the axis rests. No acceleration stops it at once."""
-        velocity: i64 = 0
-        if accel:
-            velocity = toward(command.velocity, 0, accel)
-        command.move(velocity)
-        command.phase = DECELERATING
-        return velocity == 0
+    Returns:
+        Whether the axis rests. No acceleration stops it at once.
+    """
+    velocity: i64 = 0
+    if accel:
+        velocity = toward(command.velocity, 0, accel)
+    command.move(velocity)
+    command.phase = DECELERATING
+    return velocity == 0
 
 
 class Trapezoid:
     """One move at a time; acceleration and top velocity may change under way (MCP-TRP-1)."""
 
-    __slots__ = ("_begun", "_final", "_origin")
     STATE: ClassVar[Names] = ("_begun: bool", "_final", "_origin")
 
     def __init__(self) -> None:

@@ -18,7 +18,6 @@ WIDEST_HIGH: Final = 32767
 class IntegralVelocity:
     """Runs toward the velocity command with the programmed acceleration, through positions."""
 
-    __slots__ = ("_begun", "_goal")
     STATE: ClassVar[Names] = ("_begun: bool", "_goal")
 
     def __init__(self) -> None:
