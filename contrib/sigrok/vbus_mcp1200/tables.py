@@ -226,13 +226,12 @@ class RegisterMap:
         return self._by_address.get(address)
 
 
-CAPTURE_BITS = (Bit(number=0, name='TRIG_LATCH', title='TRIG Latch Output / Clear'), Bit(number=1, name='TRIG_CAPTURE', title='TRIG Input Capture Enable'), Bit(number=2, name='TRIG_INPUT', title='TRIG_IO Pin Direction (1 = Input)'), Bit(number=3, name='INDEX_LATCH', title='INDEX Latch Output / Clear'), Bit(number=4, name='INDEX_CAPTURE', title='INDEX Input Capture Enable'), Bit(number=5, name='INDEX_RISING', title='INDEX Pin Polarity (1 = Rising Edge)'), Bit(number=6, name='BUSY_ON_PROF', title='Interp. Busy Status on PROF pin'), Bit(number=7, name='INTERPOLATOR_BUSY', title='Interp. Busy Status'))
+ACTIONS = ('report', 'idle', 'decelerate', 'abrupt')
 CONFIG = 2
-CONFIG_BITS = (Bit(number=0, name='EXTENDED', title='Extended Addressing'), Bit(number=1, name='STEP_MODE', title='Step Mode Enable'), Bit(number=2, name='STEP_LOW', title='Step Output Polarity (1 = low pulse)'), Bit(number=4, name='BREAK_ENABLE', title='Breakpoint Feature Enable'), Bit(number=5, name='BREAK_REPEAT', title='Breakpoint Mode (1 = Repeat)'), Bit(number=6, name='SIGN_INHIBIT', title='PWM Sign Reversal Inhibit'), Bit(number=7, name='PWM_BIAS', title='PWM Bias (1 = 50% Duty Cycle)'))
+EXCEPTIONS = (('error', 6), ('breakpoint', 4), ('stop', 2), ('limit', 0))
 EXTENDED = 1
 FAMILY = 'mcp1200'
-FEATURE_BITS = (Bit(number=2, name='UNIPOLAR', title='Unipolar Select'), Bit(number=3, name='PID', title='Filter Select (0 = Lead, 1 = PID)'), Bit(number=4, name='S_CURVE', title='Profile Mode Select (0 = Trapezoid, 1 = S-Curve)'), Bit(number=5, name='HIGH_RESOLUTION', title='High-Resolution Velocity'), Bit(number=6, name='DIAGNOSTIC_PWM', title='Position Error sent to PWM'), Bit(number=7, name='DIAGNOSTIC_DAC', title='Position Error sent to DAC'))
-FLAG_BITS = (Bit(number=0, name='F0', title='Trapezoid/S-curve Profile'), Bit(number=1, name='F1', title='IDLE Flag'), Bit(number=2, name='F2', title='IN-MOTION Flag'), Bit(number=3, name='F3', title='Position Interpolation Control'), Bit(number=4, name='F4', title='Velocity Interpolation Control'), Bit(number=5, name='F5', title='Integral Velocity Profile'))
+MODES = ('soft reset', 'idle', 'halt motion', 'control')
 REGISTERS = RegisterMap(
     128,
     Register(name='FLAG', addresses=(0,), reset=2, access='rw', signed=False, fraction=0, clause='MCP-REG-1', title='Flag Register', unit='', counts='as the last sample left it', fields=(Bit(number=0, name='F0', title='Trapezoid/S-curve Profile'), Bit(number=1, name='F1', title='IDLE Flag'), Bit(number=2, name='F2', title='IN-MOTION Flag'), Bit(number=3, name='F3', title='Position Interpolation Control'), Bit(number=4, name='F4', title='Velocity Interpolation Control'), Bit(number=5, name='F5', title='Integral Velocity Profile')), on_read='', on_write='write_flag'),
@@ -288,4 +287,3 @@ REGISTERS = RegisterMap(
     Register(name='KA', addresses=(105,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-47', title='Accel Feed-forward, Kaff', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
     Register(name='KV', addresses=(106,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-47', title='Velocity Feed-forward, Kvff', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
 )
-STATUS_BITS = (Bit(number=0, name='BUSY', title='BUSY pin state'), Bit(number=1, name='DIRECTION', title='Motor Direction at Last Fault (1 = Reverse)'), Bit(number=2, name='IN_POSITION', title='In-Position Flag'), Bit(number=3, name='TIMER_OK', title='Sample Timer Error (active low)'), Bit(number=4, name='ERROR_OK', title='Maximum Error Fault (active low)'), Bit(number=5, name='BREAKPOINT_OK', title='Breakpoint Flag (active low)'), Bit(number=6, name='STOP_OK', title='Stop Error (active low)'), Bit(number=7, name='LIMIT_OK', title='Limit Error (active low)'))

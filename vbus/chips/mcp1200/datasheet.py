@@ -6,6 +6,7 @@ silent or contradicts itself, NOTES.md says what was chosen.
 
 from typing import Final
 
+from vbus.chips.mcp1200.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcLimit, AcTable
 from vbus.chips.tables import LIVE, REPORTED, SAMPLED, Bit, PinRow, Register, RegisterMap
 from vbus.options import Option
@@ -218,63 +219,28 @@ CONFIG: Final = REGISTERS["CONFIG"].low
 CAPTURE_CONTROL: Final = REGISTERS["CAPTURE_CONTROL"].low
 STATUS: Final = REGISTERS["STATUS"].low
 
-# -- the same bits as numbers ------------------------------------------------------------------
-
-F0: Final = 0x01
-F1: Final = 0x02
-F2: Final = 0x04
-F3: Final = 0x08
-F4: Final = 0x10
-F5: Final = 0x20
-MODE_FLAGS: Final = F0 | F3 | F4 | F5
-
-UNIPOLAR: Final = 0x04
-PID: Final = 0x08
-S_CURVE: Final = 0x10
-HIGH_RESOLUTION: Final = 0x20
-DIAGNOSTIC_PWM: Final = 0x40
-DIAGNOSTIC_DAC: Final = 0x80
-
-EXTENDED: Final = 0x01
-STEP_MODE: Final = 0x02
-STEP_LOW: Final = 0x04
-BREAK_ENABLE: Final = 0x10
-BREAK_REPEAT: Final = 0x20
-SIGN_INHIBIT: Final = 0x40
-PWM_BIAS: Final = 0x80
-
-TRIG_LATCH: Final = 0x01
-TRIG_CAPTURE: Final = 0x02
-TRIG_INPUT: Final = 0x04
-INDEX_LATCH: Final = 0x08
-INDEX_CAPTURE: Final = 0x10
-INDEX_RISING: Final = 0x20
-BUSY_ON_PROF: Final = 0x40
-INTERPOLATOR_BUSY: Final = 0x80
-
-BUSY: Final = 0x01
-DIRECTION: Final = 0x02
-IN_POSITION: Final = 0x04
-TIMER_OK: Final = 0x08
-ERROR_OK: Final = 0x10
-BREAKPOINT_OK: Final = 0x20
-STOP_OK: Final = 0x40
-LIMIT_OK: Final = 0x80
+MODE_FLAGS: Final = 0x39
+"""F0, F3, F4, F5."""
 ERROR_FLAGS: Final = 0xF8
-
+"""Bits of the Status Register that are active low."""
 SWAP_AB: Final = 0x80
+"""In R1A, beside two numbers."""
 
 REPORT: Final = 0
 GO_IDLE: Final = 1
 DECELERATE: Final = 2
 ABRUPT: Final = 3
-"""Exception actions, two bits each in R04: limit 1-0, stop 3-2, breakpoint 5-4, error 7-6."""
+ACTIONS: Final = ("report", "idle", "decelerate", "abrupt")
+"""Exception actions, by their two bits in R04."""
+EXCEPTIONS: Final = (("error", 6), ("breakpoint", 4), ("stop", 2), ("limit", 0))
+"""Events, and the lower bit of each in R04."""
 
 SOFT_RESET_CODE: Final = 0
 IDLE_CODE: Final = 1
 HALT_CODE: Final = 2
 CONTROL_CODE: Final = 3
-"""Codes of the Mode Brancher R05 (MCP-MOD-1)."""
+MODES: Final = ("soft reset", "idle", "halt motion", "control")
+"""Codes of the Mode Brancher R05; all larger ones are control (MCP-MOD-1)."""
 
 # -- timings, in clock periods ------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ from vbus.state.first import BITS
 LAYOUTS: Final[dict[str, Any]] = {
     "Breakpoint": BITS, "Command": BITS, "Faults": BITS, "Following": BITS,
     "IntegralVelocity": BITS, "SampleTimer": BITS, "Trapezoid": BITS,
+    "EncoderPins": ("*_levels", "*_since", "decoder"),
     "PositionCounter": "at_match", "RegisterFile": "image", "Writes": "_waiting",
     "Axis": (
         "state", "released", "_request", "writes", "_aiming", "_at_reset", "_at_sample",

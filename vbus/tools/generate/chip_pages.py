@@ -57,9 +57,11 @@ def page(family: Family) -> str:
         ("Registers", family.registers and _registers(family.registers)),
     ):
         lines += [f"## {head}", "", *rows, ""] if rows else []
-    lines += ["## Bits", ""] if family.bits else []
-    for title, name in family.bits:
-        lines += [f"### {title}", "", *_bits(getattr(sheet, name)), ""]
+    bits = [(title, getattr(sheet, name)) for title, name in family.bits]
+    bits += [(f"{row.title} {row.low:02X}H", row.fields) for row in family.registers if row.fields]
+    lines += ["## Bits", ""] if bits else []
+    for title, fields in bits:
+        lines += [f"### {title}", "", *_bits(fields), ""]
     lines += ["## Pins", "", *_pins(chip.PINS), ""]
     tables = family.ac_tables
     if tables:

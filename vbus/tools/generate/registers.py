@@ -1,4 +1,4 @@
-"""Makes the registers of a chip as numbers, typed for the compiled core: one for each row."""
+"""Makes what follows from a chip's register table: its bits and its registers as numbers."""
 
 from collections.abc import Callable
 from typing import Final
@@ -56,11 +56,26 @@ class Registers:
         for address in range({size}):
             self.put(address, image[address])
 '''
+_BITS: Final = '''\
+# Made from the register table by vbus.tools.generate; change the table or the generator.
+"""The bits of the registers of the {title}."""
+
+from typing import Final
+
+{bits}
+'''
 _IN_CLASS: Final = "\n        "
 
 
+def bits(family: Family) -> str:
+    """Return the source of the bits of a family's registers."""
+    fields = [bit for row in family.registers for bit in row.fields]
+    rows = "\n".join(f"{bit.name}: Final = {bit.mask:#04x}" for bit in fields)
+    return _BITS.format(title=family.title or family.name, bits=rows)
+
+
 def registers(family: Family) -> str:
-    """Return the source of a family's registers as numbers."""
+    """Return the source of a family's registers as numbers, typed for the compiled core."""
     rows = family.registers
     names = [row.name.lower() for row in rows]
     places = [(address, row) for row in rows for address in row.addresses]

@@ -57,10 +57,13 @@ def client_targets(family: Family) -> list[Target]:
 
 
 def _numbers(family: Family, made: str) -> list[Target]:
-    """Return the registers as numbers, if the rows say when each of them counts."""
-    if not any(row.counts for row in family.registers or ()):
+    """Return bits and registers as numbers, if the rows say when each of them counts."""
+    if not any(row.counts for row in family.registers):
         return []
-    return [(f"{made}/registers.py", partial(registers.registers, family))]
+    return [
+        (f"{made}/bits.py", partial(registers.bits, family)),
+        (f"{made}/registers.py", partial(registers.registers, family)),
+    ]
 
 
 def _calls(family: Family, name: str) -> str:
