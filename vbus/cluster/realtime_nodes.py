@@ -257,7 +257,7 @@ class RealTime(Peers):
         known = self._ordered.get(node.rank)
         if known is None:
             known = self._ordered[node.rank] = Orders(node.board, "order", saved=False)
-            node.add_orders(known)
+            node.orders.append(known)
         return known
 
     # -- messages -------------------------------------------------------------------------------

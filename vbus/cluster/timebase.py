@@ -117,12 +117,12 @@ class Timebase(Peers):
     def _report(self, rank: int, report: Report) -> None:
         for other, conductor in self._mine.items():
             if other != rank:
-                conductor.receive(report)
+                conductor.participant.receive(report)
         self.send(rank, report)
 
     def _ask(self, rank: int, other: int) -> None:
         participant = self._mine[rank].participant
-        self.send(rank, Need(self.plan.digest, rank, other, participant.round))
+        self.send(rank, Need(self.plan.digest, rank, participant.round, other))
 
     def met(self, rank: int) -> None:
         """Ask a node that has come for what was missed."""
@@ -134,7 +134,7 @@ class Timebase(Peers):
         other = self._others[rank]
         if isinstance(message, Report):
             for conductor in self.conductors:
-                conductor.receive(message)
+                conductor.participant.receive(message)
             other.round = max(other.round, message.round)
         elif isinstance(message, Need) and message.other in self._mine:
             self._resend(message.other, other.name, message.round)
