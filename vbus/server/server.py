@@ -157,6 +157,8 @@ class Server:
         self._metrics: MetricsPort | None = None
         if metrics is not None:
             self._metrics = MetricsPort(*metrics, self.statistics)
+        self.details: Callable[[], dict[str, Any]] = dict
+        """Makes more of what is told of the board."""
         self.local_sockets: tuple[LocalSocket, ...] = ()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._closing: ExitStack = ExitStack()
@@ -320,6 +322,7 @@ class Server:
             "lag": self.pacer.lags.told("ps"),
             "round_trips": self.round_trips.told("ns"),
             "metrics": "" if self._metrics is None else self._metrics.url,
+            **self.details(),
         }
 
 
