@@ -1,7 +1,6 @@
 """Running nodes of a board in this process: their hosts' links, their time, what they leave."""
 
 import asyncio
-import hashlib
 import signal
 from collections.abc import Callable, Coroutine, Sequence
 from contextlib import ExitStack
@@ -22,7 +21,7 @@ from vbus.nodes.machine import conductor_of, node_of
 from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
-from vbus.nodes.trace import merged
+from vbus.nodes.trace import hash_of, merged
 from vbus.server.loop import HostLoop
 from vbus.server.server import Server
 from vbus.server.serving import links_of, network_of
@@ -152,8 +151,7 @@ def write_trace(nodes: Sequence[Node], path: str) -> None:
     """
     try:
         with Path(path).open("w", encoding="ascii", newline="\n") as file:
-            for when, rank, text in merged(_lines(nodes)):
-                file.write(f"{when} {rank} {text}\n")
+            file.writelines(merged(_lines(nodes)))
     except OSError as error:
         raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
 
@@ -185,10 +183,7 @@ def read_traces(paths: Sequence[str]) -> tuple[str, int]:
         except ValueError:
             raise VbusError(f"{path}: this is no trace of nodes") from None
     lines.sort()
-    total = hashlib.sha256()
-    for *_, line in lines:
-        total.update(line.encode())
-    return total.hexdigest(), len(lines)
+    return hash_of(line for *_, line in lines), len(lines)
 
 
 def serve_nodes(

@@ -56,7 +56,7 @@ class Conductor:
     def wants(self) -> int:
         """Return how far this node wants time to run (ps); -1 if its hosts want nothing.
 
-        For a host it is a quantum beyond its wish: what it does next is within the same grant.
+        For a host it is a quantum more, so that what it does next is within the same grant.
         """
         beyond = self.participant.lookahead - 1
         wanted = [min(port.hold_until + beyond, NEVER) for port in self._hosts() if port.wants_time]

@@ -42,19 +42,21 @@ class NodeTrace(TraceHash):
         self.records = len(self._lines)
 
 
-def merged(traces: Iterable[Iterable[Line]]) -> Iterator[tuple[int, int, str]]:
+def merged(traces: Iterable[Iterable[Line]]) -> Iterator[str]:
     """Merge the traces of nodes, given by rank, in order of (instant, node, sequence)."""
-    return merge(*(_ranked(rank, lines) for rank, lines in enumerate(traces)), key=itemgetter(0, 1))
-
-
-def _ranked(rank: int, lines: Iterable[Line]) -> Iterator[tuple[int, int, str]]:
-    for when, text in lines:
-        yield when, rank, text
+    ranked = ([(when, rank, text) for when, text in lines] for rank, lines in enumerate(traces))
+    for when, rank, text in merge(*ranked, key=itemgetter(0, 1)):
+        yield f"{when} {rank} {text}\n"
 
 
 def merged_hash(traces: Iterable[Iterable[Line]]) -> str:
     """Return the SHA-256 (hex) over the merged traces of all nodes, given by rank."""
+    return hash_of(merged(traces))
+
+
+def hash_of(lines: Iterable[str]) -> str:
+    """Return the SHA-256 (hex) over the lines of a merged trace."""
     total = hashlib.sha256()
-    for when, rank, text in merged(traces):
-        total.update(f"{when} {rank} {text}\n".encode())
+    for line in lines:
+        total.update(line.encode())
     return total.hexdigest()

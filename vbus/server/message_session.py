@@ -80,15 +80,7 @@ class MessageSession(Session):
         self._collected += self.protocol.out
         self.protocol.out.clear()
 
-    def _send_events(self) -> None:
-        self._flush_scheduled = False
-        if self._open:
-            try:
-                self.protocol.report_events()
-            except Exception:
-                self._broken()
-                return
-            if self.protocol.out:
-                data = self.protocol.take()
-                self.sent += len(data)
-                self._messages.push(data)
+    def _push(self) -> None:
+        data = self.protocol.take()
+        self.sent += len(data)
+        self._messages.push(data)

@@ -133,17 +133,17 @@ class Collector:
 
     def collect(self) -> Iterator[Metric]:
         """Yield every metric as it is now."""
-        told = self._statistics()
-        board = told["board"]
-        yield _info(board, told)
-        yield from _families(board, told)
+        statistics = self._statistics()
+        board = statistics["board"]
+        yield _info(board, statistics)
+        yield from _families(board, statistics)
         text = "How late chip time was when it was brought up to date"
-        yield _histogram("vbus_lag_seconds", text, board, told["lag"], "ps", 1e12)
+        yield _histogram("vbus_lag_seconds", text, board, statistics["lag"], "ps", 1e12)
         yield _histogram(
             "vbus_round_trip_seconds",
             "From a message's arrival in the server until its answer is handed over",
             board,
-            told["round_trips"],
+            statistics["round_trips"],
             "ns",
             1e9,
         )
@@ -153,24 +153,26 @@ Samples = Iterable[tuple[tuple[str, ...], float]]
 """Values, each with what its labels say."""
 
 
-def _families(board: str, told: dict[str, Any]) -> Iterator[Metric]:
+def _families(board: str, statistics: dict[str, Any]) -> Iterator[Metric]:
     """Yield what has one value for each set of labels."""
     from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 
-    links = [((f"{number}:{link['url']}",), link) for number, link in enumerate(told["links"])]
+    links = [
+        ((f"{number}:{link['url']}",), link) for number, link in enumerate(statistics["links"])
+    ]
     rows: tuple[tuple[Any, str, str, tuple[str, ...], Samples], ...] = (
         (
             CounterMetricFamily, "vbus_bus_cycles", "Whole bus cycles hosts have made",
             ("chip", "direction"),
             [
                 ((chip["name"], direction), chip[f"{direction}s"])
-                for chip in told["chips"]
+                for chip in statistics["chips"]
                 for direction in ("read", "write")
             ],
         ),
         (
             CounterMetricFamily, "vbus_violations", "Breaches of a rule by hosts", ("rule",),
-            [((rule,), count) for rule, count in sorted(told["violations"].items())],
+            [((rule,), count) for rule, count in sorted(statistics["violations"].items())],
         ),
         (
             GaugeMetricFamily, "vbus_sessions", "Open sessions", ("link",),
@@ -191,15 +193,15 @@ def _families(board: str, told: dict[str, Any]) -> Iterator[Metric]:
         ),
         (
             CounterMetricFamily, "vbus_chip_time_seconds", "Chip time since the start", (),
-            [((), told["time_ps"] / 1e12)],
+            [((), statistics["time_ps"] / 1e12)],
         ),
         (
             CounterMetricFamily, "vbus_slipped_seconds", "Chip time left out after stalls", (),
-            [((), told["slipped_ps"] / 1e12)],
+            [((), statistics["slipped_ps"] / 1e12)],
         ),
         (
             GaugeMetricFamily, "vbus_worst_lag_seconds", "Largest lag since the start", (),
-            [((), told["worst_lag_ps"] / 1e12)],
+            [((), statistics["worst_lag_ps"] / 1e12)],
         ),
     )  # fmt: skip
     for kind, name, text, labels, samples in rows:
@@ -209,25 +211,25 @@ def _families(board: str, told: dict[str, Any]) -> Iterator[Metric]:
         yield family
 
 
-def _info(board: str, told: dict[str, Any]) -> Metric:
+def _info(board: str, statistics: dict[str, Any]) -> Metric:
     from prometheus_client.core import InfoMetricFamily
 
     info = InfoMetricFamily("vbus_board", "The board", labels=("board",))
-    info.add_metric((board,), {"policy": told["policy"], "rate": str(told["rate"])})
+    info.add_metric((board,), {"policy": statistics["policy"], "rate": str(statistics["rate"])})
     return info
 
 
 def _histogram(
-    name: str, text: str, board: str, told: dict[str, Any], unit: str, scale: float
+    name: str, text: str, board: str, statistics: dict[str, Any], unit: str, scale: float
 ) -> Metric:
     from prometheus_client.core import HistogramMetricFamily
 
     buckets = []
     count = 0
-    for bound, number in zip(told[f"bounds_{unit}"], told["buckets"], strict=False):
+    for bound, number in zip(statistics[f"bounds_{unit}"], statistics["buckets"], strict=False):
         count += number
         buckets.append((repr(bound / scale), count))
-    buckets.append(("+Inf", told["count"]))
+    buckets.append(("+Inf", statistics["count"]))
     family = HistogramMetricFamily(name, text, labels=("board",))
-    family.add_metric((board,), buckets, told[f"sum_{unit}"] / scale)
+    family.add_metric((board,), buckets, statistics[f"sum_{unit}"] / scale)
     return family

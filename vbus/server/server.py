@@ -319,8 +319,8 @@ class Server:
             "counters": dict(board.counters),
             "violations": {rule: n for rule, n in board.counters.items() if "." in rule},
             "sessions": sum(len(host.sessions) for host in self._hosts),
-            "lag": self.pacer.lags.told("ps"),
-            "round_trips": self.round_trips.told("ns"),
+            "lag": self.pacer.lags.summary("ps"),
+            "round_trips": self.round_trips.summary("ns"),
             "metrics": "" if self._metrics is None else self._metrics.url,
             **self.details(),
         }

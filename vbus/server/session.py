@@ -262,7 +262,11 @@ class Session:
                 self._broken()
                 return
             if self.protocol.out:
-                self._send()
+                self._push()
+
+    def _push(self) -> None:
+        """Send what nobody asked for just now."""
+        self._send()
 
     # -- writing ------------------------------------------------------------------------------
 
