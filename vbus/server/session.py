@@ -6,6 +6,7 @@ import os
 import select
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from vbus.kernel import NEVER
@@ -367,14 +368,20 @@ class Session:
         if not self._open:
             return
         self._open = False
+        log.debug("%s: %s", self.link.peer, reason)
+        for step in (
+            self._look_no_more, self.protocol.reset, self.port.close, self.link.close,
+            partial(self._on_end, self),
+        ):  # fmt: skip
+            try:
+                step()
+            except Exception:  # the next host shall find nothing of this one
+                log.exception("internal error while the session of %s ended", self.link.peer)
+
+    def _look_no_more(self) -> None:
         self._read_off()
         self._listen_no_more()
         if self._hang_up is not None:
             self._hang_up.close()
         if self._pending:
             self._loop.remove_writer(self._fd)
-        log.debug("%s: %s", self.link.peer, reason)
-        self.protocol.reset()
-        self.port.close()
-        self.link.close()
-        self._on_end(self)

@@ -231,19 +231,20 @@ class PtyTransport(Transport):
         terminal = self._terminal
         if terminal is None:
             return
-        left = self._rest(terminal)
+        self._loop.call_soon(self._notice, self._rest(terminal))
+        self._clients = 0
         try:
             slave = os.open(terminal.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError:
             if terminal.look() & select.POLLHUP:
                 self._renew()
         else:
-            terminal.clean(slave)
-            os.close(slave)
+            try:
+                terminal.clean(slave)
+            finally:
+                os.close(slave)
             # Those are our own open and close. Whoever came meanwhile is seen by looking.
             terminal.watch.read()
-        self._clients = 0
-        self._loop.call_soon(self._notice, left)
 
     def _renew(self) -> None:
         """Replace a terminal that a client has left in exclusive use: only root could open it."""
