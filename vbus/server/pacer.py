@@ -205,6 +205,11 @@ class Pacer:
             else:
                 self._slice_soon()
 
+    def forget(self, callback: Callable[[], None]) -> None:
+        """Call ``callback`` no more: whoever wanted time to pass is not there."""
+        self._wakes = [wake for wake in self._wakes if wake[2] != callback]
+        heapq.heapify(self._wakes)
+
     def arm(self) -> None:
         """Set the timer to the earliest of: next watched edge, next wake-up, next tick."""
         if not self._paced:

@@ -379,6 +379,7 @@ class Session:
                 log.exception("internal error while the session of %s ended", self.link.peer)
 
     def _look_no_more(self) -> None:
+        self._pacer.forget(self.resume)
         self._read_off()
         self._listen_no_more()
         if self._hang_up is not None:
