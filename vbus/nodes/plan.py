@@ -107,7 +107,7 @@ def _digest(file: BoardFile) -> str:
 
 
 def pins_of(file: BoardFile) -> dict[str, set[str]]:
-    """Return the pins of every chip of a checked board file, for :func:`read_scenario`."""
+    """Return the pins of every chip of a checked board file, for reading a scenario."""
     pins = {}
     for chip in file.chips:
         cls = plugins.chip_class(chip.part)

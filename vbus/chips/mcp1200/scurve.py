@@ -33,7 +33,7 @@ class SCurveMove:
         self._begun = False
 
     def step(self, command: Command, image: Picture) -> int:
-        """Make one sample; the result is that of :meth:`Trapezoid.step`."""
+        """Make one sample; the result is that of ``Trapezoid.step``."""
         final: int = image.final
         plan = self._plan
         if not self._begun:
