@@ -29,6 +29,7 @@ _COMMANDS: Final = {
     "report": "Show the violations of a recorded run, with the cycles around them.",
     "router": "Let boards and hosts of several computers meet (Zenoh).",
     "run": "Run a board and serve its links until Ctrl-C.",
+    "schema": "Print the JSON Schema of board files, for editors.",
     "snap": "Take snapshots of running boards, load them again.",
     "trace": "Merge the traces of nodes; print the hash of what happened.",
     "wave": "Write a waveform of a running board or of a recorded run.",
