@@ -17,6 +17,16 @@ _HEAD: Final = """\
 
 `vbus --help` lists the commands, `vbus COMMAND --help` says what each takes. Every command takes
 `-h` and `--help`.
+
+A shell completes commands, options, names of running boards, part numbers, faults, demonstrations,
+board files and journals, once it is told so, in `~/.bashrc`, `~/.zshrc` or
+`~/.config/fish/completions/vbus.fish`:
+
+```bash
+eval "$(_VBUS_COMPLETE=bash_source vbus)"    # bash
+eval "$(_VBUS_COMPLETE=zsh_source vbus)"     # zsh
+_VBUS_COMPLETE=fish_source vbus | source     # fish
+```
 """
 
 
