@@ -42,7 +42,7 @@ class Blocks:
         report: files a violation.
 
     Attributes:
-        state: :data:`HELD`, :data:`RESETTING`, :data:`STANDING` or :data:`CONTROL`.
+        state: ``HELD``, ``RESETTING``, ``STANDING`` or ``CONTROL`` of ``states.py``.
         released: cycle in which Pulse is high after a hard reset, else -1.
         writes: what the host has written, before it is visible.
     """

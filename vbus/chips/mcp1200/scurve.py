@@ -32,7 +32,7 @@ class SCurveMove:
         self._begun = False
 
     def step(self, command: Command, sampled: SampledRegisters) -> int:
-        """Make one sample; the result is that of :meth:`Trapezoid.step`."""
+        """Make one sample; the result is that of ``Trapezoid.step``."""
         final: int = sampled.final_position
         plan = self._plan
         if not self._begun:
