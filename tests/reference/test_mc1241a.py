@@ -168,6 +168,8 @@ class Pair:
         # When the chip is ready again, and what the model is told by then.
         self.ready = 0
         self.effect: tuple[str, int] | None = None
+        # How long ~HostIntrpt stays high after a RST_INTRPT.
+        self.rests_until = 0
         self.last_byte = 0
         self.packets: deque[str] = deque(maxlen=30)
         for pin, level in zip(self.wired, self.mechanics[-1].levels(), strict=False):
@@ -202,6 +204,10 @@ class Pair:
                     self.model.write(value)
                 else:
                     self.model.read()
+                self.rests_until = self.ready + CLK
+                continue
+            if self.model.line_rests and self.rests_until <= min(when, now):
+                self.model.line_has_rested()
                 continue
             if when > now:
                 return
@@ -761,6 +767,8 @@ class Model(reference.MC1241A):
         answer = 0
         for _ in range(read):
             answer = answer << 16 | self.read()
+        if self.line_rests:
+            self.line_has_rested()
         return answer
 
     def load(self, **values: int) -> None:

@@ -248,9 +248,9 @@ class Axis:
         """The real position comes round to ``real``: it passes the breakpoint, or changes sides."""
         place, before = self.breakpoint, self.real
         if change > 0:
-            passed = place > before or place <= real
+            passed = place >= before or place <= real
         else:
-            passed = place < before or place >= real
+            passed = place <= before or place >= real
         # On neither side it fires in this sample.
         self.breakpoint_side = 0 if passed else (place > real) - (place < real)
 

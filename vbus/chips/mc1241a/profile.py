@@ -116,7 +116,8 @@ class Profile:
         """
         if mode == self.mode:
             return False
-        moving = self.velocity != 0
+        # A trapezoid that turns round has velocity 0 on the way.
+        moving = self.velocity != 0 or self.in_motion()
         rude = moving and mode in (TRAPEZOIDAL, S_CURVE)
         self.mode = mode
         self._clear_curve()
