@@ -27,7 +27,7 @@ from vbus.board.sections import WaveSection
 from vbus.errors import VbusError
 from vbus.server.registry import watch_path
 from vbus.signals import Observer, Violation
-from vbus.trace.wave import DONE, Wave
+from vbus.trace.wave.wave import DONE, Wave
 from vbus.transports.base import Link
 from vbus.transports.sockets import UnixTransport
 

@@ -176,10 +176,9 @@ class RegisterPackets(Decoder):
     """Clause about addresses at which there is no register."""
 
     def __init__(self) -> None:
-        self._open: dict[tuple[str, bool], dict[int, Cycle]] = {}
-        """Registers of which some bytes have moved; the one whose last byte is oldest first."""
-        self._moved: dict[tuple[str, bool], int] = {}
-        """Bus cycle in which the last byte of each of them moved."""
+        self._open: dict[tuple[str, bool], tuple[int, dict[int, Cycle]]] = {}
+        """Registers of which some bytes have moved: number of the last of their cycles, and all
+        of them by address; the one whose last byte is oldest first."""
         self._count: int = 0
 
     def take(self, cycle: Cycle) -> list[Packet]:
@@ -188,11 +187,11 @@ class RegisterPackets(Decoder):
         return [*self._given_up(), *self._taken(cycle)]
 
     def _given_up(self) -> list[Packet]:
-        for key, moved in self._moved.items():
+        for key, (moved, seen) in self._open.items():
             if self._count - moved < PATIENCE:
                 break
-            del self._moved[key]
-            return [_partial(self.ROWS[key[0]], self._open.pop(key))]
+            del self._open[key]
+            return [_partial(self.ROWS[key[0]], seen)]
         return []
 
     def _taken(self, cycle: Cycle) -> list[Packet]:
@@ -208,16 +207,14 @@ class RegisterPackets(Decoder):
             text = self.value(row, cycle.data, cycle.write)
             return [Packet(kind, name, text, row.clause, (cycle,))]
         key = (row.name, cycle.write)
-        seen = self._open.pop(key, {})
-        self._moved.pop(key, 0)
+        _, seen = self._open.pop(key, (0, {}))
         packets = []
         if address in seen:
             packets.append(_partial(row, seen))
             seen = {}
         seen[address] = cycle
         if len(seen) < len(row.addresses):
-            self._open[key] = seen
-            self._moved[key] = self._count
+            self._open[key] = self._count, seen
         else:
             value = 0
             for place in row.addresses:
@@ -229,14 +226,13 @@ class RegisterPackets(Decoder):
 
     def finish(self) -> list[Packet]:
         """Return the registers of which only some bytes have moved."""
-        packets = [_partial(self.ROWS[name], seen) for (name, _), seen in self._open.items()]
+        packets = [_partial(self.ROWS[name], seen) for (name, _), (_, seen) in self._open.items()]
         self._open = {}
-        self._moved = {}
         return packets
 
     def unfinished(self) -> int | None:
         """Return the instant of the oldest last byte of a register that is open, if one is."""
-        for seen in self._open.values():
+        for _, seen in self._open.values():
             return next(reversed(seen.values())).when
         return None
 

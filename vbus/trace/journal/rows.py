@@ -31,7 +31,8 @@ class JournalRows:
         """Entries that have not been taken."""
         self._others: list[Any] = []
         self._pairs: list[int] = []
-        self._odd: i64 = -1
+        self._half: i64 = -1
+        """A word that waits for another, with which it is a pair; or -1."""
         self._end: i64 = 0
         # -1 until there has been a cycle in this block: no word is written before.
         self._session: i64 = -1
@@ -48,20 +49,14 @@ class JournalRows:
             when: instant of the call (ps).
             after: instant of its end (ps).
         """
-        if when == self._end and after - when == self._span and session == self._session:
-            if word == self._word:
-                self._again += 1
-            elif word >> 15 == 0:
-                if self._again != 0:
-                    self._put_again()
-                self._word = word
-                if self._odd < 0:
-                    self._odd = word
-                else:
-                    self._pairs.append(self._odd << 16 | word)
-                    self._odd = -1
-            else:
-                self._put_cycle(session, word, when, after)
+        follows = when == self._end and after - when == self._span and session == self._session
+        if follows and word == self._word:
+            self._again += 1
+        elif follows and word >> 15 == 0:
+            if self._again != 0:
+                self._put_again()
+            self._word = word
+            self._put(word)
         else:
             self._put_cycle(session, word, when, after)
         self._end = after
@@ -95,11 +90,11 @@ class JournalRows:
         self._again = 0
 
     def _put(self, word: i64) -> None:
-        if self._odd < 0:
-            self._odd = word
+        if self._half < 0:
+            self._half = word
         else:
-            self._pairs.append(self._odd << 16 | word)
-            self._odd = -1
+            self._pairs.append(self._half << 16 | word)
+            self._half = -1
 
     def take(self) -> tuple[bytes, list[Any]]:
         """Return the words (most significant byte first), and the entries beside them.
@@ -110,13 +105,13 @@ class JournalRows:
         if self._again != 0:
             self._put_again()
         words = pack(f">{len(self._pairs)}I", *self._pairs)
-        if self._odd >= 0:
-            words += pack(">H", self._odd)
+        if self._half >= 0:
+            words += pack(">H", self._half)
         others = self._others
         self._pairs = []
         self._others = []
         self.pending = 0
-        self._odd = -1
+        self._half = -1
         # A block stands for itself: its first cycle is written in full.
         self._session = -1
         return words, others

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from html import escape
 from typing import Final
 
-from vbus.trace.coverage import Coverage
-from vbus.trace.coverage_tables import COUNTED, GROUPS, Item
+from vbus.trace.coverage.coverage import Coverage
+from vbus.trace.coverage.tables import COUNTED, GROUPS, Item
 
 
 def _percent(done: int, total: int) -> str:

@@ -8,8 +8,8 @@ import msgspec
 
 from vbus.errors import VbusError
 from vbus.signals import Observer, Violation
-from vbus.trace.coverage_tables import COUNTED, GROUPS, Item, Key, exercised, items
-from vbus.trace.decode import NO_SETTINGS_AT_ALL, BoardPackets, Settings
+from vbus.trace.coverage.tables import COUNTED, GROUPS, Item, Key, exercised, items
+from vbus.trace.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.trace.packets import Packet
 
 FORMAT: Final = "vbus coverage"
@@ -158,7 +158,7 @@ class CoverageObserver(Observer):
         self,
         families: dict[str, str],
         run: str,
-        settings: Mapping[str, Settings] = NO_SETTINGS_AT_ALL,
+        settings: Mapping[str, Settings] = NO_SETTINGS,
     ) -> None:
         self.coverage: Coverage = Coverage([run], {family: {} for family in families.values()})
         self._families: dict[str, str] = families

@@ -25,7 +25,7 @@ from typing import Any, BinaryIO, Final
 import msgpack
 
 from vbus.errors import VbusError
-from vbus.trace.journal_rows import AGAIN, OTHER
+from vbus.trace.journal.rows import AGAIN, OTHER
 
 FORMAT: Final = 2
 MAGIC: Final = b"vbus journal 2\n"
@@ -127,7 +127,7 @@ def rows_block(first: int, words: bytes, others: list[Any]) -> bytes:
 
     Args:
         first: number of the first.
-        words: what :meth:`~vbus.trace.journal_rows.JournalRows.take` gives.
+        words: what :meth:`~vbus.trace.journal.rows.JournalRows.take` gives.
         others: what it gives with them.
     """
     return block((first, words, others))

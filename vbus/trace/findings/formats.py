@@ -6,7 +6,7 @@ from typing import Any, Final
 from xml.sax.saxutils import escape, quoteattr
 
 from vbus.protocols.quantities import format_instant
-from vbus.trace.report import Finding, Line, Report
+from vbus.trace.findings.report import Finding, Line, Report
 from vbus.trace.tables import ac_rules
 from vbus.version import __version__
 

@@ -9,8 +9,8 @@ from vbus.chips.base import Chip
 from vbus.errors import CaptureError, VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.trace.bus_watch import BusWatch
-from vbus.trace.capture import Sample
-from vbus.trace.channel_map import Wiring
+from vbus.trace.silicon.capture import Sample
+from vbus.trace.silicon.channel_map import Wiring
 
 AUTO: Final = "auto"
 RESET: Final = "reset"

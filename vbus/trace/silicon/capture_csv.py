@@ -7,7 +7,7 @@ from typing import BinaryIO, Final
 
 from vbus.errors import CaptureError
 from vbus.kernel import MS, NS, SECOND, US
-from vbus.trace.capture import (
+from vbus.trace.silicon.capture import (
     Capture,
     Sample,
     frequency,

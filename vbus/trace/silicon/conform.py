@@ -12,12 +12,12 @@ from vbus.errors import CaptureError
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Observer, Pin, Violation
 from vbus.trace.bus_watch import BusWatch
-from vbus.trace.capture import Sample
-from vbus.trace.channel_map import Wiring
-from vbus.trace.conform_outputs import OutputWatch
-from vbus.trace.conform_start import Start, watch_of
 from vbus.trace.decode import decoder_of
 from vbus.trace.packets import Cycle, Decoder, Packet
+from vbus.trace.silicon.capture import Sample
+from vbus.trace.silicon.channel_map import Wiring
+from vbus.trace.silicon.outputs import Difference, OutputWatch
+from vbus.trace.silicon.start import Start, watch_of
 
 AROUND: Final = 20
 """Bus cycles shown on either side of a difference."""
@@ -93,31 +93,25 @@ class Verdict:
 
 @dataclass(slots=True)
 class _Doubt:
-    """A read that differs, until its packet is whole."""
+    """A read or an edge that differs, until it is certain what of.
 
-    silicon: Cycle
-    model: Cycle
+    Attributes:
+        mismatch: what is known of it so far.
+        silicon: the cycle as it was captured; None for an edge.
+        model: the cycle as the model would have it.
+        cycles: bus cycles before it.
+        reads: reads among them.
+        settled: whether all of it is known.
+        ignored: whether it does not count.
+    """
+
+    mismatch: Mismatch
+    silicon: Cycle | None
+    model: Cycle | None
     cycles: int
     reads: int
-    before: list[str]
-    after: list[str]
-    mismatch: Mismatch | None = None
+    settled: bool = False
     ignored: bool = False
-
-
-class _Findings(Observer):
-    """Violations of the model, and the one for which a cycle was lost."""
-
-    def __init__(self, verdict: Verdict) -> None:
-        self._verdict: Verdict = verdict
-        self.rules: dict[int, list[str]] = {}
-
-    def violation(self, violation: Violation) -> None:
-        """Keep it."""
-        self._verdict.broken += 1
-        if len(self._verdict.violations) < KEPT:
-            self._verdict.violations.append(violation)
-        self.rules = {violation.when: [*self.rules.get(violation.when, []), violation.rule]}
 
 
 class _Bus(Observer):
@@ -140,7 +134,7 @@ class _Bus(Observer):
         return [value for _, value in values]
 
 
-class Conform:
+class Conform(Observer):
     """Drives a capture into a chip of a board, edge by edge at its instants.
 
     Args:
@@ -176,10 +170,11 @@ class Conform:
         self._open: list[list[str]] = []
         self._ring: deque[str] = deque(maxlen=AROUND)
         self._polls: deque[tuple[int, int, int]] = deque()
-        self._findings: _Findings = _Findings(self.verdict)
-        board.listen(self._findings)
-        self._strobes: list[tuple[str, Pin]] = []
-        self._sides: list[tuple[str, Pin]] = []
+        self._rules: dict[int, list[str]] = {}
+        """Rules broken at the instant of the latest violation."""
+        board.listen(self)
+        self._inputs: list[tuple[str, Pin]] = []
+        """Inputs of the chip; those of the bus come first."""
         self._outputs: list[OutputWatch] = []
         self._solder()
         self._data: Pin = Pin("capture", chip.bus_net)
@@ -193,17 +188,24 @@ class Conform:
     def _solder(self) -> None:
         chip, wiring = self._chip, self._wiring
         outputs = plugins.family(chip.FAMILY).outputs
-        mapped = [row for row in chip.pin_rows if row.name in {**wiring.bits, **wiring.tied}]
-        for row in mapped:
+        for row in chip.pin_rows:
+            if row.name not in wiring.bits and row.name not in wiring.tied:
+                continue
+            net = chip.pins[row.name].net
             if row.direction == "in":
-                pin = Pin("capture", chip.pins[row.name].net)
-                kind = self._strobes if row.name in self._watch.PINS else self._sides
-                kind.append((row.name, pin))
-            elif row.name in outputs:
-                if row.name not in self._tolerance.names:
-                    net = chip.pins[row.name].net
-                    self._outputs.append(OutputWatch(row.name, net, self._tolerance.slack))
+                self._inputs.append((row.name, Pin("capture", net)))
+            elif row.name in outputs and row.name not in self._tolerance.names:
+                self._outputs.append(OutputWatch(row.name, net, self._tolerance.slack))
+        self._inputs.sort(key=lambda input_: input_[0] not in self._watch.PINS)
         self.verdict.outputs = [output.name for output in self._outputs]
+
+    def violation(self, violation: Violation) -> None:
+        """Keep a violation of the model's rules."""
+        self.verdict.broken += 1
+        if len(self.verdict.violations) < KEPT:
+            self.verdict.violations.append(violation)
+        rules = self._rules.get(violation.when, [])
+        self._rules = {violation.when: [*rules, violation.rule]}
 
     # -- from sample to sample ----------------------------------------------------------------
 
@@ -240,7 +242,7 @@ class Conform:
         self.verdict.begin = when
         self._levels = tuple([self._wiring.level(name, value) for name in self._watch.PINS])
         self._byte = self._wiring.byte(value)
-        for name, pin in (*self._strobes, *self._sides):
+        for name, pin in self._inputs:
             pin.drive(self._wiring.level(name, value))
         if not self._watch.reading(self._levels):
             self._data.drive(self._byte)
@@ -267,9 +269,7 @@ class Conform:
             self._data.release()
             if not watch.reading(before):
                 self._reading = when
-        for name, pin in self._strobes:
-            pin.drive(wiring.level(name, value))
-        for name, pin in self._sides:
+        for name, pin in self._inputs:
             pin.drive(wiring.level(name, value))
         board.kernel.settle()
         if not watch.reading(levels):
@@ -280,9 +280,7 @@ class Conform:
                 self._cycle(cycle, shown, old, byte)
         self._levels, self._byte = levels, byte
         for output in self._outputs:
-            found = output.compare(when, wiring.level(output.name, value))
-            if found is not None:
-                self._edge(output, *found)
+            self._edge(output, output.compare(when, wiring.level(output.name, value)))
 
     # -- bus cycles ---------------------------------------------------------------------------
 
@@ -298,16 +296,14 @@ class Conform:
         text = f"{format_instant(cycle.when)} {self._chip.name} {silicon}"
         if silicon.data != model.data:
             text += f"  <- the model gives {model.data:02X}"
-            self._doubts.append(
-                _Doubt(silicon, model, self.verdict.cycles, self.verdict.reads,
-                       list(self._ring), [])
-            )  # fmt: skip
-            self._open.append(self._doubts[-1].after)
+            where = f"read at address {cycle.address:X}H"
+            bytes_ = f"{silicon.data:02X}H", f"{model.data:02X}H"
+            self._doubt(Mismatch(cycle.when, where, *bytes_), silicon, model)
         elif self.verdict.mismatch is None:
             self.verdict.reads += not cycle.write
         if self.verdict.mismatch is None:
             self.verdict.cycles += 1
-        rules = self._findings.rules.get(cycle.when, [])
+        rules = self._rules.get(cycle.when, [])
         lost = next((rule for rule in rules if rule in self._silicon.LOST), "")
         packets = self._silicon.feed(silicon, lost)
         self._recent.extend(self._model.feed(model, lost))
@@ -343,57 +339,56 @@ class Conform:
         while polls and polls[0][0] < cycle.when - self._tolerance.slack:
             polls.popleft()
 
+    def _doubt(self, mismatch: Mismatch, silicon: Cycle | None, model: Cycle | None) -> _Doubt:
+        """Begin to doubt: what follows is noted with it."""
+        mismatch.before.extend(self._ring)
+        self._open.append(mismatch.after)
+        doubt = _Doubt(mismatch, silicon, model, self.verdict.cycles, self.verdict.reads)
+        self._doubts.append(doubt)
+        return doubt
+
     def _judge(self, packet: Packet) -> None:
         """A packet is whole: settle the doubts about its bytes."""
         for doubt in self._doubts:
-            if doubt.mismatch is None and not doubt.ignored and doubt.silicon in packet.cycles:
-                words = {packet.name, *packet.name.split()}
-                if words & self._tolerance.names:
-                    doubt.ignored = True
+            if not doubt.settled and doubt.silicon in packet.cycles:
+                if {packet.name, *packet.name.split()} & self._tolerance.names:
+                    doubt.settled = doubt.ignored = True
                     self.verdict.ignored += 1
                 else:
-                    doubt.mismatch = self._told(doubt, packet)
+                    self._settle(doubt, packet)
 
-    def _told(self, doubt: _Doubt, packet: Packet | None) -> Mismatch:
+    def _settle(self, doubt: _Doubt, packet: Packet | None = None) -> None:
+        """All is known of a doubt: tell the packet it is in, on either side."""
+        found = doubt.mismatch
         other = next((p for p in reversed(self._recent) if doubt.model in p.cycles), None)
-        silicon, model = f"{doubt.silicon.data:02X}H", f"{doubt.model.data:02X}H"
-        return Mismatch(
-            doubt.silicon.when,
-            f"read at address {doubt.silicon.address:X}H",
-            f"{silicon} in {packet.text}" if packet else silicon,
-            f"{model} in {other.text}" if other else model,
-            packet.clause if packet else "",
-            doubt.before,
-            doubt.after,
-        )
+        doubt.settled = True
+        found.model += f" in {other.text}" if other else ""
+        if packet is not None:
+            found.silicon += f" in {packet.text}"
+            found.clause = packet.clause
 
     def _decide(self) -> None:
         """Take the first doubt that has become certain, if none before it is open."""
         while self._doubts and self.verdict.mismatch is None:
             doubt = self._doubts[0]
-            if doubt.mismatch is None and not doubt.ignored and len(doubt.after) <= AROUND:
+            if not doubt.settled and len(doubt.mismatch.after) <= AROUND:
                 return
             self._doubts.popleft()
+            if not doubt.settled:
+                self._settle(doubt)
             if not doubt.ignored:
-                self._certain(doubt)
-
-    def _certain(self, doubt: _Doubt) -> None:
-        found = doubt.mismatch or self._told(doubt, None)
-        self.verdict.mismatch = found
-        self.verdict.cycles, self.verdict.reads = doubt.cycles, doubt.reads
+                self.verdict.mismatch = doubt.mismatch
+                self.verdict.cycles, self.verdict.reads = doubt.cycles, doubt.reads
 
     # -- outputs, and the end -----------------------------------------------------------------
 
-    def _edge(self, output: OutputWatch, when: int, silicon: str, model: str) -> None:
+    def _edge(self, output: OutputWatch, found: Difference | None) -> None:
         """An output differs, unless an earlier byte has, or turns out to have."""
-        if self.verdict.mismatch is not None:
-            return
-        mismatch = Mismatch(when, output.name, silicon, model, "", list(self._ring), [])
-        doubt = _Doubt(Cycle(when, False, -1, 0), Cycle(when, False, -1, 0), self.verdict.cycles,
-                       self.verdict.reads, mismatch.before, mismatch.after, mismatch)  # fmt: skip
-        self._open.append(mismatch.after)
-        self._doubts.append(doubt)
-        self._decide()
+        if found is not None and self.verdict.mismatch is None:
+            when, silicon, model = found
+            doubt = self._doubt(Mismatch(when, output.name, silicon, model), None, None)
+            doubt.settled = True
+            self._decide()
 
     def _done(self) -> bool:
         found = self.verdict.mismatch
@@ -401,14 +396,12 @@ class Conform:
 
     def _finish(self, when: int) -> None:
         for output in self._outputs:
-            found = output.finish(when)
-            if found is not None:
-                self._edge(output, *found)
+            self._edge(output, output.finish(when))
         packets = self._silicon.finish()
         self._recent.extend(self._model.finish())
         for packet in packets:
             self._judge(packet)
         for doubt in self._doubts:
-            if doubt.mismatch is None and not doubt.ignored:
-                doubt.mismatch = self._told(doubt, None)
+            if not doubt.settled:
+                self._settle(doubt)
         self._decide()

@@ -6,7 +6,7 @@ from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.kernel import NEVER
 from vbus.protocols.port import PortError
-from vbus.trace.journal_format import Entry
+from vbus.trace.journal.format import Entry
 
 FINDINGS = frozenset(("violation", "cycle", "end", "fault"))
 """Entries that tell what happened and are no calls."""

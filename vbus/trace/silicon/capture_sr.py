@@ -8,7 +8,7 @@ from typing import BinaryIO, Final
 
 from vbus.errors import CaptureError
 from vbus.kernel import SECOND
-from vbus.trace.capture import Capture, Sample, frequency, ordered, period_of
+from vbus.trace.silicon.capture import Capture, Sample, frequency, ordered, period_of
 
 _BLOCK: Final = 1 << 20
 """Bytes read at a time."""

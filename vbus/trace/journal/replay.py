@@ -4,16 +4,17 @@ import copy
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any, Final
 
 from vbus.board.board import Board
 from vbus.signals import Observer, Violation
 from vbus.trace.decode import decoder_of, settings_for_decoders
-from vbus.trace.journal import end_of, version_of
-from vbus.trace.journal_format import Entry
-from vbus.trace.journal_view import Sessions, violation_of
+from vbus.trace.journal.format import Entry
+from vbus.trace.journal.journal import end_of, version_of
+from vbus.trace.journal.player import Player
+from vbus.trace.journal.view import Sessions, violation_of
 from vbus.trace.packets import Cycle, Decoder, Packet
-from vbus.trace.player import Player
 
 AHEAD: Final = 64
 """Entries played on beyond a difference, to decode the whole packet it stands in."""
@@ -144,9 +145,9 @@ class Replay:
         self._player: Player = Player(board)
         self._sessions: Sessions = Sessions()
         self._findings: _Findings = _Findings()
-        self._strobed: deque[Entry] = deque()
+        self._strobed: list[Entry] = []
         """Cycles of the journal that strobes made in the call that comes next."""
-        self._found: list[list[Any]] = []
+        self._found: list[tuple[Any, ...]] = []
         """Those of the run."""
         self._cycles: int = 0
         self._played: int = 0
@@ -235,7 +236,9 @@ class Replay:
             self._cycles += 1
             if not same:
                 return self._decoded(entry, reply)
-            self._feed(entry, entry.args[1] if entry.op == "write" else reply)
+            write = entry.op == "write"
+            data = entry.args[1] if write else reply
+            self._feed(self._sessions.chip(entry), Cycle(entry.after, write, entry.args[0], data))
         if not same:
             return Divergence(
                 entry.number, entry.when, "reply", self._where(entry),
@@ -250,54 +253,35 @@ class Replay:
 
     def _compare_strobed(self, call: Entry) -> Divergence | None:
         """Compare the bus cycles that strobes have made in a call."""
-        found, self._found = self._found, []
-        if not found and not self._strobed:
-            return None
-        recorded = list(self._strobed)
+        pairs = list(zip_longest(self._strobed, self._found))
         self._strobed.clear()
-        for number in range(max(len(recorded), len(found))):
-            was = recorded[number] if number < len(recorded) else None
-            now = found[number] if number < len(found) else None
-            if was is not None and now == list(was.args):
+        self._found.clear()
+        for was, now in pairs:
+            if was is not None and was.args == now:
                 self._cycles += 1
-                self._packets_of(was.after, now)
+                self._feed(now[0], Cycle(was.after, *now[1:]))
                 continue
             entry = was or call
-            sides = (list(was.args) if was else None, now)
-            chip = (sides[0] or sides[1] or ["-"])[0]
-            where = f"{self._sessions.host(call)}, {chip}: strobes"
+            both = [was.args if was is not None else None, now]
+            sides = [
+                self._side(args[0], cycle := Cycle(entry.after, *args[1:]), str(cycle))
+                if args is not None
+                else _Side(None, None, "nothing")
+                for args in both
+            ]
             kind = "reply" if was and now else "unconsumed" if was else "missing"
-            texts = [self._cycle_text(entry.after, side) for side in sides]
-            clause = next((c for _, c in texts if c), "")
-            return Divergence(entry.number, entry.when, kind, where, texts[0][0], texts[1][0],
-                              clause)  # fmt: skip
+            where = f"{self._sessions.host(call)}, {next(filter(None, both))[0]}: strobes"
+            return _difference(entry.number, entry.when, kind, where, sides)
         return None
 
-    def _packets_of(self, when: int, args: list[Any]) -> list[Packet]:
-        chips, write, address, data = args
-        cycle = Cycle(when, write, address, data)
-        return [
-            packet
-            for chip in chips.split("+")
-            if chip in self._decoders
-            for packet in self._decoders[chip].feed(cycle)
-        ]
+    def _side(self, chips: str, cycle: Cycle, shown: str) -> "_Side":
+        """Return one side of a difference in a cycle; its packet is that of the first chip."""
+        return _Side(self._decoders.get(chips.partition("+")[0]), cycle, shown)
 
-    def _cycle_text(self, when: int, args: list[Any] | None) -> tuple[str, str]:
-        """Return a cycle, with the packet that ends in it, and the packet's clause."""
-        if args is None:
-            return "nothing", ""
-        text = str(Cycle(when, *args[1:]))
-        decoders = self._decoders
-        self._decoders = copy.deepcopy(decoders)
-        packets = self._packets_of(when, args)
-        for chip in args[0].split("+"):
-            if not packets and chip in self._decoders:
-                packets = self._decoders[chip].finish()
-        self._decoders = decoders
-        if not packets:
-            return text, ""
-        return f"{text} in {packets[-1].text}", packets[-1].clause
+    def _feed(self, chips: str, cycle: Cycle) -> None:
+        for chip in chips.split("+"):
+            if chip in self._decoders:
+                self._decoders[chip].feed(cycle)
 
     def _where(self, entry: Entry) -> str:
         asked = " ".join(f"{arg:X}" if isinstance(arg, int) else str(arg) for arg in entry.args)
@@ -311,73 +295,74 @@ class Replay:
         return answer
 
     def _note_strobed(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
-        self._found.append([chip, write, address, data])
-
-    # -- both sides, decoded ------------------------------------------------------------------
-
-    def _feed(self, entry: Entry, data: int) -> list[tuple[Cycle, Packet]]:
-        cycle = Cycle(entry.after, entry.op == "write", entry.args[0], data)
-        return [
-            (cycle, packet)
-            for chip in self._sessions.chip(entry).split("+")
-            if chip in self._decoders
-            for packet in self._decoders[chip].feed(cycle)
-        ]
+        self._found.append((chip, write, address, data))
 
     def _decoded(self, entry: Entry, reply: int) -> Divergence:
         """Play on until the packet with the difference is whole on both sides."""
-        chip = self._sessions.chip(entry)
-        decoder = self._decoders.get(chip.partition("+")[0])
-        address = entry.args[0]
-        recorded = f"{entry.reply:02X}H"
-        now = f"{reply:02X}H"
-        clause = ""
-        if decoder is not None:
-            was = Cycle(entry.after, False, address, entry.reply)
-            got = Cycle(entry.after, False, address, reply)
-            sides = (decoder, copy.deepcopy(decoder))
-            packets = [self._after(sides[0], was), self._after(sides[1], got)]
-            ahead = 0
-            while not all(packets) and ahead < AHEAD:
-                following = next(self._entries, None)
-                ahead += 1
-                if following is None:
-                    break
-                if following.op not in ("read", "write") or following.error:
-                    break
-                self._player.come(following)
-                again, error = self._call(following)
-                if self._sessions.chip(following) != chip or error:
-                    continue
-                write = following.op == "write"
-                for side, data in enumerate(
-                    (following.args[1] if write else following.reply,
-                     following.args[1] if write else again)
-                ):  # fmt: skip
-                    cycle = Cycle(following.after, write, following.args[0], data)
-                    for packet in sides[side].feed(cycle):
-                        first = (was, got)[side]
-                        if packets[side] is None and first in packet.cycles:
-                            packets[side] = packet
-            for side in (0, 1):
-                first = (was, got)[side]
-                for packet in sides[side].finish() if packets[side] is None else ():
-                    if first in packet.cycles:
-                        packets[side] = packet
-            shown = [packet.text if packet else "" for packet in packets]
-            recorded = f"{recorded} in {shown[0]}" if shown[0] else recorded
-            now = f"{now} in {shown[1]}" if shown[1] else now
-            clause = next((packet.clause for packet in packets if packet), "")
-        return Divergence(
-            entry.number, entry.after, "reply", self._where(entry), recorded, now, clause
-        )
+        chips = self._sessions.chip(entry)
+        sides = [
+            self._side(chips, Cycle(entry.after, False, entry.args[0], data), f"{data:02X}H")
+            for data in (entry.reply, reply)
+        ]
+        for _ in range(AHEAD):
+            following = None if all(side.known() for side in sides) else next(self._entries, None)
+            if following is None or following.op not in ("read", "write") or following.error:
+                break
+            self._player.come(following)
+            again, error = self._call(following)
+            if self._sessions.chip(following) != chips or error:
+                continue
+            write = following.op == "write"
+            for side, data in zip(sides, (following.reply, again), strict=True):
+                data = following.args[1] if write else data
+                side.feed(Cycle(following.after, write, following.args[0], data))
+        return _difference(entry.number, entry.after, "reply", self._where(entry), sides)
 
-    @staticmethod
-    def _after(decoder: Decoder, cycle: Cycle) -> Packet | None:
-        for packet in decoder.feed(cycle):
-            if cycle in packet.cycles:
-                return packet
-        return None
+
+class _Side:
+    """One side of a difference: a bus cycle, and the packet it turns out to be in.
+
+    Args:
+        decoder: of the chip, as it stood before the cycle; None if there is none.
+        cycle: the cycle; None if this side has none.
+        shown: what people are told of it.
+    """
+
+    def __init__(self, decoder: Decoder | None, cycle: Cycle | None, shown: str) -> None:
+        self._decoder: Decoder | None = copy.deepcopy(decoder)
+        self._cycle: Cycle | None = cycle
+        self._shown: str = shown
+        self.packet: Packet | None = None
+        if cycle is not None:
+            self.feed(cycle)
+
+    def known(self) -> bool:
+        """Tell whether nothing that follows can tell more of the packet."""
+        return self.packet is not None or self._decoder is None
+
+    def feed(self, cycle: Cycle) -> None:
+        """Take the cycle itself, or one that follows."""
+        self._take(self._decoder.feed(cycle) if self._decoder is not None else ())
+
+    def finish(self) -> None:
+        """Nothing follows: a packet that is still open is cut short."""
+        self._take(self._decoder.finish() if self._decoder is not None else ())
+
+    def _take(self, packets: Iterable[Packet]) -> None:
+        mine = (packet for packet in packets if self._cycle in packet.cycles)
+        self.packet = self.packet or next(mine, None)
+
+    def __str__(self) -> str:
+        return f"{self._shown} in {self.packet.text}" if self.packet is not None else self._shown
+
+
+def _difference(number: int, when: int, what: str, where: str, sides: list[_Side]) -> Divergence:
+    """Return the difference between two sides that nothing follows; see :class:`Divergence`."""
+    for side in sides:
+        side.finish()
+    clause = next((side.packet.clause for side in sides if side.packet is not None), "")
+    recorded, now = map(str, sides)
+    return Divergence(number, when, what, where, recorded, now, clause)
 
 
 def _settled(op: str, reply: Any) -> Any:

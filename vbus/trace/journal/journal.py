@@ -13,19 +13,14 @@ from vbus.chips.base import Chip
 from vbus.errors import VbusError
 from vbus.signals import Observer, Violation
 from vbus.trace.decode import settings_for_decoders
-from vbus.trace.journal_format import CODE, Header, header_block, rows_block
-from vbus.trace.journal_rows import JournalRows
-from vbus.trace.recorded_bus import RecordedBus
+from vbus.trace.journal.format import CODE, Header, header_block, rows_block
+from vbus.trace.journal.recorded_bus import RecordedBus
+from vbus.trace.journal.rows import JournalRows
 from vbus.version import __version__
 
 
-def named(version: int, state: str) -> str:
-    """Return a state hash as a journal has it: "2:" and the hash; those of version 1 are bare."""
-    return f"{version}:{state}" if version > 1 else state
-
-
 def version_of(state: str) -> int:
-    """Return the version of the state hash a journal has."""
+    """Return the version of a state hash in a journal: "2:" and the hash; those of 1 are bare."""
     version, colon, _ = state.partition(":")
     return int(version) if colon else 1
 
@@ -42,9 +37,9 @@ def end_of(board: Board, version: int = STATE_HASH) -> tuple[str, str, int]:
         and how often somebody has looked at nets. State hashes can be compared where nobody has,
         the others always.
     """
-    state = named(version, board.state_hash(version))
-    told = [(chip.name, sorted(chip.telemetry().items())) for chip in board.chips]
-    return state, hashlib.sha256(repr(told).encode()).hexdigest(), board.kernel.observations
+    state = f"{version}:" * (version > 1) + board.state_hash(version)
+    telemetry = [(chip.name, sorted(chip.telemetry().items())) for chip in board.chips]
+    return state, hashlib.sha256(repr(telemetry).encode()).hexdigest(), board.kernel.observations
 
 
 class Journal(Observer):

@@ -2,23 +2,18 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from operator import itemgetter
 from typing import Final, TextIO
 
 from vbus.board.board import Board
 from vbus.errors import PluginError, VbusError
 from vbus.kernel import MS
-from vbus.signals import Net, Observer, Violation
+from vbus.signals import Observer, Violation
 from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.packets import Packet
-from vbus.trace.wave_file import VcdFile
-from vbus.trace.wave_signals import (
-    FULL,
-    PROFILES,
-    Signal,
-    Value,
-    signals_of,
-)
-from vbus.trace.wave_trigger import Trigger
+from vbus.trace.wave.signals import FULL, PROFILES, Signal, Value, signals_of, values_of
+from vbus.trace.wave.trigger import Trigger
+from vbus.trace.wave.vcd_file import VcdFile
 
 MOST: Final = 1_000_000
 """Changes kept while a trigger is waited for."""
@@ -27,8 +22,8 @@ WAITING: Final = "waiting"
 RECORDING: Final = "recording"
 DONE: Final = "done"
 
-Change = tuple[int, int, Value]
-"""Instant (ps), number of the signal, new value."""
+Change = tuple[int, Signal, Value]
+"""Instant (ps), signal, new value."""
 
 
 class Wave(Observer):
@@ -42,7 +37,7 @@ class Wave(Observer):
         profile: ``"full"`` (vectors, values of the chips, commands, violations) or ``"sigrok"``
             (single bits with plain names).
         signals: patterns of names, as in ``"x.*"``; none: everything but pins with fast waveforms.
-        trigger: what to wait for; see :data:`~vbus.trace.wave_trigger.FORMS`. "": nothing.
+        trigger: what to wait for; see :data:`~vbus.trace.wave.trigger.FORMS`. "": nothing.
         before: how much to show from before the trigger (ps).
         duration: how long to record (ps); 0 for no limit.
         sample: how often the chips' own values are looked at (ps).
@@ -87,16 +82,12 @@ class Wave(Observer):
         self._sample: int = max(1, sample)
         self._trigger: Trigger | None = Trigger(trigger, board) if trigger else None
         watched = self._trigger.net if self._trigger is not None else None
-        self._nets: list[Net]
-        self.signals: list[Signal]
-        self._nets, self.signals = signals_of(board, signals, watched)
-        self._by_name: dict[str, Signal] = {}
-        for signal in self.signals:
-            self._by_name.setdefault(signal.name, signal)
-        self._taps: list[_Tap] = []
-        self._values: dict[int, Value] = {}
+        self.signals: list[Signal] = signals_of(board, list(signals), watched)
+        self._nets: dict[str, Signal] = {one.name: one for one in self.signals if one.net}
+        self._others: dict[str, Signal] = {one.name: one for one in self.signals if not one.net}
+        self._values: dict[Signal, Value] = {}
         """Values at the beginning of the ring, and later the latest written."""
-        self._latest: dict[int, Value] = {}
+        self._latest: dict[Signal, Value] = {}
         self._pending: list[Change] = []
         self._ring: deque[Change] = deque()
         families = {chip.name: chip.FAMILY for chip in board.chips}
@@ -116,15 +107,12 @@ class Wave(Observer):
         if self.state != "new":
             raise VbusError("a waveform can be started once; make another one")
         now = self.board.now
-        for signal, net in zip(self.signals, self._nets, strict=False):
-            self._values[signal.number] = net.value
-        for name, value in self._told():
-            self._values[self._by_name[name].number] = value
+        nets = [(signal, signal.net) for signal in self.signals if signal.net is not None]
+        self._values = {signal: net.value for signal, net in nets}
+        self._values |= {self._others[name]: v for name, v in values_of(self.board).items()}
         self._latest = dict(self._values)
-        for signal, net in zip(self.signals, self._nets, strict=False):
-            tap = _Tap(self, signal.number)
-            self._taps.append(tap)
-            net.observe(tap)
+        for _, net in nets:
+            net.observe(self)
         self.board.observe(self)
         self._timer.at(now + self._sample)
         self.state = WAITING
@@ -144,8 +132,9 @@ class Wave(Observer):
             self.state = DONE
             self._timer.cancel()
             self.board.unobserve(self)
-            for net, tap in zip(self._nets, self._taps, strict=True):
-                net.unobserve(tap)
+            for signal in self.signals:
+                if signal.net is not None:
+                    signal.net.unobserve(self)
             if recording and not self.error:
                 self._guarded(lambda: self._file.close(when))
 
@@ -164,12 +153,17 @@ class Wave(Observer):
 
     # -- what happens -------------------------------------------------------------------------
 
-    def note(self, when: int, number: int, value: Value) -> None:
-        """Take down a change; for the taps on the nets.
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Take down an edge of one of the nets."""
+        self._note(when, self._nets[net], level)
+
+    def _note(self, when: int, signal: Signal | None, value: Value) -> None:
+        """Take down a change, if it is of a signal that is looked at.
 
         A hold time is known to be broken only some time later; a file has no way back.
         """
-        self._pending.append((max(when, self._drained), number, value))
+        if signal is not None:
+            self._pending.append((max(when, self._drained), signal, value))
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
@@ -180,33 +174,25 @@ class Wave(Observer):
 
     def _packet(self, chip: str, packet: Packet) -> None:
         # A packet that was cut short is known to have ended only now.
-        self.note(self._cycle, self._by_name[f"{chip}.packet"].number, packet.text)
+        self._note(self._cycle, self._others[f"{chip}.packet"], packet.text)
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
         self._packets.violation(violation)
-        signal = self._by_name.get(f"{violation.chip}.violation")
-        if signal is not None:
-            self.note(violation.when, signal.number, violation.rule)
+        signal = self._others.get(f"{violation.chip}.violation")
+        self._note(violation.when, signal, violation.rule)
 
     def settled(self, now: int) -> None:
         """Everything before ``now`` has been reported."""
         self._drain(now)
 
-    def _told(self) -> list[tuple[str, Value]]:
-        return [
-            (f"{chip.name}.{name.replace(' ', '_')}", value)
-            for chip in self.board.chips
-            for name, value in chip.telemetry().items()
-        ]
-
     def _look(self) -> None:
         """Look at what the chips tell of themselves; they are up to date after that."""
         now = self.board.now
-        for name, value in self._told():
-            signal = self._by_name.get(name)
-            if signal is not None and self._latest.get(signal.number) != value:
-                self.note(now, signal.number, value)
+        for name, value in values_of(self.board).items():
+            signal = self._others.get(name)
+            if signal is not None and self._latest.get(signal) != value:
+                self._note(now, signal, value)
         self._drain(now)
         if self.state in (WAITING, RECORDING):
             self._timer.at(now + self._sample)
@@ -217,7 +203,7 @@ class Wave(Observer):
         """Sort out what happened before ``now``: lazy chips report late."""
         self._drained = max(self._drained, now)
         pending = self._pending
-        pending.sort(key=_instant)
+        pending.sort(key=itemgetter(0))
         done = 0
         for change in pending:
             if change[0] >= now:
@@ -234,9 +220,9 @@ class Wave(Observer):
                 self._guarded(self._file.flush)
 
     def _take(self, change: Change) -> None:
-        when, number, value = change
-        before = self._latest.get(number)
-        self._latest[number] = value
+        when, signal, value = change
+        before = self._latest.get(signal)
+        self._latest[signal] = value
         if self.state == RECORDING:
             if 0 <= self._end < when:
                 self._finish(self._end)
@@ -248,7 +234,7 @@ class Wave(Observer):
         while ring and (ring[0][0] < when - self._before or len(ring) > MOST):
             _, old, kept = ring.popleft()
             self._values[old] = kept
-        if self._trigger is not None and self._trigger.fires(self.signals[number], before, value):
+        if self._trigger is not None and self._trigger.fires(signal, before, value):
             self._begin(max(0, when - self._before), when)
 
     def _begin(self, first: int, trigger: int) -> None:
@@ -264,24 +250,7 @@ class Wave(Observer):
                 return
 
     def _write(self, change: Change) -> bool:
-        when, number, value = change
-        if not self._guarded(lambda: self._file.change(when, number, value)):
+        if not self._guarded(lambda: self._file.change(*change)):
             return False
         self.changes += 1
         return True
-
-
-class _Tap(Observer):
-    """Sees one net for a waveform."""
-
-    def __init__(self, wave: Wave, number: int) -> None:
-        self._wave: Wave = wave
-        self._number: int = number
-
-    def edge(self, when: int, net: str, level: int) -> None:
-        """Take down an edge."""
-        self._wave.note(when, self._number, level)
-
-
-def _instant(change: Change) -> int:
-    return change[0]

@@ -1,10 +1,10 @@
 """A journal as observers see a run: bus cycles with their chips, and violations."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from vbus.signals import Observer, Violation
-from vbus.trace.journal_format import Entry
+from vbus.trace.journal.format import Entry
 
 
 @dataclass(slots=True)
@@ -13,16 +13,13 @@ class Session:
 
     label: str
     chips: list[str]
-    mask: int = 1
-    closed: bool = False
-    selected: str = field(default="")
+    selected: str = ""
 
     def __post_init__(self) -> None:
         self.select(1)
 
     def select(self, mask: int) -> None:
         """Choose chips; their names are joined as in traces."""
-        self.mask = mask
         names = [name for bit, name in enumerate(self.chips) if mask >> bit & 1]
         self.selected = "+".join(names) or "-"
 
@@ -45,8 +42,6 @@ class Sessions:
             self.by_port[entry.port] = Session(label, list(chips))
         elif entry.op == "select" and not entry.error:
             self.by_port[entry.port].select(entry.args[0])
-        elif entry.op == "close":
-            self.by_port[entry.port].closed = True
 
     def chip(self, entry: Entry) -> str:
         """Return the names of the chips an entry is about, or ``"-"``."""

@@ -1,15 +1,17 @@
 """Violations that are known and accepted: a TOML file with the reason for each."""
 
-import difflib
 import tomllib
 from collections.abc import Iterable
+from dataclasses import dataclass
 
+from vbus.board.settings import suggestion
 from vbus.errors import VbusError
 from vbus.signals import Violation
 
 _KEYS = ("rule", "chip", "reason")
 
 
+@dataclass(slots=True)
 class Suppression:
     """One accepted kind of violation.
 
@@ -20,13 +22,10 @@ class Suppression:
         used: how many violations it has covered.
     """
 
-    __slots__ = ("chip", "reason", "rule", "used")
-
-    def __init__(self, rule: str, chip: str, reason: str) -> None:
-        self.rule: str = rule
-        self.chip: str = chip
-        self.reason: str = reason
-        self.used: int = 0
+    rule: str
+    chip: str
+    reason: str
+    used: int = 0
 
     def covers(self, violation: Violation) -> bool:
         """Tell whether a violation is accepted by it."""
@@ -68,8 +67,7 @@ def read_suppressions(text: str, file: str, rules: Iterable[str]) -> list[Suppre
                 wrong.append(f"{where}: {key} is missing")
         rule = str(entry.get("rule", ""))
         if rule and rule not in known:
-            close = difflib.get_close_matches(rule, sorted(known), n=1)
-            hint = f'did you mean "{close[0]}"? ' if close else ""
+            hint = suggestion(rule, sorted(known))
             wrong.append(f'{where}.rule: unknown rule; {hint}"vbus check --rules" lists them all')
         made.append(Suppression(rule, str(entry.get("chip", "")), str(entry.get("reason", ""))))
     if wrong:

@@ -1,6 +1,7 @@
 """A host's port that writes down every call made on it."""
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 from mypy_extensions import i64
 
@@ -9,8 +10,10 @@ from vbus.board.circuit import Circuit
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
 from vbus.protocols.port import PortError
-from vbus.trace.journal_format import CODE, PORTS
-from vbus.trace.journal_rows import JournalRows
+from vbus.trace.journal.format import CODE, PORTS
+from vbus.trace.journal.rows import JournalRows
+
+T = TypeVar("T")
 
 
 class RecordedBus(HostBus):
@@ -52,8 +55,18 @@ class RecordedBus(HostBus):
         key = self._session * PORTS + CODE[op]
         self._rows.other(key, [args, reply, error, limit], when, self._kernel.now)
 
-    def _refused(self, when: int, op: str, args: list[Any], error: PortError) -> None:
-        self._note(when, op, args, None, error.code)
+    def _called(
+        self, op: str, args: list[int], call: Callable[..., T], may_wait: bool = False
+    ) -> T:
+        """Make a call of :class:`HostBus` and write it down, also if it is refused."""
+        when, limit = self._kernel.now, self.board.limit
+        try:
+            reply = call(self, *args)
+        except PortError as error:
+            self._note(when, op, args, None, error.code)
+            raise
+        self._note(when, op, args, reply, 0, limit if may_wait and not reply else -1)
+        return reply
 
     # -- bus cycles: the hot path -------------------------------------------------------------
 
@@ -64,7 +77,7 @@ class RecordedBus(HostBus):
         try:
             data = HostBus.read(self, address)
         except PortError as error:
-            self._refused(when, "read", [address], error)
+            self._note(when, "read", [address], None, error.code)
             raise
         self._rows.cycle(self._session, address << 9 | data, when, kernel.now)
         return data
@@ -76,7 +89,7 @@ class RecordedBus(HostBus):
         try:
             HostBus.write(self, address, data)
         except PortError as error:
-            self._refused(when, "write", [address, data], error)
+            self._note(when, "write", [address, data], None, error.code)
             raise
         self._rows.cycle(self._session, address << 9 | 0x100 | data & 0xFF, when, kernel.now)
 
@@ -84,144 +97,69 @@ class RecordedBus(HostBus):
 
     def select(self, mask: int) -> None:
         """Choose the chips of following cycles."""
-        when = self._kernel.now
-        try:
-            super().select(mask)
-        except PortError as error:
-            self._refused(when, "select", [mask], error)
-            raise
-        self._note(when, "select", [mask], None)
+        self._called("select", [mask], HostBus.select)
 
     def claim(self) -> bool:
         """Hold the selected chips' bus."""
-        when = self._kernel.now
-        got = super().claim()
-        self._note(when, "claim", [], got)
-        return got
+        return self._called("claim", [], HostBus.claim)
 
     def unclaim(self) -> None:
         """Let the bus go."""
-        when = self._kernel.now
-        super().unclaim()
-        if not self._closed:
-            self._note(when, "unclaim", [], None)
+        if self._closed:
+            super().unclaim()
+        else:
+            self._called("unclaim", [], HostBus.unclaim)
 
     def wait(self, longest: int) -> tuple[bool, int] | None:
         """Let time pass until the selected chips can take a cycle."""
-        when, limit = self._kernel.now, self.board.limit
-        result = super().wait(longest)
-        self._note(when, "wait", [longest], result, 0, limit if result is None else -1)
-        return result
+        return self._called("wait", [longest], HostBus.wait, may_wait=True)
 
     def delay(self, duration: int) -> bool:
         """Let time pass for this host."""
-        when, limit = self._kernel.now, self.board.limit
-        try:
-            done = super().delay(duration)
-        except PortError as error:
-            self._refused(when, "delay", [duration], error)
-            raise
-        self._note(when, "delay", [duration], done, 0, -1 if done else limit)
-        return done
+        return self._called("delay", [duration], HostBus.delay, may_wait=True)
 
     def at(self, when: int) -> None:
         """Set the host's own clock."""
-        called = self._kernel.now
-        try:
-            super().at(when)
-        except PortError as error:
-            self._refused(called, "at", [when], error)
-            raise
-        self._note(called, "at", [when], None)
+        self._called("at", [when], HostBus.at)
 
     def now(self) -> int:
         """Return chip time."""
-        when = self._kernel.now
-        now = super().now()
-        self._note(when, "now", [], now)
-        return now
+        return self._called("now", [], HostBus.now)
 
     def sync(self) -> tuple[int, int]:
         """Bring the chips up to the host's time."""
-        when = self._kernel.now
-        result = super().sync()
-        self._note(when, "sync", [], result)
-        return result
+        return self._called("sync", [], HostBus.sync)
 
     def lines(self, mask: int, levels: int) -> None:
         """Put control lines to levels."""
-        when = self._kernel.now
-        try:
-            super().lines(mask, levels)
-        except PortError as error:
-            self._refused(when, "lines", [mask, levels], error)
-            raise
-        self._note(when, "lines", [mask, levels], None)
+        self._called("lines", [mask, levels], HostBus.lines)
 
     def _strobed(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
         self._note(when, "cycle", [chip, write, address, data], None)
 
     def drive(self, data: int) -> None:
         """Drive D0-D7."""
-        when = self._kernel.now
-        try:
-            super().drive(data)
-        except PortError as error:
-            self._refused(when, "drive", [data], error)
-            raise
-        self._note(when, "drive", [data], None)
+        self._called("drive", [data], HostBus.drive)
 
     def release(self) -> None:
         """Let D0-D7 float."""
-        when = self._kernel.now
-        try:
-            super().release()
-        except PortError as error:
-            self._refused(when, "release", [], error)
-            raise
-        self._note(when, "release", [], None)
+        self._called("release", [], HostBus.release)
 
     def sample(self) -> tuple[int, int]:
         """Return D0-D7 as they stand, and all output lines."""
-        when = self._kernel.now
-        try:
-            result = super().sample()
-        except PortError as error:
-            self._refused(when, "sample", [], error)
-            raise
-        self._note(when, "sample", [], result)
-        return result
+        return self._called("sample", [], HostBus.sample)
 
     def pin(self, number: int, level: int) -> None:
         """Drive a side pin."""
-        when = self._kernel.now
-        try:
-            super().pin(number, level)
-        except PortError as error:
-            self._refused(when, "pin", [number, level], error)
-            raise
-        self._note(when, "pin", [number, level], None)
+        self._called("pin", [number, level], HostBus.pin)
 
     def getpin(self, number: int) -> int:
         """Return the level of a side pin."""
-        when = self._kernel.now
-        try:
-            level = super().getpin(number)
-        except PortError as error:
-            self._refused(when, "getpin", [number], error)
-            raise
-        self._note(when, "getpin", [number], level)
-        return level
+        return self._called("getpin", [number], HostBus.getpin)
 
     def events(self, mask: int) -> None:
         """Report edges of these output lines from now on."""
-        when = self._kernel.now
-        try:
-            super().events(mask)
-        except PortError as error:
-            self._refused(when, "events", [mask], error)
-            raise
-        self._note(when, "events", [mask], None)
+        self._called("events", [mask], HostBus.events)
 
     def take_events(self) -> list[tuple[int, int]]:
         """Return and forget the edges seen since the last call."""

@@ -1,12 +1,13 @@
 """A recorded run that can be walked through in both directions."""
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 
 from vbus.board import snapshot as snapshots
 from vbus.board.board import Board
 from vbus.board.snapshot import Snapshot
-from vbus.trace.journal_format import Entry
-from vbus.trace.player import Player
+from vbus.trace.journal.format import Entry
+from vbus.trace.journal.player import Player
 
 Condition = Callable[[Board], bool]
 """Looks at a board that is up to date; changes nothing."""
@@ -73,18 +74,12 @@ class History:
 
         Inside a call, which runs time itself, the board stands where the call was made.
         """
-        low, high = 0, len(self.entries)
-        while low < high:
-            middle = (low + high) // 2
-            if self.entries[middle].after <= when:
-                low = middle + 1
-            else:
-                high = middle
-        if low <= self.position:
-            self._go_back(low)
-        self.to(low)
-        if low < len(self.entries):
-            when = min(when, self.entries[low].when)
+        place = bisect_right(self.entries, when, key=lambda entry: entry.after)
+        if place <= self.position:
+            self._go_back(place)
+        self.to(place)
+        if place < len(self.entries):
+            when = min(when, self.entries[place].when)
         if when > self.board.now:
             self.board.run_until(when)
         return self.board
@@ -100,16 +95,14 @@ class History:
         """
         start = 0
         if stays and self._marks:
+
+            def holds_at(place: int) -> bool:
+                self._go_back(place)
+                return self._holds(condition)
+
             places = sorted(self._marks)
-            low, high = 0, len(places)
-            while low < high:
-                middle = (low + high) // 2
-                self._go_back(places[middle], exactly=True)
-                if self._holds(condition):
-                    high = middle
-                else:
-                    low = middle + 1
-            start = places[low - 1] if low else 0
+            first = bisect_left(places, True, key=holds_at)
+            start = places[first - 1] if first else 0
         self._go_back(start)
         if self._holds(condition):
             return self.entries[start - 1] if start else None
@@ -136,7 +129,7 @@ class History:
                 for place in [p for p in self._marks if p % self._every]:
                     del self._marks[place]
 
-    def _go_back(self, position: int, exactly: bool = False) -> None:
+    def _go_back(self, position: int) -> None:
         """Load the nearest snapshot at or before ``position`` and play on to it."""
         place = max((p for p in self._marks if p <= position), default=0)
         self._player = Player(self._make())
@@ -148,5 +141,5 @@ class History:
                 )
             snapshots.restore(self.board, snapshot)
         self.position = place
-        while self.position < position and not exactly:
+        while self.position < position:
             self._forward()

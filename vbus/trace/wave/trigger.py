@@ -9,7 +9,7 @@ from vbus.board.board import Board
 from vbus.board.settings import suggestion
 from vbus.errors import VbusError
 from vbus.signals import Net
-from vbus.trace.wave_signals import Signal, Value, net_names, values_of
+from vbus.trace.wave.signals import Signal, Value, net_names, values_of
 
 FORMS: Final = (
     "violation", "violation RULE", "CHIP.PIN rises", "CHIP.PIN falls", "command MNEMONIC",
@@ -17,10 +17,13 @@ FORMS: Final = (
 )  # fmt: skip
 """What a trigger may say."""
 
-_VIOLATION: Final = re.compile(r"violation(?:\s+(\S+))?")
-_EDGE: Final = re.compile(r"(\S+)\s+(rises|falls)")
-_COMMAND: Final = re.compile(r"command\s+(\S.*)")
-_LEVEL: Final = re.compile(r"(\S+)\s*([<>])\s*([-+]?\d+(?:\.\d+)?)")
+_PATTERNS: Final = {
+    "violation": re.compile(r"violation(?:\s+(?P<wanted>\S+))?"),
+    "command": re.compile(r"command\s+(?P<wanted>\S.*)"),
+    "net": re.compile(r"(?P<name>\S+)\s+(?P<wanted>rises|falls)"),
+    "value": re.compile(r"(?P<name>\S+)\s*(?P<wanted>[<>])\s*(?P<number>[-+]?\d+(?:\.\d+)?)"),
+}
+"""By kind of the signal it looks at, in the order in which they are tried."""
 
 _MNEMONIC: Final = re.compile(r"[A-Z][A-Z0-9_]*")
 
@@ -40,22 +43,15 @@ class Trigger:
         self.text: str = text
         self.net: Net | None = None
         """The net it looks at, if it is an edge."""
-        self._kind: str = ""
-        self._name: str = ""
-        self._wanted: str = ""
-        self._number: float = 0.0
-        text = text.strip()
-        if match := _VIOLATION.fullmatch(text):
-            self._kind, self._wanted = "violation", match[1] or ""
-        elif match := _COMMAND.fullmatch(text):
-            self._kind, self._wanted = "command", match[1]
-        elif match := _EDGE.fullmatch(text):
-            self._kind, self._name, self._wanted = "net", match[1], match[2]
-        elif match := _LEVEL.fullmatch(text):
-            self._kind, self._name, self._wanted = "value", match[1], match[2]
-            self._number = float(match[3])
-        else:
+        found = ((kind, one.fullmatch(text.strip())) for kind, one in _PATTERNS.items())
+        kind, match = next((each for each in found if each[1]), ("", None))
+        if match is None:
             raise VbusError(f'trigger "{text}": write one of: {"; ".join(FORMS)}')
+        given = match.groupdict("")
+        self._kind: str = kind
+        self._wanted: str = given["wanted"]
+        self._name: str = given.get("name", "")
+        self._number: float = float(given.get("number", 0))
         self._check(board)
 
     def _check(self, board: Board) -> None:
@@ -85,11 +81,7 @@ class Trigger:
         if signal.kind != self._kind or (self._name and signal.name != self._name):
             return False
         if self._kind == "violation":
-            return (
-                not self._wanted
-                or str(after) in (self._wanted,)
-                or (str(after).partition(".")[0] == self._wanted)
-            )
+            return self._wanted in ("", after, str(after).partition(".")[0])
         if self._kind == "command":
             return f"{after} ".startswith(f"{self._wanted} ")
         if isinstance(after, str) or isinstance(before, str):

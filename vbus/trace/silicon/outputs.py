@@ -12,7 +12,7 @@ RESET_OVER: Final = 20 * MS
 
 _NAMES: Final = ("falls", "rises")
 
-Found = tuple[int, str, str]
+Difference = tuple[int, str, str]
 """Instant (ps), what the silicon did, what the model did."""
 
 
@@ -51,7 +51,7 @@ class OutputWatch(Observer):
         if self._together:
             self._model.append((when, level))
 
-    def compare(self, now: int, level: int) -> Found | None:
+    def compare(self, now: int, level: int) -> Difference | None:
         """Take the silicon's level from ``now`` on; return the first edge without a partner."""
         moved, self._level = level != self._level, level
         if not self._together:
@@ -64,11 +64,11 @@ class OutputWatch(Observer):
             self._silicon.append((now, level))
         return self._match(now - self._slack)
 
-    def _apart(self, now: int, level: int) -> Found:
+    def _apart(self, now: int, level: int) -> Difference:
         self._together = self._over = True
         return (now, f"is {level} after the reset", f"is {self._net.value}")
 
-    def _match(self, before: int) -> Found | None:
+    def _match(self, before: int) -> Difference | None:
         """Pair the edges; those older than ``before`` must have found theirs."""
         silicon, model = self._silicon, self._model
         while silicon and model and not self._over:
@@ -104,7 +104,7 @@ class OutputWatch(Observer):
         when, level = edges[0]
         return f"{_NAMES[level]} at {format_instant(when)}"
 
-    def finish(self, now: int) -> Found | None:
+    def finish(self, now: int) -> Difference | None:
         """The capture has ended: what is older than the slack must have found its partner."""
         if not self._together:
             if now - self._begun > RESET_OVER:

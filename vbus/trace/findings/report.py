@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from vbus.signals import Observer, Rule, Violation
-from vbus.trace.decode import NO_SETTINGS_AT_ALL, BoardPackets, Settings
+from vbus.trace.decode import NO_SETTINGS, BoardPackets, Settings
+from vbus.trace.findings.suppress import Suppression
 from vbus.trace.packets import Packet
-from vbus.trace.suppress import Suppression
 
 AROUND: Final = 20
 """Bus cycles shown on either side of a violation."""
@@ -66,7 +66,7 @@ class Report(Observer):
         rules: list[Rule],
         suppressions: list[Suppression] | None = None,
         file: str = "",
-        settings: Mapping[str, Settings] = NO_SETTINGS_AT_ALL,
+        settings: Mapping[str, Settings] = NO_SETTINGS,
     ) -> None:
         self.board: str = board
         self.file: str = file

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Any, BinaryIO, Final, cast
 
 from vbus.errors import CaptureError, PluginError
-from vbus.trace.capture import Capture, Sample, frequency, ordered, period_of
-from vbus.trace.wave_signals import bit_names
+from vbus.trace.names import bit_names
+from vbus.trace.silicon.capture import Capture, Sample, frequency, ordered, period_of
 
 _UNITS: Final = {"s": 10**15, "ms": 10**12, "us": 10**9, "ns": 10**6, "ps": 10**3, "fs": 1}
 _RATE: Final = re.compile(r"\bat (\d+(?:\.\d+)? ?[kMG]?Hz)")
