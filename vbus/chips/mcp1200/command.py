@@ -51,10 +51,3 @@ class Command:
         self.moving = False
         self.phase = 0
         self.left = 0
-
-    def clear(self) -> None:
-        """Forget everything: a hard reset."""
-        self.rest()
-        self.position = 0
-        self.accel_delta = 0
-        self.decel_position = 0

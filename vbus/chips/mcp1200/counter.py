@@ -111,24 +111,21 @@ class PositionCounter:
         """The INDEX net has moved and passed its filter."""
         index_edge(self._registers, rising, self.position(cycle))
 
-    def replan(self, cycle: int) -> None:
-        """Look anew for what will be reached: a setting has changed."""
-        self._encoder.look_from(cycle)
-        self._watch_steps(cycle)
-        self.plan()
+    def replan(self, cycle: int, steps_from: int = -1) -> None:
+        """Look anew for what will be reached: a setting has changed, or steps begin.
 
-    def begin_steps(self, cycle: int) -> None:
-        """Look for what the steps that begin now will reach, the first of them in this cycle."""
+        Args:
+            cycle: when.
+            steps_from: cycle after which steps count, if that is another.
+        """
         self._encoder.look_from(cycle)
-        self._watch_steps(cycle - 1)
-        self.plan()
-
-    def _watch_steps(self, cycle: int) -> None:
-        """Find the step after ``cycle`` that reaches the breakpoint."""
         self.at_match = FAR
         if self._registers.step_mode and self._breakpoint.armed:
-            ahead = wrap(self._breakpoint.compare - self._stepper.position(cycle), 24)
-            self.at_match = self._stepper.when(ahead, cycle)
+            if steps_from < 0:
+                steps_from = cycle
+            ahead = wrap(self._breakpoint.compare - self._stepper.position(steps_from), 24)
+            self.at_match = self._stepper.when(ahead, steps_from)
+        self.plan()
 
     def plan(self) -> None:
         """Look for what the encoder will reach in its present period."""

@@ -35,6 +35,11 @@ class Segment:
         self._shift = (sampled.interpolator_preset & 7) + 1
         self.left = one << self._shift
 
+    def hold(self, value: i64) -> None:
+        """Stay at ``value`` until another is to be reached."""
+        self.left = 0
+        self.end = value
+
     def next(self) -> i64:
         """Make one sample; return the value at its end (MCP-INT-1)."""
         one: i64 = 1
@@ -49,11 +54,6 @@ class Segment:
 
 class PositionInterpolation(Segment):
     """Runs through a series of positions, one segment each (MCP-INT-1)."""
-
-    def hold(self, point: i64) -> None:
-        """Stay at the command position until the point to reach is another than ``point``."""
-        self.left = 0
-        self.end = point
 
     def step(self, command: Command, sampled: SampledRegisters, fresh: bool, point: i64) -> bool:
         """Make one sample; tell whether the new ``point`` has been taken.
@@ -83,11 +83,6 @@ class PositionInterpolation(Segment):
 
 class VelocityInterpolation(Segment):
     """Runs through a series of velocities, one ramp each (MCP-INT-5)."""
-
-    def enter(self, velocity: i64) -> None:
-        """The next step begins a ramp from ``velocity``."""
-        self.left = 0
-        self.end = velocity
 
     def slow_down(self, command: Command, sampled: SampledRegisters) -> None:
         """Ramp to standstill over one segment, unless that is under way (MCP-EXC-2)."""

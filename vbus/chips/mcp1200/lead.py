@@ -25,11 +25,6 @@ class LeadFilter:
         self._error: i64 = 0
         self._command: i64 = 0
 
-    def clear(self) -> None:
-        """Forget old samples (MCP-FLT-5)."""
-        self._error = 0
-        self._command = 0
-
     def step(self, sampled: SampledRegisters, error: i64) -> i64:
         """Return the motor command, not limited, for position error ``error`` (16 bits)."""
         gain = sampled.lead_gain

@@ -1,14 +1,12 @@
 """The PID filter with feed-forward (R61-R6A)."""
 
-from typing import ClassVar, Final
+from typing import ClassVar
 
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
 from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.state import Names
-
-LONGEST_SPAN: Final = 8
 
 
 class PidFilter:
@@ -21,10 +19,9 @@ class PidFilter:
         integral: the accumulator IACC.
     """
 
-    STATE: ClassVar[Names] = ("errors: tuple[i64]", "integral", "_velocity", "_saturated: bool")
-    DERIVED: ClassVar[Names] = (
+    STATE: ClassVar[Names] = (
         "_error_1", "_error_2", "_error_3", "_error_4", "_error_5", "_error_6", "_error_7",
-        "_error_8",
+        "_error_8", "integral", "_velocity", "_saturated: bool",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -40,13 +37,6 @@ class PidFilter:
         self.integral: i64 = 0
         self._velocity: i64 = 0
         self._saturated: bool = False
-
-    def clear(self) -> None:
-        """Forget old samples (MCP-FLT-5)."""
-        self.errors = (0,) * LONGEST_SPAN
-        self.integral = 0
-        self._velocity = 0
-        self._saturated = False
 
     def step(self, sampled: SampledRegisters, error: i64, velocity: i64) -> i64:
         """Return the motor command, not limited. All on the way to it fits 48 bits.
@@ -93,18 +83,3 @@ class PidFilter:
         ) >> 9
         self._saturated = command > MC_MAX or command < MC_MIN
         return command
-
-    @property
-    def errors(self) -> tuple[int, ...]:
-        """Errors of the last samples, the latest first."""
-        return (
-            self._error_1, self._error_2, self._error_3, self._error_4, self._error_5,
-            self._error_6, self._error_7, self._error_8,
-        )  # fmt: skip
-
-    @errors.setter
-    def errors(self, errors: tuple[int, ...]) -> None:
-        (
-            self._error_1, self._error_2, self._error_3, self._error_4, self._error_5,
-            self._error_6, self._error_7, self._error_8,
-        ) = errors  # fmt: skip

@@ -16,26 +16,26 @@ FIRST_FALLING: Final = 5
 
 
 class SCurveMove:
-    """One planned move at a time, laid from the command position at its start."""
+    """One planned move at a time, laid from the command position at its start.
 
-    STATE: ClassVar[Names] = ("_begun: bool", "_final", "_origin", "_sign", "_plan: part")
+    Attributes:
+        begun: a move is under way; without, the next step begins one.
+    """
+
+    STATE: ClassVar[Names] = ("begun: bool", "_final", "_origin", "_sign", "_plan: part")
 
     def __init__(self) -> None:
         self._plan: SCurve = SCurve()
-        self._begun: bool = False
+        self.begun: bool = False
         self._final: int = 0
         self._origin: int = 0
         self._sign: int = 1
-
-    def enter(self) -> None:
-        """The next step begins a move."""
-        self._begun = False
 
     def step(self, command: Command, sampled: SampledRegisters) -> int:
         """Make one sample; the result is that of :meth:`Trapezoid.step`."""
         final: int = sampled.final_position
         plan = self._plan
-        if not self._begun:
+        if not self.begun:
             command.fraction = 0
             command.velocity = 0
             command.phase = 0
@@ -45,13 +45,13 @@ class SCurveMove:
             top = sampled.top_velocity << 8
             if not plan.plan(abs(way) << UNIT, top, sampled.accel << 8, sampled.jerk):
                 return 0
-            self._begun = True
+            self.begun = True
             self._final = final
             self._origin = command.position
             self._sign = 1 if way > 0 else -1
         elif final != self._final and plan.phase <= SLEWING:
             if not self._retarget(command, final):
-                self._begun = False
+                self.begun = False
                 return -1
             self._final = final
         before = plan.offset
@@ -67,7 +67,7 @@ class SCurveMove:
             start = plan.distance - plan.deceleration_distance
             command.decel_position = wrap(self._origin + self._sign * (start >> UNIT), 24)
         if plan.done:
-            self._begun = False
+            self.begun = False
             return 1
         return 0
 

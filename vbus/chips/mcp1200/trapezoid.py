@@ -32,18 +32,18 @@ def stop(command: Command, accel: i64) -> bool:
 
 
 class Trapezoid:
-    """One move at a time; acceleration and top velocity may change under way (MCP-TRP-1)."""
+    """One move at a time; acceleration and top velocity may change under way (MCP-TRP-1).
 
-    STATE: ClassVar[Names] = ("_begun: bool", "_final", "_origin")
+    Attributes:
+        begun: a move is under way; without, the next step begins one.
+    """
+
+    STATE: ClassVar[Names] = ("begun: bool", "_final", "_origin")
 
     def __init__(self) -> None:
-        self._begun: bool = False
+        self.begun: bool = False
         self._final: i64 = 0
         self._origin: i64 = 0
-
-    def enter(self) -> None:
-        """The next step begins a move."""
-        self._begun = False
 
     def step(self, command: Command, sampled: SampledRegisters) -> i64:
         """Make one sample of the move.
@@ -55,7 +55,7 @@ class Trapezoid:
         accel = sampled.accel
         top = sampled.top_velocity
         final = sampled.final_position
-        if not self._begun:
+        if not self.begun:
             waits = accel == 0 or top == 0
             if waits:
                 command.velocity = 0
@@ -65,7 +65,7 @@ class Trapezoid:
                 return 1
             if waits:
                 return 0
-            self._begun = True
+            self.begun = True
             self._final = final
             self._origin = command.position
             command.phase = ACCELERATING
@@ -88,7 +88,7 @@ class Trapezoid:
             speed = -velocity
         self._show_phase(command, speed, old, top, here)
         if arrived(ahead - velocity, velocity, accel):
-            self._begun = False
+            self.begun = False
             return 1
         return 0
 

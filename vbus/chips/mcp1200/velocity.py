@@ -16,17 +16,17 @@ WIDEST_HIGH: Final = 32767
 
 
 class IntegralVelocity:
-    """Runs toward the velocity command with the programmed acceleration, through positions."""
+    """Runs toward the velocity command with the programmed acceleration, through positions.
 
-    STATE: ClassVar[Names] = ("_begun: bool", "_goal")
+    Attributes:
+        begun: a step has been made with a velocity command of the host's.
+    """
+
+    STATE: ClassVar[Names] = ("begun: bool", "_goal")
 
     def __init__(self) -> None:
-        self._begun: bool = False
+        self.begun: bool = False
         self._goal: i64 = 0
-
-    def enter(self) -> None:
-        """The next step is the first of the mode."""
-        self._begun = False
 
     def step(self, command: Command, sampled: SampledRegisters, goal: i64) -> i64:
         """Make one sample toward ``goal`` (1/256 count per sample).
@@ -35,11 +35,11 @@ class IntegralVelocity:
             By how many counts per sample the goal has changed too far at once, 0 if it has not.
         """
         change: i64 = 0
-        if self._begun:
+        if self.begun:
             change = goal - self._goal
             if change < 0:
                 change = -change
-        self._begun = True
+        self.begun = True
         self._goal = goal
         command.move(toward(command.velocity, goal, sampled.accel))
         command.moving = goal != 0 or command.velocity != 0
