@@ -184,7 +184,6 @@ class MCP1200(HostInterface):
 
     def changed(self) -> None:
         """Something from outside has touched the chip: show it, and set the timer anew."""
-        self.axis.rest.disturb()
         self._refresh_due()
         self._quiet_ps = 0
         self.outputs.show(self.cycle_now())
@@ -261,6 +260,7 @@ class MCP1200(HostInterface):
 
     def disturb(self) -> None:
         """Something behind the chip is different now: rest is over, switches may have moved."""
+        self.axis.rest.disturb()
         self.side.look(self.cycle_now())
         self.changed()
 

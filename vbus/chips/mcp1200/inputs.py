@@ -208,6 +208,7 @@ class SidePins:
     def _fault(self, level: int, flag: int, cycle: int) -> None:
         """/LIMIT or /STOP has moved: low sets its flag at once (MCP-EXC-4, MCP-EXC-7)."""
         blocks = self._blocks
+        blocks.rest.disturb()
         if level == 0 and blocks.state >= STANDING:
             blocks.registers.fault(flag)
             if flag == ds.LIMIT_OK:
