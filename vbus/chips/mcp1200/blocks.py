@@ -6,9 +6,8 @@ from typing import Final
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.capture import Breakpoint
 from vbus.chips.mcp1200.control_loop import ControlLoop
-from vbus.chips.mcp1200.counter import PositionCounter
+from vbus.chips.mcp1200.counter import Breakpoint, PositionCounter
 from vbus.chips.mcp1200.drive import PlantDrive
 from vbus.chips.mcp1200.encoder import Encoder
 from vbus.chips.mcp1200.output import Pwm

@@ -7,9 +7,8 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import Axis
 from vbus.chips.mcp1200.blocks import STANDING
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
-from vbus.chips.mcp1200.interface import HostInterface
 from vbus.chips.mcp1200.outputs import OutputPins
-from vbus.chips.mcp1200.pins import LONG_AGO, HostPins
+from vbus.chips.mcp1200.pins import LONG_AGO, HostInterface, HostPins
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.tables import PinRow
 from vbus.kernel import NEVER, Clock, Kernel

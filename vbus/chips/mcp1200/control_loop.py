@@ -6,19 +6,20 @@ from mypy_extensions import i64
 
 from vbus.bits import wrap_word
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.command import Command
+from vbus.chips.mcp1200.command import (
+    Command,
+    IntegralVelocity,
+    PositionInterpolation,
+    VelocityInterpolation,
+)
 from vbus.chips.mcp1200.faults import Faults
+from vbus.chips.mcp1200.filters import LeadFilter, PidFilter
 from vbus.chips.mcp1200.following import Following
-from vbus.chips.mcp1200.interpolate import PositionInterpolation, VelocityInterpolation
-from vbus.chips.mcp1200.lead import LeadFilter
 from vbus.chips.mcp1200.output import dac_code, pwm_command
-from vbus.chips.mcp1200.pid import PidFilter
+from vbus.chips.mcp1200.profiles import SCurveMove, Trapezoid, stop
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
-from vbus.chips.mcp1200.scurve import SCurveMove
 from vbus.chips.mcp1200.stepper import StallCheck
 from vbus.chips.mcp1200.timer import work_clocks
-from vbus.chips.mcp1200.trapezoid import Trapezoid, stop
-from vbus.chips.mcp1200.velocity import IntegralVelocity
 from vbus.state import Names
 
 IDLE: Final = -1

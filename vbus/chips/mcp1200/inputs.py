@@ -6,8 +6,8 @@ from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.blocks import STANDING, Blocks
-from vbus.chips.mcp1200.capture import index_edge, trigger_edge
-from vbus.chips.mcp1200.interface import HostInterface
+from vbus.chips.mcp1200.counter import index_edge, trigger_edge
+from vbus.chips.mcp1200.pins import HostInterface
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.motion.quadrature import COUNTED, INDEX_FELL, INDEX_ROSE, SKIPPED, Quadrature
 from vbus.kernel import NEVER

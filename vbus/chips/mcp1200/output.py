@@ -5,7 +5,7 @@ from typing import ClassVar
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
+from vbus.chips.mcp1200.filters import MC_MAX, MC_MIN
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.timer import FAR
 from vbus.state import Names
