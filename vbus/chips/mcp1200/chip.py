@@ -62,6 +62,7 @@ class MCP1200(HostInterface):
         file: Callable[[Violation], None] | None = None,
     ) -> None:
         super().__init__(name, part, kernel, clock, settings, policy, file)
+        self.ac = ds.AC[str(self.settings["supply"])]
         self.read_low_ps = self.ac["tALDB"].max_ps
         self.cycle_ps = STROBE_PS + self.ac.minimum("tCSAL", clock)
         self.axis: Axis = Axis(clock, self.settings, self.report)

@@ -12,6 +12,15 @@ MC_MAX: Final = 2047
 """The 12-bit motor command, in 1/16 of an R08 step (MCP-FLT-1)."""
 
 
+def limited(command: i64) -> i64:
+    """Limit a motor command to 12 bits."""
+    if command > MC_MAX:
+        return MC_MAX
+    if command < MC_MIN:
+        return MC_MIN
+    return command
+
+
 class LeadFilter:
     """MC(n) = K/4 E(n) - [A/256 K/4 E(n-1) + B/256 MC(n-1)], in 1/16 of an R08 step.
 
@@ -31,11 +40,7 @@ class LeadFilter:
         old = 4 * sampled.lead_zero * gain * self._error + sampled.lead_pole * self._command
         command = 4 * gain * error - (old >> 8)
         self._error = error
-        self._command = command
-        if command > MC_MAX:
-            self._command = MC_MAX
-        elif command < MC_MIN:
-            self._command = MC_MIN
+        self._command = limited(command)
         return command
 
 

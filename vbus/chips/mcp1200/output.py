@@ -5,19 +5,10 @@ from typing import ClassVar
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.filters import MC_MAX, MC_MIN
+from vbus.chips.mcp1200.filters import MC_MAX, MC_MIN, limited
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.timer import FAR
 from vbus.state import Names
-
-
-def limited(command: i64) -> i64:
-    """Limit a motor command to 12 bits."""
-    if command > MC_MAX:
-        return MC_MAX
-    if command < MC_MIN:
-        return MC_MIN
-    return command
 
 
 def pwm_command(sampled: SampledRegisters, command: i64, error: i64) -> i64:

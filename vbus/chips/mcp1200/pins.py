@@ -1,14 +1,12 @@
 """The host bus at the pins: /ALE, /CS, /OE, R/W and the multiplexed address/data bus."""
 
-from collections.abc import Callable
 from typing import ClassVar, Final
 
 from vbus.chips.base import Chip
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.strobes import AcTable
-from vbus.kernel import NEVER, Clock, Kernel
-from vbus.options import Settings
-from vbus.signals import LOW, Net, Policy, Violation, Watcher, Z
+from vbus.kernel import NEVER
+from vbus.signals import LOW, Net, Watcher, Z
 from vbus.state import Names
 
 LONG_AGO: Final = 1 - (1 << 62)
@@ -23,18 +21,7 @@ class HostInterface(Chip):
         ac: the AC limits at this supply.
     """
 
-    def __init__(
-        self,
-        name: str,
-        part: str,
-        kernel: Kernel,
-        clock: Clock,
-        settings: Settings | None,
-        policy: Policy | None,
-        file: Callable[[Violation], None] | None,
-    ) -> None:
-        super().__init__(name, part, kernel, clock, settings, policy, file)
-        self.ac: AcTable = ds.AC[str(self.settings["supply"])]
+    ac: AcTable
 
     # -- what is behind the pins --------------------------------------------------------------
 
