@@ -75,3 +75,18 @@ def test_a_command_table_refuses_a_code_or_a_mnemonic_that_is_taken(
 ) -> None:
     with pytest.raises(ValueError, match=f"^{re.escape(problem)}$"):
         CommandTable(*rows)
+
+
+def test_each_hook_is_found_in_the_first_class_that_has_it() -> None:
+    class First:
+        def both(self) -> None: ...
+
+    class Second(First):
+        def second(self) -> None: ...
+
+    table = CommandTable(
+        Command("A", 1, hook="both"), Command("B", 2, hook="second"), Command("C", 3)
+    )
+    assert table.find_hooks(First, Second) == {"both": First, "second": Second}
+    with pytest.raises(ValueError, match=r"^B: there is no method 'second'$"):
+        table.find_hooks(First)

@@ -82,7 +82,11 @@ class Command:
         title: the manual's description.
         note: when it may be used.
         scope: ``"c"`` current axis, ``"g"`` global, ``"i"`` interrupting axis, ``""`` single axis.
-        parameter: name of the plain parameter it sets or gets, if it does only that.
+        hook: name of the method that carries it out, if it does not just set or get a parameter.
+        parameter: the parameter it sets or gets: an attribute of the chip's parts, by its path.
+        value: what a command without data gives to its parameter or hook.
+        bits: how many bits of the data are kept; 0 for all.
+        least: smallest value kept, where it is not that of its bits.
         buffered: the value takes effect at an update.
         signed: the (single) value is two's complement.
         fraction: fraction bits of the value.
@@ -97,15 +101,14 @@ class Command:
     title: str = ""
     note: str = ""
     scope: str = ""
+    hook: str = ""
     parameter: str = ""
+    value: int | None = None
+    bits: int = 0
+    least: int = 0
     buffered: bool = False
     signed: bool = False
     fraction: int = 0
-
-    @property
-    def handler(self) -> str:
-        """Name of the method that carries it out."""
-        return "cmd_" + self.name.lower()
 
 
 class CommandTable:
@@ -139,6 +142,21 @@ class CommandTable:
     def by_code(self, code: int) -> Command | None:
         """Return the row with this command byte, or None if the code is undefined."""
         return self._by_code.get(code)
+
+    def find_hooks(self, *owners: type) -> dict[str, type]:
+        """Return which of ``owners`` has each hook, the first one that does.
+
+        Raises:
+            ValueError: a row names a hook that none has.
+        """
+        found: dict[str, type] = {}
+        for row in self.rows:
+            if row.hook:
+                having = [owner for owner in owners if hasattr(owner, row.hook)]
+                if not having:
+                    raise ValueError(f"{row.name}: there is no method {row.hook!r}")
+                found[row.hook] = having[0]
+        return found
 
 
 LIVE: Final = "at once"

@@ -2,11 +2,11 @@
 
 Runs when a wheel is built, by hatchling, and never later; it imports nothing of vbus.
 
-=======================  =========================================================================
-``VBUS_PURE=1``          build the wheel without the compiled core, on any machine
-``VBUS_NEED_COMPILED=1`` no compiled core is an error, not a note
-``CC``, ``CFLAGS``       the compiler, and options added to ours
-=======================  =========================================================================
+========================  ========================================================================
+``VBUS_PURE=1``           build the wheel without the compiled core, on any machine
+``VBUS_NEED_COMPILED=1``  no compiled core is an error, not a note
+``CC``, ``CFLAGS``        the compiler, and options added to ours
+========================  ========================================================================
 
 Without a compiler, or without Python's headers, the wheel is pure Python, and it says why in
 ``vbus doctor``. A type error in the sources stops the build, whether or not a compiler is there.

@@ -88,8 +88,8 @@ class HostPins:
     In all of them the address latch closes once per /ALE pulse, and the access is made when /CS
     rises, with what the bus carried before that edge.
 
-    AC limits are judged while :attr:`Chip.judged` is set. What breaks a limit under a strict
-    policy is lost.
+    AC limits are judged while :attr:`~vbus.chips.base.Chip.judged` is set. What breaks a limit
+    under a strict policy is lost.
 
     Args:
         chip: whose pins.

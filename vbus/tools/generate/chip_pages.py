@@ -268,7 +268,7 @@ def clause_page(family: Family) -> str:
         *_table(("clause", "title", "kind"), rows),
     ]
     for clause in clauses.values():
-        lines += ["", f"### {clause.name}", "", *_clause(clause, family.rules)]
+        lines += ["", f"## {clause.name}", "", *_clause(clause, family.rules)]
     return _linked("\n".join(lines) + "\n")
 
 

@@ -9,8 +9,10 @@ from vbus.chips.clauses import clauses_of
 from vbus.chips.family import Family
 from vbus.tools.generate import (
     board_file,
+    c_interface,
     calls,
     chip_pages,
+    command_line,
     documents,
     faults,
     proofs,
@@ -30,6 +32,8 @@ DOCUMENTS: Final[list[Target]] = [
     ("docs/add-a-chip.md", documents.add_a_chip),
     ("docs/board-file.md", board_file.board_file),
     ("docs/byte-protocol.md", documents.byte_protocol),
+    ("docs/c-client.md", c_interface.c_interface),
+    ("docs/command-line.md", command_line.command_line),
     ("docs/faults.md", faults.faults),
     ("docs/text-protocol.md", documents.text_protocol),
 ]
