@@ -108,6 +108,6 @@ def _forget(path: Path) -> None:
     """Remove the status socket of a board that died, unless its next run has just begun."""
     lock = NameLock(path)
     with contextlib.suppress(TransportError):
-        lock.take()
+        lock.take(patience=0)
         path.unlink(missing_ok=True)
         lock.give_back()

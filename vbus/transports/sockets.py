@@ -10,7 +10,7 @@ from typing import Final
 
 from vbus.errors import NameInUseError, TransportError
 from vbus.transports.base import Link, Transport
-from vbus.transports.runtime import NameLock, socket_address
+from vbus.transports.runtime import NameLock, socket_address, sweep
 
 REST_SECONDS: Final = 0.2
 """How long nobody is accepted after the system has run out of descriptors or memory."""
@@ -101,6 +101,7 @@ class UnixTransport(_SocketTransport):
             lock = NameLock(path)
             lock.take()
             opened.callback(lock.give_back)
+            sweep(path.parent)
             if path.exists() and not path.is_socket():
                 raise TransportError(
                     f"{path} exists and is not a socket; remove it or choose another name"
