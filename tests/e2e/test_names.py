@@ -1,6 +1,7 @@
 """Names in the file system: whose they are, and what is left of those who died."""
 
 import asyncio
+import contextlib
 import errno
 import os
 import socket
@@ -120,6 +121,19 @@ def test_a_computer_without_free_descriptors_is_reported_and_not_asked_all_the_t
     full.close()
     assert full.asked == 1
     assert reports == [f"unix:{runtime}/x: a host waits outside: Too many open files"]
+
+
+def test_a_hundred_hosts_may_wait_to_be_accepted(runtime: Path) -> None:
+    loop = asyncio.new_event_loop()
+    transport = UnixTransport(str(runtime / "x"), {})
+    transport.open(loop, lambda link: None)
+    with contextlib.ExitStack() as closing:
+        closing.callback(loop.close)
+        closing.callback(transport.close)
+        for _ in range(100):
+            link = closing.enter_context(socket.socket(socket.AF_UNIX))
+            link.setblocking(False)
+            link.connect(str(runtime / "x"))
 
 
 SERVED = """

@@ -31,6 +31,10 @@ class PtyLink(Link):
         """Make the terminal ready for the next client."""
         self._transport.ended(self)
 
+    def hang_up(self) -> None:
+        """Take the terminal from the client that has it open; the name leads to a new one."""
+        self._transport.replace(self)
+
 
 @dataclass(slots=True)
 class _Terminal:
@@ -248,8 +252,16 @@ class PtyTransport(Transport):
             # Those are our own open and close. Whoever came meanwhile is seen by looking.
             terminal.watch.read()
 
+    def replace(self, link: PtyLink) -> None:
+        """End a session with its terminal."""
+        if self._link is link:
+            self._link = None
+            self._clients = 0
+            self.state = "waiting"
+            self._renew()
+
     def _renew(self) -> None:
-        """Replace a terminal that a client has left in exclusive use: only root could open it."""
+        """Replace the terminal: one left in exclusive use could be opened by root alone."""
         self._unmake()
         try:
             self._make()

@@ -20,6 +20,8 @@ KEEP_ALIVE: Final = (
     (socket.TCP_KEEPCNT, 3),
 )
 """A silent TCP host is looked for after 10 s, and given up 15 s later."""
+BACKLOG: Final = 128
+"""Hosts that may wait to be accepted."""
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
@@ -44,7 +46,7 @@ class _SocketTransport(Transport):
         loop: asyncio.AbstractEventLoop,
         on_link: Callable[[Link], None],
     ) -> None:
-        listener.listen(16)
+        listener.listen(BACKLOG)
         listener.setblocking(False)
         self.opened.callback(loop.remove_reader, listener.fileno())
         loop.add_reader(listener.fileno(), self._accept, listener, loop, on_link)
