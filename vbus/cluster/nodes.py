@@ -62,7 +62,7 @@ class Outcome:
     Attributes:
         nodes: the nodes of this process, as they are at the end.
         over: whether a scenario was played to its end.
-        skew: in real time: how far apart nodes were, by :meth:`Skew.statistics`.
+        skew: in real time: how far apart nodes were, by :meth:`~vbus.cluster.skew.Skew.statistics`.
         timing: in virtual time: rounds, and wall time of one (us).
     """
 

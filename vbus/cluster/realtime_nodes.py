@@ -35,7 +35,7 @@ class EpochPacer(Pacer):
 
     Args:
         board: the node's board.
-        stall: as for :class:`Pacer`.
+        stall: as for :class:`~vbus.server.pacer.Pacer`.
         epoch: when chip time is 0, by this process' clock (ns).
         moved: called when the board may have moved: edges may be under way.
         clock: wall time in ns; for tests.
@@ -236,7 +236,7 @@ class RealTime(Peers):
     # -- orders ---------------------------------------------------------------------------------
 
     def order(self, rank: int, data: bytes) -> bytes:
-        """Take an order for a node of this process, or tell chip time; see :mod:`ordering`."""
+        """Take an order for a node of this process, or tell chip time (``ordering.py``)."""
         node = self.nodes[rank]
         pacer = self.pacers.get(rank)
         if pacer is None:

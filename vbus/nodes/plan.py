@@ -112,7 +112,7 @@ def _digest(file: BoardFile) -> str:
 
 
 def pins_of(file: BoardFile) -> dict[str, set[str]]:
-    """Return the pins of every chip of a checked board file, for :func:`read_scenario`."""
+    """Return the pins of every chip of a checked board file, for reading a scenario."""
     return {chip.name: set(_alone(chip).pins) for chip in file.chips}
 
 

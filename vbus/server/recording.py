@@ -13,11 +13,11 @@ from vbus.board.sections import RecordSection, WaveSection
 from vbus.errors import VbusError
 from vbus.signals import Observer
 from vbus.trace.decode import settings_for_decoders
-from vbus.trace.journal import Journal
-from vbus.trace.report import Report
-from vbus.trace.report_formats import FORMATS, format_of
-from vbus.trace.suppress import Suppression, read_suppressions
-from vbus.trace.wave import Wave
+from vbus.trace.findings.formats import FORMATS, format_of
+from vbus.trace.findings.report import Report
+from vbus.trace.findings.suppress import Suppression, read_suppressions
+from vbus.trace.journal.journal import Journal
+from vbus.trace.wave.wave import Wave
 
 FLUSH_SECONDS: Final = 0.2
 """How long an entry of a journal may wait for company."""
@@ -143,8 +143,8 @@ class Recording:
         self._write_at_end("report", path, report, lambda: style(report))
 
     def _open_coverage(self, path: str) -> None:
-        from vbus.trace.coverage import CoverageObserver
-        from vbus.trace.coverage_formats import COVERAGE_FORMATS
+        from vbus.trace.coverage.coverage import CoverageObserver
+        from vbus.trace.coverage.formats import COVERAGE_FORMATS
 
         style = COVERAGE_FORMATS.get(Path(path).suffix)
         if style is None:

@@ -25,7 +25,7 @@ from vbus.board.sections import WaveSection
 from vbus.errors import VbusError
 from vbus.server.local_socket import Connection, OnEnd
 from vbus.signals import Observer, Violation
-from vbus.trace.wave import DONE, Wave
+from vbus.trace.wave.wave import DONE, Wave
 from vbus.transports.base import Link
 
 EVERY_SECONDS: Final = 0.05

@@ -21,7 +21,7 @@ from vbus.testing.boards import board_text, default_part, for_test
 from vbus.testing.clock import BoardClock
 from vbus.testing.limits import Limits, Watch
 from vbus.testing.serving import ServedBoard, private_runtime
-from vbus.trace.journal import Journal
+from vbus.trace.journal.journal import Journal
 
 _T = TypeVar("_T")
 WISHES: Final = ("board", "plant", "clock", "seed", "rate", "strict")
@@ -72,7 +72,7 @@ class Fitted:
 
     def record_wave(self) -> None:
         """Record a waveform from now on."""
-        from vbus.trace.wave import Wave
+        from vbus.trace.wave.wave import Wave
 
         self._wave = Wave(self.board, self._wave_text)
         self._wave.start()

@@ -16,14 +16,14 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
     """
     record = file.record
     if record.report:
-        from vbus.trace.report_formats import format_of
+        from vbus.trace.findings.formats import format_of
 
         try:
             format_of(record.report)
         except ValueError as error:
             source.fail(("record", "report"), str(error))
     if record.coverage:
-        from vbus.trace.coverage_formats import COVERAGE_FORMATS
+        from vbus.trace.coverage.formats import COVERAGE_FORMATS
 
         if Path(record.coverage).suffix not in COVERAGE_FORMATS:
             known = ", ".join(COVERAGE_FORMATS)
@@ -39,8 +39,8 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
         except VbusError as error:
             source.fail(("record", "suppress"), str(error))
     for wave in file.waves:
-        from vbus.trace.wave_signals import nets_of
-        from vbus.trace.wave_trigger import Trigger
+        from vbus.trace.wave.signals import nets_of
+        from vbus.trace.wave.trigger import Trigger
 
         try:
             nets_of(board, wave.signals)

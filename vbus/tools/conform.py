@@ -71,9 +71,9 @@ def command(
     number), edge by edge, and what the chip answered is compared. Ends with 0 if all agrees, 1 at
     the first difference, 6 if the capture cannot be used.
     """
-    from vbus.trace.channel_map import wiring_of
-    from vbus.trace.conform import Conform, Tolerance
-    from vbus.trace.conform_start import find_start, watch_of
+    from vbus.trace.silicon.channel_map import wiring_of
+    from vbus.trace.silicon.conform import Conform, Tolerance
+    from vbus.trace.silicon.start import find_start, watch_of
 
     made = _board(chip, clock, options, plants) if board is None else _board_of(board)
     part = _chip_of(made, chip)
@@ -222,7 +222,7 @@ def _ignored(items: tuple[str, ...]) -> tuple[frozenset[str], dict[int, int]]:
 
 
 def _hertz(text: str | None) -> int:
-    from vbus.trace.capture import frequency
+    from vbus.trace.silicon.capture import frequency
 
     hertz = frequency(text) if text else 0
     if text and not hertz:
@@ -234,9 +234,9 @@ def _hertz(text: str | None) -> int:
 def _opened(path: Path, hertz: int) -> Iterator[tuple[Any, BinaryIO, int]]:
     """Open a capture; its format is told by how its name ends."""
     from vbus.errors import CaptureError
-    from vbus.trace.capture_csv import read_csv
-    from vbus.trace.capture_sr import read_sr
-    from vbus.trace.capture_vcd import read_vcd
+    from vbus.trace.silicon.capture_csv import read_csv
+    from vbus.trace.silicon.capture_sr import read_sr
+    from vbus.trace.silicon.capture_vcd import read_vcd
 
     kind = path.suffix.lower()
     if kind not in (".vcd", ".sr", ".csv"):

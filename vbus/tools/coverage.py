@@ -9,7 +9,7 @@ from vbus.errors import VbusError
 from vbus.tools import exit_codes
 
 if TYPE_CHECKING:
-    from vbus.trace.coverage import Coverage
+    from vbus.trace.coverage.coverage import Coverage
 
 _FORMATS: Final = ("text", "json", "html")
 
@@ -41,8 +41,8 @@ def command(
 
     FILES are journals (vbus run --journal) or coverage files (--format json); several are merged.
     """
-    from vbus.trace.coverage import merged
-    from vbus.trace.coverage_formats import COVERAGE_FORMATS, as_text, difference
+    from vbus.trace.coverage.coverage import merged
+    from vbus.trace.coverage.formats import COVERAGE_FORMATS, as_text, difference
 
     if diff and len(files) != 2:
         raise click.UsageError(f"--diff compares two files; {len(files)} are given")
@@ -76,8 +76,8 @@ def read(path: Path, quiet: bool = True) -> "Coverage":
     Raises:
         VbusError: it is neither, or cannot be read.
     """
-    from vbus.trace.coverage import CoverageObserver, from_json
-    from vbus.trace.journal_view import play
+    from vbus.trace.coverage.coverage import CoverageObserver, from_json
+    from vbus.trace.journal.view import play
 
     try:
         with path.open("rb") as file:

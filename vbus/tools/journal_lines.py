@@ -13,8 +13,8 @@ from vbus.errors import VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets
-from vbus.trace.journal_format import Entry, Header, JournalReader
-from vbus.trace.journal_view import Sessions, show, violation_of
+from vbus.trace.journal.format import Entry, Header, JournalReader
+from vbus.trace.journal.view import Sessions, show, violation_of
 from vbus.trace.packets import Packet
 
 _WAITING: Final = 5000

@@ -8,7 +8,7 @@ import click
 
 from vbus.tools import exit_codes
 from vbus.tools.journal_lines import instant, moving, no_progress, opened, progress
-from vbus.trace.replay import Outcome
+from vbus.trace.journal.replay import Outcome
 from vbus.version import __version__
 
 
@@ -27,7 +27,7 @@ def command(journal: Path, board_file: str | None, as_json: bool, no_progress: b
     """
     from vbus.board.build import load_board, load_board_text
     from vbus.errors import ConfigError
-    from vbus.trace.replay import Replay
+    from vbus.trace.journal.replay import Replay
 
     with opened(journal) as (reader, _):
         header = reader.header
@@ -38,7 +38,7 @@ def command(journal: Path, board_file: str | None, as_json: bool, no_progress: b
         else:
             raise ConfigError(
                 f"{journal}: it was recorded on a board made in Python; name a board file with"
-                " --board, or replay it in Python with vbus.trace.replay"
+                " --board, or replay it in Python with vbus.trace.journal.replay"
             )
         with progress(journal, reader, "replaying", no_progress) as move:
             outcome = Replay(board, moving(iter(reader), move), header.families).run()

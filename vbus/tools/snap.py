@@ -124,9 +124,9 @@ def bisect(journal: Path, condition: str, keep: Path | None) -> int:
     from vbus.board.checks import all_rules
     from vbus.board.snapshot import take, write
     from vbus.tools.journal_lines import line, opened
-    from vbus.trace.conditions import condition as read_condition
-    from vbus.trace.history import History
-    from vbus.trace.journal_view import Sessions
+    from vbus.trace.journal.conditions import condition as read_condition
+    from vbus.trace.journal.history import History
+    from vbus.trace.journal.view import Sessions
 
     with opened(journal) as (reader, _):
         header = reader.header

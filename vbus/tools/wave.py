@@ -71,7 +71,7 @@ def _of_journal(path: Path, wish: Any, quiet: bool) -> int:
     from vbus.board.build import load_board_text
     from vbus.server.recording import wave_of
     from vbus.tools.journal_lines import moving, opened, progress
-    from vbus.trace.replay import Replay
+    from vbus.trace.journal.replay import Replay
 
     with opened(path) as (reader, _):
         if not reader.header.text:

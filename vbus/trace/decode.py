@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 from vbus.board import plugins
 from vbus.chips.base import Chip
@@ -11,8 +11,8 @@ from vbus.signals import Observer, Violation
 from vbus.trace.packets import UNKNOWN, Cycle, Decoder, Packet
 
 Settings = Mapping[str, Value]
-NO_SETTINGS: Final[Settings] = MappingProxyType({})
-NO_SETTINGS_AT_ALL: Final[Mapping[str, Settings]] = MappingProxyType({})
+NO_SETTINGS: Final[Mapping[str, Any]] = MappingProxyType({})
+"""No settings of a chip, or of any chip."""
 
 
 class PlainPackets(Decoder):
@@ -73,7 +73,7 @@ class BoardPackets(Observer):
         self,
         families: Mapping[str, str],
         take: Callable[[str, Packet], None],
-        settings: Mapping[str, Settings] = NO_SETTINGS_AT_ALL,
+        settings: Mapping[str, Settings] = NO_SETTINGS,
     ) -> None:
         self._decoders: dict[str, Decoder] = {
             name: decoder_of(family, settings.get(name, NO_SETTINGS))

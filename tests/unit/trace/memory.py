@@ -20,10 +20,10 @@ from vbus.board.build import load_board_text
 from vbus.board.checks import all_rules
 from vbus.board.host_bus import HostBus
 from vbus.tools.journal_lines import decoded, opened
-from vbus.trace.journal import Journal
-from vbus.trace.journal_view import play
-from vbus.trace.replay import Replay
-from vbus.trace.report import Report
+from vbus.trace.findings.report import Report
+from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.replay import Replay
+from vbus.trace.journal.view import play
 
 
 def asking(port: HostBus, cycles: int) -> None:

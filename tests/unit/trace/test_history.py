@@ -11,9 +11,9 @@ from vbus.board.checks import all_rules
 from vbus.board.host_bus import HostBus
 from vbus.errors import VbusError
 from vbus.kernel import MS
-from vbus.trace.conditions import condition
-from vbus.trace.history import History
-from vbus.trace.player import Player
+from vbus.trace.journal.conditions import condition
+from vbus.trace.journal.history import History
+from vbus.trace.journal.player import Player
 
 _, RUN = read(record(LM629, lm629_move, lm629_move))
 

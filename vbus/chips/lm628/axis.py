@@ -104,8 +104,9 @@ class Axis:
         """Return the status byte without its busy bit (LM-STA-1)."""
         return self.flags | ds.MOTOR_OFF if self.motor_off else self.flags
 
+    @property
     def signals(self) -> int:
-        """Return the signals register (LM-STA-2)."""
+        """The signals register (LM-STA-2)."""
         profile = self.profile
         return (
             (0x8000 if self.flags & self.mask else 0)
@@ -152,6 +153,10 @@ class Axis:
         # LM-STA-4: motor-off has just risen.
         self.flags = ds.TRAJECTORY_COMPLETE | (ds.BREAKPOINT if self.stuck else 0)
 
+    def mask_interrupts(self, enable: int) -> None:
+        """MSKI: ones enable (LM-CMD-17)."""
+        self.mask = enable & ds.INTERRUPTS
+
     def reset_interrupts(self, keep: int) -> None:
         """RSTI: zeros in bits 6..1 of ``keep`` clear the flags (LM-CMD-18, LM-RST-6)."""
         self.flags = self.kept_flags(keep)
@@ -162,11 +167,15 @@ class Axis:
         return flags | ds.BREAKPOINT if self.stuck else flags
 
     def set_breakpoint(self, position: int) -> None:
-        """SBPA and SBPR: arm the breakpoint and remember from which side it comes (LM-POS-5)."""
+        """SBPA: arm the breakpoint and remember from which side it comes (LM-POS-5)."""
         self.breakpoint = wrap(position, ds.POSITION_BITS)
         self._look_at_breakpoint()
         self.breakpoint_armed = True
         self.stuck = False
+
+    def set_relative_breakpoint(self, offset: int) -> None:
+        """SBPR: counted from the active target (LM-AMB-5)."""
+        self.set_breakpoint(self.profile.target + offset)
 
     def _look_at_breakpoint(self) -> None:
         self.breakpoint_side = (self.breakpoint > self.real) - (self.breakpoint < self.real)
@@ -248,9 +257,9 @@ class Axis:
         """The real position comes round to ``real``: it passes the breakpoint, or changes sides."""
         place, before = self.breakpoint, self.real
         if change > 0:
-            passed = place > before or place <= real
+            passed = place >= before or place <= real
         else:
-            passed = place < before or place >= real
+            passed = place <= before or place >= real
         # On neither side it fires in this sample.
         self.breakpoint_side = 0 if passed else (place > real) - (place < real)
 
@@ -307,20 +316,21 @@ class Axis:
         elif stops & ds.STOP_SMOOTHLY:
             profile.stopping = True
 
+    @property
     def real_velocity(self) -> int:
-        """Return what RDRV reads (LM-CMD-12)."""
+        """What RDRV reads: whole counts per sample (LM-CMD-12)."""
         return clamp(self.real_change, _VELOCITY_MIN, _VELOCITY_MAX)
 
     def telemetry(self) -> dict[str, int | float | str]:
         """Return what a live view shows of the axis; positions in counts, rates per sample."""
         profile = self.profile
-        signals = self.signals()
+        signals = self.signals
         return {
             "desired": profile.position / 65536,
             "target": profile.target,
             "velocity": profile.velocity / 65536,
             "real": self.real,
-            "real_velocity": self.real_velocity(),
+            "real_velocity": self.real_velocity,
             "error": self.error,
             "integral": self.pid.term,
             "command": self.command,

@@ -4,15 +4,14 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.mc1241a.axis import Axis
+from vbus.chips.mc1241a.axis import FOR_EVER, Axis
 from vbus.chips.mc1241a.chipset import ChipSet
-from vbus.chips.mc1241a.datasheet import CYCLE_CLK, OUTPUT_PWM, SLOT_CLK, SLOTS
+from vbus.chips.mc1241a.datasheet import CYCLE_CLK, SLOT_CLK, SLOTS
+from vbus.chips.mc1241a.parameters import Shared
 from vbus.kernel import NEVER
 from vbus.signals import Plant
 from vbus.state import Names
 
-FOR_EVER: Final = (1 << 62) - 1
-"""More cycles than there will be."""
 _SCALE: Final = 32_767.0
 """FULL_SCALE as a float."""
 
@@ -29,29 +28,13 @@ class Currents:
         self.c: i64 = 0
 
 
-class Shared:
-    """What the axes have in common."""
-
-    STATE: ClassVar[Names] = ("time", "output_mode", "limit_sense", "sensing: bool")
-
-    def __init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Take the values of the manual's reset table (PMD-RST-2)."""
-        self.time: int = 0
-        """Cycles since reset, 32 bits."""
-        self.output_mode: int = OUTPUT_PWM
-        self.limit_sense: int = 0
-        self.sensing: bool = True
-
-
 class Cycles:
     """Cycles and slots at whole clock numbers, counted from the end of the last reset (NOTES 2).
 
     Args:
         chip: the chip set.
         axes: its axes.
+        shared: what they have in common.
     """
 
     STATE: ClassVar[Names] = (
@@ -61,10 +44,10 @@ class Cycles:
     WIRING: ClassVar[Names] = ("_axes", "_chip", "skipping")
     DERIVED: ClassVar[Names] = ("_slotted", "heard", "run_count")
 
-    def __init__(self, chip: ChipSet, axes: list[Axis]) -> None:
+    def __init__(self, chip: ChipSet, axes: list[Axis], shared: Shared) -> None:
         self._chip: ChipSet = chip
         self._axes: list[Axis] = axes
-        self.shared: Shared = Shared()
+        self.shared: Shared = shared
         self.motors: list[Plant | None] = [None] * len(axes)
         self.boundary: i64 = NEVER
         """Instant at which the next slot or cycle begins (ps); NEVER while ~Reset is held."""
@@ -126,6 +109,11 @@ class Cycles:
         slot = (self._chip.clock.cycle_at(instant) - self._origin) // SLOT_CLK
         return slot if slot > 0 else 0
 
+    @property
+    def slot_clk(self) -> i64:
+        """Clock at which the last slot began, counted in the same way."""
+        return (self._slot - 1) * SLOT_CLK
+
     # -- slots and cycles ---------------------------------------------------------------------
 
     def run(self, now: int) -> None:
@@ -150,8 +138,6 @@ class Cycles:
             for number, motor in enumerate(self.motors):
                 if motor is not None:
                     self._drive(number, motor, slot)
-            if self.heard:
-                chip.begin_slot(slot * SLOT_CLK)
             self._slot = slot + 1
             self.boundary = self._slot_end
             return
@@ -189,16 +175,7 @@ class Cycles:
         shared.time = shared.time + 1 & 0xFFFFFFFF
         self.run_count += 1
         for axis in self._axes:
-            home = axis.encoder.home_level()
-            positive, negative = self._limits(axis)
-            axis.cycle(shared.time, home, positive, negative, shared.sensing)
-        self._chip.look_for_interrupt()
-
-    def _limits(self, axis: Axis) -> tuple[bool, bool]:
-        """Return whether the limit switches of an axis are active, by their sense (PMD-LIM-1)."""
-        positive, negative = axis.encoder.limit_levels()
-        sense = self.shared.limit_sense >> 2 * axis.number
-        return positive != sense & 1, negative != sense >> 1 & 1
+            axis.cycle()
 
     # -- motors -------------------------------------------------------------------------------
 
@@ -283,11 +260,7 @@ class Cycles:
         idle = FOR_EVER
         slot = self.slot_at(self._chip.instant)
         for number, axis in enumerate(self._axes):
-            positive, negative = self._limits(axis)
-            quiet = axis.idle_cycles(
-                self.shared.time, axis.encoder.home_level(), positive, negative,
-                self.shared.sensing,
-            )  # fmt: skip
+            quiet = axis.idle_cycles()
             if quiet == 0:
                 return 0
             motor = self.motors[number]

@@ -5,10 +5,9 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.chips.mc1241a.datasheet import FULL_SCALE, TWO_PHASE
 from vbus.state import Names
 
-FULL_SCALE: Final = 32_767
-"""Largest phase output and motor command."""
 STEPS: Final = 256
 """Microsteps in an electrical cycle: four full steps of 64 (PMD-USTP-1)."""
 _CYCLE: Final = (STEPS << 32) - 1
@@ -144,6 +143,11 @@ class Microstepper:
         angle = self.angle(slot)
         waves = self._two if self.two_phase else self._three
         return scaled(command, PHASE_A[angle]), scaled(command, waves[angle])
+
+    @property
+    def phase_info(self) -> int:
+        """GET_PHASE_INFO: bit 3, two phases (PMD-CMD-80)."""
+        return TWO_PHASE if self.two_phase else 0
 
     def still(self) -> bool:
         """Whether every slot of this cycle has the same angle."""

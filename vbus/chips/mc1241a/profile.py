@@ -77,13 +77,19 @@ class Profile:
 
     # -- what others ask ----------------------------------------------------------------------
 
-    def target(self) -> int:
-        """Return the target position (usteps): the integer part."""
+    @property
+    def target_position(self) -> int:
+        """The target position in whole usteps (PMD-CMD-25)."""
         return self.position >> 32
+
+    @property
+    def target_velocity(self) -> int:
+        """The target velocity, 16.16 (PMD-CMD-26)."""
+        return self.velocity >> 16
 
     def travelled(self) -> int:
         """Return the target position as if it did not wrap, for the comparison with an encoder."""
-        return self.target() + (self._turns << POSITION_BITS)
+        return self.target_position + (self._turns << POSITION_BITS)
 
     def phase(self) -> int:
         """Return the S-curve phase, 1 to 7, or 0 at rest (PMD-STA-5)."""
@@ -116,7 +122,8 @@ class Profile:
         """
         if mode == self.mode:
             return False
-        moving = self.velocity != 0
+        # A trapezoid that turns round has velocity 0 on the way.
+        moving = self.velocity != 0 or self.in_motion()
         rude = moving and mode in (TRAPEZOIDAL, S_CURVE)
         self.mode = mode
         self._clear_curve()

@@ -53,7 +53,7 @@ class Mc1241aUpsets(Upsets):
             if chip.port.busy_until <= now:
                 chip.port.busy_since = now
             chip.port.busy_until = now + STUCK
-            chip.show_ready(False, now)
+            chip.port.show_ready(False)
             return "HostRdy is low"
         return super().start(name, values)
 
@@ -67,7 +67,7 @@ class Mc1241aUpsets(Upsets):
             if chip.port.busy_until > now:
                 chip.port.busy_until = now
                 if chip.port.due() == NEVER:
-                    chip.show_ready(True, now)
+                    chip.port.show_ready(True)
 
     # -- its clock ----------------------------------------------------------------------------
 
