@@ -386,7 +386,7 @@ def connect(where: str, timeout: float = TIMEOUT) -> Bus:
     try:
         if not until_ready_to_write(link, timeout):
             raise TransportError(f"{link.where} cannot be opened within {timeout:g} s")
-        bus.hello()
+        link.check_board((bus.hello()).board)
     except BaseException:
         bus.close()
         raise

@@ -115,11 +115,13 @@ def serve_read(
                 f" {file.board.time}"
             )
         file = msgspec.structs.replace(file, board=msgspec.structs.replace(file.board, rate=rate))
-    counted = file.metrics
-    try:
-        address = metrics_address(counted.listen, counted.remote) if counted.listen else None
-    except ValueError as error:
-        raise ConfigError(f"{file.path}: metrics: {error}") from None
+    address = None
+    if file.metrics.listen:
+        # What the file itself says has been checked.
+        try:
+            address = metrics_address(file.metrics.listen, file.metrics.remote)
+        except ValueError as error:
+            raise ConfigError(f"--metrics: {error}") from None
     board = build(file, source)
     if snapshot:
         if file.record.journal:

@@ -39,6 +39,10 @@ class Link:
         """End the link from this side."""
         os.close(self.fd)
 
+    def hang_up(self) -> None:
+        """End the link, and let the host notice it."""
+        self.close()
+
 
 class MessageLink(Link):
     """One connected host whose requests come as messages, each answered by exactly one.

@@ -385,7 +385,7 @@ async def connect(where: str, timeout: float = TIMEOUT) -> Bus:
     try:
         if not await until_ready_to_write(link, timeout):
             raise TransportError(f"{link.where} cannot be opened within {timeout:g} s")
-        await bus.hello()
+        link.check_board((await bus.hello()).board)
     except BaseException:
         await bus.close()
         raise
