@@ -268,8 +268,15 @@ class Chip:
             self._heard = False
             self._timer.cancel()
 
+    def touched(self) -> None:
+        """Something from outside has changed the chip: what follows from its state follows.
+
+        Call it at the end of whatever does so: bus cycles, edges at inputs, faults.
+        """
+        self.rearm()
+
     def rearm(self) -> None:
-        """Set the timer to the next event, if anybody listens. Call after every outside event."""
+        """Set the timer to the next event, if anybody listens."""
         if self._heard:
             due = self.next_event()
             if due == NEVER:

@@ -47,7 +47,7 @@ class Upsets:
 
     def disturb(self) -> None:
         """Tell the chip that something behind it is different now: rest is over."""
-        self.chip.rearm()
+        self.chip.touched()
 
     def filter_ps(self, axis: int) -> int:
         """Return the shortest level at an encoder input the chip believes (ps); 0 if unknown."""
@@ -59,7 +59,7 @@ class Upsets:
         """Let a fault act; return what it changes."""
         self.chip.advance()
         text = self.start(name, values)
-        self.chip.rearm()
+        self.chip.touched()
         self.chip.kernel.settle()
         return text
 
@@ -67,7 +67,7 @@ class Upsets:
         """Let it act no more."""
         self.chip.advance()
         self.stop(name, values)
-        self.chip.rearm()
+        self.chip.touched()
         self.chip.advance()
         self.chip.kernel.settle()
 

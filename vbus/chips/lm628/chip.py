@@ -102,7 +102,7 @@ class LM628(HostInterface):
         # Nothing is due before this instant: advance() compares with it and is done.
         self._due_at: i64 = NEVER
         self._reset_fell: i64 = 0
-        self._front: BusPins = BusPins(self)
+        self._front: BusPins = BusPins(self, self.host)
         self._encoder_pins: EncoderPins = EncoderPins(self, self.encoder)
         self.pins["/RST"].net.watch(Watcher(kernel, self._reset_moved))
         self._hi: Pin = self.pins["HI"]
@@ -246,10 +246,6 @@ class LM628(HostInterface):
         data = host.end_data(self.kernel.now)
         self.touched()
         return data
-
-    def lose_read(self) -> None:
-        """The read under way counts for nothing; its byte is FFh."""
-        self.host.lose_read()
 
     def shown(self) -> int:
         """Return what D0-D7 show in the read under way."""
@@ -398,7 +394,7 @@ class LM628(HostInterface):
         """Something from outside has changed the chip: pins and timers follow."""
         self._course, self._still = (), False
         self._refresh()
-        self.rearm()
+        super().touched()
 
     def expect(self, when: int) -> None:
         """The front-end has something to do at instant ``when``."""

@@ -25,10 +25,6 @@ class Lm628Upsets(Upsets):
         assert isinstance(chip, LM628)
         self.chip: LM628 = chip
 
-    def disturb(self) -> None:
-        """Tell the chip that something behind it is different now."""
-        self.chip.touched()
-
     def filter_ps(self, axis: int) -> int:
         """Return how long the inputs' filter dwells (ps)."""
         return self.chip.encoder.inputs.filter_dwell

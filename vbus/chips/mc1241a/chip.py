@@ -127,7 +127,7 @@ class MC1241A(ChipSet):
         if self._adapter_read:
             return self.adapter_status()
         data = self.port.end_read()
-        self.rearm()
+        self.touched()
         return data
 
     def write(self, address: int, data: int) -> None:
@@ -139,7 +139,7 @@ class MC1241A(ChipSet):
             self.port.write_command(data)
         elif address == RESET_PORT:
             self.release_reset(False)
-        self.rearm()
+        self.touched()
 
     def adapter_status(self) -> int:
         """Return the status byte of a card: D7 HostRdy, D6 ~HostIntrpt, the others float high."""
@@ -189,12 +189,12 @@ class MC1241A(ChipSet):
         self.restart(self.kernel.now, 0 if done else RESET_CLK)
         self._reckon()
         self.advance()
-        self.rearm()
+        self.touched()
 
     def hold_reset(self, when: int) -> None:
         """~Reset is low; if it still is at ``when``, everything stops."""
         self._hold_at = when
-        self.rearm()
+        self.touched()
 
     def release_reset(self, lost: bool) -> None:
         """~Reset rises: the reset runs, unless the pulse was too short and is ``lost``."""
@@ -202,7 +202,7 @@ class MC1241A(ChipSet):
         if not lost:
             self.held = False
             self.restart(self.kernel.now)
-        self.rearm()
+        self.touched()
 
     def reset_command(self) -> None:
         """RESET: like ~Reset, counted from when the command was written (PMD-CMD-75)."""
@@ -304,10 +304,10 @@ class MC1241A(ChipSet):
         due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at)
         return due == NEVER and self.cycles.resting()
 
-    def rearm(self) -> None:
-        """Take note of what something outside has changed."""
+    def touched(self) -> None:
+        """Something from outside has changed the chip set: find what is due next."""
         self._reckon()
-        super().rearm()
+        super().touched()
 
     # -- neighbours ---------------------------------------------------------------------------
 
@@ -318,7 +318,6 @@ class MC1241A(ChipSet):
         self.cycles.choose_slots()
         self._reckon()
         super().heard_changed()
-        self.rearm()
 
     def exchange_plant(self, axis: int, plant: Plant) -> None:
         """Put another motor behind an axis, and behind every encoder that hears the one there."""

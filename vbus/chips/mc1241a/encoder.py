@@ -307,7 +307,7 @@ class Encoder:
                 chip.report(AC.rules["T1"], self._decoder.pulse, AC["T1"].min_ps)
             if found & INDEX_INSIDE:
                 chip.report(AC.rules["T3"], -1, AC["T3"].min_ps)
-        chip.rearm()
+        chip.touched()
 
     def _home_moved(self) -> None:
         """~Home has moved."""
@@ -317,14 +317,14 @@ class Encoder:
         self._home_wired = self._home.net.driven
         self._unsettled = True
         self._home_filter.edge(chip.kernel.now, self._home.value)
-        chip.rearm()
+        chip.touched()
 
     def limit_moved(self) -> None:
         """A limit switch pin has moved."""
         self._chip.advance()
         for place, pin in enumerate((self._positive, self._negative)):
             self._levels[place] = pin.value if pin.net.driven else -1
-        self._chip.rearm()
+        self._chip.touched()
 
     def after_load(self) -> None:
         """Look at the pins."""

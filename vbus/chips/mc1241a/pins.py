@@ -224,4 +224,4 @@ class HostPins:
         chip = self._chip
         if chip.judged and self._too_short(symbol, held) and self._last_was_write:
             self._port.lose()
-            chip.rearm()
+            chip.touched()
