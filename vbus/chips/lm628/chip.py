@@ -59,6 +59,7 @@ class LM628(HostInterface):
     RULES: ClassVar[tuple[Rule, ...]] = ds.RULES
     FREE_READS: ClassVar[tuple[int, ...]] = (ds.COMMAND_PORT,)
     TRACELESS: ClassVar[bool] = True
+    PERIOD_CLK: ClassVar[int] = ds.SAMPLE_CLK
     OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
     KEPT: ClassVar[Names] = _INSIDE
     STATE: ClassVar[Names] = (
@@ -247,9 +248,9 @@ class LM628(HostInterface):
         self.touched()
         return data
 
-    def shown(self) -> int:
+    def read_byte(self) -> int:
         """Return what D0-D7 show in the read under way."""
-        return self.status() if self.host.reading_status() else self.host.shown()
+        return self.status() if self.host.reading_status() else self.host.data_byte()
 
     def write(self, address: int, data: int) -> None:
         """A byte is latched."""
@@ -434,12 +435,12 @@ class LM628(HostInterface):
     def telemetry(self) -> dict[str, int | float | str]:
         """Return desired and real motion, filter and output, status and signals by name."""
         self.advance()
-        shown = self.axis.telemetry()
-        shown["output"] = self.output.command
-        shown["code"] = self.output.code()
-        shown["status"] = self.status()
-        shown["interrupt"] = self._hi.level
-        return shown
+        return self.axis.telemetry() | {
+            "output": self.output.command,
+            "code": self.output.code(),
+            "status": self.status(),
+            "interrupt": self._hi.level,
+        }
 
     def after_load(self) -> None:
         """Work out what is due."""

@@ -185,7 +185,7 @@ class Host:
         """Whether the read under way is of the status byte."""
         return self._kind == _STATUS
 
-    def shown(self) -> int:
+    def data_byte(self) -> int:
         """Return the byte the data read under way shows."""
         return _NO_BYTE if self._kind == _LOST else self._latched
 

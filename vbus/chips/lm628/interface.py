@@ -15,7 +15,7 @@ class HostInterface(Chip):
         """The index has come at encoder ``count``; if armed, store its position (LM-POS-3)."""
         raise NotImplementedError
 
-    def shown(self) -> int:
+    def read_byte(self) -> int:
         """Return what D0-D7 show in the read under way."""
         raise NotImplementedError
 

@@ -277,4 +277,4 @@ class BusPins:
         """Drive what the read under way shows now; status is live (LM-BUS-3)."""
         if self._kernel.now >= self.show_at:
             self.show_at = NEVER
-        self._data.drive(_FLOATING if self.show_at != NEVER else self._chip.shown())
+        self._data.drive(_FLOATING if self.show_at != NEVER else self._chip.read_byte())

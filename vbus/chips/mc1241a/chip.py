@@ -20,6 +20,7 @@ from vbus.chips.mc1241a.datasheet import (
     RESET_CLK,
     RESET_PORT,
     RULES,
+    SLOT_CLK,
     STATUS_NO_INTERRUPT,
     STATUS_READY,
 )
@@ -58,6 +59,7 @@ class MC1241A(ChipSet):
     RULES: ClassVar[tuple[Rule, ...]] = RULES
     FREE_READS: ClassVar[tuple[int, ...]] = (COMMAND_PORT,)
     TRACELESS: ClassVar[bool] = True
+    PERIOD_CLK: ClassVar[int] = SLOT_CLK
     OPTIONS: ClassVar[tuple[Option, ...]] = OPTIONS
     CARD_DECODES: ClassVar[dict[str, tuple[CardRow, ...]]] = CARD_DECODES
     STATE: ClassVar[Names] = (
@@ -364,12 +366,14 @@ class MC1241A(ChipSet):
         for axis in self.axes:
             n = axis.number + 1
             a, b = self.cycles.phase_outputs(axis.number)
-            values[f"target {n}"] = axis.profile.target_position
-            values[f"velocity {n}"] = axis.profile.velocity / (1 << 32)
-            values[f"actual {n}"] = axis.encoder.actual
-            values[f"error {n}"] = axis.position_error
-            values[f"status {n}"] = axis.status
-            values[f"mode {n}"] = axis.mode
-            values[f"phase A {n}"] = a
-            values[f"phase B {n}"] = b
+            values |= {
+                f"target {n}": axis.profile.target_position,
+                f"velocity {n}": axis.profile.velocity / (1 << 32),
+                f"actual {n}": axis.encoder.actual,
+                f"error {n}": axis.position_error,
+                f"status {n}": axis.status,
+                f"mode {n}": axis.mode,
+                f"phase A {n}": a,
+                f"phase B {n}": b,
+            }
         return values

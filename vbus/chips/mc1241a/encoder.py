@@ -18,13 +18,11 @@ from vbus.chips.motion.quadrature import (
     ALL_LOW,
     COUNTED,
     INDEX_FELL,
-    INDEX_INSIDE,
-    SHORT_DWELL,
-    SHORT_PULSE,
     SKIPPED,
     InputFilter,
     Quadrature,
 )
+from vbus.chips.strobes import judge_inputs
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, Pin, Plant, Switch, Watcher
 from vbus.state import Names
@@ -301,12 +299,7 @@ class Encoder:
         self._unsettled = True
         found = self._decoder.edge(now, self._a.value, self._b.value, self._index.value)
         if found and chip.judged:
-            if found & SHORT_DWELL:
-                chip.report(AC.rules["T2"], self._decoder.dwell, AC["T2"].min_ps)
-            if found & SHORT_PULSE:
-                chip.report(AC.rules["T1"], self._decoder.pulse, AC["T1"].min_ps)
-            if found & INDEX_INSIDE:
-                chip.report(AC.rules["T3"], -1, AC["T3"].min_ps)
+            judge_inputs(chip, AC, self._decoder, found)
         chip.touched()
 
     def _home_moved(self) -> None:
