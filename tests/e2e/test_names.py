@@ -107,16 +107,12 @@ def test_a_computer_without_free_descriptors_is_reported_and_not_asked_all_the_t
     full = Exhausted()
 
     async def main() -> None:
-        transport.open(asyncio.get_running_loop(), lambda link: None)
-        real, transport._listener = transport._listener, full  # type: ignore[assignment]
-        assert real is not None
-        asyncio.get_running_loop().remove_reader(real.fileno())
-        transport._accept_again()
+        loop = asyncio.get_running_loop()
+        loop.add_reader(full.fileno(), transport._accept, full, loop, lambda link: None)
         for _ in range(100):
             await asyncio.sleep(0)
-        real.close()
-        transport.close()
 
     asyncio.run(main())
+    full.close()
     assert full.asked == 1
     assert reports == [f"unix:{runtime}/x: a host waits outside: Too many open files"]

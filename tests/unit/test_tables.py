@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from vbus.chips.registers import hooks
 from vbus.chips.tables import Command, CommandTable, Register, RegisterMap
 
 
@@ -33,6 +34,33 @@ def test_a_register_map_finds_rows_by_name_and_by_address() -> None:
         low, None, None, high, high, None,
     ]  # fmt: skip
     assert (low.bits, high.bits) == (8, 16)
+
+
+class Hooks:
+    """What rows name."""
+
+    no_method = 1
+
+    def store(self) -> None: ...
+
+    def start(self) -> None: ...
+
+
+def test_the_methods_rows_name_are_found_by_address() -> None:
+    rows = (
+        Register("A", (1, 2)),
+        Register("B", (3,), on_write="start"),
+        Register("C", (4,), 0, "r"),
+    )
+    found = hooks(RegisterMap(16, *rows), Hooks, "on_write", "store")
+    assert found == {1: Hooks.store, 2: Hooks.store, 3: Hooks.start}
+
+
+@pytest.mark.parametrize("name", ["strat", "no_method"])
+def test_a_row_that_names_no_method_is_refused(name: str) -> None:
+    rows = RegisterMap(16, Register("A", (0,), on_read=name))
+    with pytest.raises(TypeError, match=f"^A: on_read names {name}, no method of Hooks$"):
+        hooks(rows, Hooks, "on_read")
 
 
 @pytest.mark.parametrize(

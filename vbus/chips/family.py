@@ -84,7 +84,7 @@ class Family:
     kept: frozenset[str] = frozenset()
 
     def load(self, role: str, base: type[_T]) -> type[_T] | None:
-        """Return the class that :attr:`role` names, or None if it is left out.
+        """Return the class that attribute ``role`` names, or None if it is left out.
 
         Raises:
             PluginError: it cannot be imported, or is no subclass of ``base``.
@@ -100,7 +100,7 @@ class Family:
         return found
 
     def object(self, role: str) -> Any:
-        """Return the object that :attr:`role` names, or None if it is left out.
+        """Return the object that attribute ``role`` names, or None if it is left out.
 
         Raises:
             PluginError: it cannot be imported.

@@ -2,11 +2,11 @@
 
 Runs when a wheel is built, by hatchling, and never later; it imports nothing of vbus.
 
-=======================  =========================================================================
-``VBUS_PURE=1``          build the wheel without the compiled core, on any machine
-``VBUS_NEED_COMPILED=1`` no compiled core is an error, not a note
-``CC``, ``CFLAGS``       the compiler, and options added to ours
-=======================  =========================================================================
+========================  ========================================================================
+``VBUS_PURE=1``           build the wheel without the compiled core, on any machine
+``VBUS_NEED_COMPILED=1``  no compiled core is an error, not a note
+``CC``, ``CFLAGS``        the compiler, and options added to ours
+========================  ========================================================================
 
 Without a compiler, or without Python's headers, the wheel is pure Python, and it says why in
 ``vbus doctor``. A type error in the sources stops the build, whether or not a compiler is there.
@@ -28,10 +28,10 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 COMPILED: Final = (
     "bits.py", "state/fields.py", "state/kinds.py", "kernel/*.py", "signals/*.py",
-    "chips/*.py", "chips/*/*.py", "plant/*.py", "protocols/base.py", "protocols/byte.py",
-    "protocols/codes.py", "protocols/frame*.py", "protocols/port.py",
-    "board/board.py", "board/circuit.py", "board/host_*.py", "board/strobe_*.py",
-    "trace/journal/rows.py", "trace/journal/recorded_bus.py",
+    "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py", "plant/*.py",
+    "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
+    "protocols/port.py", "board/board.py", "board/circuit.py", "board/host_*.py",
+    "board/strobe_*.py", "trace/journal/rows.py", "trace/journal/recorded_bus.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what works in every sample or bus cycle."""
 

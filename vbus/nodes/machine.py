@@ -33,7 +33,7 @@ def node_of(
         made.start_trace()
     if scenario is not None:
         orders = Orders(made.board, "scenario")
-        made.add_orders(orders)
+        made.orders.append(orders)
         for order in scenario.of({chip.name for chip in made.board.chips}):
             orders.give(order)
     return made
@@ -88,7 +88,7 @@ class Machine:
             return conductor.state == RUNS
         for other in self.conductors:
             if other is not conductor:
-                other.receive(report)
+                other.participant.receive(report)
         return True
 
     def trace_hash(self) -> str:

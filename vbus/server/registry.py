@@ -42,24 +42,34 @@ def _safe(board: str) -> str:
     return "".join(c if c.isalnum() or c in "-_." else "_" for c in board)
 
 
+def _exchange(path: Path, request: bytes, seconds: float) -> dict[str, Any]:
+    """Return what a board answers at one of its sockets.
+
+    Raises:
+        OSError: nobody answers.
+        ValueError: the answer is no JSON.
+    """
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+        link.settimeout(seconds)
+        with socket_address(path) as address:
+            link.connect(address)
+        if request:
+            link.sendall(request)
+        with link.makefile("rb") as answer:
+            found: dict[str, Any] = json.load(answer)
+    return found
+
+
 def ask(path: Path) -> dict[str, Any]:
     """Return what the board behind a status socket tells.
 
     Raises:
         TransportError: nobody answers.
     """
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
-        link.settimeout(ANSWER_SECONDS)
-        try:
-            with socket_address(path) as address:
-                link.connect(address)
-            data = b""
-            while chunk := link.recv(65536):
-                data += chunk
-            answer: dict[str, Any] = json.loads(data)
-        except (OSError, ValueError) as error:
-            raise TransportError(f"{path.stem}: does not answer ({error})") from error
-    return answer
+    try:
+        return _exchange(path, b"", ANSWER_SECONDS)
+    except (OSError, ValueError) as error:
+        raise TransportError(f"{path.stem}: does not answer ({error})") from error
 
 
 def order(board: str, do: str, **values: Any) -> Any:
@@ -69,21 +79,14 @@ def order(board: str, do: str, **values: Any) -> Any:
         TransportError: no board of that name takes orders.
         VbusError: the board refuses; says why.
     """
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
-        link.settimeout(ORDER_SECONDS)
-        try:
-            with socket_address(control_path(board)) as address:
-                link.connect(address)
-            link.sendall(json.dumps({"do": do, **values}).encode() + b"\n")
-            data = b""
-            while chunk := link.recv(1 << 20):
-                data += chunk
-            answer: dict[str, Any] = json.loads(data)
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            raise TransportError(
-                f'no board called "{board}" takes orders ({reason}); "vbus ls" shows which run'
-            ) from error
+    request = json.dumps({"do": do, **values}).encode() + b"\n"
+    try:
+        answer = _exchange(control_path(board), request, ORDER_SECONDS)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise TransportError(
+            f'no board called "{board}" takes orders ({reason}); "vbus ls" shows which run'
+        ) from error
     if "error" in answer:
         raise VbusError(f"{board}: {answer['error']}")
     return answer["done"]

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -127,16 +128,13 @@ def serve_read(
                 " snapshot"
             )
         load_into(board, read(_content(snapshot), snapshot))
-    recording = Recording(
-        board, file.record, source.text, file.path, report or log.warning, file.waves
-    )
+    recording = Recording(board, source.text, file.path, report or log.warning)
 
     def ready(server: Server) -> None:
         recording.start(asyncio.get_running_loop())
         if on_ready is not None:
             on_ready(server)
 
-    try:
+    with closing(recording):
+        recording.open(file.record, file.waves)
         run(board, links_of(file), file.board.stall, ready, report, address)
-    finally:
-        recording.close()

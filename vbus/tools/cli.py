@@ -29,10 +29,14 @@ _COMMANDS: Final = {
     "report": "Show the violations of a recorded run, with the cycles around them.",
     "router": "Let boards and hosts of several computers meet (Zenoh).",
     "run": "Run a board and serve its links until Ctrl-C.",
+    "schema": "Print the JSON Schema of board files, for editors.",
     "snap": "Take snapshots of running boards, load them again.",
     "trace": "Merge the traces of nodes; print the hash of what happened.",
     "wave": "Write a waveform of a running board or of a recorded run.",
 }
+
+_COMPLETING: Final = "_VBUS_COMPLETE"
+"""Is set in the environment while a shell asks what could follow."""
 
 _EPILOG: Final = "\b\nExit codes:\n" + "\n".join(
     f"  {code:<4}{meaning}" for code, meaning in exit_codes.MEANINGS.items()
@@ -50,6 +54,10 @@ class _Lazy(click.Group):
             return None
         module = importlib.import_module(f"vbus.tools.{cmd_name}")
         command: click.Command = module.command
+        if _COMPLETING in os.environ:
+            from vbus.tools.completing import prepared
+
+            return prepared(command, cmd_name)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -368,6 +368,8 @@ class RegisterPackets(Decoder):
 
     def value(self, row: Register, value: int, write: bool) -> str:
         """Return a register's value as people read it."""
+        if row.fields:
+            return f"{value:02X}H {flags(value, row.fields)}"
         if row.signed:
             return number(signed(value, row.bits), row.fraction, True)
         if row.fraction or row.bits > 8:

@@ -4,6 +4,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 HIGH = 1
 
@@ -160,6 +161,11 @@ class CommandTable:
         return found
 
 
+LIVE: Final = "at once"
+SAMPLED: Final = "with the next sample"
+REPORTED: Final = "as the last sample left it"
+
+
 @dataclass(frozen=True, slots=True)
 class Register:
     """One register, of one or more bytes.
@@ -173,6 +179,11 @@ class Register:
         fraction: fraction bits.
         clause: clause id.
         title: the manual's name.
+        unit: what its value counts.
+        counts: when its value means something: :data:`LIVE`, :data:`SAMPLED`, :data:`REPORTED`.
+        fields: its bits by name.
+        on_read: method of the chip that gives its bytes; "": they are read as they stand.
+        on_write: method of the chip that takes its bytes; "": they are stored.
     """
 
     name: str
@@ -183,11 +194,21 @@ class Register:
     fraction: int = 0
     clause: str = ""
     title: str = ""
+    unit: str = ""
+    counts: str = ""
+    fields: tuple[Bit, ...] = ()
+    on_read: str = ""
+    on_write: str = ""
 
     @property
     def bits(self) -> int:
         """Width of the whole value."""
         return 8 * len(self.addresses)
+
+    @property
+    def low(self) -> int:
+        """Address of the least significant byte."""
+        return self.addresses[-1]
 
 
 class RegisterMap:

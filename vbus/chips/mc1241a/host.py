@@ -10,7 +10,7 @@ from vbus.errors import NotReadyError
 from vbus.protocols.quantities import format_instant, parse_duration
 
 PROFILES: Final = ("trap", "vel", "s_crv", "gear")
-"""Profile modes as their SET_PRFL_ commands call them."""
+"""Profile modes as their ``SET_PRFL_`` commands call them."""
 
 
 class Mc1241a(Mc1241aCalls):

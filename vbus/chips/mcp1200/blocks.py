@@ -1,29 +1,36 @@
 """The blocks inside, and what they ask of the whole."""
 
 from collections.abc import Callable
+from typing import Final
 
 from mypy_extensions import i64
 
-from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.capture import Breakpoint
-from vbus.chips.mcp1200.core import Core
+from vbus.chips.mcp1200.control_loop import ControlLoop
 from vbus.chips.mcp1200.counter import PositionCounter
 from vbus.chips.mcp1200.drive import PlantDrive
 from vbus.chips.mcp1200.encoder import Encoder
 from vbus.chips.mcp1200.output import Pwm
-from vbus.chips.mcp1200.picture import Live
+from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.rest import Rest
-from vbus.chips.mcp1200.sheet import Sheet
-from vbus.chips.mcp1200.states import HELD
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import SampleTimer
 from vbus.chips.mcp1200.writes import Writes
-from vbus.chips.registers import RegisterFile
 from vbus.kernel import Clock
 from vbus.options import Value
 from vbus.signals import Rule
 
 Report = Callable[[Rule, int, int, str, int], bool]
+
+HELD: Final = 0
+"""/RESET is low, or the supply has just come."""
+RESETTING: Final = 1
+STANDING: Final = 2
+"""Idle mode."""
+CONTROL: Final = 3
+
+NO_REQUEST: Final = -1
+"""The host has written nothing to R05 since the last sample."""
 
 
 class Blocks:
@@ -35,39 +42,32 @@ class Blocks:
         report: files a violation.
 
     Attributes:
-        state: :data:`HELD`, :data:`RESETTING`, :data:`STANDING` or :data:`CONTROL`.
+        state: ``HELD``, ``RESETTING``, ``STANDING`` or ``CONTROL`` of ``states.py``.
         released: cycle in which Pulse is high after a hard reset, else -1.
         writes: what the host has written, before it is visible.
     """
 
-    __slots__ = (
-        "_clock", "_report", "breakpoint", "core", "counter", "drive", "encoder", "file", "live",
-        "pwm", "released", "rest", "sheet", "state", "stepper", "timer", "writes",
-    )  # fmt: skip
-
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
         self._clock: Clock = clock
         self._report: Report = report
-        self.file: RegisterFile = RegisterFile(ds.REGISTERS)
-        data = self.file.bytes
-        self.sheet: Sheet = Sheet(self.file)
-        self.live: Live = self.sheet.live
-        self.core: Core = Core(self.sheet, settings["unipolar"] == "clip")
-        self.timer: SampleTimer = SampleTimer(self.live)
+        registers = RegisterFile()
+        self.registers: RegisterFile = registers
+        self.loop: ControlLoop = ControlLoop(registers, settings["unipolar"] == "clip")
+        self.timer: SampleTimer = SampleTimer(registers)
         self.encoder: Encoder = Encoder(clock.hz)
-        self.stepper: Stepper = Stepper(data)
-        self.breakpoint: Breakpoint = Breakpoint(self.live)
+        self.stepper: Stepper = Stepper(registers)
+        self.breakpoint: Breakpoint = Breakpoint(registers)
         self.counter: PositionCounter = PositionCounter(
-            self.core,
-            self.live,
+            registers,
             self.encoder,
             self.stepper,
             self.breakpoint,
+            self.loop.faults,
             settings["index"] == "high",
         )
-        self.pwm: Pwm = Pwm(self.live)
-        self.drive: PlantDrive = PlantDrive(self.live, self.encoder, self.stepper, settings)
-        self.rest: Rest = Rest(self.core, self.drive, self.encoder)
+        self.pwm: Pwm = Pwm(registers)
+        self.drive: PlantDrive = PlantDrive(registers, self.encoder, self.stepper, settings)
+        self.rest: Rest = Rest(self.loop, self.drive, self.encoder)
         self.state: int = HELD
         self.released: i64 = -1
         self.writes: Writes = Writes()

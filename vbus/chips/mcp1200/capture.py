@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from vbus.bits import wrap
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.picture import Live
+from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.state import Names
 
 
@@ -14,18 +14,17 @@ class Breakpoint:
     """The 24-bit register compared with the position at every count (MCP-BRK).
 
     Args:
-        live: the registers.
+        registers: the registers.
 
     Attributes:
         compare: the position it waits for.
     """
 
-    __slots__ = ("_found", "_live", "_loaded", "_reached", "compare")
     STATE: ClassVar[Names] = ("compare", "_reached: bool", "_found: bool", "_loaded")
-    WIRING: ClassVar[Names] = ("_live",)
+    WIRING: ClassVar[Names] = ("_registers",)
 
-    def __init__(self, live: Live) -> None:
-        self._live: Live = live
+    def __init__(self, registers: RegisterFile) -> None:
+        self._registers: RegisterFile = registers
         self.compare: i64 = -0x800000
         self._reached: bool = False
         """Repeat mode: reached since the last look at a sample's start."""
@@ -36,13 +35,15 @@ class Breakpoint:
     @property
     def armed(self) -> bool:
         """Whether the feature is on."""
-        return self._live.config & ds.BREAK_ENABLE != 0
+        return self._registers.config & ds.BREAK_ENABLE != 0
 
     @property
     def waiting(self) -> bool:
         """Whether the next sample's start finds something new for the routine."""
-        live = self._live
-        return self._reached if live.config & ds.BREAK_REPEAT else live.break_at != self.compare
+        registers = self._registers
+        if registers.config & ds.BREAK_REPEAT:
+            return self._reached
+        return registers.breakpoint != self.compare
 
     def clear(self) -> None:
         """Back to the state after reset."""
@@ -52,12 +53,12 @@ class Breakpoint:
 
     def reached(self) -> None:
         """The position has become equal to :attr:`compare`."""
-        self._reached = self._live.config & ds.BREAK_REPEAT != 0
+        self._reached = self._registers.config & ds.BREAK_REPEAT != 0
 
     def sample(self) -> bool:
         """Look at the registers at a sample's start; tell whether the routine has work to do."""
-        self._loaded = self._live.break_at
-        if self._live.config & ds.BREAK_REPEAT:
+        self._loaded = self._registers.breakpoint
+        if self._registers.config & ds.BREAK_REPEAT:
             self._found = self._reached
             return self._found
         self._reached = False
@@ -79,24 +80,19 @@ class Breakpoint:
         return True
 
 
-def index_edge(registers: bytearray, rising: bool, position: int) -> None:
+def index_edge(registers: RegisterFile, rising: bool, position: i64) -> None:
     """INDEX has changed: set its latch, and store the position if asked (MCP-CAP-2, 3)."""
-    control = registers[ds.CAPTURE_CONTROL]
+    control = registers.capture_control
     if rising == bool(control & ds.INDEX_RISING) and not control & ds.INDEX_LATCH:
-        registers[ds.CAPTURE_CONTROL] = control | ds.INDEX_LATCH
+        registers.capture_control = control | ds.INDEX_LATCH
         if control & ds.INDEX_CAPTURE:
-            _store(registers, position)
+            registers.capture = position
 
 
-def trigger_edge(registers: bytearray, position: int) -> None:
+def trigger_edge(registers: RegisterFile, position: i64) -> None:
     """TRIG has fallen: the same for its latch, while the pin is an input (MCP-CAP-2, 3)."""
-    control = registers[ds.CAPTURE_CONTROL]
+    control = registers.capture_control
     if control & ds.TRIG_INPUT and not control & ds.TRIG_LATCH:
-        registers[ds.CAPTURE_CONTROL] = control | ds.TRIG_LATCH
+        registers.capture_control = control | ds.TRIG_LATCH
         if control & ds.TRIG_CAPTURE:
-            _store(registers, position)
-
-
-def _store(registers: bytearray, position: int) -> None:
-    for place in range(3):
-        registers[ds.CAPTURE_LSB + place] = position >> 8 * place & 0xFF
+            registers.capture = position

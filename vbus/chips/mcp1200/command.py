@@ -22,10 +22,6 @@ class Command:
         decel_position: what R39-R3B show.
     """
 
-    __slots__ = (
-        "accel_delta", "decel_position", "fraction", "left", "moving", "phase", "position",
-        "velocity",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "position", "fraction", "velocity", "moving: bool", "phase", "left", "accel_delta",
         "decel_position",

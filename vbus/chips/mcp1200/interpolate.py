@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from vbus.bits import wrap_word
 from vbus.chips.mcp1200.command import Command
-from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.state import Names
 
 
@@ -19,7 +19,6 @@ class Segment:
         left: samples still to make; 0: no segment runs.
     """
 
-    __slots__ = ("_shift", "end", "left", "start")
     STATE: ClassVar[Names] = ("start", "end", "left", "_shift")
 
     def __init__(self) -> None:
@@ -28,12 +27,12 @@ class Segment:
         self.left: i64 = 0
         self._shift: i64 = 1
 
-    def begin(self, image: Picture, start: i64, end: i64) -> None:
+    def begin(self, sampled: SampledRegisters, start: i64, end: i64) -> None:
         """Lay a segment; R18 is read now (MCP-INT-3)."""
         self.start = start
         self.end = end
         one: i64 = 1
-        self._shift = image.segment
+        self._shift = (sampled.interpolator_preset & 7) + 1
         self.left = one << self._shift
 
     def next(self) -> i64:
@@ -48,82 +47,68 @@ class Segment:
         return (self.end - self.start << 8) >> self._shift
 
 
-class PositionInterpolation:
+class PositionInterpolation(Segment):
     """Runs through a series of positions, one segment each (MCP-INT-1)."""
-
-    __slots__ = ("segment",)
-    STATE: ClassVar[Names] = ("segment: part",)
-
-    def __init__(self) -> None:
-        self.segment: Segment = Segment()
 
     def hold(self, point: i64) -> None:
         """Stay at the command position until the point to reach is another than ``point``."""
-        self.segment.left = 0
-        self.segment.end = point
+        self.left = 0
+        self.end = point
 
-    def step(self, command: Command, image: Picture, fresh: bool, point: i64) -> bool:
+    def step(self, command: Command, sampled: SampledRegisters, fresh: bool, point: i64) -> bool:
         """Make one sample; tell whether the new ``point`` has been taken.
 
         Args:
             command: what moves.
-            image: the registers at the sample's start.
+            sampled: the registers at the sample's start.
             fresh: a new point is there.
             point: position to reach by the next segment. If it is not new, it is that of the
                 registers as they stand, and reached anew if it is another (MCP-INT-2).
         """
-        segment = self.segment
-        begins = segment.left == 0 and (fresh or point != wrap_word(segment.end, 0x800000))
+        begins = self.left == 0 and (fresh or point != wrap_word(self.end, 0x800000))
         if begins:
             here = command.position
-            segment.begin(image, here, here + wrap_word(point - here, 0x800000))
-        if segment.left == 0:
+            self.begin(sampled, here, here + wrap_word(point - here, 0x800000))
+        if self.left == 0:
             command.rest()
             return False
-        command.left = segment.left
+        command.left = self.left
         command.moving = True
         command.fraction = 0
         command.phase = 0
-        command.position = wrap_word(segment.next(), 0x800000)
-        command.velocity = segment.slope()
+        command.position = wrap_word(self.next(), 0x800000)
+        command.velocity = self.slope()
         return begins and fresh
 
 
-class VelocityInterpolation:
+class VelocityInterpolation(Segment):
     """Runs through a series of velocities, one ramp each (MCP-INT-5)."""
-
-    __slots__ = ("segment",)
-    STATE: ClassVar[Names] = ("segment: part",)
-
-    def __init__(self) -> None:
-        self.segment: Segment = Segment()
 
     def enter(self, velocity: i64) -> None:
         """The next step begins a ramp from ``velocity``."""
-        self.segment.left = 0
-        self.segment.end = velocity
+        self.left = 0
+        self.end = velocity
 
-    def slow_down(self, command: Command, image: Picture) -> None:
+    def slow_down(self, command: Command, sampled: SampledRegisters) -> None:
         """Ramp to standstill over one segment, unless that is under way (MCP-EXC-2)."""
-        if self.segment.end != 0:
-            self.segment.begin(image, command.velocity, 0)
+        if self.end != 0:
+            self.begin(sampled, command.velocity, 0)
 
-    def step(self, command: Command, image: Picture, fresh: bool, velocity: i64) -> bool:
+    def step(self, command: Command, sampled: SampledRegisters, fresh: bool, velocity: i64) -> bool:
         """Make one sample; tell whether the new ``velocity`` has been taken.
 
         The parameters are those of :meth:`PositionInterpolation.step`.
         """
-        segment = self.segment
-        begins = segment.left == 0 and (fresh or velocity != segment.end)
+        begins = self.left == 0 and (fresh or velocity != self.end)
         if begins:
-            segment.begin(image, segment.end, velocity)
-        command.left = segment.left
+            self.begin(sampled, self.end, velocity)
+        command.left = self.left
         command.phase = 0
-        if segment.left:
+        if self.left:
             command.moving = True
-            command.move(segment.next())
+            command.move(self.next())
         else:
             # The last velocity is used again: the axis runs on, and PROF says so (NOTES 26).
-            command.moving = segment.end != 0
-            command.move(segment.end)
+            command.moving = self.end != 0
+            command.move(self.end)
         return begins and fresh

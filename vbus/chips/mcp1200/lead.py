@@ -4,7 +4,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.state import Names
 
 MC_MIN: Final = -2048
@@ -19,7 +19,6 @@ class LeadFilter:
     terms (MCP-FLT-2).
     """
 
-    __slots__ = ("_command", "_error")
     STATE: ClassVar[Names] = ("_error", "_command")
 
     def __init__(self) -> None:
@@ -31,10 +30,10 @@ class LeadFilter:
         self._error = 0
         self._command = 0
 
-    def step(self, image: Picture, error: i64) -> i64:
+    def step(self, sampled: SampledRegisters, error: i64) -> i64:
         """Return the motor command, not limited, for position error ``error`` (16 bits)."""
-        gain = image.lead_gain
-        old = 4 * image.lead_zero * gain * self._error + image.lead_pole * self._command
+        gain = sampled.lead_gain
+        old = 4 * sampled.lead_zero * gain * self._error + sampled.lead_pole * self._command
         command = 4 * gain * error - (old >> 8)
         self._error = error
         self._command = command

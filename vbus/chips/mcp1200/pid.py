@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
-from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.state import Names
 
 LONGEST_SPAN: Final = 8
@@ -16,13 +16,12 @@ class PidFilter:
 
     The integrator takes no error in a sample after a saturated one, but is kept within the
     integral limit in every sample (MCP-FLT-3).
+
+    Attributes:
+        integral: the accumulator IACC.
     """
 
-    __slots__ = (
-        "_error_1", "_error_2", "_error_3", "_error_4", "_error_5", "_error_6", "_error_7",
-        "_error_8", "_integral", "_saturated", "_velocity",
-    )  # fmt: skip
-    STATE: ClassVar[Names] = ("errors: tuple[i64]", "_integral", "_velocity", "_saturated: bool")
+    STATE: ClassVar[Names] = ("errors: tuple[i64]", "integral", "_velocity", "_saturated: bool")
     DERIVED: ClassVar[Names] = (
         "_error_1", "_error_2", "_error_3", "_error_4", "_error_5", "_error_6", "_error_7",
         "_error_8",
@@ -38,38 +37,33 @@ class PidFilter:
         self._error_6: i64 = 0
         self._error_7: i64 = 0
         self._error_8: i64 = 0
-        self._integral: i64 = 0
+        self.integral: i64 = 0
         self._velocity: i64 = 0
         self._saturated: bool = False
-
-    @property
-    def integral(self) -> int:
-        """The integral accumulator IACC."""
-        return self._integral
 
     def clear(self) -> None:
         """Forget old samples (MCP-FLT-5)."""
         self.errors = (0,) * LONGEST_SPAN
-        self._integral = 0
+        self.integral = 0
         self._velocity = 0
         self._saturated = False
 
-    def step(self, image: Picture, error: i64, velocity: i64) -> i64:
+    def step(self, sampled: SampledRegisters, error: i64, velocity: i64) -> i64:
         """Return the motor command, not limited. All on the way to it fits 48 bits.
 
         Args:
-            image: the registers at the sample's start.
+            sampled: the registers at the sample's start.
             error: position error after the deadband (16 bits).
             velocity: command velocity in 1/256 count per sample (MCP-FLT-4).
         """
         if not self._saturated:
-            self._integral += error
-        limit = image.integral_limit
-        if self._integral > limit:
-            self._integral = limit
-        elif self._integral < -limit:
-            self._integral = -limit
-        span = image.span
+            self.integral += error
+        limit = sampled.integral_limit & 0x7FFF
+        if self.integral > limit:
+            self.integral = limit
+        elif self.integral < -limit:
+            self.integral = -limit
+        span = sampled.derivative_span
         if span == 2:
             change = error - self._error_2
         elif span == 3:
@@ -91,11 +85,11 @@ class PidFilter:
         acceleration = velocity - self._velocity
         self._velocity = velocity
         command = (
-            256 * image.kp * error
-            + image.ki * self._integral
-            + 1024 * image.kd * change
-            + 2 * image.kv * velocity
-            + 32 * image.ka * acceleration
+            256 * sampled.kp * error
+            + sampled.ki * self.integral
+            + 1024 * sampled.kd * change
+            + 2 * sampled.kv * velocity
+            + 32 * sampled.ka * acceleration
         ) >> 9
         self._saturated = command > MC_MAX or command < MC_MIN
         return command

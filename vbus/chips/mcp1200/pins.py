@@ -21,19 +21,13 @@ class HostPins:
     In all of them the address latch closes once per /ALE pulse, and the access is made when /CS
     rises, with what the bus carried before that edge.
 
-    AC limits are judged while :attr:`Chip.judged` is set. What breaks a limit under a strict
-    policy is lost.
+    AC limits are judged while :attr:`~vbus.chips.base.Chip.judged` is set. What breaks a limit
+    under a strict policy is lost.
 
     Args:
         chip: whose pins.
     """
 
-    __slots__ = (
-        "_address", "_ale", "_ale_fell", "_ale_rose", "_chip", "_closed_at", "_cs", "_cs_fell",
-        "_cs_rose", "_data", "_data_at", "_fresh", "_inside", "_lost", "_oe", "_oe_fell", "_open",
-        "_overlapped", "_previous_closed_at", "_release", "_rw", "_rw_at", "_was_read",
-        "_was_write", "own",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "_ale", "_cs", "_oe", "_rw", "_data", "_address", "_open: bool", "_fresh: bool",
         "_overlapped: bool", "_inside: bool", "_lost: bool", "_was_read: bool", "_was_write: bool",

@@ -4,7 +4,7 @@ from typing import ClassVar, Final
 
 from vbus.bits import wrap
 from vbus.chips.mcp1200.command import Command
-from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.chips.motion.scurve import SCurve
 from vbus.state import Names
 
@@ -18,7 +18,6 @@ FIRST_FALLING: Final = 5
 class SCurveMove:
     """One planned move at a time, laid from the command position at its start."""
 
-    __slots__ = ("_begun", "_final", "_origin", "_plan", "_sign")
     STATE: ClassVar[Names] = ("_begun: bool", "_final", "_origin", "_sign", "_plan: part")
 
     def __init__(self) -> None:
@@ -32,9 +31,9 @@ class SCurveMove:
         """The next step begins a move."""
         self._begun = False
 
-    def step(self, command: Command, image: Picture) -> int:
-        """Make one sample; the result is that of :meth:`Trapezoid.step`."""
-        final: int = image.final
+    def step(self, command: Command, sampled: SampledRegisters) -> int:
+        """Make one sample; the result is that of ``Trapezoid.step``."""
+        final: int = sampled.final_position
         plan = self._plan
         if not self._begun:
             command.fraction = 0
@@ -43,8 +42,8 @@ class SCurveMove:
             way = wrap(final - command.position, 24)
             if way == 0:
                 return 1
-            top = image.top << 8
-            if not plan.plan(abs(way) << UNIT, top, image.accel << 8, image.jerk):
+            top = sampled.top_velocity << 8
+            if not plan.plan(abs(way) << UNIT, top, sampled.accel << 8, sampled.jerk):
                 return 0
             self._begun = True
             self._final = final

@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from vbus.bits import wrap_word
 from vbus.chips.mcp1200.command import Command
-from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.chips.motion.ramp import toward
 from vbus.chips.motion.trapezoid import arrived, next_velocity, stopping_distance
 from vbus.state import Names
@@ -17,24 +17,23 @@ DECELERATING: Final = 6
 """Phases a trapezoid shows in R06 (MCP-TRP-4)."""
 
 
-class Stop:
-    """A linear deceleration to rest: for stops and for new final positions too near to reach."""
+def stop(command: Command, accel: i64) -> bool:
+    """Make one sample of a deceleration to rest, the same for every profile.
 
-    @staticmethod
-    def step(command: Command, accel: i64) -> bool:
-        """Make one sample; tell whether the axis rests. No acceleration stops it at once."""
-        velocity: i64 = 0
-        if accel:
-            velocity = toward(command.velocity, 0, accel)
-        command.move(velocity)
-        command.phase = DECELERATING
-        return velocity == 0
+    Returns:
+        Whether the axis rests. No acceleration stops it at once.
+    """
+    velocity: i64 = 0
+    if accel:
+        velocity = toward(command.velocity, 0, accel)
+    command.move(velocity)
+    command.phase = DECELERATING
+    return velocity == 0
 
 
 class Trapezoid:
     """One move at a time; acceleration and top velocity may change under way (MCP-TRP-1)."""
 
-    __slots__ = ("_begun", "_final", "_origin")
     STATE: ClassVar[Names] = ("_begun: bool", "_final", "_origin")
 
     def __init__(self) -> None:
@@ -46,16 +45,16 @@ class Trapezoid:
         """The next step begins a move."""
         self._begun = False
 
-    def step(self, command: Command, image: Picture) -> i64:
+    def step(self, command: Command, sampled: SampledRegisters) -> i64:
         """Make one sample of the move.
 
         Returns:
             1 when it is over, 0 while it lasts, -1 if it must stop short of a final position
             that was moved too near (MCP-TRP-6): nothing has been done in this sample then.
         """
-        accel = image.accel
-        top = image.top
-        final = image.final
+        accel = sampled.accel
+        top = sampled.top_velocity
+        final = sampled.final_position
         if not self._begun:
             waits = accel == 0 or top == 0
             if waits:

@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.command import Command
-from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.chips.motion.ramp import toward
 from vbus.state import Names
 
@@ -18,7 +18,6 @@ WIDEST_HIGH: Final = 32767
 class IntegralVelocity:
     """Runs toward the velocity command with the programmed acceleration, through positions."""
 
-    __slots__ = ("_begun", "_goal")
     STATE: ClassVar[Names] = ("_begun: bool", "_goal")
 
     def __init__(self) -> None:
@@ -29,7 +28,7 @@ class IntegralVelocity:
         """The next step is the first of the mode."""
         self._begun = False
 
-    def step(self, command: Command, image: Picture, goal: i64) -> i64:
+    def step(self, command: Command, sampled: SampledRegisters, goal: i64) -> i64:
         """Make one sample toward ``goal`` (1/256 count per sample).
 
         Returns:
@@ -42,10 +41,10 @@ class IntegralVelocity:
                 change = -change
         self._begun = True
         self._goal = goal
-        command.move(toward(command.velocity, goal, image.accel))
+        command.move(toward(command.velocity, goal, sampled.accel))
         command.moving = goal != 0 or command.velocity != 0
         widest: i64 = WIDEST
-        if image.feature & ds.HIGH_RESOLUTION:
+        if sampled.feature & ds.HIGH_RESOLUTION:
             widest = WIDEST_HIGH
         if change <= widest << 8:
             return 0

@@ -57,9 +57,11 @@ def page(family: Family) -> str:
         ("Registers", family.registers and _registers(family.registers)),
     ):
         lines += [f"## {head}", "", *rows, ""] if rows else []
-    lines += ["## Bits", ""] if family.bits else []
-    for title, name in family.bits:
-        lines += [f"### {title}", "", *_bits(getattr(sheet, name)), ""]
+    bits = [(title, getattr(sheet, name)) for title, name in family.bits]
+    bits += [(f"{row.title} {row.low:02X}H", row.fields) for row in family.registers if row.fields]
+    lines += ["## Bits", ""] if bits else []
+    for title, fields in bits:
+        lines += [f"### {title}", "", *_bits(fields), ""]
     lines += ["## Pins", "", *_pins(chip.PINS), ""]
     tables = family.ac_tables
     if tables:
@@ -120,20 +122,22 @@ def _registers(registers: Iterable[Register]) -> list[str]:
     cells = []
     for row in registers:
         sense = "signed" if row.signed else "unsigned"
-        scale = f", 1/{1 << row.fraction}" if row.fraction else ""
+        scale = f"1/{1 << row.fraction}" if row.fraction else ""
+        scale = f", {f'{scale} {row.unit}'.strip()}" if scale or row.unit else ""
         cells.append(
             (
                 f"`{row.name}`",
                 ", ".join(f"{address:02X}H" for address in row.addresses),
                 f"{row.bits} bits {sense}{scale}",
                 access[row.access],
+                row.counts,
                 f"{row.reset:0{row.bits // 4}X}H",
                 row.title,
                 row.clause,
             )
         )
-    head = ("register", "addresses, high byte first", "value", "access", "reset", "meaning")
-    return _table((*head, "clause"), cells)
+    head = ("register", "addresses, high byte first", "value", "access", "counts", "reset")
+    return _table((*head, "meaning", "clause"), cells)
 
 
 def _bits(bits: Iterable[Bit]) -> list[str]:
@@ -264,7 +268,7 @@ def clause_page(family: Family) -> str:
         *_table(("clause", "title", "kind"), rows),
     ]
     for clause in clauses.values():
-        lines += ["", f"### {clause.name}", "", *_clause(clause, family.rules)]
+        lines += ["", f"## {clause.name}", "", *_clause(clause, family.rules)]
     return _linked("\n".join(lines) + "\n")
 
 

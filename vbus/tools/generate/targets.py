@@ -9,11 +9,14 @@ from vbus.chips.clauses import clauses_of
 from vbus.chips.family import Family
 from vbus.tools.generate import (
     board_file,
+    c_interface,
     calls,
     chip_pages,
+    command_line,
     documents,
     faults,
     proofs,
+    registers,
     sigrok,
 )
 from vbus.tools.generate.layout import ROOT, folder_of, own_families
@@ -29,6 +32,8 @@ DOCUMENTS: Final[list[Target]] = [
     ("docs/add-a-chip.md", documents.add_a_chip),
     ("docs/board-file.md", board_file.board_file),
     ("docs/byte-protocol.md", documents.byte_protocol),
+    ("docs/c-client.md", c_interface.c_interface),
+    ("docs/command-line.md", command_line.command_line),
     ("docs/faults.md", faults.faults),
     ("docs/text-protocol.md", documents.text_protocol),
 ]
@@ -51,6 +56,17 @@ def client_targets(family: Family) -> list[Target]:
         (f"{made}/aio_calls.py", partial(calls.calls, family)),
         (f"{made}/calls.py", partial(_calls, family, f"{made}/calls.py")),
         *((f"{made}/{path.name}", partial(_host, path, made)) for path in sources),
+        *_numbers(family, made),
+    ]
+
+
+def _numbers(family: Family, made: str) -> list[Target]:
+    """Return bits and registers as numbers, if the rows say when each of them counts."""
+    if not any(row.counts for row in family.registers):
+        return []
+    return [
+        (f"{made}/bits.py", partial(registers.bits, family)),
+        (f"{made}/registers.py", partial(registers.registers, family)),
     ]
 
 
