@@ -229,12 +229,7 @@ class LM628(HostInterface):
     def begin_read(self, address: int) -> None:
         """/RD falls: data is latched (LM-BUS-3)."""
         self.advance()
-        if not address:
-            self.host.begin_status()
-        elif self._mode == _RUNNING:
-            self.host.begin_data(self.kernel.now)
-        else:
-            self.host.begin_in_reset()
+        self.host.begin_read(address, self._mode != _RUNNING, self.kernel.now)
 
     def end_read(self) -> int:
         """/RD rises: status is as it is now, the data pointer moves."""

@@ -156,13 +156,16 @@ class Host:
 
     # -- reading ------------------------------------------------------------------------------
 
-    def begin_status(self) -> None:
-        """A status read begins: nothing else is touched (LM-BUS-5)."""
-        self._kind = _STATUS
+    def begin_read(self, address: int, in_reset: bool, now: int) -> None:
+        """/RD falls: a data byte is latched (LM-BUS-3); a status read touches nothing (LM-BUS-5).
 
-    def begin_data(self, now: int) -> None:
-        """/RD falls on the data port: a byte is latched (LM-BUS-3)."""
-        if self.busy:
+        During reset 00h is read of the data port (LM-RST-4).
+        """
+        if address == ds.COMMAND_PORT:
+            self._kind = _STATUS
+        elif in_reset:
+            self._kind = _REPEAT
+        elif self.busy:
             self._report(ds.BUSY_READ, "data read while busy", now)
             self._kind = _REPEAT
         elif not self._reply:
@@ -172,10 +175,6 @@ class Host:
             self._kind = _BYTE
             word = self._reply[0]
             self._latched = word & 0xFF if self._second else word >> 8
-
-    def begin_in_reset(self) -> None:
-        """/RD falls on the data port during reset: 00h is read (LM-RST-4)."""
-        self._kind = _REPEAT
 
     def lose_read(self) -> None:
         """The read under way is lost: FFh is returned, no pointer moves."""
