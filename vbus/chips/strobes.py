@@ -4,8 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from vbus.chips.base import Chip
-from vbus.chips.motion.quadrature import INDEX_INSIDE, SHORT_DWELL, SHORT_PULSE, Quadrature
 from vbus.kernel.clock import Clock
 from vbus.signals.violation import Rule
 from vbus.state import Names
@@ -63,23 +61,3 @@ class AcTable:
         row = self._rows[symbol]
         # Tenths of a clock: the finest formula in the manuals is 0.3 clk.
         return row.min_ps - (-round(row.min_clk * 10) * 10**11 // clock.hz)
-
-
-def judge_inputs(chip: Chip, ac: AcTable, inputs: Quadrature, found: int) -> bool:
-    """File what an edge of A, B or index has broken (T1 to T3); tell whether the index is lost.
-
-    Args:
-        chip: whose inputs they are.
-        ac: its limits.
-        inputs: the decoder that was told the edge.
-        found: what it found.
-    """
-    lost = False
-    for bit, symbol, measured in (
-        (SHORT_DWELL, "T2", inputs.dwell),
-        (SHORT_PULSE, "T1", inputs.pulse),
-        (INDEX_INSIDE, "T3", -1),
-    ):
-        if found & bit:
-            lost = chip.report(ac.rules[symbol], measured, ac.minimum(symbol, chip.clock))
-    return lost and bool(found & INDEX_INSIDE)

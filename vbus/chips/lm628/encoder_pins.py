@@ -6,7 +6,7 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.encoder import Encoder
 from vbus.chips.lm628.interface import HostInterface
 from vbus.chips.motion import quadrature as q
-from vbus.chips.strobes import judge_inputs
+from vbus.chips.motion.input_limits import judge_inputs
 from vbus.signals import LOW, Watcher
 from vbus.state import Names
 

@@ -14,6 +14,7 @@ from vbus.chips.mc1241a.datasheet import (
     POSITION_BITS,
     TWO_CHANNELS,
 )
+from vbus.chips.motion.input_limits import judge_inputs
 from vbus.chips.motion.quadrature import (
     ALL_LOW,
     COUNTED,
@@ -22,7 +23,6 @@ from vbus.chips.motion.quadrature import (
     InputFilter,
     Quadrature,
 )
-from vbus.chips.strobes import judge_inputs
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, Pin, Plant, Switch, Watcher
 from vbus.state import Names
