@@ -28,7 +28,7 @@ def _faults() -> Iterable[str]:
 
 
 def _demos() -> Iterable[str]:
-    from vbus.tools.demo import NAMES
+    from vbus.tools.demos import NAMES
 
     return NAMES
 

@@ -65,9 +65,7 @@ class Wave(Observer):
         try:
             import vcd  # noqa: F401
         except ImportError:
-            raise PluginError(
-                'waveforms need pyvcd; install it with: pip install "vbus[wave]"'
-            ) from None
+            raise PluginError("waveforms need pyvcd; install it with: pip install pyvcd") from None
         self.board: Board = board
         self.state: str = "new"
         self.error: str = ""
