@@ -91,15 +91,12 @@ def compare(archive: Path) -> None:
 
 def build(kind: str, target: Path, here: bool) -> Path:
     """Build a distribution into a folder; return it."""
-    before = set(target.glob("*"))
+    place = str(target.resolve())
     if here:
-        run(sys.executable, "-m", "hatchling", "build", "-t", kind, "-d", str(target.resolve()))
+        run(sys.executable, "-m", "hatchling", "build", "-t", kind, "-d", place)
     else:
-        run(
-            sys.executable, "-m", "build", f"--{kind}", "--outdir", str(target.resolve()), str(ROOT)
-        )
-    (made,) = set(target.glob("*")) - before
-    return made
+        run(sys.executable, "-m", "build", f"--{kind}", "--outdir", place, str(ROOT))
+    return max(target.glob("vbus-*"), key=lambda path: path.stat().st_mtime)
 
 
 def try_wheels(folder: Path) -> None:

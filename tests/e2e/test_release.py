@@ -2,6 +2,7 @@
 
 import importlib.util
 import io
+import re
 import subprocess
 import sys
 import tarfile
@@ -110,11 +111,7 @@ def test_what_a_forge_reads_is_valid(schema: str, pattern: str) -> None:
 
 def test_workflows_call_steps_the_script_has(release: ModuleType) -> None:
     text = "".join(path.read_text() for path in (ROOT / ".github" / "workflows").glob("*.yml"))
-    steps = {
-        line.split("release.py ")[1].split()[0]
-        for line in text.splitlines()
-        if "release.py " in line
-    }
+    steps = set(re.findall(r"release\.py (\w+)", text))
 
     assert steps == {"check", "stamp", "sdist", "wheel", "try", "notes"}
     for step in steps:
