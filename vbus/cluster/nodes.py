@@ -24,6 +24,7 @@ from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.trace import merged
 from vbus.server.loop import HostLoop
 from vbus.server.pacer import Pacer
+from vbus.server.readiness import tell_ready
 from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of, network_of
 
@@ -318,6 +319,7 @@ class _Run:
                 self._serve_real(self._real, loop)
             if on_ready is not None:
                 on_ready(self._servers)
+            tell_ready()
             await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
         finally:
             for end in ends:
