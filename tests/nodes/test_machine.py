@@ -298,6 +298,14 @@ def test_a_node_with_another_board_is_refused_by_name() -> None:
     assert caught.value.node == "b"
 
 
+def test_a_node_keeps_its_latest_65536_reports_for_those_that_rejoin() -> None:
+    part = Participant(("a",), 0, 10, "1")
+    for _ in range(65538):
+        part.report(NEVER, -1, [])
+        part.grant()
+    assert (min(part.log), max(part.log), len(part.log)) == (2, 65537, 65536)
+
+
 def test_a_node_that_tells_two_stories_is_refused_by_name() -> None:
     part = Participant(("a", "b"), 0, 10, "1")
     part.receive(Report("1", 1, 0, 0, 5, -1, ()))

@@ -394,7 +394,7 @@ def signed(value: int, bits: int) -> int:
     return value - (1 << bits) if value >> (bits - 1) & 1 else value
 
 
-def number(value: int, fraction: int = 0, sign: bool = False) -> str:
+def number(value: int, fraction: int, sign: bool = False) -> str:
     """Return a number with ``fraction`` fraction bits in decimal.
 
     A fixed-point number keeps four decimals, and at least four digits that tell.

@@ -8,6 +8,7 @@ from tests.conformance.ac import Case, check, check_complete, parameters
 from tests.conformance.mc1241a.conftest import Bench
 from tests.conformance.mc1241a.test_timing import READ, WRITE, Step, changed, judged
 from vbus.chips.mc1241a.datasheet import AC
+from vbus.chips.mc1241a.family import FAMILY
 from vbus.kernel import MS, NS, SECOND, US
 from vbus.signals import Violation, Z
 
@@ -207,3 +208,4 @@ def test_a_row_is_kept_on_its_limit_and_broken_inside_it(case: Case) -> None:
 
 def test_no_row_is_forgotten() -> None:
     check_complete(AC, CASES, PROMISES)
+    assert set(PROMISES) == FAMILY.kept

@@ -89,6 +89,22 @@ def test_data_that_move_with_the_trailing_edge_come_too_late() -> None:
     assert bench.read_word() == 0x4A10
 
 
+@spec("PMD-BUS-3", "PMD-TIM-17", "PMD-TIM-18")
+@pytest.mark.parametrize("later", [0x31, 0x7F])
+def test_data_that_move_with_the_trailing_edge_have_been_set_up_before(later: int) -> None:
+    bench = Bench("strobe")
+    bench.chip.judged = True
+    for name, level in (("HostCmd", 1), ("~HostSlct", 0), ("D0-D7", 0x6C)):
+        bench.drive(name, level)
+    bench.run_for(100 * NS)
+    bench.drive("~HostWrite", 0)
+    bench.run_for(100 * NS)
+    bench._host["~HostWrite"].drive(1)
+    bench._host["D0-D7"].drive(later)  # in the same batch of changes
+    bench.kernel.settle()
+    assert [(v.rule, v.measured) for v in bench.violations] == [("mc1241a.T16", 0)]
+
+
 @spec("PMD-BUS-3")
 def test_a_read_drives_the_bus_while_select_and_strobe_are_low_and_then_lets_go() -> None:
     bench = Bench("strobe")

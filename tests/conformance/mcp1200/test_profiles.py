@@ -221,6 +221,29 @@ def test_where_a_slow_axis_is_just_now_is_no_longer_ahead_of_it(bench: Bench, wa
     assert bench.seen("DECEL_POSITION") == 3 * way
 
 
+@pytest.mark.spec("MCP-TRP-4")
+@pytest.mark.parametrize("way", [1, -1], ids=["forwards", "backwards"])
+@pytest.mark.parametrize(
+    ("velocity", "final", "phase"), [(0x1FF, 2, 6), (0x100, 1, 6), (0x101, 1, 2)]
+)
+def test_a_move_begun_too_fast_decelerates_unless_its_end_is_behind(
+    bench: Bench, way: int, velocity: int, final: int, phase: int
+) -> None:
+    """1/256 count before its end, on it, and 1/256 count beyond it."""
+    bench.write(0x01, 0x20)
+    bench.put("VELOCITY", velocity * way & 0xFFFFFF)
+    bench.put("ACCELERATION", 0x7FFF)
+    bench.write(0x00, 0x0D)
+    bench.control()
+    bench.samples(1)
+    bench.put("ACCELERATION", 0x80)
+    bench.put("FINAL_POSITION", final * way & 0xFFFFFF)
+    bench.write(0x00, 0x05)
+    start(bench)
+    bench.samples(1)
+    assert (bench.seen("FLAG"), bench.seen("PHASE")) == (0x05, phase)
+
+
 @pytest.mark.spec("MCP-TRP-6")
 def test_in_deceleration_a_new_end_is_ignored(bench: Bench) -> None:
     prepare(bench, 100)

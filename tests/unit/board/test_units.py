@@ -49,6 +49,30 @@ def test_a_quantity_becomes_an_exact_number(text: str, kind: str, value: float) 
     assert type(result) is type(value)
 
 
+def test_every_unit_is_worth_what_its_name_says() -> None:
+    turn = 2 * math.pi
+    worth = {
+        "s": {"s": 10**12, "ms": 10**9, "us": 10**6, "ns": 10**3, "ps": 1}
+        | dict.fromkeys(("µs", "μs"), 10**6),
+        "Hz": {"Hz": 1, "kHz": 10**3, "MHz": 10**6, "GHz": 10**9},
+        "V": {"V": 1, "mV": 1e-3, "kV": 1e3},
+        "A": {"A": 1, "mA": 1e-3, "uA": 1e-6},
+        "ohm": {"ohm": 1, "mohm": 1e-3, "kohm": 1e3, "Ω": 1, "mΩ": 1e-3, "kΩ": 1e3},
+        "H": {"H": 1, "mH": 1e-3, "uH": 1e-6},
+        "N*m": {"N*m": 1, "mN*m": 1e-3, "uN*m": 1e-6, "N*cm": 1e-2},
+        "kg*m^2": {"kg*m^2": 1, "kg*cm^2": 1e-4, "g*m^2": 1e-3, "g*cm^2": 1e-7},
+        "rad/s": {"rad/s": 1, "rpm": turn / 60, "rev/s": turn, "deg/s": turn / 360},
+        "rad": {"rad": 1, "deg": turn / 360, "rev": turn},
+        "N*m*s": {"N*m*s": 1, "mN*m*s": 1e-3, "uN*m*s": 1e-6, "N*m*s/rad": 1},
+        "N*m/A": {"N*m/A": 1, "mN*m/A": 1e-3},
+        "V*s": {"V*s": 1, "mV*s": 1e-3, "V*s/rad": 1, "V/rpm": 60 / turn, "V/krpm": 0.06 / turn},
+    }
+    assert {
+        kind: {unit: parse(f"1 {unit}", kind) for unit in row.units}
+        for kind, row in DIMENSIONS.items()
+    } == {kind: pytest.approx(units, rel=1e-15) for kind, units in worth.items()}
+
+
 TIME = 'write a time with its unit, such as "500 us" (units: s, ms, us, ns, ps)'
 CLOCK = 'write a frequency with its unit, such as "8 MHz" (units: Hz, kHz, MHz, GHz)'
 

@@ -1,11 +1,14 @@
 """Wires whose levels are found out late, and what a saved state keeps of them."""
 
+from itertools import pairwise
+
 import pytest
 
 from vbus.board import snapshot
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
-from vbus.kernel import MS, NS
+from vbus.board.circuit import STRETCH
+from vbus.kernel import MS, NEVER, NS
 
 TWO = """
 [board]
@@ -35,6 +38,38 @@ def test_a_wire_joins_at_least_one_pin_and_pins_of_one_width_only() -> None:
         board.join("none", [])
     with pytest.raises(ValueError, match=r"^net 'odd' joins pins of different widths$"):
         board.join("odd", ["x.HI", "y.DB0-DB7"])
+
+
+def test_time_beyond_its_end_is_refused_before_any_passes() -> None:
+    board = load_board_text(TWO)
+    passed: list[int] = []
+
+    def look() -> None:
+        passed.append(board.now)
+        raise TimeoutError
+
+    board.kernel.timer(look).at(1000 * MS)
+    with pytest.raises(ValueError, match=r"^time ends at 9223372036854775806 ps"):
+        board.run_until(NEVER + 1)
+    assert not passed
+
+
+def test_a_chip_that_nobody_listens_to_comes_along_every_few_seconds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    board = load_board_text(TWO)
+    chip = board.chip("x")
+    advance = chip.advance
+    seen: list[int] = [0]
+
+    def note() -> None:
+        seen.append(board.now)
+        advance()
+
+    monkeypatch.setattr(chip, "resting", lambda: False)
+    monkeypatch.setattr(chip, "advance", note)
+    board.run_until(3 * STRETCH)
+    assert max(b - a for a, b in pairwise([*seen, board.now])) <= STRETCH
 
 
 def test_a_board_that_has_just_started_and_takes_a_state_loses_no_wire() -> None:

@@ -54,6 +54,19 @@ def test_the_nth_bus_cycle_is_counted_from_arming() -> None:
     assert [e.when for e in board.faults.log] == [4 * US]
 
 
+def test_cycles_of_other_chips_are_not_counted() -> None:
+    board = build(extra='[chips.y]\npart = "MCP-1200"\nclock = "20 MHz"\nplant = "none"\n')
+    x, y = (board.open_port(name, [name]) for name in "xy")
+    fault = board.faults.arm("offset_jump", "x.1", when="cycle 2")
+    for port in (x, y, y):
+        port.read(0)
+    board.run_for(0)
+    assert fault.fired == 0
+    x.read(0)
+    board.run_for(0)
+    assert fault.fired == 1
+
+
 @pytest.mark.parametrize(("chip", "plant", "name"), [(LM, DC, "ltrj"), (MC, STEPPER, "SET_VEL")])
 def test_a_command_is_seen_in_its_first_byte(chip: str, plant: str, name: str) -> None:
     board = build(chip, plant)

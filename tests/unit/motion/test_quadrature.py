@@ -91,6 +91,14 @@ def test_the_highest_rate_of_8_clocks_per_state_is_counted_without_loss():
     assert decoder.count == 1000
 
 
+@pytest.mark.spec("MCP-ENC-1")
+def test_inputs_without_limits_find_no_level_too_short():
+    decoder = mcp()
+    for a in (1, 0, 1):
+        assert decoder.edge(0, a, 0, 1) == 0
+        assert (decoder.dwell, decoder.pulse) in ((1 << 60, 1 << 60), (0, 0))
+
+
 @pytest.mark.spec("PMD-ENC-1", "PMD-ENC-2")
 def test_a_level_is_believed_after_480_ns_and_not_1_ns_before():
     decoder = pmd()

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vbus.chips.motion.trapezoid import arrived, fastest, next_velocity, stopping_distance
+from vbus.chips.motion.trapezoid import arrived, next_velocity, stopping_distance
 
 
 def move(
@@ -215,18 +215,9 @@ def test_step_and_rule_agree_where_deceleration_has_to_begin(velocity, accel, st
 @pytest.mark.spec("LM-TRJ-12", "PMD-TRJ-2")
 @given(r=st.integers(0, 1 << 50), accel=st.integers(1, (1 << 30) - 1), start=STARTS)
 def test_the_fastest_speed_can_be_stopped_from_and_one_more_cannot(r, accel, start):
-    speed = fastest(r, accel, start)
-    assert speed == literal_fastest(r, accel, start)
+    speed = literal_fastest(r, accel, start)
     assert stopping_distance(speed, accel, start) <= r
     assert stopping_distance(speed + 1, accel, start) > r
-
-
-@pytest.mark.spec("LM-TRJ-12")
-def test_the_closed_form_is_exact_at_two_to_the_eighty():
-    accel, r = (1 << 30) - 1, 1 << 47
-    assert 8 * accel * r > 1 << 79
-    speed = fastest(r, accel)
-    assert stopping_distance(speed, accel) <= r < stopping_distance(speed + 1, accel)
 
 
 LEGS = st.lists(

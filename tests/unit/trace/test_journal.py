@@ -27,7 +27,7 @@ from vbus.trace.journal.format import (
     header_block,
     rows_block,
 )
-from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.journal import Journal, version_of
 from vbus.trace.journal.replay import Replay
 from vbus.trace.journal.rows import FULL, JournalRows
 
@@ -304,6 +304,27 @@ def test_rows_are_packed_as_the_format_says(moved: bytes) -> None:
         (8, 22, 26, 1, "read", (2,), 0),
         (9, 26, 30, 1, "read", (2,), 0x85),
     ]
+
+
+def test_cycles_that_follow_each_other_are_one_word_and_the_same_again_is_counted() -> None:
+    rows = JournalRows(lambda: None)
+    rows.cycle(0, 0x0084, 7, 9)
+    for when in (9, 11, 13):
+        rows.cycle(0, 0x000A, when, when + 2)
+    rows.cycle(0, 0x03FF, 15, 17)
+    rows.other(36, [[1], None, 0, -1], 14, 15)
+    assert rows.take() == (
+        bytes.fromhex("C000 000A 8002 03FF C000"),
+        [0, 0x84, 7, 2, 36, [[1], None, 0, -1], -3, 1],
+    )
+    # The next block begins with a whole cycle, counted from the end of the last one.
+    rows.cycle(0, 0x0084, 15, 17)
+    assert rows.take() == (bytes.fromhex("C000"), [0, 0x84, 0, 2])
+
+
+def test_a_state_hash_without_a_version_is_of_the_first() -> None:
+    assert version_of("0123abcd") == 1
+    assert version_of("2:0123abcd") == 2
 
 
 def test_a_journal_of_the_first_version_is_still_read(moved: bytes) -> None:

@@ -105,6 +105,26 @@ def test_a_packet_has_the_manuals_name_and_scaled_values(
     assert packet.clause
 
 
+@pytest.mark.parametrize(
+    ("family", "words"),
+    [
+        ("lm628", {"status": 8, "signals": 16}),
+        ("mc1241a", {"status": 16, "mode": 16, "version": 16, "adapter": 8}),
+        ("mcp1200", dict.fromkeys(
+            ("status", "flag", "feature", "config", "capture", "exception"), 8)),
+    ],
+)  # fmt: skip
+def test_words_that_are_explained_by_themselves_have_the_width_of_their_register(
+    family: str, words: dict[str, int]
+) -> None:
+    decoder = decoder_of(family)
+    assert words == decoder.WORDS
+    for name, bits in words.items():
+        assert decoder.word(name, (1 << bits) - 1).startswith("F" * (bits // 4) + "H ")
+        with pytest.raises(ValueError, match=f"does not fit into the {bits} bits of {name}"):
+            decoder.word(name, 1 << bits)
+
+
 def test_status_reads_belong_to_no_packet_and_disturb_none() -> None:
     packets = decoded("lm628", "w 0 0A, r 0 01, r 1 00, r 0 84, r 1 00, r 1 12, r 1 34")
     assert [(p.kind, p.text) for p in packets] == [

@@ -92,6 +92,8 @@ def test_names_of_wires() -> None:
     assert bit_names("x.D0-D7", 8) == [f"x_D{n}" for n in range(8)]
     assert bit_names("x.MC0-MC11", 12)[-1] == "x_MC11"
     assert bit_names("x.Data0-11", 12)[0] == "x_Data0"
+    assert bit_names("x.DAC16Addr0-1", 2) == ["x_DAC16Addr0", "x_DAC16Addr1"]
+    assert bit_names("x1-y.Home1", 1) == ["x1_y_Home1"]
     assert bit_names("x.strange", 2) == ["x_strange_0", "x_strange_1"]
     assert plain("x.~HostSlct") == "x_HostSlct"
     assert plain("x.R/W") == "x_RW"

@@ -12,10 +12,8 @@ The square root of ``8 * accel * remaining`` (to 2^80) is never needed here: whe
 still be stopped from is a question about one product, and where the stopping distance decides, the
 answer lies within one acceleration of the present velocity. With velocity, top, accel and start
 below 2^31 and the distance up to 2^61 every number in here fits 63 bits and a sign, so a compiled
-build keeps them in machine words. :func:`fastest` is the closed form, exact at any size.
+build keeps them in machine words.
 """
-
-from math import isqrt
 
 from mypy_extensions import i64
 
@@ -53,21 +51,6 @@ def arrived(remaining: i64, velocity: i64, accel: i64, start: i64 = 0) -> bool:
     return remaining == 0 and -accel - start <= velocity <= accel + start
 
 
-def fastest(remaining: int, accel: int, start: int = 0) -> int:
-    """Return S(r), the largest velocity of the coming sample that can still end on the target.
-
-    Args:
-        remaining: distance to go, 0 or more.
-        accel: deceleration, 1 or more.
-        start: as in :func:`next_velocity`.
-    """
-    if remaining < start:
-        return remaining
-    b = accel + 2 * start
-    n = (isqrt(b * b + 8 * accel * (remaining - start)) - b) // (2 * accel)
-    return _share(remaining, n, accel, start)
-
-
 def stopping_distance(velocity: int, accel: int, start: int = 0) -> int:
     """Return the way covered from the coming sample on, if it has ``velocity``, until rest.
 
@@ -78,17 +61,6 @@ def stopping_distance(velocity: int, accel: int, start: int = 0) -> int:
         return velocity
     n = (velocity - start) // accel
     return (n + 1) * velocity - accel * (n * (n + 1) // 2)
-
-
-def _share(distance: int, n: int, accel: int, start: int) -> int:
-    """Spread ``distance`` over ``n + 1`` samples, each slower by ``accel``: the first velocity."""
-    speed = (distance + accel * (n * (n + 1) // 2)) // (n + 1)
-    if start > 0:
-        # One more step would need the next sample's start velocity too.
-        ceiling = start + (n + 1) * accel - 1
-        if speed > ceiling:
-            return ceiling
-    return speed
 
 
 def _approach(r: i64, u: i64, top: i64, accel: i64, start: i64) -> i64:
@@ -130,7 +102,7 @@ def _approach(r: i64, u: i64, top: i64, accel: i64, start: i64) -> i64:
         n -= 1
     speed = (r + slowing) // (n + 1)
     if start > 0:
-        # As in _share().
+        # One more step would need the next sample's start velocity too.
         ceiling = start + (n + 1) * accel - 1
         if speed > ceiling:
             speed = ceiling
