@@ -91,7 +91,10 @@ def test_data_that_move_with_the_trailing_edge_come_too_late() -> None:
 
 @spec("PMD-BUS-3", "PMD-TIM-17", "PMD-TIM-18")
 @pytest.mark.parametrize("later", [0x31, 0x7F])
-def test_data_that_move_with_the_trailing_edge_have_been_set_up_before(later: int) -> None:
+@pytest.mark.parametrize("data_first", [False, True])
+def test_data_that_move_with_the_trailing_edge_have_been_set_up_before(
+    later: int, data_first: bool
+) -> None:
     bench = Bench("strobe")
     bench.chip.judged = True
     for name, level in (("HostCmd", 1), ("~HostSlct", 0), ("D0-D7", 0x6C)):
@@ -99,8 +102,9 @@ def test_data_that_move_with_the_trailing_edge_have_been_set_up_before(later: in
     bench.run_for(100 * NS)
     bench.drive("~HostWrite", 0)
     bench.run_for(100 * NS)
-    bench._host["~HostWrite"].drive(1)
-    bench._host["D0-D7"].drive(later)  # in the same batch of changes
+    # In the same batch of changes.
+    for name, level in sorted({"~HostWrite": 1, "D0-D7": later}.items(), reverse=not data_first):
+        bench._host[name].drive(level)
     bench.kernel.settle()
     assert [(v.rule, v.measured) for v in bench.violations] == [("mc1241a.T16", 0)]
 

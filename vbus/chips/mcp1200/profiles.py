@@ -126,10 +126,7 @@ def _reachable(command: Command, final: i64, accel: i64) -> bool:
         ahead, velocity = -ahead, -velocity
     if ahead <= 0 or accel == 0:
         return ahead > 0
-    slower = velocity - accel
-    if slower < 0:
-        slower = 0
-    return ahead >= stopping_distance(slower, accel)
+    return velocity <= accel or ahead >= stopping_distance(velocity - accel, accel)
 
 
 class SCurveMove:
