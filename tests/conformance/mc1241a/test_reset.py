@@ -110,6 +110,20 @@ def test_ready_2_ms_after_the_reset_pin_rises(chip: Bench) -> None:
     assert chip.level("HostRdy") == 1
 
 
+@spec("PMD-RST-1", "PMD-CYC-2")
+def test_the_first_cycle_begins_with_the_first_clock_after_the_reset() -> None:
+    bench = Bench(hz=6_700_000)
+    bench.run_for(100 * NS)
+    bench.drive("~Reset", 0)
+    bench.run_for(2 * US)
+    bench.drive("~Reset", 1)
+    ready = bench.chip.ready_at()
+    clock = bench.chip.clock.ps(bench.chip.clock.cycle_at(ready) + 1)
+    for when, resting in ((ready - 1, False), (ready, False), (clock - 1, False), (clock, True)):
+        bench.run_until(when)
+        assert bench.chip.resting() is resting
+
+
 @spec("PMD-RST-1")
 def test_after_reset_there_is_no_checksum_to_read(bench: Bench) -> None:
     bench.send("RESET")
