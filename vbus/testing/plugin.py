@@ -54,7 +54,7 @@ def pytest_configure(config: pytest.Config) -> None:
             import vcd  # noqa: F401
         except ImportError:
             raise pytest.UsageError(
-                '--vbus-wave needs pyvcd; install it with: pip install "vbus[wave]"'
+                "--vbus-wave needs pyvcd; install it with: pip install pyvcd"
             ) from None
     config.addinivalue_line(
         "markers",

@@ -22,6 +22,7 @@ _COMMANDS: Final = {
     "exec": "Run a program or AVR firmware on a board of its own.",
     "explain": "Explain bytes on a bus, a status value, a rule, or a journal.",
     "fault": "Break a running board on schedule; show what came of it.",
+    "logs": "Show what a board has said that runs in the background.",
     "ls": "List the boards that run on this machine.",
     "monitor": "Watch the buses of a running board in the manual's words.",
     "order": "Order bus cycles on several nodes for one coming instant.",
@@ -31,7 +32,9 @@ _COMMANDS: Final = {
     "run": "Run a board and serve its links until Ctrl-C.",
     "schema": "Print the JSON Schema of board files, for editors.",
     "snap": "Take snapshots of running boards, load them again.",
+    "stop": "End running boards in order.",
     "trace": "Merge the traces of nodes; print the hash of what happened.",
+    "wait": "Wait until boards are ready.",
     "wave": "Write a waveform of a running board or of a recorded run.",
 }
 

@@ -20,7 +20,7 @@ def command(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -
     """List the boards that run on this machine, with their chips, links, time and lag.
 
     Boards on the network are listed where --zenoh, $VBUS_ZENOH or a router on this machine says
-    where to look. With NAMES, only those; the exit code is 1 if one of them does not run or does
+    where to look. With NAMES, only those; the exit code is 4 if one of them does not run or does
     not answer.
     """
     from vbus.server.registry import running
@@ -34,7 +34,7 @@ def command(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -
     show(as_json, boards, lines if boards or names else ["no board is running"])
     for name in missing:
         complain(f'no board called "{name}" answers')
-    return exit_codes.FAILURE if missing else exit_codes.OK
+    return exit_codes.NO_LINK if missing else exit_codes.OK
 
 
 def _elsewhere(

@@ -35,6 +35,7 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.option("--metrics", metavar="HOST:PORT", help="Numbers for Prometheus; port 0: a free one.")
 @click.option("--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save).")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
+@click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
 @click.option("--node", "nodes", multiple=True, metavar="NAME", help="Only this node; repeatable.")
 @click.option("--scenario", metavar="FILE", help="Nodes: what hosts do at given instants.")
 @click.option("--trace", metavar="FILE", help="Nodes: write what happened, for vbus trace.")
@@ -60,6 +61,7 @@ def command(
     metrics: str | None,
     start: str | None,
     as_json: bool,
+    detach: bool,
     **of_nodes: Any,
 ) -> int:
     """Run a board and serve its links until Ctrl-C.
@@ -72,6 +74,12 @@ def command(
     from vbus.tools.ready_lines import READY, lines_of
 
     file, source = read_board_file(board)
+    if detach:
+        from vbus.tools.detach import detach as go_on
+
+        code = go_on(".".join([file.board.name, *of_nodes["nodes"]]))
+        if code is not None:
+            return code
     if file.nodes:
         single = {
             "--journal": journal, "--report": report, "--wave": wave, "--coverage": coverage,

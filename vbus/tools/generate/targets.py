@@ -61,13 +61,14 @@ def client_targets(family: Family) -> list[Target]:
 
 
 def _numbers(family: Family, made: str) -> list[Target]:
-    """Return bits and registers as numbers, if the rows say when each of them counts."""
-    if not any(row.counts for row in family.registers):
-        return []
-    return [
-        (f"{made}/bits.py", partial(registers.bits, family)),
-        (f"{made}/registers.py", partial(registers.registers, family)),
-    ]
+    """Return bits as numbers, and registers, if the rows say when each of them counts."""
+    found: list[Target] = []
+    counted = any(row.counts for row in family.registers)
+    if counted or family.bits:
+        found.append((f"{made}/bits.py", partial(registers.bits, family)))
+    if counted:
+        found.append((f"{made}/registers.py", partial(registers.registers, family)))
+    return found
 
 
 def _calls(family: Family, name: str) -> str:

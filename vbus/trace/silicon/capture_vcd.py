@@ -28,9 +28,7 @@ def read_vcd(file: BinaryIO, name: str) -> Capture:
     try:
         from vcd.reader import TokenKind, VCDParseError, tokenize
     except ImportError:
-        raise PluginError(
-            'VCD captures need pyvcd; install it with: pip install "vbus[wave]"'
-        ) from None
+        raise PluginError("VCD captures need pyvcd; install it with: pip install pyvcd") from None
     tokens = tokenize(cast(Any, file))
     channels: list[tuple[str, str]] = []
     bits: dict[str, tuple[int, int]] = {}

@@ -65,9 +65,7 @@ class Wave(BoardPackets):
         try:
             import vcd  # noqa: F401
         except ImportError:
-            raise PluginError(
-                'waveforms need pyvcd; install it with: pip install "vbus[wave]"'
-            ) from None
+            raise PluginError("waveforms need pyvcd; install it with: pip install pyvcd") from None
         families = {chip.name: chip.FAMILY for chip in board.chips}
         super().__init__(families, self._packet, settings_for_decoders(board.chips))
         self.board: Board = board
