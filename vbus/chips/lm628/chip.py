@@ -1,6 +1,7 @@
 """The LM628 and LM629: their parts put together, and time."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
@@ -11,7 +12,7 @@ from vbus.chips.lm628.clock_input import check_clock, judge_clock
 from vbus.chips.lm628.commands import UNKNOWN, Commands
 from vbus.chips.lm628.encoder import Encoder
 from vbus.chips.lm628.encoder_pins import EncoderPins
-from vbus.chips.lm628.host_port import Host
+from vbus.chips.lm628.host_port import HostPort
 from vbus.chips.lm628.interface import HostInterface
 from vbus.chips.lm628.output import Output, OutputPins
 from vbus.chips.lm628.pins import BusPins, edges_of
@@ -83,9 +84,9 @@ class LM628(HostInterface):
         self.axis: Axis = Axis(chosen)
         self.output: Output = Output(pwm, int(chosen["pwm_frame_clk"]))
         self.encoder: Encoder = Encoder(clock)
-        self.host: Host = Host(clock, chosen, self._host_broke)
+        self.host: HostPort = HostPort(clock, chosen, self._host_broke)
         self.commands: Commands = Commands(
-            self.host, self.axis, pwm, self._command_reset, self._host_broke
+            self.host, self.axis, pwm, partial(self._reset, _RESET_BY_COMMAND), self._host_broke
         )
         self._mode: int = _UNPOWERED
         self._reset_end: i64 = NEVER
@@ -199,9 +200,6 @@ class LM628(HostInterface):
         self.encoder.index_at = NEVER
         self.output.zero()
         self._outputs.begin(self._cycle_from(self._when))
-
-    def _command_reset(self) -> None:
-        self._reset(_RESET_BY_COMMAND)
 
     def _finish_reset(self) -> None:
         self._mode, self._reset_end = _RUNNING, NEVER

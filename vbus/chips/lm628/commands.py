@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 from vbus.bits import sign_extend
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import Axis
-from vbus.chips.lm628.host_port import Host
+from vbus.chips.lm628.host_port import HostPort
 from vbus.chips.tables import Command
 from vbus.signals import Rule
 from vbus.state import Names
@@ -39,13 +39,13 @@ class Commands:
 
     def __init__(
         self,
-        host: Host,
+        host: HostPort,
         axis: Axis,
         pwm: bool,
         restart: Callable[[], None],
         report: Callable[[Rule, str], None],
     ) -> None:
-        self._host: Host = host
+        self._host: HostPort = host
         self._axis: Axis = axis
         self._pwm: bool = pwm
         self._restart: Callable[[], None] = restart

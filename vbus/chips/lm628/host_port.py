@@ -34,7 +34,7 @@ def _undefined(code: int, step: int, word: int) -> bool:
     return False
 
 
-class Host:
+class HostPort:
     """State of the two ports.
 
     A byte that makes the chip busy has its effect when busy falls (LM-BUS-9): :meth:`finish` is

@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
-from vbus.chips.lm628.host_port import Host
+from vbus.chips.lm628.host_port import HostPort
 from vbus.chips.lm628.interface import HostInterface
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, STRICT, Watcher, Z
@@ -54,9 +54,9 @@ class BusPins:
         "_timer", "_wr", "_write_undone",
     )  # fmt: skip
 
-    def __init__(self, chip: HostInterface, host: Host) -> None:
+    def __init__(self, chip: HostInterface, host: HostPort) -> None:
         self._chip: HostInterface = chip
-        self._host: Host = host
+        self._host: HostPort = host
         self._kernel = chip.kernel
         self._cs = chip.pins["/CS"]
         self._ps = chip.pins["/PS"]
