@@ -391,8 +391,6 @@ class HostBus(HostReach):
         """Return and forget the edges seen since the last call."""
         return self._pins.take_edges()
 
-    # -- end ----------------------------------------------------------------------------------
-
     def close(self) -> None:
         """The session has ended: let go of lines, pins, claims and events."""
         try:

@@ -1,7 +1,6 @@
 """Running nodes of a board in this process: their hosts' links, their time, what they leave."""
 
 import asyncio
-import signal
 from collections.abc import Callable, Coroutine, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -22,8 +21,8 @@ from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.trace import hash_of, merged
-from vbus.server.loop import HostLoop
-from vbus.server.server import Server
+from vbus.server.readiness import tell_ready
+from vbus.server.server import Server, run_until_signal
 from vbus.server.serving import links_of, network_of
 
 LAST_WORDS: Final = 0.1
@@ -93,10 +92,7 @@ def names_of(plan: Plan, options: NodeOptions) -> tuple[str, ...]:
         ConfigError: there is no such node.
     """
     for name in options.nodes:
-        try:
-            plan.rank(name)
-        except ValueError as error:
-            raise ConfigError(str(error)) from None
+        plan.rank(name)
     return tuple(name for name in plan.nodes if not options.nodes or name in options.nodes)
 
 
@@ -202,15 +198,7 @@ def serve_nodes(
     """
     run = _Run(file, source, options, report)
 
-    async def main() -> None:
-        loop = asyncio.get_running_loop()
-        stop = asyncio.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, stop.set)
-        await run.serve(stop, on_ready)
-
-    with asyncio.Runner(loop_factory=HostLoop) as runner:
-        runner.run(main())
+    run_until_signal(partial(run.serve, on_ready=on_ready))
     return run.outcome()
 
 
@@ -269,6 +257,7 @@ class _Run:
             if await self._begin(ends):
                 if on_ready is not None:
                     on_ready(self._servers)
+                tell_ready()
                 await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
             if peers.failure is not None:
                 if self._link is not None:

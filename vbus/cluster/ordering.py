@@ -56,11 +56,6 @@ _request: Final = msgspec.json.Decoder(Request)
 _answer: Final = msgspec.json.Decoder(Answer)
 
 
-def encode_answer(answer: Answer) -> bytes:
-    """Return an answer as it is sent."""
-    return msgspec.json.encode(answer)
-
-
 def take_order(node: Node, orders: Orders, data: bytes) -> Answer:
     """Take an order for a node whose time is up to date; all of it, or nothing."""
     now = node.board.now

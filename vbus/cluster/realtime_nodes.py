@@ -7,10 +7,12 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
+import msgspec
+
 from vbus.board.board import Board
 from vbus.board.sections import BoardFile
 from vbus.cluster.node_clock import ClockEstimate
-from vbus.cluster.ordering import Answer, encode_answer, take_order
+from vbus.cluster.ordering import Answer, take_order
 from vbus.cluster.peers import TICK, Group, Peers
 from vbus.cluster.skew import Skew
 from vbus.errors import NodeMismatchError
@@ -240,11 +242,11 @@ class RealTime(Peers):
         node = self.nodes[rank]
         pacer = self.pacers.get(rank)
         if pacer is None:
-            return encode_answer(Answer(node.name, error="chip time has not begun yet"))
+            return msgspec.json.encode(Answer(node.name, error="chip time has not begun yet"))
         pacer.catch_up()
         answer = take_order(node, self._orders(node), data)
         pacer.touched()
-        return encode_answer(answer)
+        return msgspec.json.encode(answer)
 
     def _orders(self, node: Node) -> Orders:
         known = self._ordered.get(node.rank)

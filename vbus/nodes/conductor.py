@@ -48,8 +48,12 @@ class Conductor:
         self.awaited: set[str] = set()
         """Labels of hosts that have not used time yet, and without which it does not begin."""
         self._wanted: int = -2
-        node.board.limit = -1
-        node.board.port_type = NodeBus
+
+    def begin(self) -> "Conductor":
+        """Hold the node's time, and its hosts', until it is granted."""
+        self.node.board.limit = -1
+        self.node.board.port_type = NodeBus
+        return self
 
     # -- what its hosts want ------------------------------------------------------------------
 

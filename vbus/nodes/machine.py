@@ -50,7 +50,7 @@ def conductor_of(
     plan = plan_of(file)
     made = node_of(file, source, node, scenario, trace)
     until = scenario.until if scenario is not None else -1
-    return Conductor(made, plan.lookahead, plan.digest, until)
+    return Conductor(made, plan.lookahead, plan.digest, until).begin()
 
 
 class Machine:

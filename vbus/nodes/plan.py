@@ -11,6 +11,7 @@ from vbus.board.build import assemble, rest_of
 from vbus.board.sections import BoardFile, ChipSection
 from vbus.board.source import Source
 from vbus.chips.base import Chip
+from vbus.errors import ConfigError
 from vbus.kernel import SECOND, Clock, Kernel
 from vbus.nodes.node import Node, Wire
 from vbus.version import __version__
@@ -50,10 +51,10 @@ class Plan:
         """Return the rank of the node called ``node``.
 
         Raises:
-            ValueError: there is none.
+            ConfigError: there is none.
         """
         if node not in self.nodes:
-            raise ValueError(f'no node called "{node}"; this board has {", ".join(self.nodes)}')
+            raise ConfigError(f'no node called "{node}"; this board has {", ".join(self.nodes)}')
         return self.nodes.index(node)
 
 
@@ -148,8 +149,7 @@ def build_node(file: BoardFile, source: Source, node: str) -> Node:
     """Return one node of a board, powered on, at instant 0.
 
     Raises:
-        ConfigError: a part refuses its settings.
-        ValueError: there is no such node.
+        ConfigError: a part refuses its settings, or there is no such node.
     """
     plan = plan_of(file)
     made = Node(plan.nodes, plan.rank(node), plan.wires)

@@ -122,7 +122,7 @@ class FaultOrders:
             raise ValueError(f"nobody is connected to {target}")
         if name == "link_closed":
             for session in sessions:
-                session.end_soon("closed by a fault")
+                session.hang_up_soon("closed by a fault")
             return f"{len(sessions)} sessions closed"
         faults = [_LinkFault(session, name, once).begin() for session in sessions]
         if not once:

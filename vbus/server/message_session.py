@@ -70,10 +70,10 @@ class MessageSession(Session):
         self.sent += len(reply)
         self._messages.answer(reply)
 
-    def end(self, reason: str) -> None:
+    def end(self, reason: str, hang_up: bool = False) -> None:
         """End the session, and let the link say why."""
         self._messages.reason = self._messages.reason or reason
-        super().end(reason)
+        super().end(reason, hang_up)
 
     def _send(self) -> None:
         """Keep what the message gave so far."""

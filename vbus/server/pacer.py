@@ -160,7 +160,7 @@ class Pacer:
         What was to be woken at instants of before is woken now, and asks again.
         """
         self._anchor_ns, self._anchor_ps = self.clock(), self.board.now
-        self._slices.forget()
+        self._slices.open = False
         self._asleep = 0
         self._tick_at = self.board.now + self._tick
         self._armed = NEVER

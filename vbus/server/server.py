@@ -5,7 +5,7 @@ import json
 import logging
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -340,13 +340,21 @@ def run(
         TransportError: a link cannot be opened.
     """
 
-    async def main() -> None:
+    async def serve(stop: asyncio.Event) -> None:
         server = Server(board, links, stall, report, metrics)
+        await server.serve(stop, None if on_ready is None else partial(on_ready, server))
+
+    run_until_signal(serve)
+
+
+def run_until_signal(serve: Callable[[asyncio.Event], Coroutine[Any, Any, None]]) -> None:
+    """Run a coroutine in a loop of its own; SIGINT and SIGTERM set the event it is given."""
+
+    async def main() -> None:
         stop = asyncio.Event()
-        loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, stop.set)
-        await server.serve(stop, None if on_ready is None else lambda: on_ready(server))
+            asyncio.get_running_loop().add_signal_handler(number, stop.set)
+        await serve(stop)
 
     with asyncio.Runner(loop_factory=HostLoop) as runner:
         runner.run(main())

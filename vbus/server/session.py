@@ -359,19 +359,19 @@ class Session:
             self._take(data)
         self.end("closed by the host")
 
-    def end_soon(self, reason: str) -> None:
-        """End the session when what it does now is done."""
-        self._loop.call_soon(self.end, reason)
+    def hang_up_soon(self, reason: str) -> None:
+        """End session and link when what is done now is done; the host notices it."""
+        self._loop.call_soon(self.end, reason, True)
 
-    def end(self, reason: str) -> None:
+    def end(self, reason: str, hang_up: bool = False) -> None:
         """End the session: the port lets go of everything, half a request is forgotten."""
         if not self._open:
             return
         self._open = False
         log.debug("%s: %s", self.link.peer, reason)
         for step in (
-            self._look_no_more, self.protocol.reset, self.port.close, self.link.close,
-            partial(self._on_end, self),
+            self._look_no_more, self.protocol.reset, self.port.close,
+            self.link.hang_up if hang_up else self.link.close, partial(self._on_end, self),
         ):  # fmt: skip
             try:
                 step()

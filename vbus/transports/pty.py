@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vbus.errors import TransportError
-from vbus.transports.base import Link, Transport
+from vbus.transports.base import Link, Served, Transport
 from vbus.transports.linux import OpenWatch
-from vbus.transports.runtime import NameLock
+from vbus.transports.runtime import NameLock, leads_to_terminal, sweep
 
 _TIOCNXCL = 0x540D
 _READ_SIZE = 65536
@@ -30,6 +30,10 @@ class PtyLink(Link):
     def close(self) -> None:
         """Make the terminal ready for the next client."""
         self._transport.ended(self)
+
+    def hang_up(self) -> None:
+        """Take the terminal from the client that has it open; the name leads to a new one."""
+        self._transport.replace(self)
 
 
 @dataclass(slots=True)
@@ -109,10 +113,15 @@ class PtyTransport(Transport):
         super().__init__(path, options)
         self._link_path: Path = Path(path)
         self._terminal: _Terminal | None = None
+        self._board: str = ""
         self._clients: int = 0
         self._owed: bool = False
         self._replaced: bool = False
         self._link: PtyLink | None = None
+
+    def serves(self, served: Served) -> None:
+        """Learn which board the name is for."""
+        self._board = served.board.name
 
     def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
         """Make the terminal and its name."""
@@ -122,9 +131,10 @@ class PtyTransport(Transport):
         self._on_link = on_link
         with self.opening(self._link_path) as opened:
             lock = NameLock(self._link_path)
-            lock.take()
+            lock.take(self._board)
             opened.callback(lock.give_back)
-            if os.path.lexists(self._link_path) and not self._is_ours():
+            sweep(self._link_path.parent)
+            if os.path.lexists(self._link_path) and not leads_to_terminal(self._link_path):
                 raise TransportError(
                     f"{self._link_path} exists and is not a link of ours; remove it or choose"
                     " another name"
@@ -132,10 +142,6 @@ class PtyTransport(Transport):
             opened.callback(self._unmake)
             self._make()
             opened.callback(self._remove_name)
-
-    def _is_ours(self) -> bool:
-        """Tell whether the name is what a server leaves behind: a link to some terminal."""
-        return self._link_path.is_symlink() and os.readlink(self._link_path).startswith("/dev/pts/")
 
     def _make(self) -> None:
         """Make a terminal and let the name lead to it."""
@@ -161,7 +167,7 @@ class PtyTransport(Transport):
     def _remove_name(self) -> None:
         """Remove the name, if it is not another's by now."""
         terminal = self._terminal
-        if terminal is not None and self._is_ours():
+        if terminal is not None and leads_to_terminal(self._link_path):
             if os.readlink(self._link_path) == terminal.name:
                 self._link_path.unlink()
 
@@ -246,8 +252,16 @@ class PtyTransport(Transport):
             # Those are our own open and close. Whoever came meanwhile is seen by looking.
             terminal.watch.read()
 
+    def replace(self, link: PtyLink) -> None:
+        """End a session with its terminal."""
+        if self._link is link:
+            self._link = None
+            self._clients = 0
+            self.state = "waiting"
+            self._renew()
+
     def _renew(self) -> None:
-        """Replace a terminal that a client has left in exclusive use: only root could open it."""
+        """Replace the terminal: one left in exclusive use could be opened by root alone."""
         self._unmake()
         try:
             self._make()

@@ -10,7 +10,7 @@ from typing import Final
 
 from vbus.errors import NameInUseError, TransportError
 from vbus.transports.base import Link, Transport
-from vbus.transports.runtime import NameLock, socket_address
+from vbus.transports.runtime import NameLock, socket_address, sweep
 
 REST_SECONDS: Final = 0.2
 """How long nobody is accepted after the system has run out of descriptors or memory."""
@@ -20,6 +20,8 @@ KEEP_ALIVE: Final = (
     (socket.TCP_KEEPCNT, 3),
 )
 """A silent TCP host is looked for after 10 s, and given up 15 s later."""
+BACKLOG: Final = 128
+"""Hosts that may wait to be accepted."""
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
@@ -44,7 +46,7 @@ class _SocketTransport(Transport):
         loop: asyncio.AbstractEventLoop,
         on_link: Callable[[Link], None],
     ) -> None:
-        listener.listen(16)
+        listener.listen(BACKLOG)
         listener.setblocking(False)
         self.opened.callback(loop.remove_reader, listener.fileno())
         loop.add_reader(listener.fileno(), self._accept, listener, loop, on_link)
@@ -101,6 +103,7 @@ class UnixTransport(_SocketTransport):
             lock = NameLock(path)
             lock.take()
             opened.callback(lock.give_back)
+            sweep(path.parent)
             if path.exists() and not path.is_socket():
                 raise TransportError(
                     f"{path} exists and is not a socket; remove it or choose another name"
