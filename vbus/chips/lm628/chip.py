@@ -15,11 +15,11 @@ from vbus.chips.lm628.encoder_pins import EncoderPins
 from vbus.chips.lm628.host_port import HostPort
 from vbus.chips.lm628.interface import HostInterface
 from vbus.chips.lm628.output import Output, OutputPins
-from vbus.chips.lm628.pins import BusPins, edges_of
+from vbus.chips.lm628.pins import BusPins
 from vbus.chips.tables import PinRow
 from vbus.kernel import HELD, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher
+from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher, Z
 from vbus.state import Names
 
 _RUNNING: Final = 0
@@ -286,7 +286,16 @@ class LM628(HostInterface):
 
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
         """Return the edges of a whole cycle at the shortest times the manual allows."""
-        return edges_of(write, address, data)
+        setup, hold = ds.AC["T8"].min_ps, ds.AC["T9"].min_ps
+        low = ds.WRITE_LOW if write else ds.READ_LOW
+        strobe = "/WR" if write else "/RD"
+        edges = [(-low - setup, "/PS", address), (-low - setup, "/CS", LOW), (-low, strobe, LOW)]
+        if write:
+            edges.append((-low, "D0-D7", data))
+        edges += [(0, strobe, HIGH), (hold, "/CS", HIGH)]
+        if write:
+            edges.append((ds.AC["T16"].min_ps, "D0-D7", Z))
+        return edges
 
     def _host_broke(self, rule: Rule, detail: str, when: int = -1) -> None:
         self.report(rule, detail=detail, when=self._when if when < 0 else when)

@@ -8,25 +8,11 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.host_port import HostPort
 from vbus.chips.lm628.interface import HostInterface
 from vbus.kernel import NEVER
-from vbus.signals import HIGH, LOW, STRICT, Watcher, Z
+from vbus.signals import HIGH, LOW, STRICT, Watcher
 from vbus.state import Names, Saved, keep, take_back
 
 _LONG_AGO: Final = -(1 << 60)
 _FLOATING: Final = 0xFF
-
-
-def edges_of(write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
-    """Return the edges of a whole cycle at the shortest times the manual allows."""
-    setup, hold = ds.AC["T8"].min_ps, ds.AC["T9"].min_ps
-    low = ds.WRITE_LOW if write else ds.READ_LOW
-    strobe = "/WR" if write else "/RD"
-    edges = [(-low - setup, "/PS", address), (-low - setup, "/CS", LOW), (-low, strobe, LOW)]
-    if write:
-        edges.append((-low, "D0-D7", data))
-    edges += [(0, strobe, HIGH), (hold, "/CS", HIGH)]
-    if write:
-        edges.append((ds.AC["T16"].min_ps, "D0-D7", Z))
-    return edges
 
 
 class BusPins:
