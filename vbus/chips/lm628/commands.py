@@ -116,13 +116,13 @@ class Commands:
             self._report(ds.PORT_IN_MOTION, f"PORT{bits} in motion: it is executed")
         self._axis.port8 = bits == 8
 
-    def load_threshold(self, word: int, stop: bool) -> None:
+    def load_threshold(self, word: int, stop: int) -> None:
         """Load position error for interrupt, or for stopping."""
         if word > ds.THRESHOLD_MAX:
             name = "LPES" if stop else "LPEI"
             self._report(ds.RANGE, f"{name} {word:04X}H: at most 7FFFH, bit 15 is ignored")
         self._axis.threshold = word & ds.THRESHOLD_MAX
-        self._axis.stop_on_error = stop
+        self._axis.stop_on_error = bool(stop)
 
     def load_filter(self, step: int, word: int) -> None:
         """Load filter parameters (LM-PID-1)."""
