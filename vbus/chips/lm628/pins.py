@@ -36,8 +36,8 @@ class BusPins:
         "_data_read", "_byte", "_left", "_undo: kept[_chip]",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_chip", "_cs", "_data", "_host", "_kernel", "_late", "_ps", "_rd", "_read_undone",
-        "_timer", "_wr", "_write_undone",
+        "_chip", "_cs", "_data", "_host", "_kernel", "_late", "_limits", "_ps", "_rd",
+        "_read_undone", "_timer", "_wr", "_write_undone",
     )  # fmt: skip
 
     def __init__(self, chip: HostInterface, host: HostPort) -> None:
@@ -50,6 +50,11 @@ class BusPins:
         self._wr = chip.pins["/WR"]
         self._data = chip.data_pin
         self._timer = chip.kernel.timer(self._hold_over)
+        # The chip's own promises are the longest that they say, all else the least.
+        self._limits: dict[str, int] = {
+            row.symbol: row.max_ps if row.output else ds.AC.minimum(row.symbol, chip.clock)
+            for row in ds.AC
+        }
         self._late: bool = self._strict("T10")
         self._write_undone: bool = self._strict("T9") or self._strict("T16")
         self._read_undone: bool = self._strict("T9") or self._strict("T12")
@@ -139,23 +144,18 @@ class BusPins:
             return
         chip.begin_read(ps)
         if self._late and chip.judged:
-            self.show_at = now + self._limit("T10")
+            self.show_at = now + self._limits["T10"]
             chip.expect(self.show_at)
-
-    def _limit(self, symbol: str) -> int:
-        """Return the limit of a row: the chip's own promise is the longest, all else the least."""
-        row = ds.AC[symbol]
-        return row.max_ps if row.output else ds.AC.minimum(symbol, self._chip.clock)
 
     def _judge(self, symbol: str, measured: int, detail: str = "") -> None:
         """Find an interval too short; a strict one loses the cycle under way."""
-        limit = self._limit(symbol)
+        limit = self._limits[symbol]
         if measured < limit:
             self._lost |= self._chip.report(ds.AC.rules[symbol], measured, limit, detail)
 
     def _judge_hold(self, symbol: str, hold: int, when: int = -1) -> None:
         """Find a hold time too short; if it is strict, the last cycle has not been."""
-        limit = self._limit(symbol)
+        limit = self._limits[symbol]
         if hold < limit and self._chip.report(ds.AC.rules[symbol], hold, limit, when=when):
             undo, self._undo = self._undo, {}
             if undo:
@@ -191,7 +191,7 @@ class BusPins:
             self._undo = keep(chip) if self._write_undone else {}
             if ps == ds.DATA_PORT:
                 self._data_wrote = now
-            self._timer.at(now + self._limit("T16"))
+            self._timer.at(now + self._limits["T16"])
         if not self._lost:
             chip.write(ps, byte)
         if byte != net.value:
@@ -209,7 +209,7 @@ class BusPins:
             self._undo = keep(chip) if self._read_undone else {}
             if ps == ds.DATA_PORT:
                 self._data_read = now
-            self._timer.at(now + self._limit("T12"))
+            self._timer.at(now + self._limits["T12"])
         if self._lost:
             self._host.lose_read()
         chip.end_read()
@@ -245,14 +245,14 @@ class BusPins:
                 moved == self._wrote and (net.value != self._byte or not net.driven)
             )
             hold = moved - self._wrote
-            if late or now - self._wrote >= self._limit("T16"):
+            if late or now - self._wrote >= self._limits["T16"]:
                 self._wrote = _LONG_AGO
             if late:
                 self._judge_hold("T16", hold, moved)
         if self._read > _LONG_AGO:
             hold = net.changed_at - self._read
             others = hold > 0 or (hold == 0 and net.value != self._left)
-            if others or now - self._read >= self._limit("T12"):
+            if others or now - self._read >= self._limits["T12"]:
                 self._read = _LONG_AGO
             if others:
                 self._judge_hold("T12", hold, net.changed_at)
