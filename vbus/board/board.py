@@ -41,7 +41,7 @@ class Board(Circuit):
     """
 
     STATE: ClassVar[Names] = (
-        "levels: list[i64]", "wires: parts", "ports: parts",
+        "levels: list[i64]", "ports: parts", "wires: list[(i64, i64, i64, i64)]",
         "tail: list[(i64, i64, str, i64), ...]", "kernel: part", "chips: parts",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
@@ -145,10 +145,19 @@ class Board(Circuit):
     # -- state --------------------------------------------------------------------------------
 
     @property
-    def wires(self) -> list[Net]:
+    def pin_nets(self) -> list[Net]:
         """The nets at the chips' pins."""
-        nets = {id(pin.net): pin.net for chip in self.chips for pin in chip.pins.values()}
-        return list(nets.values())
+        return list(dict.fromkeys([pin.net for chip in self.chips for pin in chip.pins.values()]))
+
+    @property
+    def wires(self) -> list[tuple[int, ...]]:
+        """The level of each net at the chips' pins, and its history."""
+        return [(net.value, *net.history) for net in self.pin_nets]
+
+    @wires.setter
+    def wires(self, wires: list[tuple[int, ...]]) -> None:
+        for net, row in zip(self.pin_nets, wires, strict=True):
+            net.value, net.previous, net.changed_at, net.let_go_at = row
 
     @property
     def levels(self) -> list[int]:

@@ -61,8 +61,9 @@ def _load(board: Any, loading: Load, wires: Any, broken: Any, faulty: bool) -> N
     if faulty:
         board.faults.go_on()
     # Who listens now has begun to listen since.
-    for net, kept in zip(board.wires, wires, strict=True):
-        net.history = tuple(kept["history"])
+    board.wires = wires
+    for net in board.pin_nets:
+        net.after_load()
     for chip in board.chips:
         chip.heard_changed()
         chip.rearm()

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from vbus.errors import SnapshotError
-from vbus.state import VERSION, Saved
+from vbus.state import Saved
 from vbus.state.first import Odd, from_tuple, to_tuple
 
 
@@ -31,7 +31,7 @@ def _save(board: Any, saved: Saved) -> tuple[Any, ...]:
             to_tuple(board.kernel, saved["kernel"]), saved["tail"],
             tuple(kept["strobes"]["watches"] for _, kept in ports),
         ),
-        _all(board.chips, saved["chips"]), _all(board.wires, saved["wires"]), saved["levels"],
+        _all(board.chips, saved["chips"]), saved["wires"], saved["levels"],
         tuple(to_tuple(port, kept) for port, kept in ports),
         *((saved["faults"],) if "faults" in saved else ()),
     )  # fmt: skip
@@ -44,13 +44,10 @@ def _all(parts: list[Any], saved: Any) -> tuple[Any, ...]:
 def _load(board: Any, old: Any) -> Saved:
     parts, (kernel, tail, strobes), chips, wires, levels, ports = old[:6]
     return {
-        VERSION: 1, "parts": parts, "levels": levels, "tail": tail,
+        "parts": parts, "levels": levels, "tail": tail, "wires": wires,
         "kernel": from_tuple(board.kernel, kernel, "kernel"),
-        "wires": tuple(
-            from_tuple(net, kept, net.name) for net, kept in zip(board.wires, wires, strict=True)
-        ),
         "ports": tuple(
-            {**from_tuple(port, kept, port.label), "strobes": {VERSION: 1, "watches": watches}}
+            {**from_tuple(port, kept, port.label), "strobes": {"watches": watches}}
             for port, kept, watches in zip(board.ports, ports, strobes, strict=True)
         ),
         "chips": tuple(

@@ -22,7 +22,7 @@ from importlib.util import find_spec
 from typing import Any, Final
 
 from vbus.errors import SnapshotError
-from vbus.state.fields import VERSION, Kept, Part, Parts, Saved, layout_of, plan_fields, save_fields
+from vbus.state.fields import Kept, Part, Parts, Saved, layout_of, plan_fields, save_fields
 from vbus.state.kinds import FLAG, Integer, Kind
 
 BITS: Final = ("+",)
@@ -65,7 +65,7 @@ def _find(cls: type, more: str) -> Any:
         if found or "STATE" in vars(base):
             break
     if found == BITS:
-        flags = {name for name in declared.names if declared.kind(name) is FLAG}
+        flags = {name for name in declared.names if declared.kinds[name] is FLAG}
         return tuple("+" + name if name in flags else name for name in declared.names)
     return found or tuple(declared.names)
 
@@ -91,8 +91,8 @@ def row(part: Any, saved: Saved, layout: tuple[Any, ...]) -> tuple[Any, ...]:
             values.append(row(part, saved, entry))
             continue
         name = entry.lstrip("+*")
-        kind = declared.kind(name)
-        value = _old(kind, getattr(part, kind.owner(name)), saved[name])
+        kind = declared.kinds[name]
+        value = _old(kind, getattr(part, kind.owner(name) or name), saved[name])
         if entry[0] == "*":
             values.extend(value)
         else:
@@ -138,14 +138,14 @@ def _from_tuple(part: Any, old: Any, where: str) -> Saved:
     declared = layout_of(type(part))
     for name in declared.names:
         if name not in saved:
-            saved[name] = declared.kind(name).save(getattr(part, name))
+            saved[name] = declared.kinds[name].save(getattr(part, name))
     return saved
 
 
 def fields(part: Any, old: Any, layout: tuple[Any, ...]) -> Saved:
     """Return the fields in a tuple that a row of names tells of."""
     declared = layout_of(type(part))
-    saved: Saved = {VERSION: 1}
+    saved: Saved = {}
     at = 0
     for entry in layout:
         if not isinstance(entry, str):
@@ -153,8 +153,8 @@ def fields(part: Any, old: Any, layout: tuple[Any, ...]) -> Saved:
             at += 1
             continue
         name = entry.lstrip("+*")
-        kind = declared.kind(name)
-        now = getattr(part, kind.owner(name))
+        kind = declared.kinds[name]
+        now = getattr(part, kind.owner(name) or name)
         if entry[0] == "*":
             after = len(old) - at
             width = after if entry == layout[-1] else len(_old(kind, now, kind.save(now)))

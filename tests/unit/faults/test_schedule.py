@@ -152,7 +152,7 @@ def test_without_faults_nothing_is_put_in_between() -> None:
     assert not board.disturbed
     assert not board.observers
     assert not board.kernel.observed
-    assert not any(net.bends for net in board.wires)
+    assert not any(net.bends for net in board.pin_nets)
 
 
 def test_no_lease_is_given_while_a_fault_waits() -> None:
