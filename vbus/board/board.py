@@ -189,7 +189,7 @@ class Board(Circuit):
         self.catch_up()
         saved: Saved = {**save(self), "parts": tuple(self.parts)}
         if self._faults is not None and self._faults.all():
-            saved["faults"] = self._faults.save()
+            saved["faults"] = save(self._faults)
         return saved
 
     def load(self, saved: Any) -> None:

@@ -25,23 +25,22 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
         raise SnapshotError(
             f"the state belongs to a board with {parts}, this one has {board.parts}"
         )
-    acts = board.faults.acts if board.broken or broken else None
-    stood = acts.stand_in(broken) if acts is not None else {}
+    breaking, unwrap = board.faults.prepare(broken) if board.broken or broken else (None, None)
     try:
         fields = from_tuple(board, saved) if isinstance(saved, tuple) else dict(saved)
         fields.pop("parts")
         fields.pop("faults", None)
         loading = plan(board, fields, "the state")
     except SnapshotError:
-        if acts is not None:
-            acts.stand_back(stood)
+        if unwrap is not None:
+            unwrap()
         raise
 
     before = board.save() if loading.foreign else None
 
     def go() -> None:
         try:
-            _load(board, loading, fields["wires"], broken, acts is not None)
+            _load(board, loading, fields["wires"], breaking)
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             # A part of somebody else's, which checks nothing before.
             if before is not None:
@@ -51,14 +50,14 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
     return go
 
 
-def _load(board: Any, loading: Load, wires: Any, broken: Any, faulty: bool) -> None:
+def _load(board: Any, loading: Load, wires: Any, breaking: Load | None) -> None:
     board.player.flush()
-    if faulty:
-        board.faults.load(broken)
+    if breaking is not None:
+        breaking.apply()
     # Whoever is to be told of something is told now: it belongs to what is left behind.
     board.kernel.settle()
     loading.apply()
-    if faulty:
+    if breaking is not None:
         board.faults.go_on()
     # Who listens now has begun to listen since.
     board.wires = wires

@@ -33,7 +33,7 @@ def _save(board: Any, saved: Saved) -> tuple[Any, ...]:
         ),
         _all(board.chips, saved["chips"]), saved["wires"], saved["levels"],
         tuple(to_tuple(port, kept) for port, kept in ports),
-        *((saved["faults"],) if "faults" in saved else ()),
+        *((to_tuple(board.faults, saved["faults"]),) if "faults" in saved else ()),
     )  # fmt: skip
 
 

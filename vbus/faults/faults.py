@@ -4,16 +4,17 @@ import hashlib
 from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from vbus.board.circuit import Circuit
 from vbus.board.settings import listed, suggestion
 from vbus.chips.base import Chip
+from vbus.errors import SnapshotError
 from vbus.faults.acts import Acts
 from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence, LinkActs
 from vbus.faults.parameters import check_parameters
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault
-from vbus.faults.state import armed_of, record
+from vbus.faults.state import RECORD, Record, armed_of, record
 from vbus.faults.table import faults
 from vbus.faults.targets import find_target
 from vbus.faults.trigger import (
@@ -31,11 +32,19 @@ from vbus.faults.trigger import (
 from vbus.faults.watch import BusEyes, EdgeEyes, write_of
 from vbus.kernel import US
 from vbus.signals import HIGH, LOW
+from vbus.state import Names, Saved, plan
+from vbus.state.first import from_tuple
+from vbus.state.kinds import Load
 
 LOOK: Final = 100 * US
 """How often a trigger looks at a position."""
 KEPT: Final = 1000
 """Pieces of evidence that are kept."""
+
+NOTHING: Final[Saved] = {
+    "_last": 0, "_serial": 0, "records": (), "due": (), "acts": {"axes": (), "courses": ()},
+}  # fmt: skip
+"""State of a board on which nothing has ever been armed."""
 
 _BEGIN: Final = 0
 _END: Final = 1
@@ -59,12 +68,19 @@ class Faults:
         log: evidence, oldest first; the latest thousand.
     """
 
+    STATE: ClassVar[Names] = (
+        "_last", "_serial", f"records: list[{RECORD}, ...]", "due: heap[(i64, i64, i64, i64)]",
+        "acts: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_board", "_eyes", "_timer", "log")
+    DERIVED: ClassVar[Names] = ("_armed", "_calls", "_queue", "_watching")
+
     def __init__(self, board: Circuit) -> None:
         self._board: Circuit = board
         self.log: deque[Evidence] = deque(maxlen=KEPT)
         self._armed: dict[int, Armed] = {}
         self._last: int = 0
-        self.acts: Acts = Acts(board, self.later)
+        self.acts: Acts = Acts(board, self.later, self._armed)
         self._queue: list[tuple[int, int, int, int]] = []
         self._calls: dict[int, Callable[[], None]] = {}
         self._serial: int = 0
@@ -405,32 +421,59 @@ class Faults:
 
     # -- state --------------------------------------------------------------------------------
 
-    def save(self) -> tuple[object, ...]:
-        """Return what is armed and acts, and when something is due; the log stays out."""
-        return (
-            self._last, self._serial,
-            tuple(record(armed) for armed in self._armed.values()),
-            tuple(sorted(entry for entry in self._queue if entry[2] != _CALL)),
-            self.acts.save(),
-        )  # fmt: skip
+    @property
+    def records(self) -> list[Record]:
+        """Every fault that was ever armed, as plain numbers and texts; the log stays out."""
+        return [record(armed) for armed in self._armed.values()]
 
-    def load(self, state: Any) -> None:
-        """Take back what :meth:`save` gave; of None, nothing is armed.
-
-        It comes before the chips take back theirs.
-        """
+    @records.setter
+    def records(self, records: list[Record]) -> None:
         for armed in self.live():
             if armed.number in self.acts.buses:
                 self.acts.end(armed)
             self._finish(armed)
-        last, serial, records, queue, axes = state or (0, 0, (), (), ((), ()))
-        self._last, self._serial = last, serial
+        self._armed.clear()
         known = faults() if records else {}
-        self._armed = {row[0]: armed_of(row, known[row[1]]) for row in records}
-        self._queue = [tuple(entry) for entry in queue]
+        for row in records:
+            self._armed[row[0]] = armed_of(row, known[row[1]])
+
+    @property
+    def due(self) -> list[tuple[int, int, int, int]]:
+        """What is due when, but for what acting faults have asked for."""
+        return [entry for entry in self._queue if entry[2] != _CALL]
+
+    @due.setter
+    def due(self, due: list[tuple[int, int, int, int]]) -> None:
+        self._queue = due
         self._calls = {}
         self._timer.cancel()
-        self.acts.load(axes, list(self._armed.values()))
+
+    def prepare(self, saved: Any) -> tuple[Load, Callable[[], None]]:
+        """Check saved faults, and wrap plants as they were then, so that their states fit.
+
+        Args:
+            saved: the faults; None: nothing is armed.
+
+        Returns:
+            What loads them, before chips take back theirs; and what wraps plants as they are now.
+
+        Raises:
+            SnapshotError: they are none, or not of this board; nothing is changed.
+        """
+        state: Any = saved or NOTHING
+        if isinstance(state, tuple):
+            state = from_tuple(self, state, "the state.faults")
+        found = plan(self, state, "the state.faults")
+        board, acts = self._board, state["acts"]
+        for what, names, there in (
+            ("fault", {row[1] for row in state["records"]}, faults() if saved else ()),
+            ("axis", {row[0] for row in acts["axes"]}, board.axes),
+            ("chip", {row[0] for row in acts["courses"]}, [chip.name for chip in board.chips]),
+        ):
+            if not names <= {*there}:
+                missing = ", ".join(sorted(names - {*there}))
+                raise SnapshotError(f"the state.faults: no such {what}: {missing}")
+        return found, self.acts.wrap({row[0] for row in acts["axes"] if row[1]})
 
     def go_on(self) -> None:
         """Everything is loaded: let what acts on chips and buses act again."""

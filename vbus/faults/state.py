@@ -1,17 +1,23 @@
 """The faults of a board as plain numbers and texts, and back."""
 
-from collections.abc import Collection
-from typing import Any
+from typing import Any, Final
 
-from vbus.errors import SnapshotError
 from vbus.faults.armed import Armed
 from vbus.faults.row import LINK, Fault
-from vbus.faults.table import faults
 from vbus.faults.trigger import Until, When
 
+Record = tuple[Any, ...]
+"""An armed fault as a row."""
 
-def record(armed: Armed) -> tuple[object, ...]:
-    """Return an armed fault as a tuple.
+RECORD: Final = (
+    "(i64, str, str, (str, i64, str, str), (str, i64, str), list[(str, value), ...], str, i64, i64,"
+    " i64, bool, list[(i64, i64), ...], i64)"
+)
+"""What is in such a row."""
+
+
+def record(armed: Armed) -> Record:
+    """Return an armed fault as a row.
 
     Whether somebody was on a link when its fault began is no part of the board.
     """
@@ -24,32 +30,10 @@ def record(armed: Armed) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def armed_of(state: Any, fault: Fault) -> Armed:
-    """Return the fault that :func:`record` made a tuple of."""
+def armed_of(state: Record, fault: Fault) -> Armed:
+    """Return the fault that :func:`record` made a row of."""
     number, _, target, when, until, values, stage, fired, seen, draws, cleared, writes, side = state
     return Armed(
         number, fault, target, When(*when), Until(*until), dict(values), stage, fired, seen, draws,
         cleared, tuple(tuple(pair) for pair in writes), side,
     )  # fmt: skip
-
-
-def wrapped_in(state: Any, places: Collection[str]) -> set[str]:
-    """Check the saved faults of a board with these axes; return the axes that were wrapped.
-
-    Raises:
-        SnapshotError: they are none; says why.
-    """
-    known = faults() if state else {}
-    try:
-        _, _, records, queue, (axes, clocks) = state or (0, 0, (), (), ((), ()))
-        for row in records:
-            armed_of(row, known[row[1]])
-        for _, _, _, number in queue:
-            int(number)
-        dict(clocks)
-        wrapped = {place for place, is_wrapped, _, _ in axes if is_wrapped}
-    except (TypeError, ValueError, IndexError, KeyError) as error:
-        raise SnapshotError(f"the state.faults: these are none: {error!r}") from None
-    if not wrapped <= set(places):
-        raise SnapshotError(f"the state.faults: no such axis: {', '.join(wrapped - set(places))}")
-    return wrapped
