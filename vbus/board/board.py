@@ -120,7 +120,7 @@ class Board(Circuit):
     def end_leases(self) -> None:
         """Somebody is about to touch the board: what was promised to hosts comes true first."""
         for port in self.ports:
-            port.end_lease()
+            port.leases.end()
 
     # -- trace --------------------------------------------------------------------------------
 
@@ -173,11 +173,11 @@ class Board(Circuit):
     @property
     def tail(self) -> list[tuple[int, int, str, int]]:
         """The hold edges of strobes that are still to come: instant, host, pin, level."""
-        return self.player.tail([port._pins for port in self.ports])
+        return self.player.tail([port.pins for port in self.ports])
 
     @tail.setter
     def tail(self, tail: list[tuple[int, int, str, int]]) -> None:
-        self.player.set_tail(tail, [port._pins for port in self.ports])
+        self.player.set_tail(tail, [port.pins for port in self.ports])
 
     @property
     def parts(self) -> list[tuple[str, str]]:

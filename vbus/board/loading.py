@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from vbus.board.state_1 import told
+from vbus.board.state_1 import parts_and_faults
 from vbus.errors import SnapshotError
 from vbus.state import plan
 from vbus.state.first import from_tuple
@@ -20,7 +20,7 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
     Raises:
         SnapshotError: the state was made by another board, or is none; the board is as it was.
     """
-    parts, broken = told(saved)
+    parts, broken = parts_and_faults(saved)
     if parts != board.parts:
         raise SnapshotError(
             f"the state belongs to a board with {parts}, this one has {board.parts}"

@@ -4,10 +4,10 @@ from typing import Any, Final
 
 from vbus.errors import SnapshotError
 from vbus.state import Saved
-from vbus.state.first import Odd, from_tuple, to_tuple
+from vbus.state.first import Adapter, from_tuple, to_tuple
 
 
-def told(saved: Any) -> tuple[Any, Any]:
+def parts_and_faults(saved: Any) -> tuple[Any, Any]:
     """Return the chips and the faults of a saved board, of either version.
 
     Raises:
@@ -57,6 +57,6 @@ def _load(board: Any, old: Any) -> Saved:
 
 
 LAYOUTS: Final[dict[str, Any]] = {
-    "Board": Odd(_save, _load),
-    "HostBus": ("mask", "_stamp", "_last_at", "_timed", "_target", "_polls", "claimed", "*_pins"),
+    "Board": Adapter(_save, _load),
+    "HostBus": ("*selection", "*clock", "polls", "claimed", "*pins"),
 }

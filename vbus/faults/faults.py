@@ -29,7 +29,7 @@ from vbus.faults.trigger import (
     read_until,
     read_when,
 )
-from vbus.faults.watch import BusEyes, EdgeEyes, write_of
+from vbus.faults.watch import CycleWatcher, EdgeWatcher, write_of
 from vbus.kernel import US
 from vbus.signals import HIGH, LOW
 from vbus.state import Names, Saved, plan
@@ -72,7 +72,7 @@ class Faults:
         "_last", "_serial", f"records: list[{RECORD}, ...]", "due: heap[(i64, i64, i64, i64)]",
         "acts: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_board", "_eyes", "_timer", "log")
+    WIRING: ClassVar[Names] = ("_board", "_watcher", "_timer", "log")
     DERIVED: ClassVar[Names] = ("_armed", "_calls", "_queue", "_watching")
 
     def __init__(self, board: Circuit) -> None:
@@ -85,7 +85,7 @@ class Faults:
         self._calls: dict[int, Callable[[], None]] = {}
         self._serial: int = 0
         self._timer = board.kernel.timer(self._due, saved=False)
-        self._eyes: BusEyes = BusEyes(self._cycle)
+        self._watcher: CycleWatcher = CycleWatcher(self._cycle)
         self._watching: bool = False
 
     @property
@@ -235,24 +235,24 @@ class Faults:
             armed.side = 1 if self._position(armed) < when.number else -1
             self._push(now + LOOK, _LOOK, armed.number)
         elif when.kind == EDGE:
-            self._look_at_edge(armed)
+            self._watch_edge(armed)
         elif when.kind == RATE:
             if armed.until.kind == FOR and armed.fault.acts != LASTS:
                 self._push(now + armed.until.span, _STOP, armed.number)
             self._draw(armed)
 
-    def _look_at_edge(self, armed: Armed) -> None:
+    def _watch_edge(self, armed: Armed) -> None:
         number = armed.number
-        armed.eyes = EdgeEyes(
+        armed.watcher = EdgeWatcher(
             HIGH if armed.when.number else LOW,
             lambda: self._push(self._board.now, _BEGIN, number),
         )
-        self._board.find_pin(self._pin_of(armed)).net.observe(armed.eyes)
+        self._board.find_pin(self._pin_of(armed)).net.observe(armed.watcher)
 
-    def _look_away(self, armed: Armed) -> None:
-        if armed.eyes is not None:
-            self._board.find_pin(self._pin_of(armed)).net.unobserve(armed.eyes)
-            armed.eyes = None
+    def _unwatch(self, armed: Armed) -> None:
+        if armed.watcher is not None:
+            self._board.find_pin(self._pin_of(armed)).net.unobserve(armed.watcher)
+            armed.watcher = None
 
     def _pin_of(self, armed: Armed) -> str:
         chip, name = self._chip_of(armed), armed.when.name
@@ -364,7 +364,7 @@ class Faults:
         else:
             armed.fired += 1
             self._tell(armed, BEGUN, text)
-        self._look_away(armed)
+        self._unwatch(armed)
         if armed.name == "limit_bouncing":
             armed.seen = 0
             self._push(self._board.now + int(armed.values["period"]) // 2, _TOGGLE, armed.number)
@@ -386,13 +386,13 @@ class Faults:
 
     def _end(self, armed: Armed, text: str) -> None:
         armed.state = WAITING
-        told = self.acts.end(armed)
+        change = self.acts.end(armed)
         if armed.fired:
-            self._tell(armed, ENDED, ", ".join(filter(None, (text, told))))
+            self._tell(armed, ENDED, ", ".join(filter(None, (text, change))))
 
     def _finish(self, armed: Armed) -> None:
         armed.state = OVER
-        self._look_away(armed)
+        self._unwatch(armed)
         self._settle_watch()
 
     def _settle_watch(self) -> None:
@@ -405,9 +405,9 @@ class Faults:
         if wanted != self._watching:
             self._watching = wanted
             if wanted:
-                self._board.observe(self._eyes)
+                self._board.observe(self._watcher)
             else:
-                self._board.unobserve(self._eyes)
+                self._board.unobserve(self._watcher)
 
     def _note(self, order: str, values: list[object]) -> None:
         for observer in (*self._board.listeners, *self._board.observers):
@@ -480,7 +480,7 @@ class Faults:
         self.acts.go_on([a for a in self._armed.values() if a.state == ACTING])
         for armed in self.live():
             if armed.when.kind == EDGE and armed.state == WAITING:
-                self._look_at_edge(armed)
+                self._watch_edge(armed)
         if self._queue:
             self._timer.at(self._queue[0][0])
         self._settle_watch()

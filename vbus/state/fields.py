@@ -293,14 +293,14 @@ def undeclared(part: Any) -> set[str]:
     cls = type(part)
     if hasattr(cls, "save") and layout_of(cls).own:
         return set()
-    told: set[str] = set()
+    declared: set[str] = set()
     for base in cls.__mro__:
         inside = vars(base)
         for declaration in ("STATE", "WIRING", "DERIVED"):
-            told.update(name.partition(":")[0] for name in inside.get(declaration, ()))
-    if "*" in told and not hasattr(cls, "STATE"):
+            declared.update(name.partition(":")[0] for name in inside.get(declaration, ()))
+    if "*" in declared and not hasattr(cls, "STATE"):
         return set()
-    return attributes(part) - told
+    return attributes(part) - declared
 
 
 # -- saving, loading, comparing -----------------------------------------------------------------

@@ -13,7 +13,7 @@ a tuple     the same, one level down
 ==========  ===================================================================================
 
 or one name for the field alone, :data:`BITS` for all fields in order with every bool as 0 or 1, or
-an :class:`Odd`.
+an :class:`Adapter`.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ BITS: Final = ("+",)
 """Every bool as 0 or 1."""
 
 
-class Odd:
+class Adapter:
     """A class that no row of names can tell.
 
     Args:
@@ -48,7 +48,7 @@ _FOUND: Final[dict[tuple[type, str], Any]] = {}
 
 
 def _layout(cls: type, more: str = "") -> Any:
-    """Return what a class' package says of its tuple: a row of names, or an Odd."""
+    """Return what a class' package says of its tuple: a row of names, or an Adapter."""
     found = _FOUND.get((cls, more))
     if found is None:
         found = _FOUND[cls, more] = _find(cls, more)
@@ -77,7 +77,7 @@ def to_tuple(part: Any, saved: Any) -> Any:
 
 def _to_tuple(part: Any, saved: Saved) -> Any:
     layout = _layout(type(part))
-    if isinstance(layout, Odd):
+    if isinstance(layout, Adapter):
         return layout.save(part, saved)
     return row(part, saved, (layout,))[0] if isinstance(layout, str) else row(part, saved, layout)
 
@@ -126,7 +126,7 @@ def from_tuple(part: Any, old: Any, where: str = "state") -> Any:
 def _from_tuple(part: Any, old: Any, where: str) -> Saved:
     try:
         layout = _layout(type(part))
-        if isinstance(layout, Odd):
+        if isinstance(layout, Adapter):
             saved = layout.load(part, old)
         elif isinstance(layout, str):
             saved = fields(part, (old,), (layout,))
