@@ -196,8 +196,8 @@ def _check(board: Board, snapshot: Snapshot) -> None:
     parts = {chip.name: chip.part for chip in board.chips}
     if parts != snapshot.parts:
         raise SnapshotError(
-            f'the snapshot is of board "{snapshot.board}" with {_parts_text(snapshot.parts)}; this is'
-            f' board "{board.name}" with {_parts_text(parts)}'
+            f'the snapshot is of board "{snapshot.board}" with {_listed(snapshot.parts)}; this is'
+            f' board "{board.name}" with {_listed(parts)}'
         )
     if snapshot.text != board.text:
         raise SnapshotError(
@@ -206,7 +206,7 @@ def _check(board: Board, snapshot: Snapshot) -> None:
         )
 
 
-def _parts_text(parts: dict[str, str]) -> str:
+def _listed(parts: dict[str, str]) -> str:
     return ", ".join(f"{name} = {part}" for name, part in parts.items()) or "no chips"
 
 
