@@ -14,7 +14,7 @@ from typing import BinaryIO
 
 from benchmarks.in_process import CHIPS, board, command
 from vbus.board.host_bus import HostBus
-from vbus.trace.journal import Journal
+from vbus.trace.journal.journal import Journal
 
 CYCLES = 40_000
 ROUNDS = 9

@@ -24,7 +24,7 @@ from vbus.chips.tables import Command
 from vbus.compiled import core
 from vbus.kernel import MS, NS
 from vbus.protocols.port import PortError
-from vbus.trace.journal import Journal
+from vbus.trace.journal.journal import Journal
 
 BOARD_OPERATIONS = 4000
 """Operations on one board, before the next is drawn."""

@@ -8,11 +8,11 @@ from vbus.board.board import Board
 from vbus.board.build import load_board
 from vbus.board.host_bus import HostBus
 from vbus.signals import Observer
-from vbus.trace.coverage import Coverage, CoverageObserver
-from vbus.trace.journal import Journal
-from vbus.trace.journal_format import JournalReader
-from vbus.trace.journal_view import play
-from vbus.trace.wave import Wave
+from vbus.trace.coverage.coverage import Coverage, CoverageObserver
+from vbus.trace.journal.format import JournalReader
+from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.view import play
+from vbus.trace.wave.wave import Wave
 
 
 class Seen(Observer):

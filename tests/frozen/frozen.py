@@ -21,9 +21,9 @@ from vbus.nodes.machine import Machine
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
 from vbus.signals import Observer, TraceHash, Violation
-from vbus.trace.journal_format import Entry, Header, JournalReader
-from vbus.trace.player import FINDINGS, Player
-from vbus.trace.replay import Replay
+from vbus.trace.journal.format import Entry, Header, JournalReader
+from vbus.trace.journal.player import FINDINGS, Player
+from vbus.trace.journal.replay import Replay
 
 FOLDER = Path(__file__).parent
 RUNS = FOLDER / "runs"
@@ -161,10 +161,10 @@ class Stretch:
         """Make the calls of some entries."""
         for entry in entries:
             if entry.op == "end":
-                self.player.come(entry)
+                self.player.run_to(entry)
             if entry.op in FINDINGS:
                 continue
-            self.player.come(entry)
+            self.player.run_to(entry)
             reply, error = self.player.call(entry)
             self._replies.update(f"{entry.op} {reply!r} {error} {self.board.now}\n".encode())
 

@@ -14,14 +14,14 @@ from vbus.board.host_bus import HostBus
 from vbus.kernel import MS, US
 from vbus.tools.generate.sigrok import targets
 from vbus.tools.generate.targets import stale
-from vbus.trace.conform_start import watch_of
 from vbus.trace.decode import BoardPackets
-from vbus.trace.journal import Journal
-from vbus.trace.journal_format import JournalReader
-from vbus.trace.journal_view import play
+from vbus.trace.journal.format import JournalReader
+from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.view import play
+from vbus.trace.names import plain
 from vbus.trace.packets import STATUS, Packet
-from vbus.trace.wave import Wave
-from vbus.trace.wave_signals import plain
+from vbus.trace.silicon.start import watch_of
+from vbus.trace.wave.wave import Wave
 
 ROOT = Path(__file__).parents[2]
 BOARD = """\

@@ -296,14 +296,14 @@ class HostBus(HostPort):
     # -- polls answered from leases -----------------------------------------------------------
 
     def lease(self, address: int) -> tuple[int, int, int] | None:
-        """Tell how long the byte just read will be read again; see :class:`HostPort`.
+        """How long the byte just read will be read again; :class:`~vbus.protocols.port.HostPort`.
 
         Nothing is promised while another host could touch the chips.
         """
         return self.leases.give(address) if len(self._hosts.ports) <= 1 else None
 
     def foresee(self, address: int) -> tuple[int, int] | None:
-        """Tell what comes after the lease just given; see :class:`HostPort`."""
+        """Tell what comes after the lease just given (:class:`~vbus.protocols.port.HostPort`)."""
         return self.leases.foresee(address)
 
     def polled(self, address: int, count: int) -> bool:
@@ -478,17 +478,17 @@ class HostBus(HostPort):
         """Return and forget the edges seen since the last call."""
         return self.pins.take_edges()
 
-    # -- end ----------------------------------------------------------------------------------
-
     def close(self) -> None:
         """The session has ended: let go of lines, pins, claims and events."""
-        self.board.player.flush()
-        self.strobes.before()
-        self.pins.unsolder()
-        self.strobes.after()
-        self.unclaim()
-        if self in self._hosts.ports:
-            self._hosts.ports.remove(self)
+        try:
+            self.board.player.flush()
+            self.strobes.before()
+            self.pins.unsolder()
+            self.strobes.after()
+        finally:  # whatever happens on the board: others may wait for the claim
+            self.unclaim()
+            if self in self._hosts.ports:
+                self._hosts.ports.remove(self)
 
     def let_go(self) -> None:
         """Let go of lines, pins, claims, events and promises, as if the session began anew."""

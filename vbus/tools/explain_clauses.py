@@ -10,7 +10,7 @@ from vbus.board.checks import all_rules
 from vbus.board.settings import suggestion
 from vbus.chips.clauses import Clause, clauses_of, proofs_of
 from vbus.signals import Rule
-from vbus.trace.tables import ac_limits, commands, registers
+from vbus.trace.tables import ac_limits
 
 WIDTH: Final = 80
 
@@ -113,13 +113,14 @@ def _carriers(name: str) -> Iterator[str]:
     for rule in all_rules():
         if rule.clause == name:
             yield from _headed(rule)
-    for family, row in commands():
-        if row.clause == name:
-            yield f"{family}: {row.name} ({row.code:02X}H): {row.title}"
-    for family, register in registers():
-        if register.clause == name:
-            where = " ".join(f"{address:02X}H" for address in register.addresses)
-            yield f"{family}: {register.name} ({where}): {register.title}"
+    for family in plugins.families():
+        for row in family.commands:
+            if row.clause == name:
+                yield f"{family.name}: {row.name} ({row.code:02X}H): {row.title}"
+        for register in family.registers:
+            if register.clause == name:
+                where = " ".join(f"{address:02X}H" for address in register.addresses)
+                yield f"{family.name}: {register.name} ({where}): {register.title}"
     for chip in plugins.chip_classes():
         for option in chip.OPTIONS:
             if option.clause == name:

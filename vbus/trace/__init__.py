@@ -1,1 +1,1 @@
-"""Observers that record: trace hash, journal, waveforms."""
+"""Observers, and what bus cycles mean: journal, waveforms, captures, findings, coverage."""

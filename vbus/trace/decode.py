@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 from vbus.board import plugins
 from vbus.chips.base import Chip
@@ -11,8 +11,8 @@ from vbus.signals import Observer, Violation
 from vbus.trace.packets import UNKNOWN, Cycle, Decoder, Packet
 
 Settings = Mapping[str, Value]
-NO_SETTINGS: Final[Settings] = MappingProxyType({})
-NO_SETTINGS_AT_ALL: Final[Mapping[str, Settings]] = MappingProxyType({})
+NO_SETTINGS: Final[Mapping[str, Any]] = MappingProxyType({})
+"""No settings of a chip, or of any chip."""
 
 
 class PlainPackets(Decoder):
@@ -73,13 +73,13 @@ class BoardPackets(Observer):
         self,
         families: Mapping[str, str],
         take: Callable[[str, Packet], None],
-        settings: Mapping[str, Settings] = NO_SETTINGS_AT_ALL,
+        settings: Mapping[str, Settings] = NO_SETTINGS,
     ) -> None:
         self._decoders: dict[str, Decoder] = {
             name: decoder_of(family, settings.get(name, NO_SETTINGS))
             for name, family in families.items()
         }
-        self._take: Callable[[str, Packet], None] = take
+        self._give: Callable[[str, Packet], None] = take
         self._lost: dict[str, tuple[int, str]] = {}
 
     def bus_cycle(
@@ -93,7 +93,7 @@ class BoardPackets(Observer):
                 continue
             instant, rule = self._lost.pop(name, (-1, ""))
             for packet in decoder.feed(cycle, rule if instant == when else ""):
-                self._take(name, packet)
+                self._give(name, packet)
 
     def violation(self, violation: Violation) -> None:
         """Remember a breach for which the cycle at this instant is lost: it comes right after."""
@@ -110,4 +110,4 @@ class BoardPackets(Observer):
         """Give what is still open."""
         for name, decoder in self._decoders.items():
             for packet in decoder.finish():
-                self._take(name, packet)
+                self._give(name, packet)

@@ -1,25 +1,10 @@
-"""The tables of all chip families that are registered, for those who explain them."""
+"""The AC tables of all chip families that are registered, for those who explain them."""
 
 from collections.abc import Iterator
 from functools import cache
 
 from vbus.board import plugins
 from vbus.chips.strobes import AcTable
-from vbus.chips.tables import Command, Register
-
-
-def commands() -> Iterator[tuple[str, Command]]:
-    """Give every command with its family."""
-    for family in plugins.families():
-        for row in family.commands:
-            yield family.name, row
-
-
-def registers() -> Iterator[tuple[str, Register]]:
-    """Give every register with its family."""
-    for family in plugins.families():
-        for row in family.registers:
-            yield family.name, row
 
 
 def ac_tables() -> Iterator[tuple[str, str, AcTable]]:

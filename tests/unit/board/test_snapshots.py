@@ -19,7 +19,7 @@ from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.framed import FramedProtocol
 from vbus.protocols.text import TextProtocol
 from vbus.signals import Observer
-from vbus.trace.journal import Journal
+from vbus.trace.journal.journal import Journal
 
 BENCH = """\
 [board]

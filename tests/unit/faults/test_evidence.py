@@ -6,12 +6,12 @@ from tests.unit.faults.bench import DC, LM, Lm, settle
 from vbus.board.build import load_board_text
 from vbus.kernel import MS
 from vbus.tools.journal_lines import line
-from vbus.trace.journal import Journal
-from vbus.trace.journal_format import Entry, JournalReader
-from vbus.trace.journal_view import Sessions, play
-from vbus.trace.replay import Replay
-from vbus.trace.report import Report
-from vbus.trace.report_formats import text
+from vbus.trace.findings.formats import text
+from vbus.trace.findings.report import Report
+from vbus.trace.journal.format import Entry, JournalReader
+from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.replay import Replay
+from vbus.trace.journal.view import Sessions, play
 
 BOARD = (
     f'[board]\nname = "bench"\ntime = "lockstep"\npower_on = "done"\n{LM}{DC}'

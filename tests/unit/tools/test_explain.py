@@ -10,7 +10,7 @@ from vbus.chips.clauses import proofs_of
 from vbus.chips.mcp1200.packets import Mcp1200Packets
 from vbus.kernel import US
 from vbus.tools.explain import command
-from vbus.trace.journal import Journal
+from vbus.trace.journal.journal import Journal
 from vbus.trace.packets import CUT, Cycle
 
 

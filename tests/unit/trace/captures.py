@@ -8,12 +8,12 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.kernel import MS, NS, US
-from vbus.trace.capture import Sample
-from vbus.trace.capture_vcd import read_vcd
-from vbus.trace.channel_map import Wiring, wiring_of
-from vbus.trace.conform import Conform, Tolerance, Verdict
-from vbus.trace.conform_start import find_start, watch_of
-from vbus.trace.wave import Wave
+from vbus.trace.silicon.capture import Sample
+from vbus.trace.silicon.capture_vcd import read_vcd
+from vbus.trace.silicon.channel_map import Wiring, wiring_of
+from vbus.trace.silicon.conform import Conform, Tolerance, Verdict
+from vbus.trace.silicon.start import find_start, watch_of
+from vbus.trace.wave.wave import Wave
 
 BOARDS = {
     "lm628": 'part = "LM629N-8"\nclock = "8 MHz"\nplant = "none"\n',

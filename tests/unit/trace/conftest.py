@@ -9,8 +9,8 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.kernel import MS, US
-from vbus.trace.journal import Journal
-from vbus.trace.journal_format import Entry, Header, JournalReader
+from vbus.trace.journal.format import Entry, Header, JournalReader
+from vbus.trace.journal.journal import Journal
 
 LM629 = """\
 [board]

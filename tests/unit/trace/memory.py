@@ -20,10 +20,10 @@ from vbus.board.build import load_board_text
 from vbus.board.checks import all_rules
 from vbus.board.host_bus import HostBus
 from vbus.tools.journal_lines import decoded, opened
-from vbus.trace.journal import Journal
-from vbus.trace.journal_view import play
-from vbus.trace.replay import Replay
-from vbus.trace.report import Report
+from vbus.trace.findings.report import Report
+from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.replay import Replay
+from vbus.trace.journal.view import play
 
 
 def asking(port: HostBus, cycles: int) -> None:
@@ -56,7 +56,7 @@ def lines(path: str) -> Iterator[object]:
 
 
 def report(path: str) -> Iterator[object]:
-    with opened(Path(path)) as (reader, _):
+    with opened(Path(path)) as reader:
         found = Report("bench", reader.header.families, all_rules())
         play(reader, found)
         yield found
@@ -65,7 +65,7 @@ def report(path: str) -> Iterator[object]:
 
 
 def replay(path: str) -> Iterator[object]:
-    with opened(Path(path)) as (reader, _):
+    with opened(Path(path)) as reader:
         outcome = Replay(load_board_text(LM629), reader, reader.header.families).run()
         assert outcome.divergence is None
         yield outcome

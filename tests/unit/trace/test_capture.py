@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from tests.unit.trace.captures import BOARDS, Shot, board_of, vcd
 from vbus.errors import CaptureError
-from vbus.trace.capture import Capture, frequency, unit_of
-from vbus.trace.capture_csv import read_csv
-from vbus.trace.capture_sr import read_sr
-from vbus.trace.capture_vcd import read_vcd
-from vbus.trace.channel_map import Wiring, wiring_of
-from vbus.trace.conform_start import watch_of
+from vbus.trace.silicon.capture import Capture, frequency, unit_of
+from vbus.trace.silicon.capture_csv import read_csv
+from vbus.trace.silicon.capture_sr import read_sr
+from vbus.trace.silicon.capture_vcd import read_vcd
+from vbus.trace.silicon.channel_map import Wiring, wiring_of
+from vbus.trace.silicon.start import watch_of
 
 HEAD = "$timescale 1 ns $end\n$scope module top $end\n{}$upscope $end\n$enddefinitions $end\n"
 

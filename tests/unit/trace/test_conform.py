@@ -13,8 +13,8 @@ from vbus.chips.mcp1200.bus import Mcp1200Watch
 from vbus.errors import CaptureError
 from vbus.kernel import MS, NS, US, Kernel
 from vbus.signals import Net, Pin
-from vbus.trace.conform import Mismatch, Verdict
-from vbus.trace.conform_outputs import OutputWatch
+from vbus.trace.silicon.conform import Mismatch, Verdict
+from vbus.trace.silicon.outputs import OutputWatch
 
 FAMILIES = pytest.mark.parametrize("family", sorted(BOARDS))
 

@@ -13,9 +13,9 @@ from vbus.chips.mc1241a import datasheet as mc1241a
 from vbus.chips.mcp1200 import datasheet as mcp1200
 from vbus.errors import VbusError
 from vbus.kernel import MS
-from vbus.trace.coverage import Coverage, CoverageObserver, from_json, merged
-from vbus.trace.coverage_formats import as_html, as_text, difference
-from vbus.trace.coverage_tables import (
+from vbus.trace.coverage.coverage import Coverage, CoverageObserver, from_json, merged
+from vbus.trace.coverage.formats import as_html, as_text, difference
+from vbus.trace.coverage.tables import (
     ANSWERS,
     BITS,
     COMMANDS,

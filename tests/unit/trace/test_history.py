@@ -11,9 +11,9 @@ from vbus.board.checks import all_rules
 from vbus.board.host_bus import HostBus
 from vbus.errors import VbusError
 from vbus.kernel import MS
-from vbus.trace.conditions import condition
-from vbus.trace.history import History
-from vbus.trace.player import Player
+from vbus.trace.journal.conditions import condition
+from vbus.trace.journal.history import History
+from vbus.trace.journal.player import Player
 
 _, RUN = read(record(LM629, lm629_move, lm629_move))
 
@@ -76,7 +76,7 @@ def test_a_position_the_run_does_not_have_is_refused() -> None:
 def test_the_snapshots_of_a_long_run_stay_few() -> None:
     history = History(make, RUN, every=1, keep=8)
     history.to(len(RUN))
-    assert len(history._marks) <= 8
+    assert len(history._snapshots) <= 8
 
 
 @pytest.mark.parametrize("walked", [False, True])

@@ -15,8 +15,7 @@ from tests.unit.trace.conftest import LM629, lm629_move, read, record, strobed
 from vbus.board.build import load_board_text
 from vbus.kernel import MS
 from vbus.protocols.port import PortError
-from vbus.trace.journal import Journal
-from vbus.trace.journal_format import (
+from vbus.trace.journal.format import (
     MAGIC,
     MAGICS,
     OPERATIONS,
@@ -28,8 +27,9 @@ from vbus.trace.journal_format import (
     header_block,
     rows_block,
 )
-from vbus.trace.journal_rows import FULL, JournalRows
-from vbus.trace.replay import Replay
+from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.replay import Replay
+from vbus.trace.journal.rows import FULL, JournalRows
 
 TWO = (
     LM629

@@ -20,9 +20,10 @@ from vbus.protocols.port import PortError
 from vbus.protocols.requests import LEASED, REQUESTS
 from vbus.server.recording import wave_of
 from vbus.signals import Observer
-from vbus.trace.journal import Journal
-from vbus.trace.journal_format import Entry
-from vbus.trace.replay import Divergence, Outcome, Replay
+from vbus.trace.journal.format import Entry
+from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.replay import Divergence, Outcome, Replay
+from vbus.trace.packets import Cycle, Decoder, Packet
 
 MC1241A = """\
 [board]
@@ -117,6 +118,29 @@ def test_a_status_byte_that_differs_is_shown_by_its_flags(moved: bytes) -> None:
     assert found.recorded == "C4H in RDSTAT C4H MOTOR_OFF BREAKPOINT TRAJECTORY_COMPLETE"
     assert found.now == "84H in RDSTAT 84H MOTOR_OFF TRAJECTORY_COMPLETE"
     assert found.clause == "LM-CMD-23"
+
+
+class OddBytes(Decoder):
+    """Knows odd bytes of status alone: of two sides only one may be in a packet."""
+
+    def take(self, cycle: Cycle) -> list[Packet]:
+        return [Packet("packet", "ODD", "", "X-ODD-1", (cycle,))] if cycle.data & 1 else []
+
+    def finish(self) -> list[Packet]:
+        return []
+
+
+@pytest.mark.parametrize("odd", [True, False])
+def test_a_packet_that_only_one_side_has_is_shown_there_with_its_clause(
+    moved: bytes, monkeypatch: pytest.MonkeyPatch, odd: bool
+) -> None:
+    monkeypatch.setattr("vbus.trace.journal.replay.decoder_of", lambda *_: OddBytes())
+    status = next(e for e in read(moved)[1] if e.op == "read" and e.reply & 1 != odd)
+    found = difference(played(moved, changed={status.number: {"reply": status.reply ^ 1}}))
+    shown = [f"{status.reply ^ 1:02X}H", f"{status.reply:02X}H"]
+    shown[not odd] += " in ODD"
+    assert [found.recorded, found.now] == shown
+    assert (found.entry, found.what, found.clause) == (status.number, "reply", "X-ODD-1")
 
 
 def test_another_instant_is_a_difference(moved: bytes) -> None:

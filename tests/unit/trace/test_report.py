@@ -12,10 +12,10 @@ from vbus.board.host_bus import HostBus
 from vbus.errors import VbusError
 from vbus.kernel import MS
 from vbus.signals import Violation
-from vbus.trace import report_formats
-from vbus.trace.journal_view import play
-from vbus.trace.report import AROUND, DETAILED, Report
-from vbus.trace.suppress import Suppression, read_suppressions
+from vbus.trace.findings import formats
+from vbus.trace.findings.report import CONTEXT, DETAILED, Report
+from vbus.trace.findings.suppress import Suppression, read_suppressions
+from vbus.trace.journal.view import play
 from vbus.trace.tables import ac_tables
 
 
@@ -48,13 +48,13 @@ def test_a_violation_has_its_figures_and_twenty_cycles_on_either_side(report: Re
     busy, undefined = report.findings
     assert (busy.violation.rule, busy.violation.clause) == ("lm628.busy-write", "LM-BUS-10")
     assert busy.violation.chip == "x"
-    assert len(busy.before) == AROUND
+    assert len(busy.before) == CONTEXT
     assert busy.before[-1].text == "host0 x w 0 02"
     assert busy.before[-1].packets == ["x DFH  [LM-CMD-3]"]
     assert busy.after[0].text == "host0 x w 0 01"
     assert busy.after[0].when == busy.violation.when
     assert busy.after[0].packets == ["x write of 01H at address 0H not taken: lm628.busy-write"]
-    assert len(busy.after) == AROUND + 1
+    assert len(busy.after) == CONTEXT + 1
     assert undefined.violation.rule == "lm628.undefined-command"
 
 
@@ -65,7 +65,7 @@ def test_a_live_board_and_its_journal_give_the_same_report(report: Report) -> No
     port = board.open_port("host0")
     careless(port)
     port.close()
-    assert report_formats.text(live) == report_formats.text(report)
+    assert formats.text(live) == formats.text(report)
 
 
 def test_only_so_many_of_one_rule_are_kept_whole_and_all_are_counted() -> None:
@@ -80,7 +80,7 @@ def test_only_so_many_of_one_rule_are_kept_whole_and_all_are_counted() -> None:
 
 
 def test_the_text_marks_the_cycle_and_names_the_clause(report: Report) -> None:
-    text = report_formats.text(report)
+    text = formats.text(report)
     assert text.startswith("error: lm628.busy-write [LM-BUS-10]: x at 32us: command 01H written")
     assert "  > 32us host0 x w 0 01\n" in text
     assert "    31us host0 x w 0 02\n        x DFH  [LM-CMD-3]\n" in text
@@ -88,7 +88,7 @@ def test_the_text_marks_the_cycle_and_names_the_clause(report: Report) -> None:
 
 
 def test_json_has_instants_in_ps_and_both_transcripts(report: Report) -> None:
-    value = json.loads(report_formats.as_json(report))
+    value = json.loads(formats.as_json(report))
     assert value["cycles"] == 64
     first = value["violations"][0]
     assert (first["when_ps"], first["chip"], first["rule"]) == (32_000_000, "x", "lm628.busy-write")
@@ -99,7 +99,7 @@ def test_json_has_instants_in_ps_and_both_transcripts(report: Report) -> None:
 
 
 def test_junit_has_a_case_for_every_rule_and_fails_those_with_errors(report: Report) -> None:
-    (suite,) = ElementTree.fromstring(report_formats.junit(report))
+    (suite,) = ElementTree.fromstring(formats.junit(report))
     rules = [rule for rule in all_rules() if rule.name.startswith("lm628.")]
     assert suite.get("tests") == str(len(rules)) == str(len(suite))
     assert (suite.get("failures"), suite.get("skipped")) == ("1", "0")
@@ -113,13 +113,13 @@ def test_junit_has_a_case_for_every_rule_and_fails_those_with_errors(report: Rep
 def test_junit_has_rules_of_the_board_too() -> None:
     report = Report("b", {"x": "lm628"}, all_rules())
     report.violation(Violation(1, "bus<1>", "board.contention", "decision 9", "error", 0, 0, "a\0"))
-    (suite,) = ElementTree.fromstring(report_formats.junit(report))
+    (suite,) = ElementTree.fromstring(formats.junit(report))
     assert suite.get("failures") == "1"
     assert [c.get("classname") for c in suite if len(c)] == ["b.bus<1>"]
 
 
 def test_sarif_has_rules_results_levels_and_places(report: Report) -> None:
-    value = json.loads(report_formats.sarif(report))
+    value = json.loads(formats.sarif(report))
     assert value["version"] == "2.1.0"
     (run,) = value["runs"]
     rules = run["tool"]["driver"]["rules"]
@@ -141,10 +141,10 @@ def test_intervals_are_shown_in_nanoseconds_and_other_figures_as_they_are() -> N
         Violation(0, "x", "lm628.T14", "LM-TIM-14", "error", 20_000, 30_500, "too short")
     )
     report.violation(Violation(0, "x", "lm628.range", "LM-TRJ-2", "warning", 9, 8, "too far"))
-    text = report_formats.text(report)
+    text = formats.text(report)
     assert "too short (measured 20 ns, limit 30.5 ns)" in text
     assert "too far (measured 9, limit 8)" in text
-    assert json.loads(report_formats.as_json(report))["violations"][0]["unit"] == "ps"
+    assert json.loads(formats.as_json(report))["violations"][0]["unit"] == "ps"
 
 
 def test_an_accepted_violation_is_shown_with_its_reason_in_every_format() -> None:
@@ -155,18 +155,18 @@ def test_an_accepted_violation_is_shown_with_its_reason_in_every_format() -> Non
     report = report_of(careless, accepted=accepted)
     assert report.unaccepted("error") == 0
     assert report.unaccepted("warning") == 1
-    text = report_formats.text(report)
+    text = formats.text(report)
     assert "  accepted: the boot code does so once\n" in text
     assert "1 accepted\n" in text
     assert 'suppression of "lm628" has covered nothing' in text
-    (suite,) = ElementTree.fromstring(report_formats.junit(report))
+    (suite,) = ElementTree.fromstring(formats.junit(report))
     assert (suite.get("failures"), suite.get("skipped")) == ("0", "1")
     assert next(suite.iter("skipped")).get("message") == "the boot code does so once"
-    (result, _) = json.loads(report_formats.sarif(report))["runs"][0]["results"]
+    (result, _) = json.loads(formats.sarif(report))["runs"][0]["results"]
     assert result["suppressions"] == [
         {"kind": "external", "justification": "the boot code does so once"}
     ]
-    assert json.loads(report_formats.as_json(report))["unused_suppressions"] == ["lm628"]
+    assert json.loads(formats.as_json(report))["unused_suppressions"] == ["lm628"]
 
 
 def test_a_suppression_names_a_rule_or_a_family_and_perhaps_a_chip() -> None:
@@ -205,9 +205,9 @@ def test_a_good_suppression_file_is_read() -> None:
 
 
 def test_the_format_follows_from_the_name() -> None:
-    assert report_formats.format_of("a.sarif") == "sarif"
+    assert formats.format_of("a.sarif") == "sarif"
     with pytest.raises(ValueError, match=r"a\.pdf: a report's name ends in \.txt, \.json"):
-        report_formats.format_of("a.pdf")
+        formats.format_of("a.pdf")
 
 
 def test_every_row_of_the_ac_tables_has_a_rule() -> None:
@@ -218,5 +218,5 @@ def test_every_row_of_the_ac_tables_has_a_rule() -> None:
 
 def test_a_run_without_violations_says_so() -> None:
     report = report_of(lambda port: port.read(0))
-    assert report_formats.text(report) == "bench: 0 violations in 1 bus cycles, 0 accepted\n"
+    assert formats.text(report) == "bench: 0 violations in 1 bus cycles, 0 accepted\n"
     assert report_of(lm629_move).cycles > 300

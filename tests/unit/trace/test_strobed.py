@@ -14,12 +14,12 @@ from vbus.board.host_bus import HostBus
 from vbus.kernel import MS, NS, US
 from vbus.signals import Observer
 from vbus.trace.decode import BoardPackets
-from vbus.trace.journal import Journal
-from vbus.trace.journal_format import JournalReader
-from vbus.trace.journal_view import play
+from vbus.trace.findings.report import Report
+from vbus.trace.journal.format import JournalReader
+from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.replay import Divergence, Replay
+from vbus.trace.journal.view import play
 from vbus.trace.packets import Packet
-from vbus.trace.replay import Divergence, Replay
-from vbus.trace.report import Report
 
 MC1241A = LM629.replace('plant = "m"', 'plants = ["none"]').replace("LM629N-8", "MC1241A")
 MCP1200 = LM629.replace('plant = "m"', 'plant = "none"').replace("LM629N-8", "MCP-1200")
@@ -335,7 +335,8 @@ def test_a_strobed_cycle_that_differs_is_shown_on_both_sides() -> None:
 def test_a_strobed_cycle_on_one_side_only_is_missing_or_unconsumed() -> None:
     data = recorded("lm628", Strobing)
     found = _changed(data, 5, None)
-    assert (found.what, found.recorded) == ("missing", "nothing")
+    assert (found.what, found.recorded, found.clause) == ("missing", "nothing", "LM-CMD-23")
+    assert found.now == "r 0 85 in RDSTAT 85H MOTOR_OFF TRAJECTORY_COMPLETE BUSY"
     header, entries = read(data)
     cycle = next(n for n, entry in enumerate(entries) if entry.op == "cycle")
     twice = [*entries[: cycle + 1], *entries[cycle:]]
@@ -343,4 +344,6 @@ def test_a_strobed_cycle_on_one_side_only_is_missing_or_unconsumed() -> None:
     outcome = Replay(board_of(header), twice, header.families).run()
     assert outcome.divergence is not None
     assert (outcome.divergence.what, outcome.divergence.now) == ("unconsumed", "nothing")
+    assert outcome.divergence.recorded == "r 0 84 in RDSTAT 84H MOTOR_OFF TRAJECTORY_COMPLETE"
+    assert outcome.divergence.clause == "LM-CMD-23"
     assert outcome.divergence.entry == cycle + 1

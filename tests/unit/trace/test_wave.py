@@ -12,8 +12,8 @@ from vbus.board.host_bus import HostBus
 from vbus.errors import VbusError
 from vbus.kernel import MS, US
 from vbus.signals import Violation
-from vbus.trace.wave import DONE, Wave
-from vbus.trace.wave_signals import bit_names, plain
+from vbus.trace.names import bit_names, plain
+from vbus.trace.wave.wave import DONE, Wave
 
 Changes = dict[str, list[tuple[int, object]]]
 

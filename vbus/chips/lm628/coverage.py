@@ -5,7 +5,7 @@ from typing import Final
 
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.tables import Bit
-from vbus.trace.coverage_tables import (
+from vbus.trace.coverage.tables import (
     BITS,
     COMMANDS,
     FLAGS,

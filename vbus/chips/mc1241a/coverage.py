@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from vbus.chips.mc1241a import datasheet as ds
-from vbus.trace.coverage_tables import (
+from vbus.trace.coverage.tables import (
     ANSWERS,
     BITS,
     FLAGS,

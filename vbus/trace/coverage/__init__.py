@@ -1,0 +1,1 @@
+"""Which parts of a datasheet hosts have exercised."""

@@ -1,0 +1,75 @@
+"""Violations that are known and accepted: a TOML file with the reason for each."""
+
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from vbus.board.settings import suggestion
+from vbus.errors import VbusError
+from vbus.signals import Violation
+
+_KEYS = ("rule", "chip", "reason")
+
+
+@dataclass(slots=True)
+class Suppression:
+    """One accepted kind of violation.
+
+    Attributes:
+        rule: name of a rule, or of a family.
+        chip: name of a chip, or "" for all.
+        reason: why it is accepted.
+        used: how many violations it has covered.
+    """
+
+    rule: str
+    chip: str
+    reason: str
+    used: int = 0
+
+    def covers(self, violation: Violation) -> bool:
+        """Tell whether a violation is accepted by it."""
+        family = violation.rule.partition(".")[0]
+        return self.rule in (violation.rule, family) and self.chip in ("", violation.chip)
+
+
+def read_suppressions(text: str, file: str, rules: Iterable[str]) -> list[Suppression]:
+    """Read a suppression file.
+
+    Args:
+        text: its text: ``[[suppress]]`` tables with ``rule``, ``reason`` and perhaps ``chip``.
+        file: its name, for messages.
+        rules: names that may be suppressed.
+
+    Raises:
+        VbusError: it is no TOML, or an entry is wrong; all are named.
+    """
+    try:
+        data = tomllib.loads(text)
+    except ValueError as error:
+        raise VbusError(f"{file}: no TOML: {error}") from None
+    known = {name for rule in rules for name in (rule, rule.partition(".")[0])}
+    wrong = [f"{file}: {key}: unknown section; write [[suppress]]" for key in data
+             if key != "suppress"]  # fmt: skip
+    entries = data.get("suppress", [])
+    if not isinstance(entries, list):
+        raise VbusError(f"{file}: suppress: write [[suppress]] with two brackets on either side")
+    made = []
+    for place, entry in enumerate(entries):
+        where = f"{file}: suppress[{place}]"
+        for key, value in entry.items():
+            if key not in _KEYS:
+                wrong.append(f"{where}.{key}: unknown key; allowed are {', '.join(_KEYS)}")
+            elif not isinstance(value, str) or not value.strip():
+                wrong.append(f"{where}.{key}: write a text in quotes")
+        for key in ("rule", "reason"):
+            if key not in entry:
+                wrong.append(f"{where}: {key} is missing")
+        rule = str(entry.get("rule", ""))
+        if rule and rule not in known:
+            hint = suggestion(rule, sorted(known))
+            wrong.append(f'{where}.rule: unknown rule; {hint}"vbus check --rules" lists them all')
+        made.append(Suppression(rule, str(entry.get("chip", "")), str(entry.get("reason", ""))))
+    if wrong:
+        raise VbusError("\n".join(wrong))
+    return made

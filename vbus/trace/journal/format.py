@@ -1,0 +1,264 @@
+"""The journal's file: a line that names it, then blocks that each stand for themselves.
+
+A block is a length and a CRC-32 (four bytes each, big endian), then a zlib stream of one msgpack
+value. The first block is the header. Every other holds the number of its first entry, words, and
+the entries that are not in the words.
+
+The words are of 16 bits, big endian. Below 8000h a word is a bus cycle: 512 times the address,
+plus 256 for a write, plus the byte. It is of the same session as the cycle before, starts where the
+entry before ended, and takes as long as the cycle before. 8000h plus a number is that cycle again,
+so many times more. C000h is the next of the other entries, each of which is four values in a row:
+key (32 times the session's number, plus the operation), value, start counted from the end of the
+entry before, and what it took, both in ps. The first cycle of a block is among them.
+
+Version 1, which is still read, had four columns in place of the words: keys, values, starts, times.
+"""
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from itertools import repeat
+from struct import error as StructError
+from struct import iter_unpack
+from typing import Any, BinaryIO, Final
+
+import msgpack
+
+from vbus.errors import VbusError
+from vbus.trace.journal.rows import AGAIN, OTHER
+
+FORMAT: Final = 2
+MAGIC: Final = b"vbus journal 2\n"
+MAGICS: Final = (b"vbus journal 1\n", MAGIC)
+"""How the files begin that are read here, by version."""
+LARGEST: Final = 1 << 26
+"""Bytes beyond which a block's length is taken for damage."""
+
+OPERATIONS: Final = (
+    "read", "write", "open", "close", "select", "claim", "unclaim", "wait", "lines", "drive",
+    "release", "sample", "pin", "getpin", "delay", "at", "now", "sync", "events", "edges",
+    "violation", "end", "cycle", "fault", "arm", "clear",
+)  # fmt: skip
+"""Operations by number. Their order is part of the format. All up to ``edges`` are calls of a host;
+``cycle`` is a bus cycle that its strobes made: chips, write, address, byte; ``fault`` is evidence:
+instant, name, target, what, text; ``arm`` and ``clear`` are faults armed and cleared by hand."""
+READ: Final = 0
+WRITE: Final = 1
+CODE: Final = {name: number for number, name in enumerate(OPERATIONS)}
+PORTS: Final = 32
+"""Keys per port."""
+
+
+class JournalError(VbusError):
+    """A file that is no journal, or is damaged elsewhere than at its end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What a journal says of the run it holds.
+
+    Attributes:
+        board: name of the board.
+        file: name of the board file.
+        text: the board file itself; empty for a board made in Python.
+        digest: SHA-256 (hex) of the text.
+        seed: the board's seed.
+        policy: who was master of time.
+        families: chip families by name of chip.
+        vbus: version that wrote it.
+        python: version that wrote it.
+        format: version of the format.
+        settings: settings of chips that decide how their bus is read, by name of chip.
+    """
+
+    board: str
+    file: str
+    text: str
+    digest: str
+    seed: int
+    policy: str
+    families: dict[str, str] = field(default_factory=dict)
+    vbus: str = ""
+    python: str = ""
+    format: int = FORMAT
+    settings: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One call of a host on its port, or a finding.
+
+    Attributes:
+        number: place in the journal, from 0.
+        when: instant at which the call was made (ps).
+        after: instant at which it returned: of a bus cycle, its latching edge.
+        port: number of the session, in the order of opening; -1 for findings.
+        op: one of :data:`OPERATIONS`.
+        args: what was asked.
+        reply: what was answered; None if nothing, or if the call was not finished.
+        error: number of the refusal, or 0.
+        limit: of a call that was not finished: how far time was allowed to go (ps); else -1.
+    """
+
+    number: int
+    when: int
+    after: int
+    port: int
+    op: str
+    args: tuple[Any, ...]
+    reply: Any = None
+    error: int = 0
+    limit: int = -1
+
+
+def block(value: object) -> bytes:
+    """Return ``value`` as one block."""
+    body = zlib.compress(msgpack.packb(value), 1)
+    return len(body).to_bytes(4, "big") + zlib.crc32(body).to_bytes(4, "big") + body
+
+
+def header_block(header: Header) -> bytes:
+    """Return the beginning of a journal."""
+    return MAGIC + block(asdict(header))
+
+
+def rows_block(first: int, words: bytes, others: list[Any]) -> bytes:
+    """Return the block of some entries.
+
+    Args:
+        first: number of the first.
+        words: what :meth:`~vbus.trace.journal.rows.JournalRows.take` gives.
+        others: what it gives with them.
+    """
+    return block((first, words, others))
+
+
+Row = tuple[int, Any, int, int]
+"""Key, value, start counted from the end of the entry before, and what the entry took (ps)."""
+
+
+def _rows(words: bytes, others: list[Any]) -> Iterator[Row]:
+    """Give the entries of a block.
+
+    Raises:
+        ValueError: the words make no sense.
+    """
+    rest = iter(zip(others[0::4], others[1::4], others[2::4], others[3::4], strict=True))
+    last: Row | None = None
+    for (word,) in iter_unpack(">H", words):
+        if word == OTHER:
+            row = next(rest, None)
+            if row is None:
+                raise ValueError("an entry is missing")
+            if row[0] % PORTS in (READ, WRITE) and isinstance(row[1], int):
+                last = (row[0], row[1], 0, row[3])
+            yield row
+            continue
+        if last is None:
+            raise ValueError("the first cycle is missing")
+        if word < AGAIN:
+            key = last[0] // PORTS * PORTS + (WRITE if word & 0x100 else READ)
+            last = (key, word >> 9 << 8 | word & 0xFF, 0, last[3])
+            yield last
+        else:
+            yield from repeat(last, word - AGAIN)
+    if next(rest, None) is not None:
+        raise ValueError("an entry is left over")
+
+
+class JournalReader:
+    """Reads a journal from its beginning, a block at a time.
+
+    Args:
+        file: the journal.
+
+    Raises:
+        JournalError: the file is no journal of a version known here.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file: BinaryIO = file
+        self.damage: str = ""
+        """What is wrong with the end of the file, once it has been reached; or ""."""
+        self.position: int = len(MAGIC)
+        """Bytes read so far."""
+        magic = file.read(len(MAGIC))
+        if magic not in MAGICS:
+            raise JournalError(f"{self._name()} is no journal of version 1 to {FORMAT}")
+        values = self._block()
+        if values is None:
+            raise JournalError(f"{self._name()} has no header: {self.damage or 'it is empty'}")
+        try:
+            self.header: Header = Header(**values)
+        except TypeError:
+            raise JournalError(f"{self._name()} has the header of another version") from None
+        if self.header.format != MAGICS.index(magic) + 1:
+            raise JournalError(
+                f"{self._name()} is of format {self.header.format}, written by vbus"
+                f" {self.header.vbus}; this vbus reads formats 1 to {FORMAT}"
+            )
+
+    def _name(self) -> str:
+        return str(getattr(self._file, "name", "this"))
+
+    def _block(self) -> Any:
+        """Return the next block's value, or None at the end."""
+        head = self._file.read(8)
+        if not head:
+            return None
+        size = int.from_bytes(head[:4], "big")
+        body = self._file.read(size) if len(head) == 8 and size <= LARGEST else b""
+        if len(head) < 8 or len(body) < size:
+            self.damage = f"cut in the block at byte {self.position}"
+            return None
+        if zlib.crc32(body) != int.from_bytes(head[4:], "big"):
+            raise JournalError(f"{self._name()}: the block at byte {self.position} is damaged")
+        self.position += 8 + size
+        return msgpack.unpackb(zlib.decompress(body), strict_map_key=False)
+
+    def __iter__(self) -> Iterator[Entry]:
+        """Give every entry that can be read.
+
+        Raises:
+            JournalError: a block is damaged, or entries are missing between two blocks.
+        """
+        number = 0
+        last = 0
+        while (block := self._block()) is not None:
+            first, *columns = block
+            if first != number:
+                raise JournalError(f"{self._name()}: entries {number} to {first - 1} are missing")
+            try:
+                for key, value, start, span in self._rows(columns):
+                    when = last + start
+                    last = when + span
+                    if key % PORTS >= len(OPERATIONS):
+                        raise JournalError(
+                            f"{self._name()}: entry {number} is of a kind this vbus does not know;"
+                            f" vbus {self.header.vbus} wrote it"
+                        )
+                    yield _entry(number, when, last, key, value)
+                    number += 1
+            except (TypeError, ValueError, StructError) as error:
+                raise JournalError(f"{self._name()}: entry {number}: {error}") from None
+
+    def _rows(self, columns: list[Any]) -> Iterator[Row]:
+        if self.header.format == 1:
+            return zip(*columns, strict=True)
+        return _rows(*columns)
+
+
+def _entry(number: int, when: int, after: int, key: int, value: Any) -> Entry:
+    port, code = divmod(key, PORTS)
+    op = OPERATIONS[code]
+    if code == READ and isinstance(value, int):
+        return Entry(number, when, after, port, op, (value >> 8,), value & 0xFF)
+    if code == WRITE and isinstance(value, int):
+        return Entry(number, when, after, port, op, (value >> 8, value & 0xFF))
+    if op in ("violation", "end", "fault", "arm", "clear"):
+        return Entry(number, when, after, -1, op, tuple(value))
+    args, reply, error, limit = value
+    reply = tuple(reply) if op in ("wait", "sample", "sync") and reply is not None else reply
+    if op == "edges":
+        reply = [tuple(edge) for edge in reply]
+    return Entry(number, when, after, port, op, tuple(args), reply, error, limit)

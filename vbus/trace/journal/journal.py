@@ -1,0 +1,168 @@
+"""The journal: everything hosts did to a board, so that a run can be repeated exactly."""
+
+import hashlib
+import platform
+from collections.abc import Callable
+from typing import Any, BinaryIO
+
+from vbus.board.board import STATE_HASH, Board
+from vbus.board.cards import Card
+from vbus.board.circuit import Circuit
+from vbus.board.host_bus import HostBus, Hosts
+from vbus.chips.base import Chip
+from vbus.errors import VbusError
+from vbus.signals import Observer, Violation
+from vbus.trace.decode import settings_for_decoders
+from vbus.trace.journal.format import CODE, Header, header_block, rows_block
+from vbus.trace.journal.recorded_bus import RecordedBus
+from vbus.trace.journal.rows import JournalRows
+from vbus.version import __version__
+
+
+def version_of(state: str) -> int:
+    """Return the version of a state hash in a journal: "2:" and the hash; those of 1 are bare."""
+    version, colon, _ = state.partition(":")
+    return int(version) if colon else 1
+
+
+def end_of(board: Board, version: int = STATE_HASH) -> tuple[str, str, int]:
+    """Return what a run comes to.
+
+    Args:
+        board: where it has ended.
+        version: of the state hash.
+
+    Returns:
+        The board's state hash, with its version; a hash over what the chips tell of themselves;
+        and how often somebody has looked at nets. State hashes can be compared where nobody has,
+        the others always.
+    """
+    state = f"{version}:" * (version > 1) + board.state_hash(version)
+    telemetry = [(chip.name, sorted(chip.telemetry().items())) for chip in board.chips]
+    return state, hashlib.sha256(repr(telemetry).encode()).hexdigest(), board.kernel.observations
+
+
+class Journal(Observer):
+    """Writes down every call on every port of a board, and every violation.
+
+    Attach it before the first port is opened. Entries are written in blocks: when some thousand
+    have come, whenever the board catches up, and at the end. Each block is handed to the file in
+    one piece, so what was written stays readable whatever happens to the process; give it a file
+    without a buffer of its own.
+
+    A file that takes no more (a full disk) ends the journal; the board goes on.
+
+    Args:
+        board: a board nobody has opened a port on.
+        file: takes the bytes.
+        text: the board file, for replays; empty for a board made in Python.
+        name: name of the board file.
+        report: takes a sentence when the file takes no more.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        file: BinaryIO,
+        text: str = "",
+        name: str = "",
+        report: Callable[[str], None] | None = None,
+    ) -> None:
+        if board.ports:
+            raise VbusError("a journal must be attached before the first port is opened")
+        self.board: Board = board
+        self.rows: JournalRows = JournalRows(self.flush)
+        """What is not written yet."""
+        self.entries: int = 0
+        """Entries written."""
+        self.bytes: int = 0
+        """Bytes written."""
+        self.error: str = ""
+        """Why the file takes no more, or ""."""
+        self._file: BinaryIO = file
+        self._report: Callable[[str], None] | None = report
+        self._ports: int = 0
+        header = Header(
+            board.name,
+            name,
+            text,
+            hashlib.sha256(text.encode()).hexdigest(),
+            board.seed,
+            board.policy,
+            {chip.name: chip.FAMILY for chip in board.chips},
+            __version__,
+            platform.python_version(),
+            settings=settings_for_decoders(board.chips),
+        )
+        self._write(header_block(header))
+        board.port_type = self._port
+        board.listen(self)
+
+    def _port(
+        self,
+        board: Circuit,
+        hosts: Hosts,
+        label: str,
+        chips: list[Chip],
+        cycle_ps: int,
+        card: Card | None,
+    ) -> HostBus:
+        self._ports += 1
+        return RecordedBus(board, hosts, label, chips, cycle_ps, card, self.rows, self._ports - 1)
+
+    def violation(self, violation: Violation) -> None:
+        """Write a finding down."""
+        v = violation
+        row = [v.when, v.chip, v.rule, v.clause, v.severity, v.measured, v.limit, v.detail]
+        self._note("violation", row)
+
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        """Write the evidence of a fault down."""
+        self._note("fault", [when, name, target, what, text])
+
+    def fault_order(self, order: str, values: list[object]) -> None:
+        """Write down that a fault was armed or cleared by hand."""
+        self._note(order, values)
+
+    def _note(self, op: str, values: list[Any]) -> None:
+        now = self.board.now
+        self.rows.other(CODE[op], values, now, now)
+
+    def settled(self, now: int) -> None:
+        """The board has caught up: write what there is."""
+        self.flush()
+
+    def flush(self) -> None:
+        """Write what is not written yet."""
+        count = self.rows.pending
+        if count:
+            first = self.entries
+            self.entries += count
+            self._write(rows_block(first, *self.rows.take()))
+
+    def _write(self, data: bytes) -> None:
+        if self.error:
+            return
+        try:
+            done = self._file.write(data)
+            while done is not None and done < len(data):
+                data = data[done:]
+                done = self._file.write(data)
+            self._file.flush()
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            self.error = f"the journal ends after {self.bytes} bytes: {reason}"
+            if self._report is not None:
+                self._report(self.error)
+            return
+        self.bytes += len(data)
+
+    def close(self) -> None:
+        """End the journal with the board's state hash; the file is left open. May be repeated."""
+        if self.board.port_type is HostBus:
+            return
+        self.board.port_type = HostBus
+        end = end_of(self.board)
+        self._note("end", [self.entries + self.rows.pending, *end])
+        self.flush()
+        self.board.listeners.remove(self)

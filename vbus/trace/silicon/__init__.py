@@ -1,0 +1,1 @@
+"""Captures of real chips, and how a model compares with them."""

@@ -1,0 +1,148 @@
+"""Captures as tables: a column for each channel, and one for the time or a constant rate."""
+
+import re
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from typing import BinaryIO, Final
+
+from vbus.errors import CaptureError
+from vbus.kernel import MS, NS, SECOND, US
+from vbus.trace.silicon.capture import (
+    Capture,
+    Sample,
+    frequency,
+    ordered,
+    period_of,
+    unit_of,
+)
+
+_TIME: Final = re.compile(r"time\s*(?:[\[(]\s*([munp\u00b5\u03bc]?s)\s*[\])])?", re.IGNORECASE)
+_UNITS: Final = {
+    "s": SECOND, "ms": MS, "us": US, "\u00b5s": US, "\u03bcs": US, "ns": NS, "ps": 1,
+    "seconds": SECOND, "milliseconds": MS, "microseconds": US, "nanoseconds": NS, "picoseconds": 1,
+}  # fmt: skip
+_CHANNELS: Final = re.compile(r"Channels(?:\s*\(\d+/\d+\))?:\s*(.+)")
+_RATE: Final = re.compile(r"Samplerate:\s*(.+)", re.IGNORECASE)
+_SEPARATORS: Final = ",;\t"
+
+
+def read_csv(file: BinaryIO, name: str, hertz: int = 0) -> Capture:
+    """Read a table as sigrok-cli or Saleae's software export it, as it goes by.
+
+    Args:
+        file: the file.
+        name: what messages call it.
+        hertz: sample rate, for tables that say nothing of time.
+
+    Raises:
+        CaptureError: it is no such table.
+    """
+    lines = _text(file, name)
+    names: list[str] = []
+    head: list[str] = []
+    separator = ","
+    first, line = 0, ""
+    while not head:
+        first, line = next(lines, (0, ""))
+        if not first:
+            raise CaptureError(f"{name}: there are no samples in it")
+        if not line:
+            continue
+        if line[0] in ";#":
+            channels, rate = _CHANNELS.search(line), _RATE.search(line)
+            if channels:
+                names = [cell.strip() for cell in channels[1].split(",")]
+            hertz = (frequency(rate[1]) if rate else 0) or hertz
+            continue
+        separator = max(_SEPARATORS, key=line.count)
+        head = _cells(line, separator)
+    unit = _unit_of_time(head[0], hertz)
+    if all(_is_number(cell) for cell in head):
+        if not names or len(names) != len(head):
+            raise CaptureError(f"{name}: line {first}: the names of the channels are missing")
+        body: Iterable[tuple[int, str]] = chain([(first, line)], lines)
+    else:
+        body = lines
+        labels = head[1:] if unit else head
+        if not names or not all(label in ("logic", "analog") for label in labels):
+            names = labels
+    if len(names) != len(head) - bool(unit):
+        raise CaptureError(f"{name}: line {first}: {len(head)} columns, {len(names)} channels")
+    if not unit and not hertz:
+        raise CaptureError(
+            f"{name}: neither a column of time nor a sample rate; give it with --samplerate"
+        )
+    samples = _samples(body, len(names), unit, hertz, separator, name)
+    return Capture(names, period_of(hertz) if hertz else 0, ordered(samples, name))
+
+
+def _text(file: BinaryIO, name: str) -> Iterator[tuple[int, str]]:
+    """Give the lines with their numbers."""
+    for number, line in enumerate(file, 1):
+        try:
+            yield number, line.decode("utf-8-sig" if number == 1 else "utf-8").strip()
+        except UnicodeDecodeError:
+            raise CaptureError(f"{name}: line {number}: this is no text") from None
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    return [cell.strip().strip('"').strip() for cell in line.split(separator)]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _unit_of_time(title: str, hertz: int) -> int:
+    """Return the unit (ps) of a column of time; 0 if its title is another."""
+    unit = _UNITS.get(title.lower(), 0)
+    match = _TIME.fullmatch(title)
+    if match is None:
+        return unit
+    if match[1]:
+        return _UNITS[match[1].lower()]
+    # sigrok-cli leaves the unit out; it follows from the rate.
+    return unit_of(hertz) if hertz else SECOND
+
+
+def _samples(
+    lines: Iterable[tuple[int, str]], count: int, unit: int, hertz: int, separator: str, name: str
+) -> Iterator[Sample]:
+    before = ""
+    levels = 0
+    place = 0
+    for number, line in lines:
+        if not line or line[0] in ";#":
+            continue
+        if unit:
+            time, _, values = line.partition(separator)
+            try:
+                when = round(float(time.strip('" ')) * unit)
+            except (ValueError, OverflowError):
+                raise CaptureError(f'{name}: line {number}: "{time[:40]}" is no time') from None
+        else:
+            values = line
+            when = place * SECOND // hertz
+        place += 1
+        if values != before:
+            before = values
+            levels = _levels(values, count, separator, f"{name}: line {number}")
+        yield when, levels
+
+
+def _levels(values: str, count: int, separator: str, where: str) -> int:
+    cells = values.split(separator)
+    if len(cells) != count:
+        raise CaptureError(f"{where}: {len(cells)} values for {count} channels")
+    levels = 0
+    for bit, cell in enumerate(cells):
+        value = cell.strip('" ')
+        if value == "1":
+            levels |= 1 << bit
+        elif value != "0":
+            raise CaptureError(f'{where}: "{value[:40]}" is neither 0 nor 1; export logic levels')
+    return levels

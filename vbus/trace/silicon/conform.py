@@ -1,0 +1,409 @@
+"""Silicon against model: a capture of a bus is driven into a board, and its answers compared."""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Final
+
+from vbus.board import plugins
+from vbus.board.board import Board
+from vbus.chips.base import Chip
+from vbus.errors import CaptureError
+from vbus.protocols.quantities import format_instant
+from vbus.signals import Observer, Pin, Violation
+from vbus.trace.bus_watch import BusWatch
+from vbus.trace.decode import decoder_of
+from vbus.trace.packets import Cycle, Decoder, Packet
+from vbus.trace.silicon.capture import Sample
+from vbus.trace.silicon.channel_map import Wiring
+from vbus.trace.silicon.outputs import Difference, OutputWatch
+from vbus.trace.silicon.start import Start, watch_of
+
+CONTEXT: Final = 20
+"""Bus cycles answers on either side of a difference."""
+KEPT: Final = 1000
+"""Violations kept; more are counted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """What is not counted as a difference.
+
+    Attributes:
+        slack: how far apart the two may be in time (ps): a status the model has given up so long
+            ago still counts, and so does an edge that comes earlier or later.
+        names: packets, registers and outputs that are not compared.
+        masks: bits by address that are not compared.
+    """
+
+    slack: int
+    names: frozenset[str] = frozenset()
+    masks: dict[int, int] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Mismatch:
+    """Where silicon and model differ.
+
+    Attributes:
+        when: instant in the capture (ps).
+        where: the bus cycle, or the output.
+        silicon: what was captured, decoded.
+        model: what the model did, decoded.
+        clause: clause of the specification it falls under, or "".
+        before: the bus cycles before it.
+        after: its own, and those after it.
+    """
+
+    when: int
+    where: str
+    silicon: str
+    model: str
+    clause: str = ""
+    before: list[str] = field(default_factory=list)
+    after: list[str] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Verdict:
+    """What came of a comparison.
+
+    Attributes:
+        cycles: bus cycles driven in before the difference, or in all.
+        reads: reads among them, whose bytes agree.
+        outputs: outputs that were compared.
+        ignored: differences that were not counted, as asked for.
+        begin: instant of the first sample driven in (ps).
+        end: instant of the last (ps).
+        mismatch: the first difference, or None.
+        violations: what the model's rules say of the host, and how many there were.
+        broken: number of violations.
+    """
+
+    cycles: int = 0
+    reads: int = 0
+    outputs: list[str] = field(default_factory=list)
+    ignored: int = 0
+    begin: int = 0
+    end: int = 0
+    mismatch: Mismatch | None = None
+    violations: list[Violation] = field(default_factory=list)
+    broken: int = 0
+
+
+@dataclass(slots=True)
+class _Candidate:
+    """A read or an edge that differs, until it is certain what of.
+
+    Attributes:
+        mismatch: what is known of it so far.
+        silicon: the cycle as it was captured; None for an edge.
+        model: the cycle as the model would have it.
+        cycles: bus cycles before it.
+        reads: reads among them.
+        settled: whether all of it is known.
+        ignored: whether it does not count.
+    """
+
+    mismatch: Mismatch
+    silicon: Cycle | None
+    model: Cycle | None
+    cycles: int
+    reads: int
+    settled: bool = False
+    ignored: bool = False
+
+
+class _Bus(Observer):
+    """The values a data bus has had lately."""
+
+    def __init__(self, value: int) -> None:
+        self._values: list[tuple[int, int]] = [(-1, value)]
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Note a value."""
+        self._values.append((when, level))
+
+    def since(self, when: int) -> list[int]:
+        """Return the value at ``when`` and all that came later; forget what was before."""
+        values = self._values
+        place = len(values) - 1
+        while place and values[place][0] > when:
+            place -= 1
+        del values[:place]
+        return [value for _, value in values]
+
+
+class Conform(Observer):
+    """Drives a capture into a chip of a board, edge by edge at its instants.
+
+    Args:
+        board: a board at instant 0, with no ports open.
+        chip: which of its chips the capture shows.
+        wiring: channels of the capture.
+        tolerance: what is not counted.
+        judged: whether AC limits are judged too.
+        progress: called now and then.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        chip: Chip,
+        wiring: Wiring,
+        tolerance: Tolerance,
+        judged: bool = False,
+        progress: Callable[[], None] | None = None,
+    ) -> None:
+        self.verdict: Verdict = Verdict()
+        self._board: Board = board
+        self._chip: Chip = chip
+        self._wiring: Wiring = wiring
+        self._tolerance: Tolerance = tolerance
+        self._judged: bool = judged
+        self._progress: Callable[[], None] | None = progress
+        self._watch: BusWatch = watch_of(chip)
+        self._silicon: Decoder = decoder_of(chip.FAMILY, chip.settings)
+        self._model: Decoder = decoder_of(chip.FAMILY, chip.settings)
+        self._recent: deque[Packet] = deque(maxlen=CONTEXT)
+        self._candidates: deque[_Candidate] = deque()
+        self._open: list[list[str]] = []
+        self._ring: deque[str] = deque(maxlen=CONTEXT)
+        self._polls: deque[tuple[int, int, int]] = deque()
+        self._rules: dict[int, list[str]] = {}
+        """Rules broken at the instant of the latest violation."""
+        board.listen(self)
+        self._inputs: list[tuple[str, Pin]] = []
+        """Inputs of the chip; those of the bus come first."""
+        self._outputs: list[OutputWatch] = []
+        self._attach()
+        self._data: Pin = Pin("capture", chip.bus_net)
+        self._bus: _Bus = _Bus(chip.bus_net.value)
+        chip.bus_net.observe(self._bus)
+        self._reading: int = 0
+        """Since when the chip has been driving the data bus."""
+        self._levels: tuple[int, ...] = ()
+        self._byte: int = 0
+
+    def _attach(self) -> None:
+        chip, wiring = self._chip, self._wiring
+        outputs = plugins.family(chip.FAMILY).outputs
+        for row in chip.pin_rows:
+            if row.name not in wiring.bits and row.name not in wiring.tied:
+                continue
+            net = chip.pins[row.name].net
+            if row.direction == "in":
+                self._inputs.append((row.name, Pin("capture", net)))
+            elif row.name in outputs and row.name not in self._tolerance.names:
+                self._outputs.append(OutputWatch(row.name, net, self._tolerance.slack))
+        self._inputs.sort(key=lambda input_: input_[0] not in self._watch.PINS)
+        self.verdict.outputs = [output.name for output in self._outputs]
+
+    def violation(self, violation: Violation) -> None:
+        """Keep a violation of the model's rules."""
+        self.verdict.broken += 1
+        if len(self.verdict.violations) < KEPT:
+            self.verdict.violations.append(violation)
+        rules = self._rules.get(violation.when, [])
+        self._rules = {violation.when: [*rules, violation.rule]}
+
+    # -- from sample to sample ----------------------------------------------------------------
+
+    def run(self, samples: Iterable[Sample], start: Start) -> Verdict:
+        """Compare from ``start`` to the end, or to some cycles after the first difference.
+
+        Raises:
+            CaptureError: the capture ends before the start.
+        """
+        first: Sample | None = None
+        when = 0
+        for number, sample in enumerate(samples):
+            if number < start.sample:
+                if number == start.sample - 1:
+                    first = sample
+                continue
+            when = sample[0]
+            if number == start.sample:
+                self._begin(first or sample, start)
+            self._take(*sample)
+            if self._progress is not None and not number & 0xFFF:
+                self._progress()
+            if self._done():
+                break
+        if not self._levels:
+            raise CaptureError("the capture ends before anything can be compared")
+        self.verdict.end = when
+        self._finish(when)
+        return self.verdict
+
+    def _begin(self, sample: Sample, start: Start) -> None:
+        when, value = sample
+        self._board.run_until(when)
+        self.verdict.begin = when
+        self._levels = tuple([self._wiring.level(name, value) for name in self._watch.PINS])
+        self._byte = self._wiring.byte(value)
+        for name, pin in self._inputs:
+            pin.drive(self._wiring.level(name, value))
+        if not self._watch.reading(self._levels):
+            self._data.drive(self._byte)
+        self._board.kernel.settle()
+        self._chip.advance()
+        self._board.kernel.settle()
+        self._watch.change(when, self._levels, self._byte)
+        for output in self._outputs:
+            output.begin(when, self._wiring.level(output.name, value), start.reset)
+        self._chip.judged = self._judged
+
+    def _take(self, when: int, value: int) -> None:
+        """Drive the inputs of one instant, and compare what has come of it."""
+        board, watch, wiring = self._board, self._watch, self._wiring
+        before, old = self._levels, self._byte
+        levels = tuple([wiring.level(name, value) for name in watch.PINS])
+        byte = wiring.byte(value)
+        board.run_until(when)
+        self._chip.advance()
+        board.kernel.settle()
+        # Neither the edge's instant nor the model's is exact: all of these may have been read.
+        answers = self._bus.since(max(self._reading, when - self._tolerance.slack))
+        if watch.reading(levels):
+            self._data.release()
+            if not watch.reading(before):
+                self._reading = when
+        for name, pin in self._inputs:
+            pin.drive(wiring.level(name, value))
+        board.kernel.settle()
+        if not watch.reading(levels):
+            self._data.drive(byte)
+            board.kernel.settle()
+        if levels != before:
+            for cycle in watch.edges(when, before, levels, old, byte):
+                self._cycle(cycle, answers, old, byte)
+        self._levels, self._byte = levels, byte
+        for output in self._outputs:
+            self._edge(output, output.compare(when, wiring.level(output.name, value)))
+
+    # -- bus cycles ---------------------------------------------------------------------------
+
+    def _cycle(self, cycle: Cycle, answers: list[int], old: int, byte: int) -> None:
+        """Compare a cycle. Of a read both the byte before its end and the one at it may count."""
+        silicon = model = cycle
+        if not cycle.write:
+            taken = next((value for value in (byte, old) if value in answers), old)
+            silicon = Cycle(cycle.when, False, cycle.address, taken)
+            answer = taken if self._agrees(silicon, answers) else answers[-1]
+            self._remember(cycle, answers[-1])
+            model = Cycle(cycle.when, False, cycle.address, answer)
+        text = f"{format_instant(cycle.when)} {self._chip.name} {silicon}"
+        if silicon.data != model.data:
+            text += f"  <- the model gives {model.data:02X}"
+            where = f"read at address {cycle.address:X}H"
+            bytes_ = f"{silicon.data:02X}H", f"{model.data:02X}H"
+            self._suspect(Mismatch(cycle.when, where, *bytes_), silicon, model)
+        elif self.verdict.mismatch is None:
+            self.verdict.reads += not cycle.write
+        if self.verdict.mismatch is None:
+            self.verdict.cycles += 1
+        rules = self._rules.get(cycle.when, [])
+        lost = next((rule for rule in rules if rule in self._silicon.LOST), "")
+        packets = self._silicon.feed(silicon, lost)
+        self._recent.extend(self._model.feed(model, lost))
+        text += "".join(f"\n    {packet.text}" for packet in packets)
+        self._ring.append(text)
+        for after in self._open:
+            after.append(text)
+        self._open = [after for after in self._open if len(after) <= CONTEXT]
+        for packet in packets:
+            self._resolve(packet)
+        self._decide()
+
+    def _agrees(self, cycle: Cycle, answers: list[int]) -> bool:
+        """Tell whether the model gives, or so long ago gave, what the silicon has given."""
+        if cycle.data in answers:
+            return True
+        mask = self._tolerance.masks.get(cycle.address, 0)
+        if not (cycle.data ^ answers[-1]) & ~mask & 0xFF:
+            self.verdict.ignored += 1
+            return True
+        if cycle.address not in self._chip.FREE_READS:
+            return False
+        since = cycle.when - self._tolerance.slack
+        return any(
+            when >= since and (address, value) == (cycle.address, cycle.data)
+            for when, address, value in self._polls
+        )
+
+    def _remember(self, cycle: Cycle, value: int) -> None:
+        """Note what the model shows, for as long as it may still count."""
+        polls = self._polls
+        polls.append((cycle.when, cycle.address, value))
+        while polls and polls[0][0] < cycle.when - self._tolerance.slack:
+            polls.popleft()
+
+    def _suspect(
+        self, mismatch: Mismatch, silicon: Cycle | None, model: Cycle | None
+    ) -> _Candidate:
+        """Note a candidate: what follows is noted with it."""
+        mismatch.before.extend(self._ring)
+        self._open.append(mismatch.after)
+        candidate = _Candidate(mismatch, silicon, model, self.verdict.cycles, self.verdict.reads)
+        self._candidates.append(candidate)
+        return candidate
+
+    def _resolve(self, packet: Packet) -> None:
+        """A packet is whole: settle the candidates among its bytes."""
+        for candidate in self._candidates:
+            if not candidate.settled and candidate.silicon in packet.cycles:
+                if {packet.name, *packet.name.split()} & self._tolerance.names:
+                    candidate.settled = candidate.ignored = True
+                    self.verdict.ignored += 1
+                else:
+                    self._settle(candidate, packet)
+
+    def _settle(self, candidate: _Candidate, packet: Packet | None = None) -> None:
+        """All is known of a candidate: tell the packet it is in, on either side."""
+        found = candidate.mismatch
+        other = next((p for p in reversed(self._recent) if candidate.model in p.cycles), None)
+        candidate.settled = True
+        found.model += f" in {other.text}" if other else ""
+        if packet is not None:
+            found.silicon += f" in {packet.text}"
+            found.clause = packet.clause
+
+    def _decide(self) -> None:
+        """Take the first candidate that has become certain, if none before it is open."""
+        while self._candidates and self.verdict.mismatch is None:
+            candidate = self._candidates[0]
+            if not candidate.settled and len(candidate.mismatch.after) <= CONTEXT:
+                return
+            self._candidates.popleft()
+            if not candidate.settled:
+                self._settle(candidate)
+            if not candidate.ignored:
+                self.verdict.mismatch = candidate.mismatch
+                self.verdict.cycles, self.verdict.reads = candidate.cycles, candidate.reads
+
+    # -- outputs, and the end -----------------------------------------------------------------
+
+    def _edge(self, output: OutputWatch, found: Difference | None) -> None:
+        """An output differs, unless an earlier byte has, or turns out to have."""
+        if found is not None and self.verdict.mismatch is None:
+            when, silicon, model = found
+            candidate = self._suspect(Mismatch(when, output.name, silicon, model), None, None)
+            candidate.settled = True
+            self._decide()
+
+    def _done(self) -> bool:
+        found = self.verdict.mismatch
+        return found is not None and len(found.after) > CONTEXT
+
+    def _finish(self, when: int) -> None:
+        for output in self._outputs:
+            self._edge(output, output.finish(when))
+        packets = self._silicon.finish()
+        self._recent.extend(self._model.finish())
+        for packet in packets:
+            self._resolve(packet)
+        for candidate in self._candidates:
+            if not candidate.settled:
+                self._settle(candidate)
+        self._decide()

@@ -1,0 +1,105 @@
+"""Where in a capture the comparison with a model begins: both must be in the same state there."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from vbus.board import plugins
+from vbus.chips.base import Chip
+from vbus.errors import CaptureError, VbusError
+from vbus.protocols.quantities import format_instant
+from vbus.trace.bus_watch import BusWatch
+from vbus.trace.silicon.capture import Sample
+from vbus.trace.silicon.channel_map import Wiring
+
+AUTO: Final = "auto"
+RESET: Final = "reset"
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where to begin.
+
+    Attributes:
+        sample: number of the first sample that is driven into the model; the one before it, or the
+            first of all, gives the levels the model begins with.
+        skipped: bus cycles before it.
+        why: a clause for people: ``"from the RESET command at 12us"``.
+        reset: whether a reset of the capture comes first.
+    """
+
+    sample: int
+    skipped: int
+    why: str
+    reset: bool
+
+
+def watch_of(chip: Chip) -> BusWatch:
+    """Return a new follower of a chip's bus.
+
+    Raises:
+        VbusError: its family has none.
+    """
+    found = plugins.family(chip.FAMILY).load("bus", BusWatch)
+    if found is None:
+        raise VbusError(f"{chip.part}: its bus is not known here, so no capture can be followed")
+    return found()
+
+
+def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, begin_at: str | int) -> Start:
+    """Return where to begin.
+
+    Args:
+        samples: the capture.
+        wiring: its channels.
+        chip: the model.
+        begin_at: ``"reset"``: the first hardware reset or reset command; ``"start"``: the
+            beginning, where the chip is taken to have just been reset; ``"auto"``: the first reset
+            if there is one, else the beginning; or an instant (ps), where the same is taken.
+
+    Raises:
+        CaptureError: there is no such place.
+    """
+    watch = watch_of(chip)
+    family = plugins.family(chip.FAMILY)
+    pin = family.reset_pin
+    held = 1
+    cycles = 0
+    begin = -1
+    """First sample before which the bus is idle, from the instant asked for on."""
+    skipped = 0
+    after_last = 0
+    idle = False
+    resets = begin_at in (AUTO, RESET)
+    known = pin in wiring.bits or pin in wiring.tied
+    number = -1
+    for number, (when, value) in enumerate(samples):
+        levels = tuple([wiring.level(name, value) for name in watch.PINS])
+        idle = idle or (number == 0 and watch.idle(levels))
+        if begin < 0 and idle and (isinstance(begin_at, str) or when >= begin_at):
+            begin, skipped = number, cycles
+            if not resets:
+                break
+        level = wiring.level(pin, value) if known else 1
+        if resets and held and not level:
+            return Start(number, cycles, f"from the hardware reset at {format_instant(when)}", True)
+        held = level
+        found = watch.change(when, levels, wiring.byte(value))
+        for cycle in found:
+            if resets and cycle.write and (cycle.address, cycle.data) == family.reset_write:
+                why = f"from the {family.reset_name} at {format_instant(cycle.when)}"
+                return Start(after_last, cycles, why, True)
+            cycles += 1
+        if found:
+            after_last = number + 1
+        idle = watch.idle(levels)
+    if begin_at == RESET:
+        raise CaptureError(
+            "there is no reset in the capture: neither its pin nor its command."
+            " With --from start, or an instant, the chip is taken to be as after a reset there"
+        )
+    if begin < 0:
+        raise CaptureError("the bus is never idle from there on: nothing can be compared")
+    where = "its beginning" if isinstance(begin_at, str) else format_instant(begin_at)
+    return Start(begin, skipped, f"from {where}, where the chip is taken to be as after a reset",
+                 False)  # fmt: skip

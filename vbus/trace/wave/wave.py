@@ -1,0 +1,252 @@
+"""Waveforms: what happens on a board as a VCD file for GTKWave, Surfer or sigrok."""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from operator import itemgetter
+from typing import Final, TextIO
+
+from vbus.board.board import Board
+from vbus.errors import PluginError, VbusError
+from vbus.kernel import MS
+from vbus.signals import Violation
+from vbus.trace.decode import BoardPackets, settings_for_decoders
+from vbus.trace.packets import Packet
+from vbus.trace.wave.signals import FULL, PROFILES, Signal, Value, signals_of, values_of
+from vbus.trace.wave.trigger import Trigger
+from vbus.trace.wave.vcd_file import VcdFile
+
+RING: Final = 1_000_000
+"""Changes kept while a trigger is waited for."""
+
+WAITING: Final = "waiting"
+RECORDING: Final = "recording"
+DONE: Final = "done"
+
+Change = tuple[int, Signal, Value]
+"""Instant (ps), signal, new value."""
+
+
+class Wave(BoardPackets):
+    """Records a board from :meth:`start` to :meth:`stop`, or from a trigger for a while.
+
+    A file that takes no more (a full disk, a closed pipe) ends the recording; the board goes on.
+
+    Args:
+        board: the board.
+        file: takes the text.
+        profile: ``"full"`` (vectors, values of the chips, commands, violations) or ``"sigrok"``
+            (single bits with plain names).
+        signals: patterns of names, as in ``"x.*"``; none: everything but pins with fast waveforms.
+        trigger: what to wait for; see :data:`~vbus.trace.wave.trigger.FORMS`. "": nothing.
+        before: how much to show from before the trigger (ps).
+        duration: how long to record (ps); 0 for no limit.
+        sample: how often the chips' own values are looked at (ps).
+        report: takes a sentence when the file takes no more.
+
+    Raises:
+        VbusError: profile, trigger or pattern make no sense; says what does.
+        PluginError: pyvcd is not installed.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        file: TextIO,
+        profile: str = FULL,
+        signals: Iterable[str] = (),
+        trigger: str = "",
+        before: int = 0,
+        duration: int = 0,
+        sample: int = MS,
+        report: Callable[[str], None] | None = None,
+    ) -> None:
+        if profile not in PROFILES:
+            raise VbusError(f"profile {profile!r}: allowed are {', '.join(PROFILES)}")
+        try:
+            import vcd  # noqa: F401
+        except ImportError:
+            raise PluginError("waveforms need pyvcd; install it with: pip install pyvcd") from None
+        families = {chip.name: chip.FAMILY for chip in board.chips}
+        super().__init__(families, self._packet, settings_for_decoders(board.chips))
+        self.board: Board = board
+        self.state: str = "new"
+        self.error: str = ""
+        """Why the file takes no more, or ""."""
+        self.changes: int = 0
+        """Changes written."""
+        self._file: VcdFile = VcdFile(file, profile)
+        self._report: Callable[[str], None] | None = report
+        self._before: int = before
+        self._duration: int = duration
+        self._end: int = -1
+        self._sample: int = max(1, sample)
+        self._trigger: Trigger | None = Trigger(trigger, board) if trigger else None
+        watched = self._trigger.net if self._trigger is not None else None
+        self.signals: list[Signal] = signals_of(board, list(signals), watched)
+        self._nets: dict[str, Signal] = {one.name: one for one in self.signals if one.net}
+        self._others: dict[str, Signal] = {one.name: one for one in self.signals if not one.net}
+        self._values: dict[Signal, Value] = {}
+        """Values at the beginning of the ring, and later the latest written."""
+        self._latest: dict[Signal, Value] = {}
+        self._pending: list[Change] = []
+        self._ring: deque[Change] = deque()
+        self._timer = board.kernel.timer(self._look, saved=False)
+        self._cycle: int = 0
+        """Instant of the latest bus cycle."""
+        self._drained: int = 0
+        """What happened before this is in the file, or has been left out."""
+
+    # -- beginning and end --------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Begin to record, or to wait for the trigger."""
+        if self.state != "new":
+            raise VbusError("a waveform can be started once; make another one")
+        now = self.board.now
+        nets = [(signal, signal.net) for signal in self.signals if signal.net is not None]
+        self._values = {signal: net.value for signal, net in nets}
+        self._values |= {self._others[name]: v for name, v in values_of(self.board).items()}
+        self._latest = dict(self._values)
+        for _, net in nets:
+            net.observe(self)
+        self.board.observe(self)
+        self._timer.at(now + self._sample)
+        self.state = WAITING
+        if self._trigger is None:
+            self._begin(now, now)
+
+    def stop(self) -> None:
+        """End the recording and close the text; the file stays open. May be called again."""
+        if self.state in (WAITING, RECORDING):
+            self.board.catch_up()
+            self._drain(self.board.now + 1)
+            self._finish(self.board.now)
+
+    def _finish(self, when: int) -> None:
+        if self.state in (WAITING, RECORDING):
+            recording = self.state == RECORDING
+            self.state = DONE
+            self._timer.cancel()
+            self.board.unobserve(self)
+            for signal in self.signals:
+                if signal.net is not None:
+                    signal.net.unobserve(self)
+            if recording and not self.error:
+                self._guarded(lambda: self._file.close(when))
+
+    def _guarded(self, write: Callable[[], None]) -> bool:
+        """Write; tell whether it worked. A file that takes no more ends the recording."""
+        try:
+            write()
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            self.error = f"the waveform ends after {self.changes} changes: {reason}"
+            self._finish(self.board.now)
+            if self._report is not None:
+                self._report(self.error)
+            return False
+        return True
+
+    # -- what happens -------------------------------------------------------------------------
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Take down an edge of one of the nets."""
+        self._note(when, self._nets[net], level)
+
+    def _note(self, when: int, signal: Signal | None, value: Value) -> None:
+        """Take down a change, if it is of a signal that is looked at.
+
+        A hold time is known to be broken only some time later; a file has no way back.
+        """
+        if signal is not None:
+            self._pending.append((max(when, self._drained), signal, value))
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Follow the packets."""
+        self._cycle = when
+        super().bus_cycle(when, host, chip, write, address, data)
+
+    def _packet(self, chip: str, packet: Packet) -> None:
+        # A packet that was cut short is known to have ended only now.
+        self._note(self._cycle, self._others[f"{chip}.packet"], packet.text)
+
+    def violation(self, violation: Violation) -> None:
+        """Take down a violation."""
+        super().violation(violation)
+        signal = self._others.get(f"{violation.chip}.violation")
+        self._note(violation.when, signal, violation.rule)
+
+    def settled(self, now: int) -> None:
+        """Everything before ``now`` has been reported."""
+        self._drain(now)
+
+    def _look(self) -> None:
+        """Look at what the chips tell of themselves; they are up to date after that."""
+        now = self.board.now
+        for name, value in values_of(self.board).items():
+            signal = self._others.get(name)
+            if signal is not None and self._latest.get(signal) != value:
+                self._note(now, signal, value)
+        self._drain(now)
+        if self.state in (WAITING, RECORDING):
+            self._timer.at(now + self._sample)
+
+    # -- from changes to the file -------------------------------------------------------------
+
+    def _drain(self, now: int) -> None:
+        """Sort out what happened before ``now``: lazy chips report late."""
+        self._drained = max(self._drained, now)
+        pending = self._pending
+        pending.sort(key=itemgetter(0))
+        done = 0
+        for change in pending:
+            if change[0] >= now:
+                break
+            done += 1
+            self._take(change)
+            if self.state not in (WAITING, RECORDING):
+                break
+        del pending[:done]
+        if self.state == RECORDING:
+            if 0 <= self._end < now:
+                self._finish(self._end)
+            else:
+                self._guarded(self._file.flush)
+
+    def _take(self, change: Change) -> None:
+        when, signal, value = change
+        before = self._latest.get(signal)
+        self._latest[signal] = value
+        if self.state == RECORDING:
+            if 0 <= self._end < when:
+                self._finish(self._end)
+            else:
+                self._write(change)
+            return
+        ring = self._ring
+        ring.append(change)
+        while ring and (ring[0][0] < when - self._before or len(ring) > RING):
+            _, old, kept = ring.popleft()
+            self._values[old] = kept
+        if self._trigger is not None and self._trigger.fires(signal, before, value):
+            self._begin(max(0, when - self._before), when)
+
+    def _begin(self, first: int, trigger: int) -> None:
+        """Write the head, and what was kept from before the trigger."""
+        self.state = RECORDING
+        if self._duration:
+            self._end = trigger + self._duration
+        if not self._guarded(lambda: self._file.begin(self.signals, self._values, first)):
+            return
+        ring, self._ring = self._ring, deque()
+        for change in ring:
+            if not self._write(change):
+                return
+
+    def _write(self, change: Change) -> bool:
+        if not self._guarded(lambda: self._file.change(*change)):
+            return False
+        self.changes += 1
+        return True
