@@ -1,8 +1,6 @@
 """One host's hold on a board: bus cycles, strobes, pins and time."""
 
-from bisect import bisect_right
 from collections.abc import Callable
-from itertools import accumulate
 from typing import ClassVar, Final
 
 from mypy_extensions import i64, mypyc_attr
@@ -12,6 +10,7 @@ from vbus.board.circuit import Circuit
 from vbus.board.host_clock import HostClock
 from vbus.board.host_leases import HostLeases
 from vbus.board.host_pins import HostPins
+from vbus.board.host_polls import HostPolls
 from vbus.board.host_selection import Selection
 from vbus.board.pin_maps import PinMap, wiring
 from vbus.board.strobe_watch import SETTLE_EVERY, StrobeWatch
@@ -65,16 +64,15 @@ class HostBus(HostPort):
         pins: what the host has soldered to the chips' nets.
         leases: what it may know of polls to come.
         strobes: the bus cycles it makes by strobes.
-        polls: how many polls of POLLED are still to be run; -1 if none are under way.
-        every_cycle: whether each of those must be run, though nobody could tell: for a journal.
+        polls: the polls it has answered from leases.
     """
 
     STATE: ClassVar[Names] = (
-        "selection: part", "clock: part", "polls", "claimed: list[str, ...]", "pins: part",
+        "selection: part", "clock: part", "polls: part", "claimed: list[str, ...]", "pins: part",
         "strobes: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_card", "_hosts", "_kernel", "board", "chips", "cycle_ps", "every_cycle", "held",
+        "_card", "_hosts", "_kernel", "board", "chips", "cycle_ps", "held",
         "hold_until", "label", "leases", "on_events", "on_resume", "pin_map",
     )  # fmt: skip
 
@@ -107,8 +105,7 @@ class HostBus(HostPort):
         self.pins: HostPins = HostPins(board.kernel, label, chips, self._edge_seen)
         self.leases: HostLeases = HostLeases(board, self.selection, self.pins)
         self.strobes: StrobeWatch = StrobeWatch(board, label, chips)
-        self.polls: int = -1
-        self.every_cycle: bool = False
+        self.polls: HostPolls = HostPolls(board, self, self.selection, self.clock)
 
     def _edge_seen(self) -> None:
         if self.on_events is not None:
@@ -308,67 +305,11 @@ class HostBus(HostPort):
 
     def polled(self, address: int, count: int) -> bool:
         """Run the polls a host has answered from a lease; False to be resumed later."""
-        if self.polls < 0:
-            self.polls = count
-        self.held = False
-        while self.polls:
-            if self.held:
-                return False
-            if self.clock.stamp < 0 and self._skippable(address):
-                cycle, now = self.selection.cycle, self.board.now
-                over = min(self.polls, (self.board.limit - now) // cycle) - 1
-                if over > 0:
-                    self.clock.run_until(now + over * cycle)
-                    self._skip(over)
-            self._poll(address)
-        self.polls = -1
-        return True
+        return self.polls.run(address, count)
 
     def polled_at(self, address: int, first: int, steps: tuple[int, ...]) -> bool:
         """Run polls a host has answered from a lease, each at its stamp; False: resume later."""
-        instants = list(accumulate(steps, initial=first))
-        if self.polls < 0:
-            self.clock.check_at(first)
-            if instants[-1] >= NEVER:
-                raise PortError(codes.BAD_AT, f"at {instants[-1]}: time ends at {NEVER - 1} ps")
-            self.polls = len(instants)
-        self.held = False
-        while self.polls:
-            if self._skippable(address):
-                place = len(instants) - self.polls
-                over = bisect_right(instants, self.board.limit, place) - place - 1
-                if over > 0:
-                    self._skip(over)
-            self.at(instants[-self.polls])
-            if self.held:
-                return False
-            self._poll(address)
-        self.polls = -1
-        return True
-
-    def _poll(self, address: int) -> None:
-        try:
-            self.read(address)
-        except PortError:
-            self.polls = -1
-            raise
-        self.polls -= 1
-
-    def _skippable(self, address: int) -> bool:
-        """Whether nothing could tell if a poll before the last one were skipped."""
-        chip = self.selection.chip
-        if chip is None or not chip.TRACELESS or address not in chip.FREE_READS:
-            return False
-        if self.every_cycle or self.board.observers:
-            return False
-        return not (self._kernel.observed and self.selection.observed())
-
-    def _skip(self, polls: int) -> None:
-        """Count polls that are not run."""
-        self.board.reads += polls
-        if self.selection.chip is not None:
-            self.selection.chip.reads += polls
-        self.polls -= polls
+        return self.polls.run_at(address, first, steps)
 
     # -- strobes and pins ---------------------------------------------------------------------
 
@@ -500,7 +441,7 @@ class HostBus(HostPort):
     def forget_time(self) -> None:
         """Time has been set: forget stamps, and what the session waited for."""
         self.clock.forget()
-        self.polls = -1
+        self.polls.left = -1
         self.held = False
 
     def after_load(self) -> None:

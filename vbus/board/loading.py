@@ -5,6 +5,7 @@ from typing import Any
 
 from vbus.board.state_1 import parts_and_faults
 from vbus.errors import SnapshotError
+from vbus.faults.state import prepare as prepare_faults
 from vbus.state import plan
 from vbus.state.first import from_tuple
 from vbus.state.kinds import Load
@@ -25,7 +26,9 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
         raise SnapshotError(
             f"the state belongs to a board with {parts}, this one has {board.parts}"
         )
-    breaking, unwrap = board.faults.prepare(broken) if board.broken or broken else (None, None)
+    breaking, unwrap = None, None
+    if board.broken or broken:
+        breaking, unwrap = prepare_faults(board.faults, board, broken)
     try:
         fields = from_tuple(board, saved) if isinstance(saved, tuple) else dict(saved)
         fields.pop("parts")

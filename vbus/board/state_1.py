@@ -58,5 +58,5 @@ def _load(board: Any, old: Any) -> Saved:
 
 LAYOUTS: Final[dict[str, Any]] = {
     "Board": Adapter(_save, _load),
-    "HostBus": ("*selection", "*clock", "polls", "claimed", "*pins"),
+    "HostBus": ("*selection", "*clock", "*polls", "claimed", "*pins"),
 }

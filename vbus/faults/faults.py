@@ -4,12 +4,11 @@ import hashlib
 from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 from vbus.board.circuit import Circuit
 from vbus.board.settings import listed, suggestion
 from vbus.chips.base import Chip
-from vbus.errors import SnapshotError
 from vbus.faults.acts import Acts
 from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence, LinkActs
 from vbus.faults.parameters import check_parameters
@@ -32,19 +31,12 @@ from vbus.faults.trigger import (
 from vbus.faults.watch import CycleWatcher, EdgeWatcher, write_of
 from vbus.kernel import US
 from vbus.signals import HIGH, LOW
-from vbus.state import Names, Saved, plan
-from vbus.state.first import from_tuple
-from vbus.state.kinds import Load
+from vbus.state import Names
 
 LOOK: Final = 100 * US
 """How often a trigger looks at a position."""
 KEPT: Final = 1000
 """Pieces of evidence that are kept."""
-
-NOTHING: Final[Saved] = {
-    "_last": 0, "_serial": 0, "records": (), "due": (), "acts": {"axes": (), "courses": ()},
-}  # fmt: skip
-"""State of a board on which nothing has ever been armed."""
 
 _BEGIN: Final = 0
 _END: Final = 1
@@ -370,19 +362,16 @@ class Faults:
             self._push(self._board.now + int(armed.values["period"]) // 2, _TOGGLE, armed.number)
         rated = armed.when.kind == RATE
         if fault.acts == ONCE or (fault.target == LINK and armed.until.kind == ONCE):
-            self._after(armed)
+            # It is over as soon as it has begun; a stream goes on.
+            if rated:
+                armed.state = WAITING
+            else:
+                self._finish(armed)
         elif armed.until.kind == FOR and (not rated or fault.acts == LASTS):
             self._push(self._board.now + armed.until.span, _END, armed.number)
         if rated:
             self._draw(armed)
         self._settle_watch()
-
-    def _after(self, armed: Armed) -> None:
-        """It is over as soon as it has begun; a stream goes on."""
-        if armed.when.kind == RATE:
-            armed.state = WAITING
-        else:
-            self._finish(armed)
 
     def _end(self, armed: Armed, text: str) -> None:
         armed.state = WAITING
@@ -447,33 +436,6 @@ class Faults:
         self._queue = due
         self._calls = {}
         self._timer.cancel()
-
-    def prepare(self, saved: Any) -> tuple[Load, Callable[[], None]]:
-        """Check saved faults, and wrap plants as they were then, so that their states fit.
-
-        Args:
-            saved: the faults; None: nothing is armed.
-
-        Returns:
-            What loads them, before chips take back theirs; and what wraps plants as they are now.
-
-        Raises:
-            SnapshotError: they are none, or not of this board; nothing is changed.
-        """
-        state: Any = saved or NOTHING
-        if isinstance(state, tuple):
-            state = from_tuple(self, state, "the state.faults")
-        found = plan(self, state, "the state.faults")
-        board, acts = self._board, state["acts"]
-        for what, names, there in (
-            ("fault", {row[1] for row in state["records"]}, faults() if saved else ()),
-            ("axis", {row[0] for row in acts["axes"]}, board.axes),
-            ("chip", {row[0] for row in acts["courses"]}, [chip.name for chip in board.chips]),
-        ):
-            if not names <= {*there}:
-                missing = ", ".join(sorted(names - {*there}))
-                raise SnapshotError(f"the state.faults: no such {what}: {missing}")
-        return found, self.acts.wrap({row[0] for row in acts["axes"] if row[1]})
 
     def go_on(self) -> None:
         """Everything is loaded: let what acts on chips and buses act again."""
