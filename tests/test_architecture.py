@@ -75,7 +75,7 @@ ROLES = {
 """The room of a file in a chip's folder, by its name; all other files are behaviour."""
 NUMBERS = (["generated", "bits"], ["generated", "registers"])
 """What is made for the chip itself, not for its clients."""
-SHARED_BY_CHIPS = {"base", "family", "motion", "registers", "strobes", "tables"}
+SHARED_BY_CHIPS = {"base", "family", "motion", "strobes", "tables"}
 DATA = {"tables", "datasheet", "bits"}
 LONGEST = 450
 CLAUSES = read_clauses(ROOT / "chips")

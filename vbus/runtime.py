@@ -36,6 +36,18 @@ def lock_of(name: Path) -> Path:
     return name.parent / f".{name.name}.lock"
 
 
+def expanded(path: str) -> str:
+    """Return a path with its variables replaced; ``$VBUS_RUNTIME`` stands for the directory above.
+
+    Raises:
+        TransportError: as :func:`runtime_directory`.
+    """
+    if "$VBUS_RUNTIME" in path or "${VBUS_RUNTIME}" in path:
+        directory = str(runtime_directory())
+        path = path.replace("${VBUS_RUNTIME}", directory).replace("$VBUS_RUNTIME", directory)
+    return os.path.expandvars(os.path.expanduser(path))
+
+
 def _made(path: Path) -> Path:
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -252,4 +252,4 @@ def test_without_the_extra_the_message_says_what_to_install(
     )
 
     assert done.returncode == exit_codes.NO_PLUGIN
-    assert 'pip install "vbus[metrics]"' in done.stderr
+    assert "pip install prometheus-client" in done.stderr

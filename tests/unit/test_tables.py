@@ -4,7 +4,6 @@ import re
 
 import pytest
 
-from vbus.chips.registers import hooks
 from vbus.chips.tables import Command, CommandTable, Register, RegisterMap
 
 
@@ -52,15 +51,15 @@ def test_the_methods_rows_name_are_found_by_address() -> None:
         Register("B", (3,), on_write="start"),
         Register("C", (4,), 0, "r"),
     )
-    found = hooks(RegisterMap(16, *rows), Hooks, "on_write", "store")
+    found = RegisterMap(16, *rows).find_hooks("on_write", Hooks, "store")
     assert found == {1: Hooks.store, 2: Hooks.store, 3: Hooks.start}
 
 
 @pytest.mark.parametrize("name", ["strat", "no_method"])
 def test_a_row_that_names_no_method_is_refused(name: str) -> None:
     rows = RegisterMap(16, Register("A", (0,), on_read=name))
-    with pytest.raises(TypeError, match=f"^A: on_read names {name}, no method of Hooks$"):
-        hooks(rows, Hooks, "on_read")
+    with pytest.raises(ValueError, match=f"^A: there is no method '{name}'$"):
+        rows.find_hooks("on_read", Hooks)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from urllib.parse import parse_qs
 
 from vbus.client.link import Link
 from vbus.errors import TransportError
-from vbus.runtime import lock_of
+from vbus.runtime import expanded, lock_of
 
 KINDS: Final = (
     "pty:PATH, unix:PATH, tcp:HOST:PORT, serial:PATH?baud=RATE,"
@@ -29,13 +29,14 @@ def open_link(where: str) -> Link:
 
     ``where`` is ``"pty:PATH"``, ``"unix:PATH"``, ``"tcp:HOST:PORT"``,
     ``"serial:PATH?baud=115200"``, ``"zenoh:BOARD/CHIP?connect=ENDPOINT"``, or the path of a PTY.
-    ``$NAME`` stands for an environment variable.
+    ``$NAME`` stands for an environment variable, ``$VBUS_RUNTIME`` for the runtime directory also
+    where that is not set.
 
     Raises:
         TransportError: the link cannot be opened; says why and what to do.
         ValueError: ``where`` is none of these.
     """
-    place = os.path.expandvars(where)
+    place = expanded(where)
     kind, colon, rest = place.partition(":")
     if place.startswith(("/", ".")):
         kind, rest = "pty", place

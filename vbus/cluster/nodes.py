@@ -21,6 +21,7 @@ from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.trace import hash_of, merged
+from vbus.server.readiness import tell_ready
 from vbus.server.server import Server, run_until_signal
 from vbus.server.serving import links_of, network_of
 
@@ -256,6 +257,7 @@ class _Run:
             if await self._begin(ends):
                 if on_ready is not None:
                     on_ready(self._servers)
+                tell_ready()
                 await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
             if peers.failure is not None:
                 if self._link is not None:

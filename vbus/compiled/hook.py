@@ -13,6 +13,7 @@ Without a compiler, or without Python's headers, the wheel is pure Python, and i
 An editable installation stays interpreted.
 """
 
+import contextlib
 import os
 import shlex
 import shutil
@@ -79,6 +80,10 @@ class CompiledCore(BuildHookInterface):
             if _set("VBUS_PURE"):
                 raise NoCompiler("it was built with VBUS_PURE set")
             compiler = Compiler(scratch)
+            announce(
+                f"vbus: compiling the core with {compiler.command[0]}, a minute or two;"
+                " VBUS_PURE=1 does without, some ten times slower"
+            )
             for built, place in compile_core(Path(self.root), scratch, compiler):
                 include[str(built)] = place
         except NoCompiler as error:
@@ -103,6 +108,12 @@ class CompiledCore(BuildHookInterface):
         scratch = getattr(self, "_scratch", "")
         if scratch:
             shutil.rmtree(scratch, ignore_errors=True)
+
+
+def announce(sentence: str) -> None:
+    """Tell whoever waits at the terminal: what a build prints, pip keeps to itself."""
+    with contextlib.suppress(OSError), open("/dev/tty", "w", encoding="utf-8") as terminal:
+        terminal.write(f"\n{sentence}\n")
 
 
 def _set(name: str) -> bool:

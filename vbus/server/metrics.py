@@ -20,7 +20,7 @@ PATH: Final = "/metrics"
 PATIENCE_SECONDS: Final = 5.0
 """How long a client may take to ask, or to take its answer."""
 _LINES: Final = 100
-_MISSING: Final = 'metrics need prometheus-client; install it with: pip install "vbus[metrics]"'
+_MISSING: Final = "metrics need prometheus-client; install it with: pip install prometheus-client"
 
 
 class MetricsPort:

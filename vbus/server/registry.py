@@ -41,6 +41,11 @@ def control_path(board: str) -> Path:
     return boards_directory() / f"{_safe(board)}.control"
 
 
+def log_path(board: str) -> Path:
+    """Return the file with what the board called ``board`` says, if it runs in the background."""
+    return boards_directory() / f"{_safe(board)}.log"
+
+
 def _safe(board: str) -> str:
     return "".join(c if c.isalnum() or c in "-_." else "_" for c in board)
 
@@ -87,6 +92,15 @@ def ask(path: Path) -> dict[str, Any]:
         return answer
     except (OSError, ValueError) as error:
         raise TransportError(f"{path.stem}: does not answer ({error})") from error
+
+
+def answers(board: str) -> bool:
+    """Tell whether a board of this name is ready; one that answers has every link open."""
+    try:
+        ask(status_path(board))
+    except TransportError:
+        return False
+    return True
 
 
 def order(board: str, do: str, **values: Any) -> Any:

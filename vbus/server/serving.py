@@ -17,6 +17,7 @@ from vbus.board.source import Source
 from vbus.errors import ConfigError, VbusError
 from vbus.network.security import Security
 from vbus.network.session import Network
+from vbus.server.readiness import tell_ready
 from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server, run
 from vbus.server.snapshots import load_into
@@ -136,6 +137,7 @@ def serve_read(
         recording.start(asyncio.get_running_loop())
         if on_ready is not None:
             on_ready(server)
+        tell_ready()
 
     with closing(recording):
         recording.open(file.record, file.waves)

@@ -87,6 +87,7 @@ _TYPES: Final[dict[tuple[str, str], Names | Files | click.Path]] = {
     ("fault clear", "board"): _BOARD,
     ("fault list", "board"): _BOARD,
     ("fault log", "board"): _BOARD,
+    ("logs", "board"): _BOARD,
     ("ls", "names"): _BOARD,
     ("monitor", "board"): _BOARD,
     ("order", "board"): _BOARD,
@@ -97,6 +98,8 @@ _TYPES: Final[dict[tuple[str, str], Names | Files | click.Path]] = {
     ("snap bisect", "journal"): _JOURNAL,
     ("snap load", "board"): _BOARD,
     ("snap save", "board"): _BOARD,
+    ("stop", "names"): _BOARD,
+    ("wait", "names"): _BOARD,
     ("wave", "source"): _JOURNAL,
 }
 """By command and parameter; what is not here click completes by its type."""

@@ -163,7 +163,7 @@ def split_url(url: str) -> tuple[str, str, dict[str, str]]:
     """
     from urllib.parse import parse_qsl
 
-    from vbus.runtime import runtime_directory
+    from vbus.runtime import expanded
 
     scheme, colon, rest = url.partition(":")
     if not colon or not scheme or "/" in scheme:
@@ -171,10 +171,7 @@ def split_url(url: str) -> tuple[str, str, dict[str, str]]:
             f'"{url}" is no link: write SCHEME:ADDRESS, e.g. "pty:$VBUS_RUNTIME/x"'
         )
     path, _, query = rest.partition("?")
-    if "$VBUS_RUNTIME" in path or "${VBUS_RUNTIME}" in path:
-        directory = str(runtime_directory())
-        path = path.replace("${VBUS_RUNTIME}", directory).replace("$VBUS_RUNTIME", directory)
-    path = os.path.expandvars(os.path.expanduser(path))
+    path = expanded(path)
     if "$" in path:
         raise TransportError(f'"{url}": an environment variable in it is not set: {path}')
     return scheme, path, dict(parse_qsl(query))

@@ -2,9 +2,9 @@
 # Made by vbus.tools.generate from vbus/chips/tables.py and vbus/chips/mcp1200/datasheet.py; change that, or the generator.
 """Rows of which a datasheet is made: pins, commands, registers, bits. Data, and checks on it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 HIGH = 1
 
@@ -242,6 +242,30 @@ class RegisterMap:
     def at(self, address: int) -> Register | None:
         """Return the register that holds the byte at ``address``, or None."""
         return self._by_address.get(address)
+
+    def find_hooks(
+        self, role: str, owner: type, plain: str = "", read_only: str = ""
+    ) -> dict[int, Callable[..., Any]]:
+        """Return the methods of ``owner`` that rows name, by the addresses of their bytes.
+
+        Args:
+            role: which name of a row: ``"on_read"`` or ``"on_write"``.
+            owner: class of the methods.
+            plain: method of rows that name none; "": none.
+            read_only: the same for rows that cannot be written.
+
+        Raises:
+            ValueError: a row names what is no method of ``owner``.
+        """
+        found: dict[int, Callable[..., Any]] = {}
+        for row in self.rows:
+            name = getattr(row, role) or (plain if row.access != "r" else read_only)
+            if name:
+                method = getattr(owner, name, None)
+                if not callable(method):
+                    raise ValueError(f"{row.name}: there is no method {name!r}")
+                found.update(dict.fromkeys(row.addresses, method))
+        return found
 
 
 ACTIONS = ('report', 'idle', 'decelerate', 'abrupt')

@@ -6,6 +6,7 @@ from tests.conformance.mcp1200.conftest import Bench, Rail
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.datasheet import REGISTERS
 from vbus.chips.mcp1200.registers import RegisterFile
+from vbus.chips.tables import SAMPLED
 from vbus.signals import HIGH, LOW
 
 PLAIN = {
@@ -107,6 +108,26 @@ def test_the_number_of_a_register_has_its_bytes_where_the_manual_lists_them(
     registers.sample()
     registers.put(places[0], ~bytes_[places[0]] & 0xFF)
     assert (registers.sampled.image, getattr(registers.sampled, name.lower())) == (image, number)
+
+
+@pytest.mark.spec("MCP-REG-48", "MCP-SMP-5")
+@pytest.mark.parametrize("name", [row.name for row in REGISTERS if row.counts == SAMPLED])
+def test_what_counts_with_the_next_sample_leaves_the_one_under_way_alone(
+    chip: Bench, name: str
+) -> None:
+    chip.extended()
+    chip.control()
+    chip.samples(1)
+    start = chip.sample_start()
+    chip.until(start + 100)
+    registers = chip.chip.axis.registers
+    before = getattr(registers.sampled, name.lower())
+    chip.put(name, 0x14)
+    assert (getattr(registers, name.lower()), chip.pin("BUSY")) == (0x14, 1)
+    chip.until(chip.sample_start() - 1)
+    assert getattr(registers.sampled, name.lower()) == before != 0x14
+    chip.until(chip.cycle + 1)
+    assert getattr(registers.sampled, name.lower()) == 0x14
 
 
 @pytest.mark.spec("MCP-RST-3", "MCP-BUS-9", "MCP-REG-48")

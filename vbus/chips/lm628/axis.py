@@ -74,25 +74,7 @@ class Axis:
         self.stuck_part: bool = settings["reset_status"] == "C4"
         """Whether resets end with the breakpoint flag stuck (LM-RST-5)."""
         self.count: i64 = 0
-        self.real: i64 = 0
-        self.real_change: i64 = 0
-        self.error: i64 = 0
-        self.following: i64 = 0
-        self.command: i64 = 0
-        self.flags: i64 = 0
-        self.mask: i64 = 0
-        self.motor_off: bool = True
-        self.port8: bool = True
-        self.threshold: i64 = 0
-        self.stop_on_error: bool = False
-        self.sip: bool = False
-        self.index: i64 = 0
-        self.start: i64 = START_NONE
-        self.udf: bool = False
-        self.breakpoint: i64 = 0
-        self.breakpoint_side: i64 = 0
-        self.breakpoint_armed: bool = False
-        self.stuck: bool = False
+        self.reset()
 
     # -- what the host sees -------------------------------------------------------------------
 
@@ -131,20 +113,25 @@ class Axis:
         """Go to the state in which a reset runs: everything zero, no flag up (LM-RST-2)."""
         self.profile.reset()
         self.pid.reset()
-        self.real = self.real_change = self.error = self.following = self.command = 0
-        self.flags = 0
-        self.mask = ds.RESET_MASK
-        self.motor_off = True
-        self.port8 = True
-        self.threshold = ds.THRESHOLD_MAX
-        self.stop_on_error = False
-        self.sip = False
-        self.index = 0
-        self.start = START_NONE
-        self.udf = False
-        self.breakpoint = self.breakpoint_side = 0
-        self.breakpoint_armed = False
-        self.stuck = False
+        self.real: i64 = 0
+        self.real_change: i64 = 0
+        self.error: i64 = 0
+        self.following: i64 = 0
+        self.command: i64 = 0
+        self.flags: i64 = 0
+        self.mask: i64 = ds.RESET_MASK
+        self.motor_off: bool = True
+        self.port8: bool = True
+        self.threshold: i64 = ds.THRESHOLD_MAX
+        self.stop_on_error: bool = False
+        self.sip: bool = False
+        self.index: i64 = 0
+        self.start: i64 = START_NONE
+        self.udf: bool = False
+        self.breakpoint: i64 = 0
+        self.breakpoint_side: i64 = 0
+        self.breakpoint_armed: bool = False
+        self.stuck: bool = False
 
     def finish_reset(self, count: int) -> None:
         """The reset is over, with the encoder at ``count``: that is position 0 (LM-RST-5)."""

@@ -6,6 +6,7 @@ or contradicts itself, NOTES.md says what was chosen.
 
 from typing import Final
 
+from vbus.chips.lm628.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcLimit, AcTable
 from vbus.chips.tables import Bit, Command, CommandTable, PinRow
 from vbus.kernel import MS, NS, US
@@ -91,15 +92,6 @@ STATUS: Final = (
     Bit(0, "BUSY", "Busy Bit"),
 )
 
-MOTOR_OFF: Final = 0x80
-BREAKPOINT: Final = 0x40
-POSITION_ERROR: Final = 0x20
-WRAPAROUND: Final = 0x10
-INDEX: Final = 0x08
-TRAJECTORY_COMPLETE: Final = 0x04
-COMMAND_ERROR: Final = 0x02
-BUSY: Final = 0x01
-
 INTERRUPTS: Final = 0x7E
 """The six flags that MSKI enables and RSTI resets."""
 RESET_MASK: Final = 0x3E
@@ -136,11 +128,6 @@ TRAJECTORY: Final = (
     Bit(0, "RELATIVE_POSITION", "Position Data Is Relative"),
 )
 
-FORWARD: Final = 0x1000
-VELOCITY_MODE: Final = 0x0800
-STOP_SMOOTHLY: Final = 0x0400
-STOP_ABRUPTLY: Final = 0x0200
-TURN_OFF: Final = 0x0100
 STOPS: Final = 0x0700
 LOADS: Final = (0x20, 0x08, 0x02)
 """Load bits of acceleration, velocity, position; the bit below each makes the data relative."""

@@ -51,7 +51,7 @@ UPDATED: Final = 0
 """The active motor command has come from the buffer."""
 DIRECT: Final = 1
 """SET_MTR_CMD has set it."""
-DIRECT_TOLD: Final = 2
+DIRECT_REPORTED: Final = 2
 """The same, and an update that left it as it was has been reported."""
 FOR_EVER: Final = (1 << 62) - 1
 """More cycles than there will be."""
@@ -294,26 +294,19 @@ class Axis:
         """Copy buffer to active, but for what must not change in motion; say what was refused."""
         active, profile = self.active, self.profile
         refused = ""
+        kept: tuple[str, ...] = ()
         if profile.in_motion():
             if profile.mode == TRAPEZOIDAL and buffer.acceleration != active.acceleration:
                 refused = "acceleration changed in a trapezoidal move"  # PMD-ERR-1
+                kept = ("velocity", "acceleration")
             elif profile.mode == S_CURVE and (
                 buffer.velocity != active.velocity
                 or buffer.max_acceleration != active.max_acceleration
                 or buffer.jerk != active.jerk
             ):
                 refused = "velocity, acceleration or jerk changed in an S-curve move"  # PMD-ERR-2
-        keep_trapezoid = refused != "" and profile.mode == TRAPEZOIDAL
-        keep_s_curve = refused != "" and profile.mode == S_CURVE
-        if not refused:
-            active.velocity = buffer.velocity
-        if not keep_trapezoid:
-            active.acceleration = buffer.acceleration
-        if not keep_s_curve:
-            active.max_acceleration = buffer.max_acceleration
-            active.jerk = buffer.jerk
-        active.position = buffer.position
-        active.ratio = buffer.ratio
+                kept = ("velocity", "max_acceleration", "jerk")
+        active.copy(buffer, ("motor_command", *kept))
         self._copy_motor_command(buffer.motor_command)
         return refused
 
@@ -325,7 +318,7 @@ class Axis:
             self._motor_command_from = UPDATED
             self._motor_command_taken = False
         elif self._motor_command_from == DIRECT and active.motor_command != buffered:
-            self._motor_command_from = DIRECT_TOLD
+            self._motor_command_from = DIRECT_REPORTED
             self._report(
                 MOTOR_COMMAND_LOST,
                 f"axis {self.number + 1}: motor command {active.motor_command} set by SET_MTR_CMD"

@@ -20,6 +20,7 @@ from vbus.chips.mc1241a.datasheet import (
     RESET_CLK,
     RESET_PORT,
     RULES,
+    SLOT_CLK,
     STATUS_NO_INTERRUPT,
     STATUS_READY,
 )
@@ -58,6 +59,7 @@ class MC1241A(ChipSet):
     RULES: ClassVar[tuple[Rule, ...]] = RULES
     FREE_READS: ClassVar[tuple[int, ...]] = (COMMAND_PORT,)
     TRACELESS: ClassVar[bool] = True
+    PERIOD_CLK: ClassVar[int] = SLOT_CLK
     OPTIONS: ClassVar[tuple[Option, ...]] = OPTIONS
     CARD_DECODES: ClassVar[dict[str, tuple[CardRow, ...]]] = CARD_DECODES
     STATE: ClassVar[Names] = (
@@ -127,7 +129,7 @@ class MC1241A(ChipSet):
         if self._adapter_read:
             return self.adapter_status()
         data = self.port.end_read()
-        self.rearm()
+        self.touched()
         return data
 
     def write(self, address: int, data: int) -> None:
@@ -139,7 +141,7 @@ class MC1241A(ChipSet):
             self.port.write_command(data)
         elif address == RESET_PORT:
             self.release_reset(False)
-        self.rearm()
+        self.touched()
 
     def adapter_status(self) -> int:
         """Return the status byte of a card: D7 HostRdy, D6 ~HostIntrpt, the others float high."""
@@ -189,12 +191,12 @@ class MC1241A(ChipSet):
         self.restart(self.kernel.now, 0 if done else RESET_CLK)
         self._reckon()
         self.advance()
-        self.rearm()
+        self.touched()
 
     def hold_reset(self, when: int) -> None:
         """~Reset is low; if it still is at ``when``, everything stops."""
         self._hold_at = when
-        self.rearm()
+        self.touched()
 
     def release_reset(self, lost: bool) -> None:
         """~Reset rises: the reset runs, unless the pulse was too short and is ``lost``."""
@@ -202,7 +204,7 @@ class MC1241A(ChipSet):
         if not lost:
             self.held = False
             self.restart(self.kernel.now)
-        self.rearm()
+        self.touched()
 
     def reset_command(self) -> None:
         """RESET: like ~Reset, counted from when the command was written (PMD-CMD-75)."""
@@ -304,10 +306,10 @@ class MC1241A(ChipSet):
         due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at)
         return due == NEVER and self.cycles.resting()
 
-    def rearm(self) -> None:
-        """Take note of what something outside has changed."""
+    def touched(self) -> None:
+        """Something from outside has changed the chip set: find what is due next."""
         self._reckon()
-        super().rearm()
+        super().touched()
 
     # -- neighbours ---------------------------------------------------------------------------
 
@@ -318,7 +320,6 @@ class MC1241A(ChipSet):
         self.cycles.choose_slots()
         self._reckon()
         super().heard_changed()
-        self.rearm()
 
     def exchange_plant(self, axis: int, plant: Plant) -> None:
         """Put another motor behind an axis, and behind every encoder that hears the one there."""
@@ -365,12 +366,14 @@ class MC1241A(ChipSet):
         for axis in self.axes:
             n = axis.number + 1
             a, b = self.cycles.phase_outputs(axis.number)
-            values[f"target {n}"] = axis.profile.target_position
-            values[f"velocity {n}"] = axis.profile.velocity / (1 << 32)
-            values[f"actual {n}"] = axis.encoder.actual
-            values[f"error {n}"] = axis.position_error
-            values[f"status {n}"] = axis.status
-            values[f"mode {n}"] = axis.mode
-            values[f"phase A {n}"] = a
-            values[f"phase B {n}"] = b
+            values |= {
+                f"target {n}": axis.profile.target_position,
+                f"velocity {n}": axis.profile.velocity / (1 << 32),
+                f"actual {n}": axis.encoder.actual,
+                f"error {n}": axis.position_error,
+                f"status {n}": axis.status,
+                f"mode {n}": axis.mode,
+                f"phase A {n}": a,
+                f"phase B {n}": b,
+            }
         return values

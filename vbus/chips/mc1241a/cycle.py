@@ -16,18 +16,6 @@ _SCALE: Final = 32_767.0
 """FULL_SCALE as a float."""
 
 
-class Currents:
-    """The phase currents a motor runs with (-32767 to 32767)."""
-
-    __slots__ = ("a", "b", "c")
-    STATE: ClassVar[Names] = ("a", "b", "c")
-
-    def __init__(self) -> None:
-        self.a: i64 = 0
-        self.b: i64 = 0
-        self.c: i64 = 0
-
-
 class Cycles:
     """Cycles and slots at whole clock numbers, counted from the end of the last reset (NOTES 2).
 
@@ -38,8 +26,8 @@ class Cycles:
     """
 
     STATE: ClassVar[Names] = (
-        "shared: part", "_driven: parts", "motors: parts", "_origin", "_slot", "boundary",
-        "_reset_since", "_slot_start", "_slot_end",
+        "shared: part", "_driven: list[(i64, i64, i64)]", "motors: parts", "_origin", "_slot",
+        "boundary", "_reset_since", "_slot_start", "_slot_end",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_axes", "_chip", "skipping")
     DERIVED: ClassVar[Names] = ("_slotted", "heard", "run_count")
@@ -63,7 +51,8 @@ class Cycles:
         self._reset_since: i64 = 0
         self._slot_start: i64 = 0
         self._slot_end: i64 = 0
-        self._driven: list[Currents] = [Currents() for _ in axes]
+        self._driven: list[tuple[int, int, int]] = [(0, 0, 0) for _ in axes]
+        """The phase currents each motor runs with (-32767 to 32767)."""
 
     # -- reset --------------------------------------------------------------------------------
 
@@ -206,10 +195,7 @@ class Cycles:
     def _drive(self, number: int, motor: Plant, slot: i64) -> None:
         """Run a motor through the slot that begins, with the currents just looked up."""
         a, b, c = self._currents(number, slot)
-        driven = self._driven[number]
-        driven.a = a
-        driven.b = b
-        driven.c = c
+        self._driven[number] = (a, b, c)
         motor.phases(float(a) / _SCALE, float(b) / _SCALE, float(c) / _SCALE)
 
     def _currents(self, number: int, slot: i64) -> tuple[i64, i64, i64]:
@@ -222,9 +208,7 @@ class Cycles:
 
     def _same_currents(self, number: int, slot: i64) -> bool:
         """Tell whether an axis still puts out what its motor was last driven with."""
-        a, b, c = self._currents(number, slot)
-        driven = self._driven[number]
-        return a == driven.a and b == driven.b and c == driven.c
+        return self._currents(number, slot) == self._driven[number]
 
     def phase_outputs(self, number: int) -> tuple[i64, i64]:
         """Return phases A and B of an axis as they are now (-32767 to 32767)."""

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from vbus.chips.mc1241a.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcLimit, AcTable
 from vbus.chips.tables import Bit, CardRow, Command, CommandTable, PinRow
 from vbus.options import Option
@@ -73,18 +74,7 @@ STATUS_BITS: Final = (
     Bit(10, "in motion", "the trajectory is in motion"),
     Bit(12, "axis 2", "number of the axis, less one"),
 )
-MOTION_COMPLETE: Final = 0x0001
-WRAP: Final = 0x0002
-BREAKPOINT: Final = 0x0004
-CAPTURE: Final = 0x0008
-MOTION_ERROR: Final = 0x0010
-POSITIVE_LIMIT: Final = 0x0020
-NEGATIVE_LIMIT: Final = 0x0040
-COMMAND_ERROR: Final = 0x0080
 EVENTS: Final = 0x00FF
-MOTOR_ON: Final = 0x0100
-AXIS_ON: Final = 0x0200
-IN_MOTION: Final = 0x0400
 AXIS_SHIFT: Final = 12
 
 # -- mode word (PMD-STA-5) -----------------------------------------------------------------------
@@ -98,8 +88,6 @@ MODE_BITS: Final = (
     Bit(14, "S-curve phase, middle bit"),
     Bit(15, "S-curve phase, high bit"),
 )
-AUTO_STOP: Final = 0x0080
-AUTO_UPDATE_OFF: Final = 0x0400
 PROFILE_SHIFT: Final = 11
 PHASE_SHIFT: Final = 13
 

@@ -62,40 +62,36 @@ class HostPort:
         self._ready_pin: Pin = chip.pins["HostRdy"]
         self._slot_busy: bool = chip.settings["host_busy"] == "slot"
         self._noop_codes: bool = chip.settings["family_codes"] == "noop"
-        self.busy_until: i64 = 0
-        """HostRdy rises at this instant (ps), NEVER if no end is in sight."""
-        self.busy_since: int = 0
-        self.last_driven: int = 0
-        self._pending: int = NOTHING
         self._pending_value: int = 0
-        self._row: Command | None = None
+        self._high: int = 0
+        self._word: int = 0
+        self._word_is_data: bool = False
+        self.reset(0, 0)
+
+    def reset(self, since: int, ready: int) -> None:
+        """Forget every packet and be busy from ``since`` to ``ready`` (ps)."""
+        self.busy_since: int = since
+        self.busy_until: i64 = ready
+        """HostRdy rises at this instant (ps), NEVER if no end is in sight."""
+        self._pending: int = READY
+        self._open(None, 0, 0)
         self._code: int = 0
+        self._checksum: int = 0
+        self._reading: bool = False
+        self.last_driven: int = 0
+        self.show_ready(False)
+
+    def _open(self, row: Command | None, writes: int, reads: int) -> None:
+        self._row: Command | None = row
+        self._writes: int = writes
+        self._reads: int = reads
         self._illegal: bool = False
-        self._writes: int = 0
-        self._reads: int = 0
         self._given: int = 0
         self._taken: int = 0
         self._value: int = 0
         self._result: int = 0
-        self._checksum: int = 0
-        self._high: int = 0
         self._low_write_next: bool = False
         self._low_read_next: bool = False
-        self._word: int = 0
-        self._word_is_data: bool = False
-        self._reading: bool = False
-
-    def reset(self, since: int, ready: int) -> None:
-        """Forget every packet and be busy from ``since`` to ``ready`` (ps)."""
-        self.busy_since = since
-        self.busy_until = ready
-        self._pending = READY
-        self._open(None, 0, 0)
-        self._code = 0
-        self._checksum = 0
-        self._reading = False
-        self.last_driven = 0
-        self.show_ready(False)
 
     def show_ready(self, ready: bool) -> None:
         """Put HostRdy to its level at the instant of what the chip set is doing."""
@@ -201,18 +197,6 @@ class HostPort:
         elif pending == TAKEN and self._word_is_data:
             self._checksum = (self._checksum + self._word) & 0xFFFF
             self._taken += 1
-
-    def _open(self, row: Command | None, writes: int, reads: int) -> None:
-        self._row = row
-        self._writes = writes
-        self._reads = reads
-        self._illegal = False
-        self._given = 0
-        self._taken = 0
-        self._value = 0
-        self._result = 0
-        self._low_write_next = False
-        self._low_read_next = False
 
     def _begin_packet(self, code: int) -> None:
         self._code = code

@@ -37,10 +37,11 @@ class Registers:
         self.smooth_stop: int = 0
         self.synch: int = 0
 
-    def copy(self, other: "Registers") -> None:
-        """Take the values of another set."""
+    def copy(self, other: "Registers", kept: tuple[str, ...] = ()) -> None:
+        """Take the values of another set, but for those ``kept``."""
         for name in self.STATE:
-            setattr(self, name, getattr(other, name))
+            if name not in kept:
+                setattr(self, name, getattr(other, name))
 
 
 class Shared:

@@ -221,7 +221,8 @@ class Profile:
         self.moved = 0
         if self.mode == GEAR:
             if self._state != HALTED:
-                self._follow(counts * active.ratio)
+                # The encoder's way times the ratio, fraction carried (PMD-TRJ-7).
+                self.velocity = self.moved = counts * active.ratio << 16
             return self._advance()
         if self._state != RUNNING:
             return 0
@@ -234,11 +235,6 @@ class Profile:
         events = self._advance()
         return events | MOTION_COMPLETE if done else events
 
-    def _follow(self, way: int) -> None:
-        """Gear: the encoder's way times the ratio, fraction carried (PMD-TRJ-7)."""
-        self.velocity = way << 16
-        self.moved = way << 16
-
     def _trapezoid(self, active: Registers, start_velocity: int) -> bool:
         """PMD-TRJ-2, in 1/65536 usteps: finer fractions left by an S-curve are dropped."""
         acceleration = active.acceleration & MAGNITUDE_MASK
@@ -249,14 +245,13 @@ class Profile:
         velocity: int = next_velocity(
             remaining, self.velocity >> 16, active.velocity, acceleration, start_velocity
         )
-        self.moved = (position + velocity << 16) - self.position
+        self._run_at(velocity)
         if arrived(remaining - velocity, velocity, acceleration, start_velocity) or (
             velocity == 0 and not _can_begin(active)
         ):
             self.velocity = 0
             self._state = DONE
             return True
-        self.velocity = velocity << 16
         return False
 
     def _contour(self, active: Registers, start_velocity: int) -> bool:
@@ -267,17 +262,20 @@ class Profile:
         before = self.velocity >> 16
         goal = active.velocity if acceleration >= 0 else -active.velocity
         velocity: int = toward(before, goal, abs(acceleration), start_velocity)
+        self._run_at(velocity)
+        return velocity == 0 and before != 0 and goal == 0
+
+    def _run_at(self, velocity: int) -> None:
+        """Move by a velocity in 1/65536 usteps; finer fractions of the position are dropped."""
         self.velocity = velocity << 16
         self.moved = (self.position >> 16 << 16) - self.position + self.velocity
-        return velocity == 0 and before != 0 and goal == 0
 
     def _slow_down(self, acceleration: int, start_velocity: int) -> bool:
         """Smooth stop: linear, at once without an acceleration (PMD-TRJ-10, NOTES 8)."""
         velocity: int = toward(self.velocity >> 16, 0, acceleration, start_velocity)
         if acceleration == 0:
             velocity = 0
-        self.velocity = velocity << 16
-        self.moved = (self.position >> 16 << 16) - self.position + self.velocity
+        self._run_at(velocity)
         return velocity == 0 and self._stopped()
 
     def _stopped(self) -> bool:

@@ -5,7 +5,8 @@ from typing import ClassVar
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.blocks import CONTROL, HELD, NO_REQUEST, RESETTING, STANDING, Blocks, Report
+from vbus.chips.mcp1200.blocks import CONTROL, HELD, NO_REQUEST, STANDING, Blocks, Report
+from vbus.chips.mcp1200.command import Command
 from vbus.chips.mcp1200.control_loop import IDLE
 from vbus.chips.mcp1200.host_registers import HostRegisters
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
@@ -49,14 +50,7 @@ class Axis(Blocks):
         self.side: SidePins
         self.encoder_pins: EncoderPins
         self._stall_clk: int = int(settings["io_stall_clk"])
-        self._request: int = NO_REQUEST
-        self._aiming: bool = False
-        """The loop has closed: followers may follow its aim."""
         self._target: i64 = 0
-        self._at_reset: i64 = FAR
-        self._at_sample: i64 = FAR
-        self._at_results: i64 = FAR
-        self._at_routine: i64 = FAR
 
     def attach(self, side: SidePins, encoder_pins: EncoderPins) -> None:
         """Take the inputs beside the host bus."""
@@ -97,11 +91,8 @@ class Axis(Blocks):
             return False
         return self.rest.lasts(self.state == CONTROL, self.timer.running and self.side.sync == 1)
 
-    def run(self, target: int) -> None:
+    def run(self, target: i64) -> None:
         """Work off everything due by then."""
-        self._work_off(target)
-
-    def _work_off(self, target: i64) -> None:
         self._target = target
         writes = self.writes
         while True:
@@ -164,35 +155,6 @@ class Axis(Blocks):
         self.host.write(self.host.map(address), data, cycle)
         self.counter.look_equal(before, cycle)
 
-    def request(self, mode: int, cycle: int) -> None:
-        """R05 has been written (MCP-MOD-1)."""
-        self._request = mode
-        if self.state == STANDING and mode != ds.CONTROL_CODE:
-            self._request = NO_REQUEST
-            if mode == ds.SOFT_RESET_CODE:
-                self._begin_reset(cycle)
-            elif mode == ds.IDLE_CODE:
-                self.loop.enter_idle()
-        elif self.state < STANDING:
-            self._request = NO_REQUEST
-
-    # -- what the inputs do -------------------------------------------------------------------
-
-    def controlling(self) -> bool:
-        """Whether mode flags take effect: control mode, not halted."""
-        return self.state == CONTROL and not self.loop.halted
-
-    def hold_timer(self) -> None:
-        """The sample timer stands."""
-        self.timer.hold()
-        self._at_sample = FAR
-        self._at_routine = FAR
-
-    def start_timer(self, cycle: i64) -> None:
-        """The sample timer begins a period."""
-        self.timer.reload(cycle)
-        self._at_sample = self.timer.next_zero()
-
     # -- reset --------------------------------------------------------------------------------
 
     def hold(self, cycle: int) -> None:
@@ -201,7 +163,7 @@ class Axis(Blocks):
         self.registers.reset()
         self.stepper.clear(cycle)
         self.loop.soft_reset()
-        self.loop.command.clear()
+        self.loop.command = Command()
         self.registers.flag = 0
         self.registers.mode = 0
         self.loop.point = 0
@@ -217,12 +179,6 @@ class Axis(Blocks):
         self.released = -1
         self.counter.replan(cycle)
 
-    def _stop(self) -> None:
-        self._request = NO_REQUEST
-        self.hold_timer()
-        self._at_results = FAR
-        self._aiming = False
-
     def release(self, cycle: int) -> None:
         """/RESET has risen: Pulse is high for one clock, a soft reset follows (MCP-RST-1)."""
         if self.state == HELD:
@@ -234,15 +190,6 @@ class Axis(Blocks):
         """The reset is over at once: a board that starts after it."""
         self.released = -1
         self._end_reset(cycle)
-
-    def _begin_reset(self, cycle: int) -> None:
-        self.state = RESETTING
-        self._stop()
-        self.registers.flag = 0
-        self.registers.mode = 0
-        self.registers.status &= ~ds.BUSY
-        self.stepper.stop(cycle)
-        self._at_reset = cycle + ds.RESET_CLK
 
     def _end_reset(self, cycle: int) -> None:
         self._at_reset = FAR
@@ -331,7 +278,7 @@ class Axis(Blocks):
             if self.stepper.overrun(period):
                 most = period // self.stepper.width
                 self._report(ds.STEP_OVERRUN, abs(int(loop.steps)), most, "", self._clock.ps(cycle))
-            self.counter.begin_steps(cycle)
+            self.counter.replan(cycle, cycle - 1)
         self.rest.note()
 
     def _routine(self, cycle: int) -> None:

@@ -7,9 +7,8 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import Axis
 from vbus.chips.mcp1200.blocks import STANDING
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
-from vbus.chips.mcp1200.interface import HostInterface
 from vbus.chips.mcp1200.outputs import OutputPins
-from vbus.chips.mcp1200.pins import LONG_AGO, HostPins
+from vbus.chips.mcp1200.pins import LONG_AGO, HostInterface, HostPins
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.tables import PinRow
 from vbus.kernel import NEVER, Clock, Kernel
@@ -63,6 +62,7 @@ class MCP1200(HostInterface):
         file: Callable[[Violation], None] | None = None,
     ) -> None:
         super().__init__(name, part, kernel, clock, settings, policy, file)
+        self.ac = ds.AC[str(self.settings["supply"])]
         self.read_low_ps = self.ac["tALDB"].max_ps
         self.cycle_ps = STROBE_PS + self.ac.minimum("tCSAL", clock)
         self.axis: Axis = Axis(clock, self.settings, self.report)
@@ -184,7 +184,6 @@ class MCP1200(HostInterface):
 
     def changed(self) -> None:
         """Something from outside has touched the chip: show it, and set the timer anew."""
-        self.axis.rest.disturb()
         self._refresh_due()
         self._quiet_ps = 0
         self.outputs.show(self.cycle_now())
@@ -261,6 +260,7 @@ class MCP1200(HostInterface):
 
     def disturb(self) -> None:
         """Something behind the chip is different now: rest is over, switches may have moved."""
+        self.axis.rest.disturb()
         self.side.look(self.cycle_now())
         self.changed()
 

@@ -6,19 +6,20 @@ from mypy_extensions import i64
 
 from vbus.bits import wrap_word
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.command import Command
+from vbus.chips.mcp1200.command import (
+    Command,
+    IntegralVelocity,
+    PositionInterpolation,
+    VelocityInterpolation,
+)
 from vbus.chips.mcp1200.faults import Faults
+from vbus.chips.mcp1200.filters import LeadFilter, PidFilter
 from vbus.chips.mcp1200.following import Following
-from vbus.chips.mcp1200.interpolate import PositionInterpolation, VelocityInterpolation
-from vbus.chips.mcp1200.lead import LeadFilter
 from vbus.chips.mcp1200.output import dac_code, pwm_command
-from vbus.chips.mcp1200.pid import PidFilter
+from vbus.chips.mcp1200.profiles import SCurveMove, Trapezoid, stop
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
-from vbus.chips.mcp1200.scurve import SCurveMove
 from vbus.chips.mcp1200.stepper import StallCheck
 from vbus.chips.mcp1200.timer import work_clocks
-from vbus.chips.mcp1200.trapezoid import Trapezoid, stop
-from vbus.chips.mcp1200.velocity import IntegralVelocity
 from vbus.state import Names
 
 IDLE: Final = -1
@@ -103,8 +104,9 @@ class ControlLoop:
         registers.flag = registers.flag & ~ds.F2 | ds.F1
         registers.status &= ~ds.BUSY
         registers.outputs_off()
-        self.lead.clear()
-        self.pid.clear()
+        # Old samples are forgotten (MCP-FLT-5).
+        self.lead = LeadFilter()
+        self.pid = PidFilter()
         self.stall.clear()
         self.faults.clear()
         self.command.rest()
@@ -280,18 +282,18 @@ class ControlLoop:
         if self._entering:
             self._stopping = False
             command.phase = 0
-            self.trapezoid.enter()
-            self.scurve.enter()
+            self.trapezoid.begun = False
+            self.scurve.begun = False
         if self._action == ds.DECELERATE and not self._stopping:
             self._begin_stop(sampled)
         over: i64 = 0
         if not self._stopping:
             # R01 bit 4 may change under way: the other generator begins anew (NOTES 38).
             if sampled.feature & ds.S_CURVE:
-                self.trapezoid.enter()
+                self.trapezoid.begun = False
                 over = self.scurve.step(command, sampled)
             else:
-                self.scurve.enter()
+                self.scurve.begun = False
                 over = self.trapezoid.step(command, sampled)
             if over < 0:
                 self._begin_stop(sampled)
@@ -322,7 +324,7 @@ class ControlLoop:
     def _interpolate_velocity(self, sampled: SampledRegisters) -> None:
         ramps = self.ramps
         if self._entering:
-            ramps.enter(self.command.velocity)
+            ramps.hold(self.command.velocity)
         busy = sampled.capture_control & ds.INTERPOLATOR_BUSY != 0
         goal = self._sampled_velocity if busy and not self._entering else sampled.velocity
         fresh = busy or self._entering
@@ -340,11 +342,11 @@ class ControlLoop:
         command.left = 0
         command.phase = 0
         if self._entering:
-            self.velocity.enter()
+            self.velocity.begun = False
         goal = sampled.velocity_goal
         if self._action == ds.DECELERATE:
             goal = 0
-            self.velocity.enter()  # a goal of the chip's own, not the host's
+            self.velocity.begun = False  # a goal of the chip's own, not the host's
             if sampled.accel == 0:
                 command.velocity = 0
             if sampled.feature & ds.HIGH_RESOLUTION:

@@ -269,8 +269,6 @@ WORK_DEADBAND: Final = 100
 
 DAC_ZERO: Final = 0x800
 """Code of the DAC port for no motor command."""
-PWM_RESOLUTION: Final = (100, 150, 200, 300, 400, 600, 800, 1200, 1600) + (1600,) * 7
-"""Clocks of a PWM frame by R1A bits 3-0 (MCP-OUT-5)."""
 PWM_FULL: Final = 1600
 """Motor command, in 1/16, from which the duty is 100 %."""
 FILTER_DIVIDER: Final = (1, 2, 4, 8, 16, 32, 32, 32)

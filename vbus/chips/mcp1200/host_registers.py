@@ -9,7 +9,6 @@ from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.blocks import Blocks
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
 from vbus.chips.mcp1200.registers import RegisterFile
-from vbus.chips.registers import hooks
 from vbus.state import Names
 
 _STORED_CAPTURE_BITS: Final = (
@@ -212,5 +211,5 @@ class HostRegisters:
             self._registers.capture_control |= ds.INTERPOLATOR_BUSY
 
 
-_READS: Final = hooks(ds.REGISTERS, HostRegisters, "on_read")
-_WRITES: Final = hooks(ds.REGISTERS, HostRegisters, "on_write", "store", "ignore")
+_READS: Final = ds.REGISTERS.find_hooks("on_read", HostRegisters)
+_WRITES: Final = ds.REGISTERS.find_hooks("on_write", HostRegisters, "store", "ignore")

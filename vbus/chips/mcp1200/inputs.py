@@ -6,8 +6,8 @@ from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.blocks import STANDING, Blocks
-from vbus.chips.mcp1200.capture import index_edge, trigger_edge
-from vbus.chips.mcp1200.interface import HostInterface
+from vbus.chips.mcp1200.counter import index_edge, trigger_edge
+from vbus.chips.mcp1200.pins import HostInterface
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.motion.quadrature import COUNTED, INDEX_FELL, INDEX_ROSE, SKIPPED, Quadrature
 from vbus.kernel import NEVER
@@ -57,22 +57,19 @@ class EncoderPins:
         """Take the levels as they stand as what has been there for ever: power-on."""
         a, b, index = self._levels = [pin.value for pin in self._pins]
         self.decoder.preset(a, b, index)
-        self._look()
+        self.after_load()
 
     def configure(self, cycle: int) -> None:
         """R1A has changed: the filter clock."""
         dwell = ds.FILTER_STAGES * self._divider()
         self.decoder.set_dwell(cycle, dwell, dwell)
-        self._look()
+        self.after_load()
 
     def _divider(self) -> int:
         return ds.FILTER_DIVIDER[self._blocks.registers.encoder_pwm >> 4 & 7]
 
     def after_load(self) -> None:
         """Find out when the next edge is believed."""
-        self._look()
-
-    def _look(self) -> None:
         due = self.decoder.due()
         self.at = FAR if due == NEVER else due
 
@@ -87,7 +84,7 @@ class EncoderPins:
                 blocks.report(ds.DOUBLE_EDGE, decoder.at)
             if found & (INDEX_FELL | INDEX_ROSE):
                 blocks.counter.index_external(bool(found & INDEX_ROSE), decoder.at)
-        self._look()
+        self.after_load()
 
     def _moved(self) -> None:
         chip = self._chip
@@ -101,7 +98,7 @@ class EncoderPins:
         for place in moved:
             self._since[place] = now
         self.decoder.edge(chip.cycle_now(), a, b, index)
-        self._look()
+        self.after_load()
         chip.changed()
 
     def _judge(self, moved: list[int], now: int) -> None:
@@ -211,6 +208,7 @@ class SidePins:
     def _fault(self, level: int, flag: int, cycle: int) -> None:
         """/LIMIT or /STOP has moved: low sets its flag at once (MCP-EXC-4, MCP-EXC-7)."""
         blocks = self._blocks
+        blocks.rest.disturb()
         if level == 0 and blocks.state >= STANDING:
             blocks.registers.fault(flag)
             if flag == ds.LIMIT_OK:

@@ -5,19 +5,10 @@ from typing import ClassVar
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
+from vbus.chips.mcp1200.filters import MC_MAX, MC_MIN, limited
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.timer import FAR
 from vbus.state import Names
-
-
-def limited(command: i64) -> i64:
-    """Limit a motor command to 12 bits."""
-    if command > MC_MAX:
-        return MC_MAX
-    if command < MC_MIN:
-        return MC_MIN
-    return command
 
 
 def pwm_command(sampled: SampledRegisters, command: i64, error: i64) -> i64:
@@ -62,6 +53,16 @@ def dac_code(sampled: SampledRegisters, command: i64, error: i64, clip: bool) ->
     return code
 
 
+def frame_clocks(setting: i64) -> i64:
+    """Return the clocks of a PWM frame by R1A bits 3-0: 100, 150, 200, 300 to 1600 (MCP-OUT-5)."""
+    if setting > 8:
+        setting = 8
+    clocks: i64 = 100
+    if setting & 1:
+        clocks = 150
+    return clocks << (setting >> 1)
+
+
 class Pwm:
     """The Pulse and Sign pins while they carry sign/magnitude PWM, frame by frame.
 
@@ -85,7 +86,7 @@ class Pwm:
     def __init__(self, registers: RegisterFile) -> None:
         self._registers: RegisterFile = registers
         self.start: i64 = 0
-        self.length: i64 = ds.PWM_RESOLUTION[0]
+        self.length: i64 = frame_clocks(0)
         self.high: i64 = 0
         self.sign: i64 = 0
 
@@ -102,7 +103,7 @@ class Pwm:
             command = ds.PWM_FULL
         elif command < -ds.PWM_FULL:
             command = -ds.PWM_FULL
-        self.length = ds.PWM_RESOLUTION[registers.encoder_pwm & 0x0F]
+        self.length = frame_clocks(registers.encoder_pwm & 0x0F)
         if inhibited:
             self.high = 0
         elif registers.config & ds.PWM_BIAS:

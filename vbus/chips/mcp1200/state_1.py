@@ -7,6 +7,11 @@ from vbus.state.first import BITS
 LAYOUTS: Final[dict[str, Any]] = {
     "Breakpoint": BITS, "Command": BITS, "Faults": BITS, "Following": BITS,
     "IntegralVelocity": BITS, "SampleTimer": BITS, "Trapezoid": BITS,
+    "PidFilter": (
+        ("_error_1", "_error_2", "_error_3", "_error_4", "_error_5", "_error_6", "_error_7",
+         "_error_8"),
+        "integral", "_velocity", "_saturated",
+    ),
     "EncoderPins": ("*_levels", "*_since", "decoder"),
     "PositionCounter": "at_match", "RegisterFile": "image", "Writes": "_waiting",
     "Axis": (

@@ -50,10 +50,6 @@ class SampleTimer:
         self.counts = self._registers.sample_timer + 1
         self.running = True
 
-    def hold(self) -> None:
-        """Clear the counter and keep it at zero."""
-        self.running = False
-
     def next_zero(self) -> i64:
         """Cycle of the next sample start."""
         if not self.running:

@@ -57,8 +57,8 @@ class Registers:
             self.put(address, image[address])
 '''
 _BITS: Final = '''\
-# Made from the register table by vbus.tools.generate; change the table or the generator.
-"""The bits of the registers of the {title}."""
+# Made from the datasheet's tables by vbus.tools.generate; change these or the generator.
+"""The bits of the words and registers of the {title}."""
 
 from typing import Final
 
@@ -68,9 +68,11 @@ _IN_CLASS: Final = "\n        "
 
 
 def bits(family: Family) -> str:
-    """Return the source of the bits of a family's registers."""
-    fields = [bit for row in family.registers for bit in row.fields]
-    rows = "\n".join(f"{bit.name}: Final = {bit.mask:#04x}" for bit in fields)
+    """Return the source of the bits of a family's registers, or of the words of its page."""
+    tables = [row.fields for row in family.registers]
+    tables += [getattr(family.tables, name) for _, name in family.bits]
+    masks = {bit.name.upper().replace(" ", "_"): bit.mask for table in tables for bit in table}
+    rows = "\n".join(f"{n}: Final = {mask:#04x}" for n, mask in masks.items() if n.isidentifier())
     return _BITS.format(title=family.title or family.name, bits=rows)
 
 

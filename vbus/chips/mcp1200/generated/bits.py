@@ -1,5 +1,5 @@
-# Made from the register table by vbus.tools.generate; change the table or the generator.
-"""The bits of the registers of the MCP-1200."""
+# Made from the datasheet's tables by vbus.tools.generate; change these or the generator.
+"""The bits of the words and registers of the MCP-1200."""
 
 from typing import Final
 

@@ -1,14 +1,47 @@
-"""The PID filter with feed-forward (R61-R6A)."""
+"""The lead filter of the HCTL-1100 map (R20-R22), and the PID filter (R61-R6A)."""
 
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
 from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.state import Names
 
-LONGEST_SPAN: Final = 8
+MC_MIN: Final = -2048
+MC_MAX: Final = 2047
+"""The 12-bit motor command, in 1/16 of an R08 step (MCP-FLT-1)."""
+
+
+def limited(command: i64) -> i64:
+    """Limit a motor command to 12 bits."""
+    if command > MC_MAX:
+        return MC_MAX
+    if command < MC_MIN:
+        return MC_MIN
+    return command
+
+
+class LeadFilter:
+    """MC(n) = K/4 E(n) - [A/256 K/4 E(n-1) + B/256 MC(n-1)], in 1/16 of an R08 step.
+
+    The old motor command enters as it was sent, limited to 12 bits; one floor for both old
+    terms (MCP-FLT-2).
+    """
+
+    STATE: ClassVar[Names] = ("_error", "_command")
+
+    def __init__(self) -> None:
+        self._error: i64 = 0
+        self._command: i64 = 0
+
+    def step(self, sampled: SampledRegisters, error: i64) -> i64:
+        """Return the motor command, not limited, for position error ``error`` (16 bits)."""
+        gain = sampled.lead_gain
+        old = 4 * sampled.lead_zero * gain * self._error + sampled.lead_pole * self._command
+        command = 4 * gain * error - (old >> 8)
+        self._error = error
+        self._command = limited(command)
+        return command
 
 
 class PidFilter:
@@ -21,10 +54,9 @@ class PidFilter:
         integral: the accumulator IACC.
     """
 
-    STATE: ClassVar[Names] = ("errors: tuple[i64]", "integral", "_velocity", "_saturated: bool")
-    DERIVED: ClassVar[Names] = (
+    STATE: ClassVar[Names] = (
         "_error_1", "_error_2", "_error_3", "_error_4", "_error_5", "_error_6", "_error_7",
-        "_error_8",
+        "_error_8", "integral", "_velocity", "_saturated: bool",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -40,13 +72,6 @@ class PidFilter:
         self.integral: i64 = 0
         self._velocity: i64 = 0
         self._saturated: bool = False
-
-    def clear(self) -> None:
-        """Forget old samples (MCP-FLT-5)."""
-        self.errors = (0,) * LONGEST_SPAN
-        self.integral = 0
-        self._velocity = 0
-        self._saturated = False
 
     def step(self, sampled: SampledRegisters, error: i64, velocity: i64) -> i64:
         """Return the motor command, not limited. All on the way to it fits 48 bits.
@@ -93,18 +118,3 @@ class PidFilter:
         ) >> 9
         self._saturated = command > MC_MAX or command < MC_MIN
         return command
-
-    @property
-    def errors(self) -> tuple[int, ...]:
-        """Errors of the last samples, the latest first."""
-        return (
-            self._error_1, self._error_2, self._error_3, self._error_4, self._error_5,
-            self._error_6, self._error_7, self._error_8,
-        )  # fmt: skip
-
-    @errors.setter
-    def errors(self, errors: tuple[int, ...]) -> None:
-        (
-            self._error_1, self._error_2, self._error_3, self._error_4, self._error_5,
-            self._error_6, self._error_7, self._error_8,
-        ) = errors  # fmt: skip

@@ -1,13 +1,14 @@
-"""Trapezoid profile mode: flag F0 with R01 bit 4 clear (MCP-TRP)."""
+"""Profile mode, flag F0: trapezoid (MCP-TRP), or S-curve with R01 bit 4 set (MCP-SCV)."""
 
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap_word
+from vbus.bits import wrap, wrap_word
 from vbus.chips.mcp1200.command import Command
 from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.chips.motion.ramp import toward
+from vbus.chips.motion.scurve import SCurve
 from vbus.chips.motion.trapezoid import arrived, next_velocity, stopping_distance
 from vbus.state import Names
 
@@ -15,6 +16,10 @@ ACCELERATING: Final = 2
 SLEWING: Final = 4
 DECELERATING: Final = 6
 """Phases a trapezoid shows in R06 (MCP-TRP-4)."""
+UNIT: Final = 16
+"""Fraction bits of the plan: distances in 1/65536 count."""
+LAST_RISING: Final = 3
+FIRST_FALLING: Final = 5
 
 
 def stop(command: Command, accel: i64) -> bool:
@@ -32,18 +37,18 @@ def stop(command: Command, accel: i64) -> bool:
 
 
 class Trapezoid:
-    """One move at a time; acceleration and top velocity may change under way (MCP-TRP-1)."""
+    """One move at a time; acceleration and top velocity may change under way (MCP-TRP-1).
 
-    STATE: ClassVar[Names] = ("_begun: bool", "_final", "_origin")
+    Attributes:
+        begun: a move is under way; without, the next step begins one.
+    """
+
+    STATE: ClassVar[Names] = ("begun: bool", "_final", "_origin")
 
     def __init__(self) -> None:
-        self._begun: bool = False
+        self.begun: bool = False
         self._final: i64 = 0
         self._origin: i64 = 0
-
-    def enter(self) -> None:
-        """The next step begins a move."""
-        self._begun = False
 
     def step(self, command: Command, sampled: SampledRegisters) -> i64:
         """Make one sample of the move.
@@ -55,7 +60,7 @@ class Trapezoid:
         accel = sampled.accel
         top = sampled.top_velocity
         final = sampled.final_position
-        if not self._begun:
+        if not self.begun:
             waits = accel == 0 or top == 0
             if waits:
                 command.velocity = 0
@@ -65,7 +70,7 @@ class Trapezoid:
                 return 1
             if waits:
                 return 0
-            self._begun = True
+            self.begun = True
             self._final = final
             self._origin = command.position
             command.phase = ACCELERATING
@@ -88,7 +93,7 @@ class Trapezoid:
             speed = -velocity
         self._show_phase(command, speed, old, top, here)
         if arrived(ahead - velocity, velocity, accel):
-            self._begun = False
+            self.begun = False
             return 1
         return 0
 
@@ -125,3 +130,69 @@ def _reachable(command: Command, final: i64, accel: i64) -> bool:
     if slower < 0:
         slower = 0
     return ahead >= stopping_distance(slower, accel)
+
+
+class SCurveMove:
+    """One planned move at a time, laid from the command position at its start.
+
+    Attributes:
+        begun: a move is under way; without, the next step begins one.
+    """
+
+    STATE: ClassVar[Names] = ("begun: bool", "_final", "_origin", "_sign", "_plan: part")
+
+    def __init__(self) -> None:
+        self._plan: SCurve = SCurve()
+        self.begun: bool = False
+        self._final: int = 0
+        self._origin: int = 0
+        self._sign: int = 1
+
+    def step(self, command: Command, sampled: SampledRegisters) -> int:
+        """Make one sample; the result is that of :meth:`Trapezoid.step`."""
+        final: int = sampled.final_position
+        plan = self._plan
+        if not self.begun:
+            command.fraction = 0
+            command.velocity = 0
+            command.phase = 0
+            way = wrap(final - command.position, 24)
+            if way == 0:
+                return 1
+            top = sampled.top_velocity << 8
+            if not plan.plan(abs(way) << UNIT, top, sampled.accel << 8, sampled.jerk):
+                return 0
+            self.begun = True
+            self._final = final
+            self._origin = command.position
+            self._sign = 1 if way > 0 else -1
+        elif final != self._final and plan.phase <= SLEWING:
+            if not self._retarget(command, final):
+                self.begun = False
+                return -1
+            self._final = final
+        before = plan.offset
+        last = plan.phase
+        phase = plan.coming_phase()
+        offset = plan.step()
+        command.position = wrap(self._origin + self._sign * (offset >> UNIT), 24)
+        command.velocity = self._sign * (offset - before >> 8)
+        command.phase = plan.phase
+        if phase <= LAST_RISING:
+            command.accel_delta = offset >> UNIT
+        if last < FIRST_FALLING <= phase:
+            start = plan.distance - plan.deceleration_distance
+            command.decel_position = wrap(self._origin + self._sign * (start >> UNIT), 24)
+        if plan.done:
+            self.begun = False
+            return 1
+        return 0
+
+    def _retarget(self, command: Command, final: int) -> bool:
+        """Lengthen the move, or shorten it in phase 4, if the new end can be reached."""
+        plan = self._plan
+        way = self._sign * wrap(final - command.position, 24)
+        distance = (plan.offset >> UNIT) + way << UNIT
+        if distance < plan.distance and plan.phase != SLEWING:
+            return False
+        return plan.retarget(distance)
