@@ -67,6 +67,7 @@ ROLES = {
     "bus": "trace",
     "packets": "trace",
     "coverage": "trace",
+    "compatible": "trace",
     "upsets": "faults",
     "host": "client",
     "access": "client",

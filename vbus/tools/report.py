@@ -1,12 +1,16 @@
 """``vbus report``: the violations of a recorded run."""
 
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import click
 
 from vbus.tools import exit_codes
 from vbus.tools.journal_lines import moving, no_progress, opened, progress
+
+if TYPE_CHECKING:
+    from vbus.signals import Observer
+    from vbus.trace.findings.report import Report
 
 _FORMATS: Final = ("text", "json", "junit", "sarif")
 _SEVERITIES: Final = ("note", "warning", "error")
@@ -15,6 +19,7 @@ _SEVERITIES: Final = ("note", "warning", "error")
 @click.command("report")
 @click.argument("journal", type=click.Path(path_type=Path))
 @click.option("--format", "style", type=click.Choice(_FORMATS), default="text", show_default=True)
+@click.option("--compatibility", metavar="PART", help="Note what PART (hctl-1100) takes else.")
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
 @click.option(
     "--fail-on",
@@ -25,7 +30,12 @@ _SEVERITIES: Final = ("note", "warning", "error")
 )
 @no_progress
 def command(
-    journal: Path, style: str, suppress: str | None, fail_on: str, no_progress: bool
+    journal: Path,
+    style: str,
+    compatibility: str | None,
+    suppress: str | None,
+    fail_on: str,
+    no_progress: bool,
 ) -> int:
     """Show every violation of a journal with the 20 bus cycles before and after it."""
     from vbus.board.checks import all_rules
@@ -45,10 +55,21 @@ def command(
             header.settings,
         )
         with progress(journal, reader, "reading", no_progress) as move:
-            play(moving(iter(reader), move), report)
+            play(moving(iter(reader), move), _seen_by(report, compatibility))
     click.echo(FORMATS[style](report), nl=False)
     if fail_on == "never":
         return exit_codes.OK
     counted = _SEVERITIES[_SEVERITIES.index(fail_on) :]
     failed = any(report.unaccepted(severity) for severity in counted)
     return exit_codes.FAILURE if failed else exit_codes.OK
+
+
+def _seen_by(report: "Report", part: str | None) -> "Observer":
+    """Return what looks at the journal: the report, or what knows of another part before it."""
+    if part is None:
+        return report
+    from vbus.board import plugins
+    from vbus.trace.findings.compatibility import Compatibility
+
+    families = {chip: plugins.family(name) for chip, name in report.families.items()}
+    return Compatibility(part, families, report)

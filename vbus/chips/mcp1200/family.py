@@ -35,5 +35,6 @@ FAMILY: Final = Family(
         ("Capture control R03H", "CAPTURE_BITS"),
         ("Status register R07H", "STATUS_BITS"),
     ),
+    compatibility={"hctl-1100": "compatible:Hctl1100Uses"},
     kept=frozenset({"tDOEH", "tOF", "tOR", "tEP"}),
 )
