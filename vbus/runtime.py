@@ -28,6 +28,14 @@ def runtime_directory() -> Path:
     return _private(Path(tempfile.gettempdir()) / f"vbus-{os.getuid()}")
 
 
+def lock_of(name: Path) -> Path:
+    """Return the file that is locked as long as the process lives that made ``name``.
+
+    It holds the number of the process and the name of its board, a line each.
+    """
+    return name.parent / f".{name.name}.lock"
+
+
 def expanded(path: str) -> str:
     """Return a path with its variables replaced; ``$VBUS_RUNTIME`` stands for the directory above.
 

@@ -391,17 +391,17 @@ class HostBus(HostReach):
         """Return and forget the edges seen since the last call."""
         return self._pins.take_edges()
 
-    # -- end ----------------------------------------------------------------------------------
-
     def close(self) -> None:
         """The session has ended: let go of lines, pins, claims and events."""
-        self.board.player.flush()
-        self.strobes.before()
-        self._pins.unsolder()
-        self.strobes.after()
-        self.unclaim()
-        if self in self._hosts.ports:
-            self._hosts.ports.remove(self)
+        try:
+            self.board.player.flush()
+            self.strobes.before()
+            self._pins.unsolder()
+            self.strobes.after()
+        finally:  # whatever happens on the board: others may wait for the claim
+            self.unclaim()
+            if self in self._hosts.ports:
+                self._hosts.ports.remove(self)
 
     def let_go(self) -> None:
         """Let go of lines, pins, claims, events and promises, as if the session began anew."""

@@ -283,9 +283,9 @@ class Bus(Cycles):
     def exchange(self, message: Message, mask: int | None) -> None:
         """Send ``message`` with these chips selected (None: as it is) and take its replies."""
         with self._lock:
-            told = self._wire.known(message, mask)
-            if told is not None:
-                self._kept += told
+            polls = self._wire.known(message, mask)
+            if polls is not None:
+                self._kept += polls
                 return
             self._kept += self._wire.send(message, mask)
             if self._posting and len(self._kept) < MOST_KEPT and message.done:
@@ -400,7 +400,7 @@ def _connect(where: str, timeout: float) -> Bus:
     try:
         if not until_ready_to_write(link, timeout):
             raise TransportError(f"{link.where} cannot be opened within {timeout:g} s")
-        bus.hello()
+        link.check_board((bus.hello()).board)
     except BaseException:
         bus.close()
         raise

@@ -8,7 +8,7 @@ from typing import Final
 
 from vbus.kernel.kernel import SECOND
 from vbus.protocols.quantities import parse_duration
-from vbus.runtime import expanded
+from vbus.runtime import expanded, lock_of
 
 PAUSE_SECONDS: Final = 0.02
 """Between two attempts."""
@@ -45,7 +45,7 @@ def starting(where: str) -> bool:
     if kind not in ("", "pty", "unix") or name.exists():
         return False
     try:
-        lock = os.open(name.parent / f".{name.name}.lock", os.O_RDONLY | os.O_CLOEXEC)
+        lock = os.open(lock_of(name), os.O_RDONLY | os.O_CLOEXEC)
     except OSError:
         return False
     try:

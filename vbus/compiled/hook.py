@@ -29,10 +29,10 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 COMPILED: Final = (
     "bits.py", "state/fields.py", "state/kinds.py", "kernel/*.py", "signals/*.py",
-    "chips/*.py", "chips/*/*.py", "plant/*.py", "protocols/base.py", "protocols/byte.py",
-    "protocols/codes.py", "protocols/frame*.py", "protocols/port.py",
-    "board/board.py", "board/circuit.py", "board/host_*.py", "board/strobe_*.py",
-    "trace/journal/rows.py", "trace/journal/recorded_bus.py",
+    "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py", "plant/*.py",
+    "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
+    "protocols/port.py", "board/board.py", "board/circuit.py", "board/host_*.py",
+    "board/strobe_*.py", "trace/journal/rows.py", "trace/journal/recorded_bus.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what works in every sample or bus cycle."""
 

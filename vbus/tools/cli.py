@@ -46,6 +46,14 @@ _EPILOG: Final = "\b\nExit codes:\n" + "\n".join(
 )
 
 
+_CODES: Final = {
+    ConfigError: exit_codes.BAD_BOARD,
+    TransportError: exit_codes.NO_LINK,
+    PluginError: exit_codes.NO_PLUGIN,
+    CaptureError: exit_codes.BAD_CAPTURE,
+}
+
+
 class _Lazy(click.Group):
     """A group whose commands live in ``vbus.tools.NAME`` as ``command``."""
 
@@ -91,22 +99,6 @@ def cli() -> None:
     """Hold the subcommands."""
 
 
-def exit_code_of(error: VbusError) -> int:
-    """Return the exit code that says what kind of mistake ``error`` is."""
-    if isinstance(error, ConfigError):
-        return exit_codes.BAD_BOARD
-    if isinstance(error, TransportError):
-        return exit_codes.NO_LINK
-    if isinstance(error, PluginError):
-        return exit_codes.NO_PLUGIN
-    return exit_codes.BAD_CAPTURE if isinstance(error, CaptureError) else exit_codes.FAILURE
-
-
-def complain(message: str) -> None:
-    """Print an error message where errors belong."""
-    click.echo(message, err=True)
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Run ``vbus`` and exit with one of :data:`~vbus.tools.exit_codes.MEANINGS`."""
     sys.exit(_run(arguments))
@@ -121,12 +113,11 @@ def _run(arguments: list[str] | None) -> int:
         return error.exit_code
     except click.exceptions.Exit as error:
         return error.exit_code
-    except ConfigError as error:
-        complain(str(error))
-        return exit_codes.BAD_BOARD
     except VbusError as error:
-        complain(f"vbus: {error}")
-        return exit_code_of(error)
+        # Mistakes of board files begin with their place.
+        click.echo(f"{'' if isinstance(error, ConfigError) else 'vbus: '}{error}", err=True)
+        codes = (code for kind, code in _CODES.items() if isinstance(error, kind))
+        return next(codes, exit_codes.FAILURE)
     except (KeyboardInterrupt, click.Abort):
         return exit_codes.INTERRUPTED
     except BrokenPipeError:

@@ -9,6 +9,7 @@ import click
 
 from vbus.tools import exit_codes
 from vbus.tools.cli import cli
+from vbus.tools.generate.markdown import table
 
 _HEAD: Final = """\
 # The command line
@@ -32,8 +33,8 @@ _VBUS_COMPLETE=fish_source vbus | source     # fish
 
 def command_line() -> str:
     """Return the page: every command with its arguments and options, and the exit codes."""
-    lines = [_HEAD, *_command(cli, "vbus"), "## Exit codes", "", "| code | meaning |", "|---|---|"]
-    lines += [f"| {code} | {meaning} |" for code, meaning in exit_codes.MEANINGS.items()]
+    codes = ((str(code), meaning) for code, meaning in exit_codes.MEANINGS.items())
+    lines = [_HEAD, *_command(cli, "vbus"), "## Exit codes", "", *table(("code", "meaning"), codes)]
     return "\n".join(lines) + "\n"
 
 
@@ -62,14 +63,14 @@ def _paragraphs(text: str) -> Iterator[str]:
 
 
 def _options(command: click.Command, context: click.Context) -> Iterator[str]:
-    rows = []
-    for parameter in command.get_params(context):
-        names, text = parameter.get_help_record(context) or ("", "")
-        if text and "--help" not in parameter.opts:
-            names, text = names.replace("|", "\\|"), text.replace("|", "\\|")
-            rows.append(f"| `{names}` | {_escaped(text)} |")
+    records = (
+        parameter.get_help_record(context) or ("", "")
+        for parameter in command.get_params(context)
+        if "--help" not in parameter.opts
+    )
+    rows = [(f"`{names}`", _escaped(text)) for names, text in records if text]
     if rows:
-        yield from ("| option | meaning |", "|---|---|", *rows, "")
+        yield from (*table(("option", "meaning"), rows), "")
 
 
 def _escaped(text: str) -> str:

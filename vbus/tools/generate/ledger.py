@@ -8,6 +8,7 @@ from typing import Any, Final
 from vbus.chips.clauses import KINDS, clauses_of, proofs_of
 from vbus.chips.family import Family
 from vbus.tools.generate.layout import ROOT, folder_of
+from vbus.tools.generate.markdown import table
 
 _MUTATION: Final = ROOT / "tests" / "mutation"
 
@@ -27,8 +28,7 @@ def ledger(family: Family) -> str:
         touched += killed > 0
         shown = f"open: {clause.reason}" if not clause.tested else "<br>".join(map(_test, tests))
         name = f"[{clause.name}]({family.name}-clauses.md#{clause.name.lower()})"
-        cells = (name, clause.title, clause.kind, shown, str(killed or "–"))
-        rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        rows.append((name, clause.title, clause.kind, shown, str(killed or "")))
     open_ones = sum(1 for clause in clauses.values() if not clause.tested)
     kinds = ", ".join(
         f"{sum(1 for clause in clauses.values() if clause.kind == kind)} {kind}" for kind in KINDS
@@ -44,9 +44,7 @@ def ledger(family: Family) -> str:
             f" {touched} clauses have one that their tests find: the column *mutants*. A full"
             " run tries thousands; those that nobody can observe stand at the end.",
             "",
-            "| clause | title | kind | tests | mutants |",
-            "|---|---|---|---|---|",
-            *rows,
+            *table(("clause", "title", "kind", "tests", "mutants"), rows),
             "",
             "## Mutants that nobody can observe",
             "",

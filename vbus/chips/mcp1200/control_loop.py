@@ -4,37 +4,37 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import sign_extend, wrap_word
+from vbus.bits import wrap_word
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.command import Command
+from vbus.chips.mcp1200.command import (
+    Command,
+    IntegralVelocity,
+    PositionInterpolation,
+    VelocityInterpolation,
+)
 from vbus.chips.mcp1200.faults import Faults
+from vbus.chips.mcp1200.filters import LeadFilter, PidFilter
 from vbus.chips.mcp1200.following import Following
-from vbus.chips.mcp1200.interpolate import PositionInterpolation, VelocityInterpolation
-from vbus.chips.mcp1200.lead import LeadFilter
 from vbus.chips.mcp1200.output import dac_code, pwm_command
-from vbus.chips.mcp1200.picture import Picture
-from vbus.chips.mcp1200.pid import PidFilter
-from vbus.chips.mcp1200.scurve import SCurveMove
-from vbus.chips.mcp1200.sheet import Sheet
+from vbus.chips.mcp1200.profiles import SCurveMove, Trapezoid, stop
+from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.stepper import StallCheck
 from vbus.chips.mcp1200.timer import work_clocks
-from vbus.chips.mcp1200.trapezoid import Stop, Trapezoid
-from vbus.chips.mcp1200.velocity import IntegralVelocity
 from vbus.state import Names
 
 IDLE: Final = -1
-"""Answer of :meth:`Core.begin`: the sample ends in idle mode."""
+"""Answer of :meth:`ControlLoop.begin`: the sample ends in idle mode."""
 
 
-class Core:
-    """Everything the chip computes once per control sample, in the order of MCP-SMP-5.
+class ControlLoop:
+    """What the chip computes once per control sample, in the order of MCP-SMP-5.
 
     A sample has two ends. :meth:`begin` looks at registers and position as they are at its
-    start; :meth:`finish` computes from that picture, and all results appear together when the
-    core ceases to be busy. What the host writes in between is seen by the next sample.
+    start; :meth:`finish` computes from those, and all results appear together when the
+    chip ceases to be busy. What the host writes in between is seen by the next sample.
 
     Args:
-        sheet: the registers.
+        registers: the registers.
         clip: a unipolar DAC port gives zero of a negative motor command, not its magnitude.
 
     Attributes:
@@ -51,28 +51,19 @@ class Core:
         increment_written: the host has written R0B during this sample.
     """
 
-    __slots__ = (
-        "_action", "_clip", "_dropped", "_entering", "_last_mode", "_position", "_sampled_point",
-        "_sampled_velocity", "_stopping", "abrupt", "bytes", "command", "command_written",
-        "faults", "following", "goal_step", "halted", "increment_written",
-        "interpolation", "last_position", "lead", "mc", "mode", "pid", "point",
-        "ramps", "scurve", "sheet", "stall", "steps", "trapezoid", "velocity",
-        "velocity_point",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "mode", "mc", "halted: bool", "abrupt: bool", "steps", "goal_step", "last_position",
         "point", "velocity_point", "command_written: bool", "increment_written: bool",
-        "sheet: part", "_position", "_action", "_last_mode", "_dropped", "_entering: bool",
+        "image: bytes", "_position", "_action", "_last_mode", "_dropped", "_entering: bool",
         "_stopping: bool", "_sampled_point", "_sampled_velocity", "command: part",
         "trapezoid: part", "scurve: part", "velocity: part", "interpolation: part", "ramps: part",
         "following: part", "lead: part", "pid: part", "stall: part", "faults: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_clip", "bytes")
+    WIRING: ClassVar[Names] = ("_clip", "registers")
 
-    def __init__(self, sheet: Sheet, clip: bool) -> None:
-        self.sheet: Sheet = sheet
+    def __init__(self, registers: RegisterFile, clip: bool) -> None:
+        self.registers: RegisterFile = registers
         self._clip: bool = clip
-        self.bytes: bytearray = sheet.bytes
         self.command: Command = Command()
         self.trapezoid: Trapezoid = Trapezoid()
         self.scurve: SCurveMove = SCurveMove()
@@ -108,18 +99,19 @@ class Core:
 
     def enter_idle(self) -> None:
         """Motor off, old samples forgotten (MCP-MOD-2)."""
-        self.sheet.settle()
-        data = self.bytes
-        data[ds.FLAG] = data[ds.FLAG] & ~ds.F2 | ds.F1
-        data[ds.STATUS] &= ~ds.BUSY
-        self.sheet.outputs_off()
-        self.lead.clear()
-        self.pid.clear()
+        registers = self.registers
+        registers.mode = ds.IDLE_CODE
+        registers.flag = registers.flag & ~ds.F2 | ds.F1
+        registers.status &= ~ds.BUSY
+        registers.outputs_off()
+        # Old samples are forgotten (MCP-FLT-5).
+        self.lead = LeadFilter()
+        self.pid = PidFilter()
         self.stall.clear()
         self.faults.clear()
         self.command.rest()
-        data[ds.PHASE] = 0
-        data[ds.INTERPOLATOR_COUNT] = 0
+        registers.phase = 0
+        registers.interpolator_count = 0
         self.halted = False
         self.mc = 0
         self._last_mode = 0
@@ -127,8 +119,7 @@ class Core:
 
     def soft_reset(self) -> None:
         """Load what a soft reset loads, then idle (MCP-RST-4)."""
-        self.sheet.settle()
-        self.sheet.file.reset(*ds.SOFT_RESET)
+        self.registers.reset(*ds.SOFT_RESET)
         self.command.position = 0
         self.following.clear()
         self.last_position = 0
@@ -137,23 +128,18 @@ class Core:
 
     def enter_control(self, position: i64) -> None:
         """The control loop closes at the command position as it is (MCP-MOD-6)."""
-        self.sheet.settle()
-        self.bytes[ds.FLAG] &= ~ds.F1
+        registers = self.registers
+        registers.mode = ds.CONTROL_CODE
+        registers.flag &= ~ds.F1
         self.halted = False
         self._dropped = 0
         # What happened in idle mode has its flag; only control mode acts on it (MCP-EXC-1).
         self.faults.clear()
-        step_mode = self.bytes[ds.CONFIG] & ds.STEP_MODE
-        self.following.begin(position if step_mode else self._command_register(self.bytes))
+        self.following.begin(position if registers.step_mode else registers.command_position)
 
     def drop(self, flags: int) -> None:
         """The host has cleared mode flags: a mode set again before a sample begins anew."""
         self._dropped |= flags
-
-    @staticmethod
-    def _command_register(data: bytes | bytearray) -> int:
-        value = data[ds.COMMAND_MSB] << 16 | data[ds.COMMAND_CSB] << 8 | data[ds.COMMAND_LSB]
-        return sign_extend(value, 24)
 
     # -- a sample -----------------------------------------------------------------------------
 
@@ -169,16 +155,15 @@ class Core:
         Returns:
             Clocks the core will be busy, or :data:`IDLE`.
         """
-        sheet = self.sheet
-        sheet.take_picture()
-        image = sheet.picture
-        action = self.faults.action(image, limit_low, stop_low)
+        registers = self.registers
+        action = self.faults.action(registers, limit_low, stop_low)
         if action == ds.GO_IDLE:
             return IDLE
+        registers.sample()
         if halt:
             self.halted = True
             action = ds.ABRUPT
-        flags = image.flag
+        flags = registers.flag
         if self.halted or action == ds.ABRUPT:
             flags = 0
         mode: i64
@@ -190,9 +175,8 @@ class Core:
             mode = ds.F3
         else:
             mode = flags & ds.F5
-            if mode and action == ds.REPORT and self.faults.stands(image, sheet.shown.status):
+            if mode and action == ds.REPORT and self.faults.stands(registers):
                 action = ds.DECELERATE
-        sheet.keep()
         self._action = action
         self._position = position
         self._entering = mode != self._last_mode or self._dropped & mode != 0
@@ -208,58 +192,53 @@ class Core:
         self.mode = mode
         stands = mode == 0 or mode == ds.F3
         self.abrupt = action == ds.ABRUPT or (action == ds.DECELERATE and stands)
-        sheet.shown.status |= ds.BUSY
-        return work_clocks(image, mode)
+        registers.status |= ds.BUSY
+        return work_clocks(registers, mode)
 
     def idle_sample(self, position: i64) -> None:
         """A sample of idle mode: of all results only In-position is shown (MCP-STA-4)."""
         self.last_position = position
-        data = self.bytes
-        status = data[ds.STATUS] & ~ds.IN_POSITION
-        if self.following.near(self._command_register(data), position, data):
-            status |= ds.IN_POSITION
-        if status != data[ds.STATUS]:
-            self.sheet.settle()
-            data[ds.STATUS] = status
+        registers = self.registers
+        registers.status &= ~ds.IN_POSITION
+        if self.following.near(registers, position):
+            registers.status |= ds.IN_POSITION
 
     def finish(self) -> None:
         """Compute the sample and show its results."""
-        sheet = self.sheet
-        sheet.write_on()
-        image = sheet.picture
-        shown = sheet.shown
+        registers = self.registers
+        sampled = registers.sampled
         position = self._position
-        step_mode = image.config & ds.STEP_MODE
-        cleared = self._profile(image)
-        shown.flag &= ~cleared
+        step_mode = sampled.config & ds.STEP_MODE
+        cleared = self._profile(sampled)
+        registers.flag &= ~cleared
         self._last_mode = self.mode & ~cleared
 
-        shown.velocity = position - self.last_position
+        registers.actual_velocity = wrap_word(position - self.last_position, 0x8000)
         self.last_position = position
 
         following = self.following
         if self.abrupt and step_mode:
             following.begin(self.command.position)
-        self.steps = following.step(image, self.command.position, position)
+        self.steps = following.step(sampled, self.command.position, position)
         if step_mode:
-            too_large = self.stall.stalled(image)
+            too_large = self.stall.stalled(sampled)
         else:
             too_large = following.too_large
         if too_large:
-            shown.fault(ds.ERROR_OK)
+            registers.fault(ds.ERROR_OK)
             self.faults.error = True
 
         if not step_mode:
-            self._drive(image, following.error)
+            self._drive(sampled, following.error)
         self._show(following)
 
-    def _profile(self, image: Picture) -> i64:
+    def _profile(self, sampled: SampledRegisters) -> i64:
         """Move the command position; return the flags to clear."""
         command = self.command
         mode = self.mode
-        if (mode == 0 or self._entering) and command.position != image.command:
+        if (mode == 0 or self._entering) and command.position != sampled.command_position:
             # The host has put it there: a whole count.
-            command.position = image.command
+            command.position = sampled.command_position
             command.fraction = 0
         self.goal_step = 0
         cleared: i64 = 0
@@ -270,57 +249,56 @@ class Core:
             if self._action == ds.ABRUPT:
                 cleared = ds.MODE_FLAGS
             elif mode == ds.F3:
-                self.interpolation.hold(image.final)
+                self.interpolation.hold(sampled.final_position)
         elif mode == ds.F0:
-            cleared = self._point_to_point(image)
+            cleared = self._point_to_point(sampled)
         elif mode == ds.F4:
-            self._interpolate_velocity(image)
+            self._interpolate_velocity(sampled)
         elif mode == ds.F3:
-            self._interpolate_position(image)
+            self._interpolate_position(sampled)
         elif mode == ds.F5:
-            self._run_at_velocity(image)
+            self._run_at_velocity(sampled)
         else:
-            self._hold_position(image)
+            self._hold_position(sampled)
             return 0
-        self.sheet.shown.command = command.position
+        self.registers.command_position = command.position
         return cleared
 
-    def _hold_position(self, image: Picture) -> None:
+    def _hold_position(self, sampled: SampledRegisters) -> None:
         command = self.command
         command.rest()
-        increment = image.increment
+        increment = sampled.command_increment
         if increment == 0:
             return
         command.position = wrap_word(command.position + increment, 0x800000)
         if not self.command_written:
-            self.sheet.shown.command = command.position
+            self.registers.command_position = command.position
         if not self.increment_written:
-            self.bytes[ds.COMMAND_INCREMENT] = 0
-            self.sheet.stale = True
+            self.registers.command_increment = 0
 
-    def _point_to_point(self, image: Picture) -> i64:
+    def _point_to_point(self, sampled: SampledRegisters) -> i64:
         command = self.command
         command.left = 0
         if self._entering:
             self._stopping = False
             command.phase = 0
-            self.trapezoid.enter()
-            self.scurve.enter()
+            self.trapezoid.begun = False
+            self.scurve.begun = False
         if self._action == ds.DECELERATE and not self._stopping:
-            self._begin_stop(image)
+            self._begin_stop(sampled)
         over: i64 = 0
         if not self._stopping:
             # R01 bit 4 may change under way: the other generator begins anew (NOTES 38).
-            if image.feature & ds.S_CURVE:
-                self.trapezoid.enter()
-                over = self.scurve.step(command, image)
+            if sampled.feature & ds.S_CURVE:
+                self.trapezoid.begun = False
+                over = self.scurve.step(command, sampled)
             else:
-                self.scurve.enter()
-                over = self.trapezoid.step(command, image)
+                self.scurve.begun = False
+                over = self.trapezoid.step(command, sampled)
             if over < 0:
-                self._begin_stop(image)
+                self._begin_stop(sampled)
         if self._stopping:
-            over = int(Stop.step(command, image.accel))
+            over = int(stop(command, sampled.accel))
         command.moving = over <= 0
         if over > 0:
             self._stopping = False
@@ -329,91 +307,93 @@ class Core:
             return ds.F0
         return 0
 
-    def _begin_stop(self, image: Picture) -> None:
+    def _begin_stop(self, sampled: SampledRegisters) -> None:
         self._stopping = True
         self.command.decel_position = self.command.position
-        if image.feature & ds.S_CURVE:
+        if sampled.feature & ds.S_CURVE:
             self.command.fraction = 0
 
-    def _interpolate_position(self, image: Picture) -> None:
+    def _interpolate_position(self, sampled: SampledRegisters) -> None:
         if self._entering:
-            self.interpolation.hold(image.final)
-        busy = image.capture & ds.INTERPOLATOR_BUSY != 0
-        point = self._sampled_point if busy and not self._entering else image.final
-        if self.interpolation.step(self.command, image, busy or self._entering, point):
-            self.sheet.shown.capture &= ~ds.INTERPOLATOR_BUSY
+            self.interpolation.hold(sampled.final_position)
+        busy = sampled.capture_control & ds.INTERPOLATOR_BUSY != 0
+        point = self._sampled_point if busy and not self._entering else sampled.final_position
+        if self.interpolation.step(self.command, sampled, busy or self._entering, point):
+            self.registers.capture_control &= ~ds.INTERPOLATOR_BUSY
 
-    def _interpolate_velocity(self, image: Picture) -> None:
+    def _interpolate_velocity(self, sampled: SampledRegisters) -> None:
         ramps = self.ramps
         if self._entering:
-            ramps.enter(self.command.velocity)
-        busy = image.capture & ds.INTERPOLATOR_BUSY != 0
-        goal = self._sampled_velocity if busy and not self._entering else image.high_velocity
+            ramps.hold(self.command.velocity)
+        busy = sampled.capture_control & ds.INTERPOLATOR_BUSY != 0
+        goal = self._sampled_velocity if busy and not self._entering else sampled.velocity
         fresh = busy or self._entering
         if self._action == ds.DECELERATE:
-            self._clear_velocity()
+            self.registers.velocity = 0
             self.velocity_point = 0
-            ramps.slow_down(self.command, image)
+            ramps.slow_down(self.command, sampled)
             fresh = False
             goal = 0
-        if ramps.step(self.command, image, fresh, goal):
-            self.sheet.shown.capture &= ~ds.INTERPOLATOR_BUSY
+        if ramps.step(self.command, sampled, fresh, goal):
+            self.registers.capture_control &= ~ds.INTERPOLATOR_BUSY
 
-    def _clear_velocity(self) -> None:
-        for address in (ds.VELOCITY_LSB, ds.VELOCITY_CSB, ds.VELOCITY_MSB):
-            self.bytes[address] = 0
-        self.sheet.stale = True
-
-    def _run_at_velocity(self, image: Picture) -> None:
+    def _run_at_velocity(self, sampled: SampledRegisters) -> None:
         command = self.command
         command.left = 0
         command.phase = 0
         if self._entering:
-            self.velocity.enter()
-        goal = image.goal
+            self.velocity.begun = False
+        goal = sampled.velocity_goal
         if self._action == ds.DECELERATE:
             goal = 0
-            self.velocity.enter()  # a goal of the chip's own, not the host's
-            if image.accel == 0:
+            self.velocity.begun = False  # a goal of the chip's own, not the host's
+            if sampled.accel == 0:
                 command.velocity = 0
-            if image.feature & ds.HIGH_RESOLUTION:
-                self._clear_velocity()
+            if sampled.feature & ds.HIGH_RESOLUTION:
+                self.registers.velocity = 0
             else:
-                self.bytes[ds.VELOCITY_COMMAND] = 0
-                self.sheet.stale = True
-        self.goal_step = self.velocity.step(command, image, goal)
+                self.registers.velocity_command = 0
+        self.goal_step = self.velocity.step(command, sampled, goal)
 
-    def _drive(self, image: Picture, error: i64) -> None:
+    def _drive(self, sampled: SampledRegisters, error: i64) -> None:
         """Steps 8 and 9: filter and outputs."""
-        if image.feature & ds.PID:
+        if sampled.feature & ds.PID:
             velocity = self.command.velocity
             if self.mode == 0:
-                velocity = image.feed_forward
-            self.mc = self.pid.step(image, error, velocity)
+                velocity = sampled.feed_forward
+            self.mc = self.pid.step(sampled, error, velocity)
         else:
-            self.mc = self.lead.step(image, error)
-        code = dac_code(image, self.mc, error, self._clip)
-        pwm = pwm_command(image, self.mc, error)
-        self.sheet.shown.dac = code
-        self.sheet.shown.pwm = pwm & 0xFFF
-        self.sheet.live.dac = code
-        self.sheet.live.pwm = pwm
+            self.mc = self.lead.step(sampled, error)
+        code = dac_code(sampled, self.mc, error, self._clip)
+        pwm = pwm_command(sampled, self.mc, error)
+        self.registers.drive(code, pwm)
 
     def _show(self, following: Following) -> None:
         command = self.command
-        shown = self.sheet.shown
-        shown.mode = ds.HALT_CODE if self.halted else ds.CONTROL_CODE
-        shown.phase = command.phase
-        shown.left = command.left & 0xFF
-        shown.accel_delta = command.accel_delta
-        shown.decel = command.decel_position
-        shown.error = following.error
-        flags = shown.flag & ~ds.F2
+        registers = self.registers
+        registers.mode = ds.HALT_CODE if self.halted else ds.CONTROL_CODE
+        registers.phase = command.phase
+        registers.interpolator_count = command.left & 0xFF
+        registers.accel_delta = command.accel_delta & 0xFFFFFF
+        registers.decel_position = command.decel_position
+        registers.position_error = following.error
+        flags = registers.flag & ~ds.F2
         # A profile flag set during this sample is in motion from then on (NOTES 3).
         if command.moving or (flags & ds.F0 and not self.halted):
             flags |= ds.F2
-        shown.flag = flags
-        status = shown.status & ~(ds.BUSY | ds.IN_POSITION)
+        registers.flag = flags
+        status = registers.status & ~(ds.BUSY | ds.IN_POSITION)
         if following.in_position:
             status |= ds.IN_POSITION
-        shown.status = status
+        registers.status = status
+
+    # -- state --------------------------------------------------------------------------------
+
+    @property
+    def image(self) -> bytes:
+        """The bytes of the registers as they were when the last sample began."""
+        return self.registers.sampled.image
+
+    @image.setter
+    def image(self, image: bytes) -> None:
+        self.registers.sampled.image = image

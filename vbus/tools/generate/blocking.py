@@ -1,4 +1,4 @@
-"""Makes the blocking twin of an asyncio source file."""
+"""Makes a blocking client's source from an asyncio one's."""
 
 import re
 from typing import Final
@@ -20,7 +20,7 @@ _CHANGES: Final = (
 
 
 def blocking(source: str, name: str, origin: str = "") -> str:
-    """Return the blocking twin of asyncio source ``source``, as file ``name``.
+    """Return what is blocking of asyncio source ``source``, as file ``name``.
 
     Its first line names ``origin``, the source; the file of the same name below ``aio`` if "".
 

@@ -5,18 +5,18 @@ from typing import ClassVar
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.blocks import Blocks, Report
-from vbus.chips.mcp1200.core import IDLE
+from vbus.chips.mcp1200.blocks import CONTROL, HELD, NO_REQUEST, STANDING, Blocks, Report
+from vbus.chips.mcp1200.command import Command
+from vbus.chips.mcp1200.control_loop import IDLE
+from vbus.chips.mcp1200.host_registers import HostRegisters
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
-from vbus.chips.mcp1200.registers import HostRegisters
-from vbus.chips.mcp1200.states import CONTROL, HELD, NO_REQUEST, RESETTING, STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.kernel import Clock
 from vbus.options import Value
 from vbus.state import Names
 
 
-class Clockwork(Blocks):
+class Axis(Blocks):
     """Everything inside that has its instant, as a clock cycle, worked off in order.
 
     At one cycle the order is: position counter (encoder, breakpoint, index), written bytes
@@ -33,18 +33,14 @@ class Clockwork(Blocks):
         report: files a violation.
     """
 
-    __slots__ = (
-        "_aiming", "_at_reset", "_at_results", "_at_routine", "_at_sample", "_request",
-        "_stall_clk", "_target", "encoder_pins", "host", "side",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "state", "released", "_request", "writes: part", "_aiming: bool", "_at_reset", "_at_sample",
-        "_at_results", "_at_routine", "counter: part", "file: part", "core: part", "timer: part",
-        "encoder: part", "drive: part", "stepper: part", "pwm: part", "breakpoint: part",
-        "host: part",
+        "_at_results", "_at_routine", "counter: part", "registers: part", "loop: part",
+        "timer: part", "encoder: part", "drive: part", "stepper: part", "pwm: part",
+        "breakpoint: part", "host: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_clock", "_report", "_stall_clk", "encoder_pins", "live", "rest", "sheet", "side",
+        "_clock", "_report", "_stall_clk", "encoder_pins", "rest", "side",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_target",)
 
@@ -54,14 +50,7 @@ class Clockwork(Blocks):
         self.side: SidePins
         self.encoder_pins: EncoderPins
         self._stall_clk: int = int(settings["io_stall_clk"])
-        self._request: int = NO_REQUEST
-        self._aiming: bool = False
-        """The loop has closed: followers may follow its aim."""
         self._target: i64 = 0
-        self._at_reset: i64 = FAR
-        self._at_sample: i64 = FAR
-        self._at_results: i64 = FAR
-        self._at_routine: i64 = FAR
 
     def attach(self, side: SidePins, encoder_pins: EncoderPins) -> None:
         """Take the inputs beside the host bus."""
@@ -102,13 +91,8 @@ class Clockwork(Blocks):
             return False
         return self.rest.lasts(self.state == CONTROL, self.timer.running and self.side.sync == 1)
 
-    def run(self, target: int) -> None:
-        """Work off everything due by then; before and after, the register bytes are up to date."""
-        self.live.look()
-        self._work_off(target)
-        self.sheet.settle()
-
-    def _work_off(self, target: i64) -> None:
+    def run(self, target: i64) -> None:
+        """Work off everything due by then."""
         self._target = target
         writes = self.writes
         while True:
@@ -135,7 +119,6 @@ class Clockwork(Blocks):
 
     def _count(self, cycle: i64) -> None:
         """The position counter comes to something worth a look."""
-        self.sheet.settle()
         self.rest.disturb()
         if self.encoder.at == cycle:
             self.counter.edge(cycle)
@@ -166,58 +149,25 @@ class Clockwork(Blocks):
 
     def _take_write(self, cycle: i64) -> None:
         address, data = self.writes.take()
-        self.sheet.settle()
         self.rest.disturb()
         before = self.counter.equal(cycle)
         self.pwm.roll(cycle - 1)
         self.host.write(self.host.map(address), data, cycle)
-        self.live.look()
         self.counter.look_equal(before, cycle)
-
-    def request(self, mode: int, cycle: int) -> None:
-        """R05 has been written (MCP-MOD-1)."""
-        self._request = mode
-        if self.state == STANDING and mode != ds.CONTROL_CODE:
-            self._request = NO_REQUEST
-            if mode == ds.SOFT_RESET_CODE:
-                self._begin_reset(cycle)
-            elif mode == ds.IDLE_CODE:
-                self.core.enter_idle()
-        elif self.state < STANDING:
-            self._request = NO_REQUEST
-
-    # -- what the inputs do -------------------------------------------------------------------
-
-    def controlling(self) -> bool:
-        """Whether mode flags take effect: control mode, not halted."""
-        return self.state == CONTROL and not self.core.halted
-
-    def hold_timer(self) -> None:
-        """The sample timer stands."""
-        self.timer.hold()
-        self._at_sample = FAR
-        self._at_routine = FAR
-
-    def start_timer(self, cycle: i64) -> None:
-        """The sample timer begins a period."""
-        self.timer.reload(cycle)
-        self._at_sample = self.timer.next_zero()
 
     # -- reset --------------------------------------------------------------------------------
 
     def hold(self, cycle: int) -> None:
         """Hard reset: everything as after power-on, until it is released (MCP-RST-1 to 3)."""
         self.state = HELD
-        self.sheet.settle()
-        self.file.reset()
-        self.live.look()
+        self.registers.reset()
         self.stepper.clear(cycle)
-        self.core.soft_reset()
-        self.core.command.clear()
-        self.file.bytes[ds.FLAG] = 0
-        self.file.bytes[ds.MODE] = 0
-        self.core.point = 0
-        self.core.velocity_point = 0
+        self.loop.soft_reset()
+        self.loop.command = Command()
+        self.registers.flag = 0
+        self.registers.mode = 0
+        self.loop.point = 0
+        self.loop.velocity_point = 0
         self.encoder.swap(False, cycle)
         self.counter.preset(0, cycle)
         self.breakpoint.clear()
@@ -228,12 +178,6 @@ class Clockwork(Blocks):
         self._at_reset = FAR
         self.released = -1
         self.counter.replan(cycle)
-
-    def _stop(self) -> None:
-        self._request = NO_REQUEST
-        self.hold_timer()
-        self._at_results = FAR
-        self._aiming = False
 
     def release(self, cycle: int) -> None:
         """/RESET has risen: Pulse is high for one clock, a soft reset follows (MCP-RST-1)."""
@@ -247,21 +191,10 @@ class Clockwork(Blocks):
         self.released = -1
         self._end_reset(cycle)
 
-    def _begin_reset(self, cycle: int) -> None:
-        self.state = RESETTING
-        self._stop()
-        self.sheet.settle()
-        data = self.file.bytes
-        data[ds.FLAG] = 0
-        data[ds.MODE] = 0
-        data[ds.STATUS] &= ~ds.BUSY
-        self.stepper.stop(cycle)
-        self._at_reset = cycle + ds.RESET_CLK
-
     def _end_reset(self, cycle: int) -> None:
         self._at_reset = FAR
         self.pwm.roll(cycle - 1)
-        self.core.soft_reset()
+        self.loop.soft_reset()
         self.counter.preset(0, cycle)
         self.state = STANDING
         self.host.clear_errors()
@@ -275,7 +208,7 @@ class Clockwork(Blocks):
         """The sample timer is at zero: a sample starts."""
         if self._at_results != FAR:
             # The one before is not finished (MCP-SMP-4).
-            self.sheet.fault(ds.TIMER_OK)
+            self.registers.fault(ds.TIMER_OK)
             self._enter_idle(cycle)
         self.start_timer(cycle)
         cycle = self._skip(cycle)
@@ -288,34 +221,38 @@ class Clockwork(Blocks):
             if request == ds.IDLE_CODE:
                 self._enter_idle(cycle)
             elif request == ds.CONTROL_CODE:
-                self.core.halted = False
+                self.loop.halted = False
         elif request == ds.CONTROL_CODE:
             self._enter_control(cycle, position)
         if self.state == CONTROL:
             self._begin_control_sample(cycle, position, request == ds.HALT_CODE)
         if self.state == STANDING:
-            self.core.idle_sample(position)
+            self.loop.idle_sample(position)
         self._at_routine = cycle + ds.BREAK_ROUTINE_CLK if self.breakpoint.sample() else FAR
         if self.state == STANDING and self.side.sync == 0:
             self.hold_timer()
 
     def _enter_control(self, cycle: int, position: int) -> None:
         self.state = CONTROL
-        self.core.enter_control(position)
-        self.file.bytes[ds.MODE] = ds.CONTROL_CODE
+        self.loop.enter_control(position)
         self._aiming = False
         self.rest.disturb()
-        self.counter.look_for_stall(cycle)
+        self._look_for_stall(cycle)
 
     def _begin_control_sample(self, cycle: i64, position: i64, halt: bool) -> None:
-        work = self.core.begin(position, self.side.limit == 0, self.side.stop == 0, halt)
+        work = self.loop.begin(position, self.side.limit == 0, self.side.stop == 0, halt)
         if work == IDLE:
             self._enter_idle(cycle)
             return
         self._at_results = cycle + work
-        self.counter.look_for_stall(cycle)
-        if self.core.abrupt:
+        self._look_for_stall(cycle)
+        if self.loop.abrupt:
             self.stepper.stop(cycle)
+
+    def _look_for_stall(self, cycle: i64) -> None:
+        """The stall check compares steps and counts at a sample's start (MCP-STP-4)."""
+        counts = self.encoder.count(cycle) + self.encoder.external
+        self.loop.stall.look(self.stepper.sent(cycle), counts)
 
     def _enter_idle(self, cycle: int) -> None:
         self._at_results = FAR
@@ -323,38 +260,34 @@ class Clockwork(Blocks):
         self.state = STANDING
         self.pwm.roll(cycle - 1)
         self.stepper.stop(cycle)
-        self.core.enter_idle()
-        self.file.bytes[ds.MODE] = ds.IDLE_CODE
+        self.loop.enter_idle()
         self.counter.replan(cycle)
 
     def _results(self, cycle: i64) -> None:
         """BUSY ends: the sample's results appear (MCP-SMP-5)."""
         self._at_results = FAR
-        core = self.core
+        loop = self.loop
         self.pwm.roll(cycle - 1)
-        core.finish()
+        loop.finish()
         self._aiming = True
-        if core.goal_step:
-            self.sheet.settle()
-            self._report(ds.GOAL_STEP, core.goal_step, 127, "", self._clock.ps(cycle))
-        if self.live.config & ds.STEP_MODE:
-            self.sheet.settle()
+        if loop.goal_step:
+            self._report(ds.GOAL_STEP, loop.goal_step, 127, "", self._clock.ps(cycle))
+        if self.registers.step_mode:
             period = self.timer.period
-            self.stepper.batch(cycle, core.steps, period)
+            self.stepper.batch(cycle, loop.steps, period)
             if self.stepper.overrun(period):
                 most = period // self.stepper.width
-                self._report(ds.STEP_OVERRUN, abs(int(core.steps)), most, "", self._clock.ps(cycle))
-            self.counter.begin_steps(cycle)
+                self._report(ds.STEP_OVERRUN, abs(int(loop.steps)), most, "", self._clock.ps(cycle))
+            self.counter.replan(cycle, cycle - 1)
         self.rest.note()
 
     def _routine(self, cycle: int) -> None:
         """The breakpoint routine of the sample (MCP-BRK-2, 3)."""
         self._at_routine = FAR
-        self.sheet.settle()
         self.rest.disturb()
         before = self.counter.equal(cycle)
         if self.breakpoint.routine():
-            self.file.bytes[ds.STATUS] |= ds.BREAKPOINT_OK
+            self.registers.status |= ds.BREAKPOINT_OK
         self.counter.look_equal(before, cycle)
 
     def _skip(self, cycle: i64) -> i64:
@@ -365,7 +298,8 @@ class Clockwork(Blocks):
         if not self.rest.possible(cycle, control):
             return cycle
         last = min(self._target, min(self._next_count(), self.writes.due) - 1)
-        passed = self.rest.passed(cycle, last, self.timer.period)
+        period = self.timer.period
+        passed = (last - cycle) // period * period
         if passed > 0:
             cycle += passed
             self.start_timer(cycle)
@@ -381,12 +315,11 @@ class Clockwork(Blocks):
             end = self._at_results
         if end == FAR:
             end = cycle + self.timer.period
-        self.drive.period(cycle, end, self._aiming, self.core.following.aim())
+        self.drive.period(cycle, end, self._aiming, self.loop.following.aim())
         self.counter.plan()
 
     # -- state --------------------------------------------------------------------------------
 
     def after_load(self) -> None:
-        """Look at the registers; a sample may differ from the one before."""
+        """A sample may differ from the one before."""
         self.rest.disturb()
-        self.live.look()
