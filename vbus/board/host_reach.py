@@ -82,7 +82,7 @@ class HostReach(HostClock):
             self._pins.line_names(),
             self._pins.output_names(),
             self._pins.side_names(),
-            ["claim", "events", "leases", FORESEEING, "lines", "polled_at", "sync"],
+            ["claim", "events", "leases", FORESEEING, "lines", "pass", "polled_at", "sync"],
             wiring(self.pin_map, self.chips, self._pins),
             self._card.text() if self._card is not None else "",
             self._program(),

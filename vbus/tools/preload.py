@@ -16,7 +16,8 @@ from vbus.protocols.port import PortInfo
 NAME: Final = "libvbus-exec.so"
 _SOURCES: Final = (
     "x86.c", "x86_two.c", "x86_wide.c", "client.c", "card.c", "trap.c", "files.c",
-    "descriptors.c", "programs.c", "clock.c", "running.c", "threads.c", "timers.c", "time64.c",
+    "descriptors.c", "programs.c", "turns.c", "signals.c", "spin.c", "clock.c", "threads.c",
+    "queues.c", "timers.c", "listen.c", "calls.c", "time64.c",
 )  # fmt: skip
 _FLAGS: Final = (
     "-shared", "-fPIC", "-std=gnu11", "-O2", "-mno-red-zone", "-fvisibility=hidden",
