@@ -111,8 +111,8 @@ def test_a_wait_beyond_the_end_of_time_ends_the_program_clearly(
     assert "beyond the end of chip time, which is 106 days after its start" in done.stderr
 
 
-# Each wait of the page "Bring your driver": what it gives at the end of its time (None: it has none),
-# and when the interrupt's signal comes. POSIX has some go on after the handler, up to their time.
+# Each wait of the page "Bring your driver": what it gives when its time is over (None: it has
+# none), and when the interrupt's signal comes. POSIX has some go on after the handler.
 EACH = {
     "nanosleep": ("0 -", "-1 EINTR"),
     "clock_nanosleep": ("0 -", "-1 EINTR"),

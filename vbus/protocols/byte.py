@@ -338,12 +338,9 @@ class ByteProtocol(Protocol):
         port = self.port
         slaved = port.info().policy == "slaved"
         longest = _u64(data, start)
+        begun, now, step = -1, 0, 0
         if self._partial:  # resumed in the middle of a step
             begun, now, step = unpack_from(">QQQ", self._partial)
-        else:
-            port.sync()
-            begun = now = port.now()
-            step = 0
         while True:
             if step:
                 self._partial[:] = pack(">QQQ", begun, now, step)
@@ -354,6 +351,8 @@ class ByteProtocol(Protocol):
                 now += step
             outputs, edge = port.sync()
             self._partial.clear()
+            if begun < 0:
+                begun = now = port.now()
             mark = len(self.out)
             self.report_events()
             if len(self.out) > mark or now - begun >= longest:

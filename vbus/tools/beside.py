@@ -5,7 +5,7 @@ import os
 import signal
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import click
@@ -17,7 +17,7 @@ from vbus.errors import VbusError
 from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of
 from vbus.signals import Observer, Violation
-from vbus.tools import preload
+from vbus.tools import ending, preload
 from vbus.tools.transcript import Transcript
 
 
@@ -95,7 +95,9 @@ def run_on_board(
     findings = Findings()
     board.listen(findings)
     with ExitStack() as stack:
-        link = f"unix:{stack.enter_context(private_runtime()) / 'host.sock'}"
+        folder = stack.enter_context(private_runtime())
+        link = f"unix:{folder / 'host.sock'}"
+        note = folder / "fault"
         written: Transcript | None = None
         if transcript is not None:
             try:
@@ -107,14 +109,14 @@ def run_on_board(
         environment = {"VBUS_LINK": link}
         if card is not None:
             port = board.open_port("program", host.chips or None, host.cycle, card)
-            environment = preload.environment(port.info(), link)
+            environment = preload.environment(port.info(), link, note)
             port.close()
             preload.warn_of(command(link)[0])
         mine = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
         server = Server(board, [mine, *others], file.board.stall)
-        code = asyncio.run(_run_beside(server, command(link), environment))
+        code = asyncio.run(_run_beside(server, command(link), environment, note))
         if written is not None:
             written.flush()
     for line in findings.lines() if summary else ():
@@ -122,29 +124,51 @@ def run_on_board(
     return code
 
 
-async def _run_beside(server: Server, command: list[str], environment: dict[str, str]) -> int:
-    """Serve while ``command`` runs; a command that died of a signal gives 128 + its number."""
-    loop = asyncio.get_running_loop()
-    running: list[asyncio.subprocess.Process] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, _pass_on, running, number)
-    server.start(loop)
+async def _run_beside(
+    server: Server, command: list[str], environment: dict[str, str], note: Path
+) -> int:
+    """Serve while ``command`` runs."""
+    server.start(asyncio.get_running_loop())
     try:
-        try:
-            process = await asyncio.create_subprocess_exec(
-                *command, env={**os.environ, **environment}
-            )
-        except OSError as error:
-            raise VbusError(f"{command[0]}: {error.strerror}") from error
-        running.append(process)
-        code = await process.wait()
+        code = await run_program(command, environment, note)
         server.board.catch_up()
     finally:
         server.stop()
+    return code
+
+
+async def run_program(command: list[str], environment: dict[str, str], note: Path) -> int:
+    """Run ``command`` and return its exit code; if it died of a signal, 128 + its number.
+
+    SIGINT and SIGTERM are passed on, and end it in any case.
+
+    Args:
+        command: program and arguments.
+        environment: variables on top of those of this process.
+        note: the file the library makes when the program ends by a fault of its own.
+
+    Raises:
+        VbusError: it cannot be started.
+    """
+    loop = asyncio.get_running_loop()
+    asked: list[asyncio.TimerHandle] = []
+
+    def pass_on(number: int) -> None:
+        """Not by the process object, which would take the exit code from who waits for it."""
+        with suppress(ProcessLookupError):
+            os.kill(process.pid, number)
+        if not asked:
+            asked.append(loop.call_later(ending.PATIENCE, ending.end, process.pid, number))
+
+    try:
+        process = await asyncio.create_subprocess_exec(*command, env={**os.environ, **environment})
+    except OSError as error:
+        raise VbusError(f"{command[0]}: {error.strerror}") from error
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, pass_on, number)
+    code = await process.wait()
+    for handle in asked:
+        handle.cancel()
+    if "VBUS_EXEC" in environment:
+        ending.explain(code, note)
     return code if code >= 0 else 128 - code
-
-
-def _pass_on(running: list[asyncio.subprocess.Process], number: int) -> None:
-    for process in running:
-        if process.returncode is None:
-            process.send_signal(number)

@@ -70,23 +70,22 @@ def command(
 
 def _join(link: str, program: list[str]) -> int:
     """Run a program on a board that runs already."""
-    import os
-    import subprocess
+    import asyncio
+    from pathlib import Path
+    from tempfile import TemporaryDirectory
 
     from vbus.client import connect
-    from vbus.errors import VbusError
+    from vbus.tools.beside import run_program
     from vbus.tools.preload import environment, warn_of
 
     with connect(link) as bus:
         info = bus.info
-    variables = environment(info, link) if info.card else {"VBUS_LINK": link}
-    if info.card:
-        warn_of(program[0])
-    try:
-        code = subprocess.run(program, env={**os.environ, **variables}).returncode
-    except OSError as error:
-        raise VbusError(f"{program[0]}: {error.strerror}") from error
-    return code if code >= 0 else 128 - code
+    with TemporaryDirectory(prefix="vbus-") as folder:
+        note = Path(folder) / "fault"
+        variables = environment(info, link, note) if info.card else {"VBUS_LINK": link}
+        if info.card:
+            warn_of(program[0])
+        return asyncio.run(run_program(program, variables, note))
 
 
 def _run(

@@ -104,6 +104,17 @@ _Noreturn void card_end(int code)
         syscall(SYS_exit_group, code);
 }
 
+static char note[128]; /* the file that takes the word */
+
+void card_note(void)
+{
+    int fd = note[0] == '\0' ? -1
+                             : (int)syscall(SYS_openat, AT_FDCWD, note, O_CREAT | O_WRONLY, 0600);
+
+    if (fd >= 0)
+        sys_close(fd);
+}
+
 void card_say_place(const char *before, uintptr_t ip, const char *after)
 {
     Dl_info info;
@@ -236,6 +247,9 @@ void card_read_settings(void)
     card.line = setting(text, "line") != NULL ? (int)number_setting(text, "line") : -1;
     card.active_low = number_setting(text, "low") != 0;
     card.signal = (int)number_setting(text, "signal");
+    next = setting(text, "note");
+    if (next != NULL && strcspn(next, ";") < sizeof note)
+        memcpy(note, next, strcspn(next, ";"));
     clock_step = number_setting(text, "step");
     next = setting(text, "cycles");
     for (turn = 0; turn < MOST_CHIPS && next != NULL; turn++) {
@@ -363,6 +377,14 @@ void card_step_aside(int fd)
     if (other >= 0)
         bus.fd = other;
     card_leave();
+}
+
+void card_check(void)
+{
+    struct pollfd link = {bus.fd, POLLIN | POLLRDHUP, 0};
+
+    if (open_session && sys_poll(&link, 1, 0) > 0 && link.revents & (POLLHUP | POLLRDHUP))
+        must(VBUS_E_CLOSED);
 }
 
 void card_send(void)

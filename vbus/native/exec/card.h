@@ -32,6 +32,9 @@ void card_leave(void);
 void card_load(uintptr_t address, unsigned char *data, unsigned size, uintptr_t ip);
 void card_store(uintptr_t address, const unsigned char *data, unsigned size, uintptr_t ip);
 
+/* Whether the board is still there; if not the program ends. */
+void card_check(void);
+
 /* Send what is kept back. */
 void card_send(void);
 
@@ -96,6 +99,9 @@ void card_notice(void);
 /* Write "vbus exec: ..." to stderr; %x takes a uintptr_t, %s a string, %d an int. */
 void card_say(const char *format, ...);
 _Noreturn void card_end(int code);
+
+/* Leave word to vbus exec that the program's end by a fault is its own. */
+void card_note(void);
 
 /* Say where an instruction stands: "0x401136 (program+0x1136)". */
 void card_say_place(const char *before, uintptr_t ip, const char *after);

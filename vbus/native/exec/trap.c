@@ -214,6 +214,30 @@ static _Noreturn void refuse(uintptr_t ip, uintptr_t address)
     card_end(1);
 }
 
+/* Whether the instruction is one that needs a privilege: in, out, cli, sti, hlt and the like. */
+static int privileged(uintptr_t ip)
+{
+    const unsigned char *code = (const unsigned char *)ip;
+
+    for (;; code++) {
+        switch (*code) {
+        case 0x26: case 0x2E: case 0x36: case 0x3E: case 0x64: case 0x65: case 0x66: case 0x67:
+        case 0xF0: case 0xF2: case 0xF3:
+            continue;
+        case 0x6C: case 0x6D: case 0x6E: case 0x6F: case 0xE4: case 0xE5: case 0xE6: case 0xE7:
+        case 0xEC: case 0xED: case 0xEE: case 0xEF: case 0xF4: case 0xFA: case 0xFB:
+            return 1;
+        case 0x0F: /* lgdt, clts, invd, moves of control registers, wrmsr, rdmsr ... */
+            return code[1] <= 0x09 || (code[1] >= 0x20 && code[1] <= 0x23)
+                   || (code[1] >= 0x30 && code[1] <= 0x33);
+        default:
+            if (X86_BITS == 64 && (*code & 0xF0) == 0x40)
+                continue;
+            return 0;
+        }
+    }
+}
+
 /* It is the program's own fault, in both senses. */
 static void pass_on(int number, siginfo_t *info, void *data, uintptr_t ip)
 {
@@ -224,13 +248,17 @@ static void pass_on(int number, siginfo_t *info, void *data, uintptr_t ip)
 
     if ((action.sa_flags & SA_SIGINFO) == 0
         && (action.sa_handler == SIG_DFL || action.sa_handler == SIG_IGN)) {
-        if (info->si_code == SI_KERNEL)
+        if (info->si_code == SI_KERNEL && !privileged(ip))
+            card_say("the program faults: at an address no program can have (not canonical), or one"
+                     " that is not aligned for the instruction");
+        else if (info->si_code == SI_KERNEL)
             card_say("the program faults: a privileged instruction, or a port for which it has not"
                      " called ioperm or iopl");
         else
             card_say("the program faults at address 0x%x", (uintptr_t)info->si_addr);
         card_say_place("by the", ip, "");
         card_send_last();
+        card_note();
         action.sa_handler = SIG_DFL;
         action.sa_flags = 0;
         signals_real(SIGSEGV, &action, NULL);

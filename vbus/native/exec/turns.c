@@ -394,10 +394,12 @@ static void idle(struct guest *self)
             return;
     }
     rounds++;
-    if (card_leap(left, heeds))
+    if (card_leap(left, heeds)) {
         timers_fire();
-    else
+    } else {
+        card_check();
         glance(count, DOZE_MS);
+    }
 }
 
 /* The caller cannot go on: whoever can has the turn next. */
