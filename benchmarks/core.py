@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from in_process import CHIPS, board, moving_lm629, moving_mc1241a, moving_mcp1200
 
 from vbus.bits import clamp
-from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.compiled import core, is_compiled
 from vbus.kernel import SECOND
 from vbus.protocols.byte import ByteProtocol
@@ -138,12 +138,12 @@ def samples() -> Iterator[Row]:
     )
     yield Row("one moving axis against real time", f"{SAMPLE_NS / sample:.0f} x", "10000 x")
 
-    pid = moving_mcp1200().chips[0].works.core.pid  # type: ignore[attr-defined]
+    pid = moving_mcp1200().chips[0].axis.loop.pid  # type: ignore[attr-defined]
     image = bytearray(128)
     image[0x61:0x6B] = bytes(range(10, 20))
-    picture = Picture()
-    picture.take(bytes(image))
-    took = inside(pid.step, picture, 5, 512)
+    sampled = SampledRegisters()
+    sampled.image = bytes(image)
+    took = inside(pid.step, sampled, 5, 512)
     yield Row("MCP-1200 PID, beyond a call", took, "30 ns")
     chip = moving_mc1241a()
     chip.run_for(SECOND)

@@ -28,6 +28,26 @@ def runtime_directory() -> Path:
     return _private(Path(tempfile.gettempdir()) / f"vbus-{os.getuid()}")
 
 
+def lock_of(name: Path) -> Path:
+    """Return the file that is locked as long as the process lives that made ``name``.
+
+    It holds the number of the process and the name of its board, a line each.
+    """
+    return name.parent / f".{name.name}.lock"
+
+
+def expanded(path: str) -> str:
+    """Return a path with its variables replaced; ``$VBUS_RUNTIME`` stands for the directory above.
+
+    Raises:
+        TransportError: as :func:`runtime_directory`.
+    """
+    if "$VBUS_RUNTIME" in path or "${VBUS_RUNTIME}" in path:
+        directory = str(runtime_directory())
+        path = path.replace("${VBUS_RUNTIME}", directory).replace("$VBUS_RUNTIME", directory)
+    return os.path.expandvars(os.path.expanduser(path))
+
+
 def _made(path: Path) -> Path:
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)

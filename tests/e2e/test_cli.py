@@ -331,9 +331,9 @@ def test_ls_sees_a_running_board_with_chips_links_time_and_lag(board: Path, runt
     assert status["lag_ps"] >= 0
 
 
-def test_ls_of_a_board_that_does_not_run_ends_with_1() -> None:
+def test_ls_of_a_board_that_does_not_run_ends_with_4() -> None:
     done = vbus("ls", "bench")
-    assert (done.returncode, done.stdout) == (1, "")
+    assert (done.returncode, done.stdout) == (4, "")
     assert done.stderr == 'vbus: no board called "bench" answers\n'
 
 

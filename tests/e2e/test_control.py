@@ -5,7 +5,7 @@ import json
 import socket
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import pytest
 
 from vbus.board.build import load_board_text
 from vbus.errors import TransportError, VbusError
-from vbus.server.registry import control_path, order
+from vbus.server.registry import control_path, order, running, status_path
 from vbus.server.server import Server
 
 BOARD = """\
@@ -110,10 +110,62 @@ def test_who_hangs_up_in_the_middle_leaves_nothing_behind() -> None:
             link.sendall(b'{"do": "ad')
         assert order("bench", "add", a=1, b=1) == 2
         assert order("bench", "add", a=1, b=1) == 2
-    assert server.control.callers == []
+    assert not any(local.connections for local in server.local_sockets)
     assert not control_path("bench").exists()
 
 
 def test_a_board_that_does_not_run_is_named() -> None:
     with pytest.raises(TransportError, match='no board called "other" takes orders'):
         order("other", "add")
+
+
+def test_who_asks_for_the_status_and_does_not_read_it_stops_nobody(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    status = json.dumps({"board": "bench", "padding": "x" * 5_000_000}).encode()
+    with served(add=add) as server, socket.socket(socket.AF_UNIX) as link:
+        monkeypatch.setattr(server, "status", lambda: status)
+        link.settimeout(60)
+        link.connect(str(status_path("bench")))
+        assert order("bench", "add", a=1, b=1) == 2
+        with link.makefile("rb") as answer:
+            assert answer.read() == status
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (b"[" * 200_000, "nested too deeply"),
+        (b"[1]", "no JSON object"),
+        (b'{"name": "x"}', "names no board"),
+        (b"x" * 5000, "more than 4096 bytes"),
+        (None, "timed out"),
+    ],
+    ids=["deep", "list", "nameless", "endless", "slow"],
+)
+def test_a_socket_of_a_stranger_is_told_of_and_harms_nobody(
+    answer: bytes | None, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vbus.server.registry.ANSWER_SECONDS", 0.1)
+    if message.startswith("more than"):
+        monkeypatch.setattr("vbus.server.registry.LONGEST_ANSWER", 4096)
+    ended = threading.Event()
+
+    def talk() -> None:
+        link, _ = stranger.accept()
+        with link, suppress(OSError):
+            if answer is not None:
+                link.sendall(answer)
+            while answer is None and not ended.wait(0.01):
+                link.sendall(b" ")
+
+    with socket.socket(socket.AF_UNIX) as stranger:
+        stranger.bind(str(status_path("strange")))
+        stranger.listen()
+        thread = threading.Thread(target=talk)
+        thread.start()
+        found = list(running())
+        ended.set()
+        thread.join(60)
+    assert [board["board"] for board in found] == ["strange"]
+    assert message in found[0]["error"]

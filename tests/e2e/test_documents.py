@@ -32,47 +32,28 @@ def steps(page: str) -> list[str]:
     return commands
 
 
-def shell(commands: list[str]) -> str:
-    """Return a script; after each start of a board it waits until that board answers."""
-    script = "set -e -m\ntrap 'jobs -p | xargs -r kill' EXIT\n"
-    script += 'running() { find "$VBUS_RUNTIME" -path "*/boards/*.sock" | wc -l; }\n'
-    for command in commands:
-        for line in command.splitlines(keepends=True):
-            if line.startswith("vbus run"):
-                line = (
-                    f"boards=$(running)\n{line}"
-                    "until [ $(running) -gt $boards ]; do sleep 0.02; done\nvbus ls > /dev/null\n"
-                )
-            script += line
-    return script
-
-
 def run(commands: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    """Type commands in a shell of their own in ``folder``."""
-    return subprocess.run(
-        ["bash", "-c", shell(commands)],
-        cwd=folder,
-        env={
-            **os.environ,
-            "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
-            "VBUS_RUNTIME": str(folder / "run"),
-            "PTY": str(folder / "run" / "first"),
-        },
-        capture_output=True,
-        text=True,
-        timeout=100,
-    )
+    """Type commands in a fresh shell in ``folder``, where vbus is installed, and nothing else."""
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        "XDG_RUNTIME_DIR": str(folder),
+    }
+    environment.pop("VBUS_RUNTIME", None)
+    try:
+        return subprocess.run(
+            ["bash", "-c", "set -e\ntrap 'jobs -p | xargs -r kill' EXIT\n" + "".join(commands)],
+            cwd=folder, env=environment, capture_output=True, text=True, timeout=100,
+        )  # fmt: skip
+    finally:
+        for board in folder.rglob("boards/*.sock"):
+            home = {**environment, "VBUS_RUNTIME": str(board.parents[1])}
+            subprocess.run([sys.executable, "-m", "vbus", "stop", board.stem], env=home)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_the_commands_of_a_page_work_as_printed(page: Path, tmp_path: Path) -> None:
-    commands = steps(page.read_text())
-    if page.name != "README.md":
-        # Beside every other page runs the board of the README; its terminal is $PTY.
-        board = steps((ROOT / "README.md").read_text())[0]
-        commands = [board, "mv board.toml first.toml\nvbus run first.toml &\n", *commands]
-
-    done = run(commands, tmp_path)
+    done = run(steps(page.read_text()), tmp_path)
 
     assert done.returncode == 0, done.stdout + done.stderr
     if page.name == "README.md":

@@ -1,6 +1,7 @@
 """Faults of running boards: through ``vbus fault``, and on links that a host really uses."""
 
 import json
+import os
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +11,8 @@ import pytest
 
 from tests.e2e.command import vbus
 from tests.e2e.serving import served
+from tests.e2e.test_pty import PTY, open_raw, read_exactly, toy_board
+from tests.waiting import until
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.errors import TransportError, VbusError
@@ -117,6 +120,25 @@ def test_a_closed_link_is_closed_and_can_be_opened_again(tmp_path: Path) -> None
             assert link.recv(1) == b""
         with host(path) as link:
             assert ask(link, "r 0")
+
+
+def test_a_closed_terminal_hangs_up_on_its_client_and_its_name_leads_to_a_new_one(
+    runtime: Path,
+) -> None:
+    with served(toy_board(), PTY):
+        fd = open_raw(runtime / "x")
+        os.write(fd, b"\x02\x01")
+        assert read_exactly(fd, 2) == b"E\x01"
+        before = os.readlink(runtime / "x")
+        order("bench", "fault.arm", name="link_closed", target="host0")
+        until(lambda: os.readlink(runtime / "x") != before, "there is a new terminal")
+        with pytest.raises(OSError, match="Input/output error"):
+            os.write(fd, b"\x02\x02")
+        os.close(fd)
+        fd = open_raw(runtime / "x")
+        os.write(fd, b"\x02\x03")
+        assert read_exactly(fd, 2) == b"E\x03"
+        os.close(fd)
 
 
 def test_a_dead_link_is_open_and_carries_out_what_it_was_told_afterwards(tmp_path: Path) -> None:

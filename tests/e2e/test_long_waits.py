@@ -10,8 +10,11 @@ import pytest
 
 from tests.e2e.serving import served
 from tests.e2e.test_pty import open_raw, read_exactly, toy_board, wait_for_sessions
+from tests.unit.board.toy import Toy
+from tests.waiting import until
 from vbus.board.board import Board
-from vbus.kernel import NEVER
+from vbus.kernel import MS, NEVER
+from vbus.server.registry import ask, status_path
 from vbus.server.server import LinkSpec
 from vbus.signals import Observer
 
@@ -23,24 +26,23 @@ def u64(number: int) -> bytes:
     return number.to_bytes(8, "big")
 
 
-RESTLESS = """
-import sys
-from tests.unit.board.toy import Toy
-from vbus.board.board import Board
-from vbus.kernel import NEVER
-from vbus.kernel import MS
-from vbus.server.server import LinkSpec, run
-
 class Restless(Toy):
-    '''Moves for ever: each millisecond of it takes a while to compute.'''
+    """Moves for ever: each millisecond of it takes a while to compute."""
 
     done = 0
 
-    def advance(self):
+    def advance(self) -> None:
         super().advance()
         while self.done < self.kernel.now:
             self.done += MS
             sum(range(2000))
+
+
+RESTLESS = """
+import sys
+from tests.e2e.test_long_waits import Restless
+from vbus.board.board import Board
+from vbus.server.server import LinkSpec, run
 
 board = Board("bench", sys.argv[1])
 board.add_chip(Restless, "t", "TOY", 8_000_000)
@@ -88,6 +90,26 @@ def test_others_are_answered_and_ctrl_c_ends_it_while_one_host_waits_for_a_week(
         server.wait()
         if server.stdout is not None:
             server.stdout.close()
+
+
+def test_a_delay_whose_host_has_gone_stands_still(runtime: Path) -> None:
+    board = Board("bench", "lockstep")
+    board.add_chip(Restless, "t", "TOY", 8_000_000)
+    with served(board, ONE) as server:
+        fd = open_raw(runtime / "one")
+        os.write(fd, b"\x50" + u64(WEEK))
+        until(lambda: server.pacer.board.now > 20 * MS, "time passes")
+        os.close(fd)
+        wait_for_sessions(server, 0)
+        fd = open_raw(runtime / "one")
+        instants = []
+        for _ in range(5):
+            ask(status_path("bench"))
+            os.write(fd, b"\x52")
+            instants.append(read_exactly(fd, 9)[1:])
+        os.close(fd)
+    assert len(set(instants)) == 1
+    assert int.from_bytes(instants[0], "big") < WEEK
 
 
 def test_a_long_delay_ends_at_the_picosecond_and_what_follows_is_done_there(runtime: Path) -> None:

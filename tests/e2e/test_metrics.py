@@ -207,6 +207,16 @@ def test_other_computers_are_let_in_only_if_the_board_file_says_so(
     load_board_text(BOARD + '[metrics]\nlisten = "0.0.0.0:9100"\nremote = true\n')
 
 
+def test_an_address_of_the_command_line_that_is_none_is_not_blamed_on_the_board_file(
+    board_file: Path, runtime: Path
+) -> None:
+    done = vbus("run", "--metrics", "foo", str(board_file))
+
+    assert done.returncode == exit_codes.BAD_BOARD
+    assert '--metrics: found "foo"; write "HOST:PORT"' in done.stderr
+    assert str(board_file) not in done.stderr
+
+
 @pytest.mark.parametrize(
     ("address", "message"),
     [
@@ -242,4 +252,4 @@ def test_without_the_extra_the_message_says_what_to_install(
     )
 
     assert done.returncode == exit_codes.NO_PLUGIN
-    assert 'pip install "vbus[metrics]"' in done.stderr
+    assert "pip install prometheus-client" in done.stderr

@@ -1,15 +1,20 @@
 """Names in the file system: whose they are, and what is left of those who died."""
 
 import asyncio
+import contextlib
 import errno
 import os
 import socket
+import subprocess
+import sys
+import threading
 from pathlib import Path
 
 import pytest
 
 from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, start, toy_board
+from vbus import client
 from vbus.errors import NameInUseError, TransportError
 from vbus.server.registry import boards_directory, running, status_path
 from vbus.server.server import LinkSpec, Server
@@ -107,16 +112,83 @@ def test_a_computer_without_free_descriptors_is_reported_and_not_asked_all_the_t
     full = Exhausted()
 
     async def main() -> None:
-        transport.open(asyncio.get_running_loop(), lambda link: None)
-        real, transport._listener = transport._listener, full  # type: ignore[assignment]
-        assert real is not None
-        asyncio.get_running_loop().remove_reader(real.fileno())
-        transport._accept_again()
+        loop = asyncio.get_running_loop()
+        loop.add_reader(full.fileno(), transport._accept, full, loop, lambda link: None)
         for _ in range(100):
             await asyncio.sleep(0)
-        real.close()
-        transport.close()
 
     asyncio.run(main())
+    full.close()
     assert full.asked == 1
     assert reports == [f"unix:{runtime}/x: a host waits outside: Too many open files"]
+
+
+def test_a_hundred_hosts_may_wait_to_be_accepted(runtime: Path) -> None:
+    loop = asyncio.new_event_loop()
+    transport = UnixTransport(str(runtime / "x"), {})
+    transport.open(loop, lambda link: None)
+    with contextlib.ExitStack() as closing:
+        closing.callback(loop.close)
+        closing.callback(transport.close)
+        for _ in range(100):
+            link = closing.enter_context(socket.socket(socket.AF_UNIX))
+            link.setblocking(False)
+            link.connect(str(runtime / "x"))
+
+
+SERVED = """
+import sys
+from tests.e2e.test_pty import toy_board
+from vbus.server.server import LinkSpec, run
+
+links = [LinkSpec("pty:$VBUS_RUNTIME/old", "byte"), LinkSpec("unix:$VBUS_RUNTIME/s", "byte")]
+run(toy_board("old"), links, on_ready=lambda server: print("ready", flush=True))
+"""
+
+
+@pytest.fixture
+def killed(runtime: Path) -> None:
+    """A board that was killed; its names are still there."""
+    root = Path(__file__).parents[2]
+    with subprocess.Popen([sys.executable, "-c", SERVED], stdout=subprocess.PIPE, cwd=root) as old:
+        assert old.stdout is not None
+        assert old.stdout.readline() == b"ready\n"
+        old.kill()
+    assert (runtime / "old").is_symlink()
+
+
+def test_the_name_of_a_killed_board_leads_no_client_to_anybody(runtime: Path, killed: None) -> None:
+    (runtime / "alias").symlink_to("old")
+    for name in ("old", "alias"):
+        where = f"pty:{runtime}/{name}"
+        with pytest.raises(
+            TransportError,
+            match=rf"^{where} cannot be opened: the board it led to was killed; start it again",
+        ):
+            client.connect(where)
+
+
+def test_the_next_board_removes_what_a_killed_one_has_left(runtime: Path, killed: None) -> None:
+    with served(toy_board(), PTY), client.connect(f"pty:{runtime}/x") as bus:
+        assert bus.info.board == "bench"
+        assert sorted(path.name for path in runtime.iterdir()) == [".x.lock", "boards", "x"]
+        assert not [path for path in boards_directory().iterdir() if "old" in path.name]
+
+
+def test_a_name_that_leads_to_another_board_is_noticed(runtime: Path) -> None:
+    with served(toy_board(), PTY):
+        lock = NameLock(runtime / "y")
+        lock.take("other")
+        (runtime / "y").symlink_to(os.readlink(runtime / "x"))
+        with pytest.raises(
+            TransportError, match=rf"^pty:{runtime}/y leads to the board bench, not to other: is"
+        ):
+            client.connect(f"pty:{runtime}/y")
+        lock.give_back()
+
+
+def test_a_name_is_waited_for_while_somebody_only_looks_at_it(tmp_path: Path) -> None:
+    looking = NameLock(tmp_path / "x")
+    looking.take()
+    threading.Timer(0.05, looking.give_back).start()
+    NameLock(tmp_path / "x").take(patience=60)

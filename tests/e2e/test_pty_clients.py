@@ -15,7 +15,7 @@ from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, open_raw, read_exactly, toy_board, wait_for_sessions
 from vbus.server.registry import ask, status_path
 from vbus.server.server import Server
-from vbus.transports.pty import PtyTransport
+from vbus.transports.pty import PtyTransport, _Terminal
 
 ECHO = b"\x02"
 
@@ -68,15 +68,13 @@ def test_half_a_request_is_forgotten_though_the_next_client_comes_at_once(runtim
 def test_a_client_that_comes_while_the_last_one_is_seen_to_have_gone_is_answered(
     runtime: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    look = PtyTransport._look
-    transports: list[PtyTransport] = []
+    look = _Terminal.look
     came: list[int] = []
     gone: list[int] = []
     here = threading.Event()
 
-    def slow_look(transport: PtyTransport) -> int:
-        transports[:] = [transport]
-        state = look(transport)
+    def slow_look(terminal: _Terminal) -> int:
+        state = look(terminal)
         if gone and not came:
             assert state & select.POLLHUP
             came.append(open_raw(runtime / "x"))
@@ -86,14 +84,16 @@ def test_a_client_that_comes_while_the_last_one_is_seen_to_have_gone_is_answered
     def leave() -> None:
         gone.append(fd)
         os.close(fd)
-        transports[0]._notice()
+        transport._notice()
         here.set()
 
-    monkeypatch.setattr(PtyTransport, "_look", slow_look)
+    monkeypatch.setattr(_Terminal, "look", slow_look)
     with served(toy_board(), PTY) as server:
         fd = open_raw(runtime / "x")
         os.write(fd, ECHO + b"\x01\x31")
         assert read_exactly(fd, 2) == b"E\x01"
+        transport = server._hosts[0].transport
+        assert isinstance(transport, PtyTransport)
         assert server._loop is not None
         server._loop.call_soon_threadsafe(leave)
         assert here.wait(60)

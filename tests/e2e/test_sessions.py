@@ -3,6 +3,7 @@
 import logging
 import os
 import socket
+import threading
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,14 @@ import pytest
 from tests.e2e.serving import served
 from tests.e2e.test_pty import open_raw, read_exactly, toy_board, wait_for_sessions
 from tests.unit.board.toy import Toy
+from tests.waiting import until
+from vbus import client
 from vbus.board.board import Board
+from vbus.board.build import load_board_text
 from vbus.protocols.byte import ByteProtocol
 from vbus.server.registry import ask, status_path
 from vbus.server.server import LinkSpec
+from vbus.signals import Observer
 
 UNIX = LinkSpec("unix:$VBUS_RUNTIME/x", "byte")
 PTY = LinkSpec("pty:$VBUS_RUNTIME/y", "byte")
@@ -113,3 +118,48 @@ def test_a_bug_in_a_protocol_ends_that_session_and_says_so(
 
 def broken_method(self: ByteProtocol, data: bytes = b"") -> None:
     raise RuntimeError("a bug")
+
+
+class Stumbling(Observer):
+    """Looks at a net, and breaks when it moves."""
+
+    armed = False
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        if self.armed:
+            raise RuntimeError("stumbled")
+
+
+def test_whatever_a_board_does_when_a_host_goes_its_link_and_its_claim_are_free(
+    runtime: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.ERROR, "vbus")
+    board = load_board_text(
+        '[board]\nname = "bench"\ntime = "lockstep"\n'
+        '[chips.x]\npart = "LM629N-8"\nclock = "8 MHz"\nplant = "none"\n'
+    )
+    observer = Stumbling()
+    board.chip("x").pins["/RST"].net.observe(observer)
+    with (
+        served(board, UNIX, PTY) as server,
+        client.connect(f"unix:{runtime}/x") as second,
+        client.connect(f"pty:{runtime}/y") as first,
+    ):
+        message = client.Message(first.info)
+        message.claim()
+        message.pin("/RST", 0)
+        first.exchange(message, None)
+        waiting = threading.Thread(target=second._ask, args=(client.Message.claim,))
+        waiting.start()
+        until(lambda: server._hosts[0].sessions[0].port.held, "the claim is waited for")
+        observer.armed = True
+        first.link.close()
+        waiting.join(20)
+        assert not waiting.is_alive()
+        observer.armed = False
+        with client.connect(f"pty:{runtime}/y") as third:
+            assert third.echo(7) == 7
+        wait_for_sessions(server, 1)
+        assert len(board.ports) == 1
+    [record] = [record for record in caplog.records if record.name == "vbus"]
+    assert record.message.startswith("internal error while the session of /dev/pts/")

@@ -161,10 +161,10 @@ class Stretch:
         """Make the calls of some entries."""
         for entry in entries:
             if entry.op == "end":
-                self.player.come(entry)
+                self.player.run_to(entry)
             if entry.op in FINDINGS:
                 continue
-            self.player.come(entry)
+            self.player.run_to(entry)
             reply, error = self.player.call(entry)
             self._replies.update(f"{entry.op} {reply!r} {error} {self.board.now}\n".encode())
 

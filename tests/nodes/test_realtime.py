@@ -13,6 +13,7 @@ from tests.nodes.processes import Bench, ended
 from tests.waiting import Starved
 from vbus.board.config import read_board_text
 from vbus.cluster.node_clock import ClockEstimate
+from vbus.cluster.peers import Group
 from vbus.cluster.realtime_nodes import RealTime
 from vbus.cluster.skew import Skew
 from vbus.kernel import MS, US
@@ -161,7 +162,7 @@ def test_edges_that_were_lost_are_told() -> None:
     file, source = read_board_text(REAL)
     plan = plan_of(file)
     said: list[str] = []
-    real = RealTime(plan, [node_of(file, source, "a", None, False)], None, said.append)
+    real = RealTime(Group(plan, report=said.append), [node_of(file, source, "a", None, False)])
     for number in (4, 5, 6, 9, 10, 0, 1):  # comes late; 7 and 8 lost; anew
         real.deliver(1, Edges(plan.digest, 1, number, ()))
     assert said == [

@@ -7,10 +7,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.chips.mc1241a.microstep import STEPS, Microstepper
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.picture import Picture
-from vbus.chips.mcp1200.sheet import Sheet
-from vbus.chips.mcp1200.shown import Shown
-from vbus.chips.registers import RegisterFile
+from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.plant.angle import sine
 from vbus.plant.dc_motor import DcMotor
 
@@ -75,106 +72,49 @@ def test_the_angle_of_a_slot_is_that_of_unbounded_numbers(
 # -- MCP-1200 -----------------------------------------------------------------------------------
 
 
-def registers(content: bytes) -> RegisterFile:
-    file = RegisterFile(ds.REGISTERS)
-    file.bytes[:] = content
-    # The low halves of these do not exist.
-    file.bytes[ds.MOTOR_COMMAND_LOW] &= 0xF0
-    file.bytes[ds.PWM_FRACTION] &= 0xF0
-    return file
-
-
 IMAGES = st.binary(min_size=ds.REGISTERS.size, max_size=ds.REGISTERS.size)
 
 
 @given(content=IMAGES)
-def test_what_samples_show_goes_back_into_the_registers_as_it_was(content: bytes) -> None:
-    file = registers(content)
-    before = bytes(file.bytes)
-    shown, again = Shown(), Shown()
-    shown.load(before)
-    again.copy(shown)
-    again.store(file.bytes)
-    assert bytes(file.bytes) == before
-
-
-@given(content=IMAGES)
-def test_a_picture_says_what_the_registers_say(content: bytes) -> None:
-    file = registers(content)
-    data = file.bytes
-    picture = Picture()
-    picture.take(bytes(file.bytes))
-    assert picture.command == file.value("COMMAND_POSITION")
-    assert picture.final == file.value("FINAL_POSITION")
-    assert picture.max_error == file.value("MAX_ERROR")
-    assert picture.jerk == data[ds.JERK_MSB] << 8 | data[ds.JERK_LSB]
-    assert picture.accel == (data[ds.ACCEL_MSB] & 0x7F) << 8 | data[ds.ACCEL_LSB]
-    assert (picture.kp, picture.ki, picture.kd) == (data[ds.KP], data[ds.KI], data[ds.KD])
-    assert abs(picture.goal) <= 1 << 23
-    if data[ds.FEATURE] & ds.HIGH_RESOLUTION:
-        assert picture.top == abs(picture.goal)
+def test_velocities_are_what_the_registers_of_one_resolution_say(content: bytes) -> None:
+    sampled = SampledRegisters()
+    sampled.image = content
+    assert sampled.accel == (content[0x27] & 0x7F) << 8 | content[0x26]
+    if content[0x01] & ds.HIGH_RESOLUTION:
+        velocity = int.from_bytes(content[0x23:0x26], "big", signed=True)
+        assert (sampled.velocity_goal, sampled.top_velocity) == (velocity, abs(velocity))
     else:
-        assert picture.top == (data[ds.PROFILE_VELOCITY] & 0x7F) << 8
-        assert picture.goal % 256 == 0
+        velocity = int.from_bytes(content[0x3C:0x3D], "big", signed=True)
+        assert sampled.velocity_goal == 256 * velocity
+        assert sampled.top_velocity == (content[0x28] & 0x7F) << 8
 
 
-@given(
-    content=IMAGES,
-    acts=st.lists(
-        st.tuples(st.sampled_from(["sample", "results", "host"]), st.integers(0, 255)), max_size=20
-    ),
-)
-def test_registers_kept_in_words_are_at_any_time_what_bytes_would_be(
-    content: bytes, acts: list[tuple[str, int]]
-) -> None:
-    file, model = registers(content), registers(content)
-    sheet = Sheet(file)
-    begun = sheet.image
-    for act, value in acts:
-        if act == "sample":
-            sheet.take_picture()
-            sheet.keep()
-            begun = bytes(model.bytes)
-            assert sheet.picture.flag == begun[ds.FLAG]
-            assert sheet.picture.kp == begun[ds.KP]
-            assert sheet.picture.command == model.value("COMMAND_POSITION")
-        elif act == "results":
-            sheet.write_on()
-            expected = Shown()
-            expected.load(bytes(model.bytes))
-            for shown in (sheet.shown, expected):
-                shown.status = value
-                shown.command = value << 9
-                shown.dac = value << 4
-                shown.velocity = -value
-            expected.store(model.bytes)
-        else:
-            sheet.settle()
-            assert bytes(file.bytes) == bytes(model.bytes)
-            for each in (file, model):
-                each.bytes[ds.KP] = value
-                each.bytes[ds.FLAG] = value
-        assert sheet.image == begun
-    sheet.settle()
-    assert bytes(file.bytes) == bytes(model.bytes)
+@given(dac=st.integers(0, 0xFFF), pwm=st.integers(-0x800, 0x7FF))
+def test_outputs_are_in_the_registers_what_was_put_out(dac: int, pwm: int) -> None:
+    registers = RegisterFile()
+    registers.drive(dac, pwm)
+    assert (registers.dac, registers.pwm) == (dac, pwm)
+    assert registers.image[0x08:0x0A] == bytes((dac >> 4, pwm >> 4 & 0xFF))
+    assert registers.image[0x4C:0x4E] == bytes((dac << 4 & 0xF0, pwm << 4 & 0xF0))
 
 
 FLAGS = st.sampled_from([0x08, 0x0B, 0x0C, 0x0D, 0x00, 0x03, 0x04, 0x05])
+FEATURE, KP, MODE = (ds.REGISTERS[name].low for name in ("FEATURE", "KP", "MODE"))
+LAST_BYTES = [
+    ds.REGISTERS[name].low
+    for name in (
+        "FEATURE", "CAPTURE_CONTROL", "EXCEPTION", "COMMAND_INCREMENT", "COMMAND_POSITION",
+        "VELOCITY_COMMAND", "VELOCITY", "FINAL_POSITION", "ACCELERATION", "PROFILE_VELOCITY",
+        "BACKLASH", "DEADBAND", "FORCED_EXCEPTION", "MAX_ERROR", "KP", "KD", "LEAD_GAIN",
+        "SATURATION", "DAC_OFFSET", "ENCODER_PWM", "PWM_COMMAND", "BREAKPOINT",
+    )
+]  # fmt: skip
 WRITES = st.one_of(
     st.tuples(st.just(ds.FLAG), FLAGS),
-    st.tuples(st.just(ds.MODE), st.sampled_from([1, 2, 3, 3, 3])),
-    st.tuples(
-        st.sampled_from(
-            [ds.FEATURE, ds.CAPTURE_CONTROL, ds.EXCEPTION, ds.COMMAND_INCREMENT, ds.COMMAND_LSB,
-             ds.VELOCITY_COMMAND, ds.VELOCITY_LSB, ds.FINAL_LSB, ds.ACCEL_LSB, ds.PROFILE_VELOCITY,
-             ds.BACKLASH, ds.DEADBAND, ds.FORCED_EXCEPTION, ds.MAX_ERROR_LSB, ds.KP, ds.KD,
-             ds.LEAD_GAIN, ds.SATURATION, ds.DAC_OFFSET, ds.ENCODER_PWM, ds.PWM_COMMAND,
-             ds.BREAK_LSB]
-        ),
-        st.integers(0, 255),
-    ),
+    st.tuples(st.just(MODE), st.sampled_from([1, 2, 3, 3, 3])),
+    st.tuples(st.sampled_from(LAST_BYTES), st.integers(0, 255)),
     st.tuples(st.just(ds.CONFIG), st.integers(0, 127).map(lambda value: 2 * value | 1)),
-)  # fmt: skip
+)
 
 
 def board() -> Board:
@@ -195,7 +135,7 @@ def test_samples_in_one_go_leave_what_samples_looked_at_one_by_one_do(
     whole, looked_at = board(), board()
     for made in (whole, looked_at):
         port = made.open_port("h")
-        for register, value in ((ds.CONFIG, 1), (ds.FEATURE, 8), (ds.KP, 20), (ds.MODE, 3)):
+        for register, value in ((ds.CONFIG, 1), (FEATURE, 8), (KP, 20), (MODE, 3)):
             port.write(register, value)
             port.delay(600_000_000)
         for (register, value), span in host:

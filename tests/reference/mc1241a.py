@@ -484,8 +484,9 @@ class Axis:
     def update(self, loaded: dict[str, int], told: set[str], limits_on: bool, sense: int) -> None:
         """PMD-UPD-1."""
         moving = self.in_motion()
-        keep: tuple[str, ...] = ("POS",)
+        keep: tuple[str, ...] = ()
         active = self.active
+        before = active["POS"]
         if moving and self.mode == TRAPEZOIDAL and loaded["ACC"] != active["ACC"]:
             self.events |= REFUSED
             keep += ("ACC", "VEL")
@@ -506,14 +507,12 @@ class Axis:
         if "STOP" in told:
             self.halt()
             self.events |= COMPLETE
-            active["POS"] = self.target >> 32
             return
         if "SMOOTH_STOP" in told and self.mode != GEAR:
             self.halted = False
             self.smooth_stop()
             return
         if not self.motor_on:
-            active["POS"] = loaded["POS"]
             return
         if self.mode in (TRAPEZOIDAL, S_CURVE):
             way = loaded["POS"] * ONE - self.target
@@ -523,9 +522,9 @@ class Axis:
             ):
                 # Refused, it sets nothing free either.
                 self.events |= REFUSED
+                active["POS"] = before
                 return
         self.halted = False
-        active["POS"] = loaded["POS"]
         self.smooth = False
         if self.mode == VELOCITY:
             self.running = True
@@ -688,6 +687,7 @@ class MC1241A:
         self.axes = [Axis(number + 1) for number in range(axes)]
         self.current = self.axes[0]
         self.interrupting: Axis | None = None
+        self.line_rests = False
         self.time = 0
         self.limits_on = True
         self.sense = 0
@@ -812,6 +812,7 @@ class MC1241A:
             if self.interrupting:
                 self.interrupting.clear(value)
                 self.interrupting = None
+                self.line_rests = True
         elif name == "CLR_STATUS":
             axis.clear(0)
         elif name == "RST_STATUS":
@@ -931,10 +932,15 @@ class MC1241A:
             axis.watch_error()
         self.interrupt()
 
+    def line_has_rested(self) -> None:
+        """A clock has passed since RST_INTRPT (PMD-INT-3)."""
+        self.line_rests = False
+        self.interrupt()
+
     def interrupt(self) -> None:
         """PMD-INT-1, PMD-INT-2."""
         for axis in self.axes:
-            if not self.interrupting and axis.events & axis.mask:
+            if not self.interrupting and not self.line_rests and axis.events & axis.mask:
                 self.interrupting = axis
 
     def look_up(self, slot: int) -> list[tuple[int, int]]:

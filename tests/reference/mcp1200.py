@@ -170,7 +170,7 @@ class Reference:
         self.r = [0] * 128
         for address, value in HARD_DEFAULTS.items():
             self.r[address] = value
-        self.state = IDLE
+        self.state = self.r[0x05] = IDLE
         self.order: int | None = None
         """What the host has written to R05 since the sample began."""
         self.actual = 0
@@ -277,8 +277,6 @@ class Reference:
             address &= 0x3F
         if address in (0x0C, 0x0D, 0x0E):
             return self.command >> 8 * (0x0E - address) & 0xFF
-        if address == 0x05:
-            return self.state
         if address == 0x0F:
             return self.reload - (cycle - self.started) // self.tick
         if address == 0x14:
@@ -450,7 +448,7 @@ class Reference:
             if order != CONTROL:
                 self.idle_sample()
                 return 0
-            self.state = CONTROL
+            self.state = self.r[0x05] = CONTROL
             self.r[0x00] &= ~F1
             self.limit_noted = self.stop_noted = False  # NOTES 28
             self.break_noted = self.error_noted = False
@@ -576,8 +574,9 @@ class Reference:
             self.action = 2
 
     def results(self) -> None:
-        """BUSY falls: everything computed appears (MCP-SMP-5)."""
+        """BUSY falls: everything computed appears, halts in R05 too (MCP-SMP-5, NOTES 4)."""
         self.computing = False
+        self.r[0x05] = self.state
         self.run(self.busy_until)
         self.generate()
         self.measure()
@@ -594,7 +593,7 @@ class Reference:
 
     def enter_idle(self) -> None:
         """MCP-MOD-2."""
-        self.state = IDLE
+        self.state = self.r[0x05] = IDLE
         self.busy_until = self.started
         self.r[0x00] = self.r[0x00] & ~F2 | F1
         self.outputs_off()
@@ -646,7 +645,7 @@ class Reference:
 
     def soft_reset(self, cycle: int) -> None:
         """A reset begins (MCP-RST-4, MCP-RST-5, NOTES 18)."""
-        self.state = RESET
+        self.state = self.r[0x05] = RESET
         self.r[0x00] = 0
         self.started = cycle + RESET_CLK
 
@@ -655,7 +654,7 @@ class Reference:
         for address, value in SOFT_DEFAULTS.items():
             self.r[address] = value
         self.clear_errors()
-        self.state = IDLE
+        self.state = self.r[0x05] = IDLE
         self.order = None
         self.command = 0
         self.actual = self.last_actual = self.r[0x12] = self.r[0x13] = 0
@@ -845,8 +844,10 @@ class Reference:
             elif new < u or not rest:
                 self.deceleration_position(self.generated)
                 self.r[0x06] = 6
+            elif new == u < top:
+                self.r[0x06] = self.r[0x06] or 2  # NOTES 9
             else:
-                self.r[0x06] = 4 if new == u == top else 2
+                self.r[0x06] = 4 if new == u else 2
         self.move(self.velocity)
         self.rest -= self.velocity
         self.command_velocity = self.velocity

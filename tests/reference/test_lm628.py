@@ -159,7 +159,8 @@ class Pair:
     def run_for(self, duration: int) -> None:
         self.run_to(self.bench.now + duration)
 
-    def run_to(self, when: int) -> None:
+    def run_to(self, when: int, sampled: bool = True) -> None:
+        """Come to ``when``; unless ``sampled``, a sample at that instant is still to come."""
         while (due := min(self.sample_at, self.index_at, self.reset_at)) <= when:
             if due == self.reset_at:
                 self.model.reset_done(self.count_at(due))
@@ -168,8 +169,10 @@ class Pair:
                 assert self.next_index is not None
                 self.model.index(self.next_index)
                 self.index_at = NEVER
-            else:
+            elif due < when or sampled:
                 self.sample()
+            else:
+                break
         self.bench.at(when)
 
     def count_at(self, when: int) -> int:
@@ -268,12 +271,14 @@ class Pair:
         is_busy = ready > self.bench.now
         if is_busy:
             self.poke(ready, 1)
-            self.run_to(ready)
+            # What ends at the instant of a sample is seen by it (LM-TRJ-17).
+            self.run_to(ready, sampled=False)
         if kind == "command":
             model.command(byte)
             busy = True
         elif kind == "write":
             busy = model.write(byte)
+        self.run_to(self.bench.now)
         self.agree("busy", is_busy, busy)
         return got, ours
 

@@ -123,6 +123,8 @@ class Host:
         """Moves of the period under way, which ends at the next sample's start."""
         self.plant.moves.clear()
         self.cycle = 0
+        self.period = (0, 0)
+        """The plant's period under way in the accesses: where it begins and ends."""
         self.sample = 0
         self.written: list[str] = []
         self.seen: set[str] = set()
@@ -148,13 +150,29 @@ class Host:
             self.reset()
 
     def unsettled(self, address: int, data: int) -> bool:
-        """Whether the plant's period would outlast a reset and the sample after it (NOTES 5)."""
+        """Whether this is a reset that cannot be told apart from the plant's period under way."""
         model = self.model
         register = address if model.r[0x02] & 1 else address & 0x3F
         if register != 0x05 or data or model.state != IDLE:
             return False
-        first = self.cycle + 4 + RESET_CLK + 0x41 * (model.word(0x10, 0x11) + 1)
-        return model.next_start > first
+        end = self.cycle + 4 + RESET_CLK
+        first = end + 0x41 * (model.word(0x10, 0x11) + 1)
+        return self.cut(end, end, first)
+
+    def cut(self, earliest: int, latest: int, first: int) -> bool:
+        """Whether the plant's period outlasts a reset and the sample after it, or moves at its end.
+
+        The period under way in idle mode goes on in a reset (NOTES 5); what the encoder moves
+        before its end is lost, and which part of a move that is the model does not know.
+
+        Args:
+            earliest: cycle in which the reset ends,
+            latest: or this, or one between them.
+            first: start of the first sample after it.
+        """
+        begin, end = self.period
+        moves = begin + int(MOVING * (end - begin))
+        return end > first or (moves <= latest and earliest < end)
 
     def reset(self) -> None:
         """A reset that has just begun; sometimes the host writes into it."""
@@ -310,6 +328,7 @@ class Host:
         """What the host does in this sample; the encoder does not move meanwhile."""
         random, model = self.random, self.model
         begun = max(model.busy_until, model.started)
+        self.period = (begun, model.next_start)
         room = begun + int(MOVING * (model.next_start - begun)) - 200
         for _ in range(random.choice((0, 0, 0, 1, 1, 2, 4))):
             if self.cycle < room:
@@ -352,8 +371,9 @@ class Host:
         self.write(0x05, self.random.choice((0, 1, 1, 2, 3, 3, 3, 3, 3, 9)))
 
     def hard_reset(self) -> None:
-        if self.random.random() < 0.9 or self.model.next_start > self.cycle + RESET_CLK + 0x1040:
-            return  # The plant would outlast the reset (NOTES 5).
+        end = self.cycle + RESET_CLK
+        if self.random.random() < 0.9 or self.cut(end, end + 50, end + 0x1040):
+            return
         self.drive("/RESET", 0)
         self.to(self.cycle + self.random.randrange(2, 40))
         self.drive("/RESET", 1)

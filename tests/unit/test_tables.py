@@ -35,6 +35,33 @@ def test_a_register_map_finds_rows_by_name_and_by_address() -> None:
     assert (low.bits, high.bits) == (8, 16)
 
 
+class Hooks:
+    """What rows name."""
+
+    no_method = 1
+
+    def store(self) -> None: ...
+
+    def start(self) -> None: ...
+
+
+def test_the_methods_rows_name_are_found_by_address() -> None:
+    rows = (
+        Register("A", (1, 2)),
+        Register("B", (3,), on_write="start"),
+        Register("C", (4,), 0, "r"),
+    )
+    found = RegisterMap(16, *rows).find_hooks("on_write", Hooks, "store")
+    assert found == {1: Hooks.store, 2: Hooks.store, 3: Hooks.start}
+
+
+@pytest.mark.parametrize("name", ["strat", "no_method"])
+def test_a_row_that_names_no_method_is_refused(name: str) -> None:
+    rows = RegisterMap(16, Register("A", (0,), on_read=name))
+    with pytest.raises(ValueError, match=f"^A: there is no method '{name}'$"):
+        rows.find_hooks("on_read", Hooks)
+
+
 @pytest.mark.parametrize(
     ("rows", "problem"),
     [
@@ -47,3 +74,18 @@ def test_a_command_table_refuses_a_code_or_a_mnemonic_that_is_taken(
 ) -> None:
     with pytest.raises(ValueError, match=f"^{re.escape(problem)}$"):
         CommandTable(*rows)
+
+
+def test_each_hook_is_found_in_the_first_class_that_has_it() -> None:
+    class First:
+        def both(self) -> None: ...
+
+    class Second(First):
+        def second(self) -> None: ...
+
+    table = CommandTable(
+        Command("A", 1, hook="both"), Command("B", 2, hook="second"), Command("C", 3)
+    )
+    assert table.find_hooks(First, Second) == {"both": First, "second": Second}
+    with pytest.raises(ValueError, match=r"^B: there is no method 'second'$"):
+        table.find_hooks(First)

@@ -176,7 +176,7 @@ class HostBus(HostReach):
         return data
 
     def lease(self, address: int) -> tuple[int, int, int] | None:
-        """Tell how long the byte just read will be read again; see :class:`HostPort`.
+        """How long the byte just read will be read again; :class:`~vbus.protocols.port.HostPort`.
 
         Nothing is promised in real time, nor while another host could touch the chips.
         """
@@ -200,7 +200,7 @@ class HostBus(HostReach):
         return outputs, now, self._leased_until
 
     def foresee(self, address: int) -> tuple[int, int] | None:
-        """Tell what comes after the lease just given; see :class:`HostPort`."""
+        """Tell what comes after the lease just given (:class:`~vbus.protocols.port.HostPort`)."""
         chip, when = self._chip, self._leased_until
         following = chip.foresee(address, when) if chip is not None else None
         if following is None:
@@ -391,17 +391,17 @@ class HostBus(HostReach):
         """Return and forget the edges seen since the last call."""
         return self._pins.take_edges()
 
-    # -- end ----------------------------------------------------------------------------------
-
     def close(self) -> None:
         """The session has ended: let go of lines, pins, claims and events."""
-        self.board.player.flush()
-        self.strobes.before()
-        self._pins.unsolder()
-        self.strobes.after()
-        self.unclaim()
-        if self in self._hosts.ports:
-            self._hosts.ports.remove(self)
+        try:
+            self.board.player.flush()
+            self.strobes.before()
+            self._pins.unsolder()
+            self.strobes.after()
+        finally:  # whatever happens on the board: others may wait for the claim
+            self.unclaim()
+            if self in self._hosts.ports:
+                self._hosts.ports.remove(self)
 
     def let_go(self) -> None:
         """Let go of lines, pins, claims, events and promises, as if the session began anew."""

@@ -49,6 +49,8 @@ class Chip:
     TRACELESS: ClassVar[bool] = False
     """Whether reads at these addresses leave no trace in the chip's state either, so that of many
     in a row only the last need be run."""
+    PERIOD_CLK: ClassVar[int] = 0
+    """Clock periods for which the mechanics behind an axis run at a time; 0: the chip says so."""
     OPTIONS: ClassVar[tuple[Option, ...]] = ()
     CARD_DECODES: ClassVar[dict[str, tuple[CardRow, ...]]] = {}
     """Address decodes of known cards, by name; an address may lie beyond :attr:`ADDRESS_BITS`
@@ -199,6 +201,16 @@ class Chip:
         """
         raise ValueError(f"{self.part}: this chip does not let its plant be exchanged")
 
+    def move_instants(self, shift: Callable[[int, int], int]) -> None:
+        """Move the instants the chip waits for: its clock stands, or runs again.
+
+        Args:
+            shift: gives where an instant lies then, from where it was and from now (ps).
+        """
+
+    def follow_clock(self) -> None:
+        """The clock has another course: so is when the next things come."""
+
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
         """Return the edges of a whole bus cycle, for when somebody watches the bus.
 
@@ -268,8 +280,15 @@ class Chip:
             self._heard = False
             self._timer.cancel()
 
+    def touched(self) -> None:
+        """Something from outside has changed the chip: what follows from its state follows.
+
+        Call it at the end of whatever does so: bus cycles, edges at inputs, faults.
+        """
+        self.rearm()
+
     def rearm(self) -> None:
-        """Set the timer to the next event, if anybody listens. Call after every outside event."""
+        """Set the timer to the next event, if anybody listens."""
         if self._heard:
             due = self.next_event()
             if due == NEVER:

@@ -28,7 +28,7 @@ class Family:
         home: the package it lies in.
         title: its parts, for people: ``"LM628 and LM629"``.
         kind: what they are, for people: ``"motion controller"``.
-        sheet: the module of its tables: ``COMMANDS`` or ``REGISTERS``, ``AC``, ``RULES``.
+        datasheet: the module of its tables: ``COMMANDS`` or ``REGISTERS``, ``AC``, ``RULES``.
         bus: what makes cycles of edges, a ``BusWatch``.
         packets: what reads cycles in the manual's words, a ``Decoder``.
         coverage: what a host can exercise, an ``Exercises``; made from the tables if left out.
@@ -50,7 +50,7 @@ class Family:
         outputs: pins a host looks at, and that are compared with silicon.
         channels: sigrok's names of the control lines; made from those of the pins if left out.
         addresses: what its page says of each bus address: number, how, read, write.
-        bits: bit tables of its page: heading, and the name in :attr:`sheet`.
+        bits: bit tables of its page: heading, and the name in :attr:`datasheet`.
         kept: rows of AC tables that the chip keeps itself and no host can break.
     """
 
@@ -59,7 +59,7 @@ class Family:
     home: str = ""
     title: str = ""
     kind: str = ""
-    sheet: str = ""
+    datasheet: str = ""
     bus: str = ""
     packets: str = ""
     coverage: str = ""
@@ -84,7 +84,7 @@ class Family:
     kept: frozenset[str] = frozenset()
 
     def load(self, role: str, base: type[_T]) -> type[_T] | None:
-        """Return the class that :attr:`role` names, or None if it is left out.
+        """Return the class that attribute ``role`` names, or None if it is left out.
 
         Raises:
             PluginError: it cannot be imported, or is no subclass of ``base``.
@@ -100,7 +100,7 @@ class Family:
         return found
 
     def object(self, role: str) -> Any:
-        """Return the object that :attr:`role` names, or None if it is left out.
+        """Return the object that attribute ``role`` names, or None if it is left out.
 
         Raises:
             PluginError: it cannot be imported.
@@ -125,7 +125,7 @@ class Family:
     @property
     def tables(self) -> ModuleType | None:
         """The module of its tables."""
-        found: ModuleType | None = self.object("sheet")
+        found: ModuleType | None = self.object("datasheet")
         return found
 
     @property

@@ -1,4 +1,4 @@
-"""AC limits of a bus: the manual's timing table, and the check of measured intervals."""
+"""AC limits: the manual's timing table, and the check of measured intervals."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,8 @@
 """Rows of which a datasheet is made: pins, commands, registers, bits. Data, and checks on it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any, Final
 
 from vbus.signals import HIGH
 
@@ -81,7 +82,11 @@ class Command:
         title: the manual's description.
         note: when it may be used.
         scope: ``"c"`` current axis, ``"g"`` global, ``"i"`` interrupting axis, ``""`` single axis.
-        parameter: name of the plain parameter it sets or gets, if it does only that.
+        hook: name of the method that carries it out, if it does not just set or get a parameter.
+        parameter: the parameter it sets or gets: an attribute of the chip's parts, by its path.
+        value: what a command without data gives to its parameter or hook.
+        bits: how many bits of the data are kept; 0 for all.
+        least: smallest value kept, where it is not that of its bits.
         buffered: the value takes effect at an update.
         signed: the (single) value is two's complement.
         fraction: fraction bits of the value.
@@ -96,15 +101,14 @@ class Command:
     title: str = ""
     note: str = ""
     scope: str = ""
+    hook: str = ""
     parameter: str = ""
+    value: int | None = None
+    bits: int = 0
+    least: int = 0
     buffered: bool = False
     signed: bool = False
     fraction: int = 0
-
-    @property
-    def handler(self) -> str:
-        """Name of the method that carries it out."""
-        return "cmd_" + self.name.lower()
 
 
 class CommandTable:
@@ -139,6 +143,26 @@ class CommandTable:
         """Return the row with this command byte, or None if the code is undefined."""
         return self._by_code.get(code)
 
+    def find_hooks(self, *owners: type) -> dict[str, type]:
+        """Return which of ``owners`` has each hook, the first one that does.
+
+        Raises:
+            ValueError: a row names a hook that none has.
+        """
+        found: dict[str, type] = {}
+        for row in self.rows:
+            if row.hook:
+                having = [owner for owner in owners if hasattr(owner, row.hook)]
+                if not having:
+                    raise ValueError(f"{row.name}: there is no method {row.hook!r}")
+                found[row.hook] = having[0]
+        return found
+
+
+LIVE: Final = "at once"
+SAMPLED: Final = "with the next sample"
+REPORTED: Final = "as the last sample left it"
+
 
 @dataclass(frozen=True, slots=True)
 class Register:
@@ -153,6 +177,11 @@ class Register:
         fraction: fraction bits.
         clause: clause id.
         title: the manual's name.
+        unit: what its value counts.
+        counts: when its value means something: :data:`LIVE`, :data:`SAMPLED`, :data:`REPORTED`.
+        fields: its bits by name.
+        on_read: method of the chip that gives its bytes; "": they are read as they stand.
+        on_write: method of the chip that takes its bytes; "": they are stored.
     """
 
     name: str
@@ -163,11 +192,21 @@ class Register:
     fraction: int = 0
     clause: str = ""
     title: str = ""
+    unit: str = ""
+    counts: str = ""
+    fields: tuple[Bit, ...] = ()
+    on_read: str = ""
+    on_write: str = ""
 
     @property
     def bits(self) -> int:
         """Width of the whole value."""
         return 8 * len(self.addresses)
+
+    @property
+    def low(self) -> int:
+        """Address of the least significant byte."""
+        return self.addresses[-1]
 
 
 class RegisterMap:
@@ -201,3 +240,27 @@ class RegisterMap:
     def at(self, address: int) -> Register | None:
         """Return the register that holds the byte at ``address``, or None."""
         return self._by_address.get(address)
+
+    def find_hooks(
+        self, role: str, owner: type, plain: str = "", read_only: str = ""
+    ) -> dict[int, Callable[..., Any]]:
+        """Return the methods of ``owner`` that rows name, by the addresses of their bytes.
+
+        Args:
+            role: which name of a row: ``"on_read"`` or ``"on_write"``.
+            owner: class of the methods.
+            plain: method of rows that name none; "": none.
+            read_only: the same for rows that cannot be written.
+
+        Raises:
+            ValueError: a row names what is no method of ``owner``.
+        """
+        found: dict[int, Callable[..., Any]] = {}
+        for row in self.rows:
+            name = getattr(row, role) or (plain if row.access != "r" else read_only)
+            if name:
+                method = getattr(owner, name, None)
+                if not callable(method):
+                    raise ValueError(f"{row.name}: there is no method {name!r}")
+                found.update(dict.fromkeys(row.addresses, method))
+        return found

@@ -80,7 +80,7 @@ class Lease:
             return False
         return not self.run or 0 <= instant - self.run[-1] <= LONGEST_STEP
 
-    def told(self) -> None:
+    def clear(self) -> None:
         """The board has been told of the polls."""
         self.polls = 0
         self.run = []

@@ -18,6 +18,7 @@ class Link:
     Args:
         where: how it was asked for, for messages.
         fd: the descriptor; it is made non-blocking and belongs to the link from now on.
+        board: the board it must lead to; empty if that is not known.
     """
 
     by_descriptor: bool = True
@@ -26,8 +27,9 @@ class Link:
     patience: float = 0.0
     """Seconds the link may be out of order and mend itself: replies may take so much longer."""
 
-    def __init__(self, where: str, fd: int) -> None:
+    def __init__(self, where: str, fd: int, board: str = "") -> None:
         self.where: str = where
+        self.board: str = board
         self.fd: int = fd
         os.set_blocking(fd, False)
 
@@ -67,6 +69,18 @@ class Link:
                 code = connected.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             if code:
                 raise TransportError(f"{self.where} cannot be opened: {os.strerror(code)}")
+
+    def check_board(self, board: str) -> None:
+        """Compare the board that has answered with the one that should.
+
+        Raises:
+            TransportError: it is another one.
+        """
+        if self.board not in ("", board):
+            raise TransportError(
+                f"{self.where} leads to the board {board}, not to {self.board}: is that one still"
+                " running? (vbus ls)"
+            )
 
     def close(self) -> None:
         """Close the descriptor; again is harmless."""

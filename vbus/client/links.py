@@ -1,15 +1,18 @@
 """Opening links to a board: PTY, Unix socket, TCP, serial device, Zenoh."""
 
 import errno
+import fcntl
 import os
 import socket
 import termios
 import tty
+from pathlib import Path
 from typing import Final
 from urllib.parse import parse_qs
 
 from vbus.client.link import Link
 from vbus.errors import TransportError
+from vbus.runtime import expanded, lock_of
 
 KINDS: Final = (
     "pty:PATH, unix:PATH, tcp:HOST:PORT, serial:PATH?baud=RATE,"
@@ -17,18 +20,23 @@ KINDS: Final = (
 )
 
 
+MOST_LINKS: Final = 8
+"""Names that may lead to a board's name one after the other."""
+
+
 def open_link(where: str) -> Link:
     """Open a link; a TCP connection may still be on its way (see :meth:`Link.check`).
 
     ``where`` is ``"pty:PATH"``, ``"unix:PATH"``, ``"tcp:HOST:PORT"``,
     ``"serial:PATH?baud=115200"``, ``"zenoh:BOARD/CHIP?connect=ENDPOINT"``, or the path of a PTY.
-    ``$NAME`` stands for an environment variable.
+    ``$NAME`` stands for an environment variable, ``$VBUS_RUNTIME`` for the runtime directory also
+    where that is not set.
 
     Raises:
         TransportError: the link cannot be opened; says why and what to do.
         ValueError: ``where`` is none of these.
     """
-    place = os.path.expandvars(where)
+    place = expanded(where)
     kind, colon, rest = place.partition(":")
     if place.startswith(("/", ".")):
         kind, rest = "pty", place
@@ -38,11 +46,14 @@ def open_link(where: str) -> Link:
         from vbus.client.zenoh_link import open_zenoh
 
         return open_zenoh(rest)
+    board = ""
     opener = {"pty": _open_pty, "unix": _open_unix, "tcp": _open_tcp, "serial": _open_serial}
     if kind not in opener or not rest:
         raise ValueError(f"{where!r} is no link; allowed are {KINDS}")
     try:
-        return Link(f"{kind}:{rest}", opener[kind](rest))
+        if kind == "pty":
+            board = _board_at(Path(rest))
+        return Link(f"{kind}:{rest}", opener[kind](rest), board)
     except (OSError, termios.error) as error:
         reason = error.args[1] if len(error.args) > 1 else str(error)
         if "$" in rest:
@@ -52,6 +63,28 @@ def open_link(where: str) -> Link:
         elif error.args[:1] == (errno.ECONNREFUSED,):
             reason = "nobody listens there; is the board running? (vbus ls)"
         raise TransportError(f"{kind}:{rest} cannot be opened: {reason}") from error
+
+
+def _board_at(name: Path) -> str:
+    """Return the board that has made a name; empty if nobody says.
+
+    Raises:
+        OSError: its process is gone: the terminal may be another's by now.
+    """
+    for _ in range(MOST_LINKS):
+        if name.is_symlink() and not os.readlink(name).startswith("/dev/"):
+            name = name.parent / os.readlink(name)
+    try:
+        fd = os.open(lock_of(name), os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return ""
+    try:
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return os.read(fd, 4096).decode("utf-8", "replace").partition("\n")[2].strip()
+    finally:
+        os.close(fd)
+    raise OSError(errno.ESTALE, "the board it led to was killed; start it again (vbus ls)")
 
 
 def _open_pty(path: str) -> int:

@@ -92,7 +92,7 @@ class Later(Generic[T]):
         return self._value  # type: ignore[return-value]
 
     def settle(self, values: Values) -> None:
-        """Take the reply's values; for :class:`Wire` only."""
+        """Take the reply's values; for :class:`~vbus.client.wire.Wire` only."""
         try:
             self._value = self._decode(values)
         except ValueError as error:
@@ -100,7 +100,7 @@ class Later(Generic[T]):
         self.done = True
 
     def fail(self, error: VbusError) -> None:
-        """Take an error in the reply's place; for :class:`Wire` only."""
+        """Take an error in the reply's place; for :class:`~vbus.client.wire.Wire` only."""
         self._error = error
         self.done = True
 

@@ -2,6 +2,7 @@
 
 import select
 import threading
+import time
 from collections.abc import Callable
 from time import monotonic
 from typing import TypeVar
@@ -16,6 +17,11 @@ def until_ready(fd: int, write: bool, deadline: float) -> bool:
     poll = select.poll()
     poll.register(fd, select.POLLIN | select.POLLOUT if write else select.POLLIN)
     return bool(poll.poll(max(0.0, deadline - monotonic()) * 1000))
+
+
+def pause(seconds: float) -> None:
+    """Wait for a while."""
+    time.sleep(seconds)
 
 
 def opened(open_link: Callable[[str], T], where: str) -> T:

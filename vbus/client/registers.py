@@ -8,7 +8,8 @@ class Registers:
     """Values of one or more bytes.
 
     Args:
-        cycles: the chip on its bus, from :meth:`Bus.chip`; or a bus with one chip.
+        cycles: the chip on its bus, from :meth:`~vbus.client.bus.Bus.chip`; or a bus
+            with one chip.
     """
 
     def __init__(self, cycles: Cycles) -> None:

@@ -83,9 +83,9 @@ class Wire:
         if lease is None or mask not in (None, self.selected) or self._dead is not None:
             return None
         if lease.stamps and message.only_stamp:
-            told = b"" if lease.takes(message.stamp) else self.tell_polls()
+            polls = b"" if lease.takes(message.stamp) else self.tell_polls()
             lease.at(message.stamp)
-            return told
+            return polls
         if message.polls < 0 or not lease.poll(message.polls):
             return None
         for _, later in message.requests:
@@ -106,7 +106,7 @@ class Wire:
             )
         if lease.polls:
             data += self._tell("POLLED", lease.address, lease.polls)
-        lease.told()
+        lease.clear()
         if lease.stamp >= 0:
             data += self._tell("AT", lease.stamp)
             lease.stamp_sent()

@@ -11,10 +11,13 @@ import contextlib
 import os
 import threading
 from collections import deque
+from dataclasses import dataclass
 from time import monotonic
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 from urllib.parse import parse_qsl
 from weakref import WeakSet
+
+import zenoh
 
 from vbus.client.link import Link
 from vbus.errors import TransportError
@@ -22,9 +25,6 @@ from vbus.network import envelope, keys, places
 from vbus.network.access import ask_access
 from vbus.network.security import Security
 from vbus.network.session import close_session, open_session
-
-if TYPE_CHECKING:
-    import zenoh
 
 FORM: Final = "zenoh:BOARD/CHIP?connect=tcp/HOST:PORT"
 FIRST_SECONDS: Final = 0.5
@@ -55,22 +55,27 @@ def _close_all() -> None:
 atexit.register(_close_all)
 
 
+@dataclass(slots=True)
 class _Query:
-    """A message under way: takes what Zenoh's threads bring."""
+    """A message under way: takes what Zenoh's threads bring.
 
-    __slots__ = ("data", "link", "number", "over", "sendings", "sent", "silent_since")
+    Attributes:
+        link: its link.
+        number: its number.
+        data: its bytes.
+        sent: when it was sent the last time.
+        sendings: how often it was sent.
+        over: the last sending that has ended without an answer; 0: none.
+        silent_since: when it was first found that nobody answers; 0 if somebody may.
+    """
 
-    def __init__(self, link: ZenohLink, number: int, data: bytes) -> None:
-        self.link: ZenohLink = link
-        self.number: int = number
-        self.data: bytes = data
-        self.sent: float = 0.0
-        """When it was sent the last time."""
-        self.sendings: int = 0
-        self.over: int = 0
-        """The last sending that has ended without an answer; 0: none."""
-        self.silent_since: float = 0.0
-        """When it was first found that nobody answers; 0 if somebody may."""
+    link: ZenohLink
+    number: int
+    data: bytes
+    sent: float = 0.0
+    sendings: int = 0
+    over: int = 0
+    silent_since: float = 0.0
 
     def take(self, reply: zenoh.Reply) -> None:
         """Take the reply; called in a thread of Zenoh's."""
@@ -124,15 +129,13 @@ class ZenohLink(Link):
         security: Security | None = None,
         patience: float | None = None,
     ) -> None:
-        import zenoh
-
         super().__init__(where, os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC))
         self._bus_key: str = bus_key
         self._endpoints: tuple[str, ...] = endpoints
         self._security: Security | None = security
         if patience is not None:
             self.patience = patience
-        self._recovery: float = RECOVERY_SECONDS if patience is None else patience
+        self._reheadery: float = RECOVERY_SECONDS if patience is None else patience
         self._network: zenoh.Session = session
         self._name: bytes = envelope.new_session()
         self._number: int = 0
@@ -144,14 +147,14 @@ class ZenohLink(Link):
         self._searching: bool = False
         self._closed: bool = False
         self._error: TransportError | None = None
-        self._target: Any = zenoh.QueryTarget.BEST_MATCHING
-        self._whole: Any = zenoh.ConsolidationMode.NONE
-        self._callback: Any = zenoh.handlers.Callback
-        token = keys.host(bus_key, self._name.hex())
-        self._token: Any = session.liveliness().declare_token(token)
-        self._events: Any = session.declare_subscriber(
-            token, zenoh.handlers.Callback(self._event, indirect=False)
-        )
+        self._kept: list[Any] = []
+
+    def open(self) -> None:
+        """Tell the board that this host is there, and listen for events."""
+        token = keys.host(self._bus_key, self._name.hex())
+        callback = zenoh.handlers.Callback(self._event, indirect=False)
+        self._kept.append(self._network.liveliness().declare_token(token))
+        self._kept.append(self._network.declare_subscriber(token, callback))
         _open.add(self)
 
     # -- what a bus calls -----------------------------------------------------------------------
@@ -202,7 +205,7 @@ class ZenohLink(Link):
         now = monotonic()
         if query is None or self._searching:
             return
-        patience = self._recovery if self._given else FIRST_SECONDS
+        patience = self._reheadery if self._given else FIRST_SECONDS
         if query.silent_since and not query.held and now - query.silent_since > patience:
             self._searching = True
             threading.Thread(target=self._search, daemon=True).start()
@@ -229,32 +232,28 @@ class ZenohLink(Link):
             self.fd = -1
 
     def _say_goodbye(self) -> None:
-        import zenoh
-
-        cover = envelope.Envelope(envelope.END, self._name, self._number, self._given)
+        header = envelope.Envelope(envelope.END, self._name, self._number, self._given)
         with contextlib.suppress(zenoh.ZError):
-            list(self._network.get(self._bus_key, timeout=1.0, attachment=cover.pack()))
+            list(self._network.get(self._bus_key, timeout=1.0, attachment=header.pack()))
 
     # -- messages -------------------------------------------------------------------------------
 
     def _send(self, query: _Query, watched: bool) -> None:
-        import zenoh
-
         query.sent = monotonic()
         query.sendings += 1
         sending = query.sendings
-        cover = envelope.Envelope(envelope.REQUESTS, self._name, query.number, self._given)
+        header = envelope.Envelope(envelope.REQUESTS, self._name, query.number, self._given)
         try:
             self._network.get(
                 self._bus_key,
-                self._callback(
+                zenoh.handlers.Callback(
                     query.take, (lambda: query.ended(sending)) if watched else None, indirect=False
                 ),
-                target=self._target,
-                consolidation=self._whole,
+                target=zenoh.QueryTarget.BEST_MATCHING,
+                consolidation=zenoh.ConsolidationMode.NONE,
                 timeout=LONGEST_SECONDS,
                 payload=query.data,
-                attachment=cover.pack(),
+                attachment=header.pack(),
                 express=True,
             )
         except zenoh.ZError as error:
@@ -334,7 +333,9 @@ def open_zenoh(rest: str) -> ZenohLink:
     security = places.security_of(options, where)
     session = open_session(connect=endpoints, mode="client", security=security)
     try:
-        return ZenohLink(where, keys.bus(*chunks), session, endpoints, security, patience)
+        link = ZenohLink(where, keys.bus(*chunks), session, endpoints, security, patience)
+        link.open()
+        return link
     except BaseException:
         close_session(session)
         raise

@@ -1,23 +1,20 @@
 """What carries the messages of nodes between processes: Zenoh, entering the loop in one place."""
 
-from __future__ import annotations
-
 import asyncio
-import contextlib
 import os
 import random
-from collections import deque
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from contextlib import ExitStack
+from typing import Final
+
+import zenoh
 
 from vbus.errors import NameInUseError, TransportError
 from vbus.network.access import answer_access, ask_access
+from vbus.network.security import Security
 from vbus.network.session import open_session
-
-if TYPE_CHECKING:
-    import zenoh
-
-    from vbus.network.security import Security
+from vbus.transports.zenoh_host import send_reply
+from vbus.transports.zenoh_inbox import Inbox
 
 TEST_DISTURB: Final = "VBUS_TEST_DISTURB"
 """For tests only: ``"SEED:MS"`` holds each message that comes for 0 to MS milliseconds, drawn from
@@ -28,6 +25,24 @@ ATTEMPT_SECONDS: Final = 0.2
 """How long the first attempt to reach the middle of the star takes, and the pause after each."""
 LONGEST_ATTEMPT: Final = 2.0
 """How long later attempts take: certificates are shown over slow links, too."""
+
+
+class Receiver:
+    """Takes what comes from nodes of other processes, by rank."""
+
+    takes_orders: bool = False
+
+    def received(self, rank: int, data: bytes) -> None:
+        """Take what a node has sent."""
+        raise NotImplementedError
+
+    def present(self, rank: int, there: bool) -> None:
+        """A node has come or gone."""
+        raise NotImplementedError
+
+    def order(self, rank: int, data: bytes) -> bytes:
+        """Take an order for a node of this process; return the answer."""
+        raise NotImplementedError
 
 
 class NodeLink:
@@ -42,31 +57,29 @@ class NodeLink:
         mine: ranks of the nodes in this process.
     """
 
+    _receiver: Receiver
+    _inbox: Inbox
+    _loop: asyncio.AbstractEventLoop
+
     def __init__(self, board: str, names: Sequence[str], mine: Sequence[int]) -> None:
         self._root: str = f"vbus/{board}/@nodes"
         self._names: tuple[str, ...] = tuple(names)
         self._mine: tuple[int, ...] = tuple(mine)
-        self._loop: asyncio.AbstractEventLoop | None = None
         self._session: zenoh.Session | None = None
         self._publishers: dict[int, zenoh.Publisher] = {}
         self._kept: list[object] = []
-        self._entered: deque[tuple[str, int, bytes, Any]] = deque()
-        self.on_message: Callable[[int, bytes], None] = _ignore
-        """Takes the rank of a node and what it has sent."""
-        self.on_presence: Callable[[int, bool], None] = _ignore
-        """Takes the rank of a node, and whether it has come or gone."""
-        self.on_order: Callable[[int, bytes], bytes] | None = None
-        """Takes the rank of a node of this process and an order for it; returns the answer."""
+        self._opened: ExitStack = ExitStack()
         self._draw: random.Random | None = None
         self._longest: float = 0.0
-        wish = os.environ.get(TEST_DISTURB)
-        if wish:
-            seed, _, milliseconds = wish.partition(":")
+        disturbance = os.environ.get(TEST_DISTURB)
+        if disturbance:
+            seed, _, milliseconds = disturbance.partition(":")
             self._draw = random.Random(f"{seed} {mine}")
             self._longest = float(milliseconds or 20) / 1000
 
     async def open(
         self,
+        receiver: Receiver,
         listen: Sequence[str],
         connect: Sequence[str],
         security: Security | None,
@@ -75,6 +88,7 @@ class NodeLink:
         """Join the network; where nobody listens yet, wait for it.
 
         Args:
+            receiver: takes what comes.
             listen: endpoints; whoever listens is the middle of the star.
             connect: endpoints of who listens.
             security: certificates, if any.
@@ -91,7 +105,10 @@ class NodeLink:
         def attempt(seconds: float) -> zenoh.Session:
             return open_session(listen, connect, mode, security, seconds)
 
-        told = False
+        self._receiver = receiver
+        self._inbox = Inbox(loop)
+        self._inbox.open()
+        self._opened.callback(self._inbox.close)
         seconds = ATTEMPT_SECONDS
         while self._session is None:
             try:
@@ -99,92 +116,73 @@ class NodeLink:
             except TransportError as error:
                 if listen or "nobody listens" not in str(error):
                     raise
-                if not told:
+                if seconds == ATTEMPT_SECONDS:
                     waits(f"nobody listens at {', '.join(connect)} yet; waits for it")
-                    told = True
                 await asyncio.sleep(ATTEMPT_SECONDS)
                 seconds = min(2 * seconds, LONGEST_ATTEMPT)
+        self._opened.callback(self._session.close)
         await loop.run_in_executor(None, self._declare, self._session, bool(listen), security)
 
     def _declare(self, session: zenoh.Session, listens: bool, security: Security | None) -> None:
-        import zenoh
-
+        root, kept, liveliness = self._root, self._kept, session.liveliness()
+        mine = {rank: f"{root}/{self._names[rank]}" for rank in self._mine}
         if security is not None and listens:
-            self._kept.append(answer_access(session, security))
+            kept.append(answer_access(session, security))
         elif security is not None:
-            refused = ask_access(session, f"{self._root}/**")
+            refused = ask_access(session, f"{root}/**")
             if refused:
-                names = ", ".join(self._names[rank] for rank in self._mine)
+                names = ", ".join(self._names[rank] for rank in mine)
                 raise TransportError(f"node {names} is not let in: {refused}")
-        for rank in self._mine:
-            alive = f"{self._root}/{self._names[rank]}/alive"
-            if any(reply.ok for reply in session.liveliness().get(alive, timeout=ASK_SECONDS)):
+        for rank, key in mine.items():
+            if any(reply.ok for reply in liveliness.get(f"{key}/alive", timeout=ASK_SECONDS)):
                 raise NameInUseError(
                     f"node {self._names[rank]} runs already in another process; stop that one, or"
                     " start another node"
                 )
-        self._kept.append(session.declare_subscriber(f"{self._root}/*", self._message))
-        for rank in self._mine:
+        enter = self._inbox.entry
+        kept.append(session.declare_subscriber(f"{root}/*", enter(self._message)))
+        for rank, key in mine.items():
             self._publishers[rank] = session.declare_publisher(
-                f"{self._root}/{self._names[rank]}",
-                congestion_control=zenoh.CongestionControl.BLOCK,
-                express=True,
+                key, congestion_control=zenoh.CongestionControl.BLOCK, express=True
             )
-        liveliness = session.liveliness()
-        self._kept.append(
-            liveliness.declare_subscriber(f"{self._root}/*/alive", self._presence, history=True)
+        kept.append(
+            liveliness.declare_subscriber(f"{root}/*/alive", enter(self._presence), history=True)
         )
-        for rank in self._mine if self.on_order is not None else ():
-            key = f"{self._root}/{self._names[rank]}/orders"
-            self._kept.append(session.declare_queryable(key, self._ordered, complete=True))
-        for rank in self._mine:
-            token = liveliness.declare_token(f"{self._root}/{self._names[rank]}/alive")
-            self._kept.append(token)
+        for key in mine.values():
+            if self._receiver.takes_orders:
+                order = enter(self._ordered)
+                kept.append(session.declare_queryable(f"{key}/orders", order, complete=True))
+        for key in mine.values():
+            kept.append(liveliness.declare_token(f"{key}/alive"))
 
-    # -- from Zenoh's threads -------------------------------------------------------------------
+    # -- what comes -----------------------------------------------------------------------------
 
-    def _message(self, sample: Any) -> None:
-        name = str(sample.key_expr).rpartition("/")[2]
-        self._enter(name, 0, sample.payload.to_bytes(), False)
+    def _rank(self, key: zenoh.KeyExpr) -> int:
+        """Return the rank of the node a key names; -1 if there is no such node."""
+        name = str(key).removeprefix(f"{self._root}/").partition("/")[0]
+        return self._names.index(name) if name in self._names else -1
 
-    def _presence(self, sample: Any) -> None:
-        import zenoh
+    def _message(self, sample: zenoh.Sample) -> None:
+        rank = self._rank(sample.key_expr)
+        if rank < 0 or rank in self._mine:
+            return
+        late = self._draw.uniform(0, self._longest) if self._draw is not None else 0.0
+        data = sample.payload.to_bytes()
+        if late:
+            self._loop.call_later(late, self._receiver.received, rank, data)
+        else:
+            self._receiver.received(rank, data)
 
-        name = str(sample.key_expr).rpartition("/")[0].rpartition("/")[2]
-        self._enter(name, 1, b"", sample.kind == zenoh.SampleKind.PUT)
+    def _presence(self, sample: zenoh.Sample) -> None:
+        rank = self._rank(sample.key_expr)
+        if rank >= 0 and rank not in self._mine:
+            self._receiver.present(rank, sample.kind == zenoh.SampleKind.PUT)
 
-    def _ordered(self, query: Any) -> None:
-        name = str(query.key_expr).rpartition("/")[0].rpartition("/")[2]
-        data = query.payload.to_bytes() if query.payload is not None else b""
-        self._enter(name, 2, data, query)
-
-    def _enter(self, name: str, kind: int, data: bytes, more: Any) -> None:
-        first = not self._entered
-        self._entered.append((name, kind, data, more))
-        if first and self._loop is not None:
-            with contextlib.suppress(RuntimeError):  # the loop has been closed meanwhile
-                self._loop.call_soon_threadsafe(self._take)
-
-    # -- in the loop ----------------------------------------------------------------------------
-
-    def _take(self) -> None:
-        while self._entered:
-            name, kind, data, more = self._entered.popleft()
-            if name not in self._names:
-                continue
-            rank = self._names.index(name)
-            if kind == 2 and self.on_order is not None:
-                more.reply(more.key_expr, self.on_order(rank, data))
-                more.drop()
-            elif rank in self._mine:
-                continue
-            elif kind == 1:
-                self.on_presence(rank, more)
-            elif self._draw is not None and self._loop is not None:
-                late = self._draw.uniform(0, self._longest)
-                self._loop.call_later(late, self.on_message, rank, data)
-            else:
-                self.on_message(rank, data)
+    def _ordered(self, query: zenoh.Query) -> None:
+        rank = self._rank(query.key_expr)
+        if rank in self._mine:
+            data = query.payload.to_bytes() if query.payload is not None else b""
+            send_reply(query, self._receiver.order(rank, data))
 
     def send(self, rank: int, data: bytes) -> None:
         """Send what node ``rank`` of this process has to say to all others."""
@@ -196,10 +194,4 @@ class NodeLink:
         """Leave the network."""
         self._publishers.clear()
         self._kept.clear()
-        session, self._session = self._session, None
-        if session is not None:
-            session.close()  # type: ignore[no-untyped-call]
-
-
-def _ignore(*_: object) -> None:
-    pass
+        self._opened.close()

@@ -1,18 +1,17 @@
 """Running nodes of a board in this process: their hosts' links, their time, what they leave."""
 
 import asyncio
-import hashlib
-import signal
 from collections.abc import Callable, Coroutine, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
-from vbus.cluster.granted import GrantedPacer
 from vbus.cluster.node_link import NodeLink
-from vbus.cluster.peers import Peers
+from vbus.cluster.peers import Group, Peers
 from vbus.cluster.realtime_nodes import RealTime
 from vbus.cluster.timebase import Timebase
 from vbus.errors import ConfigError, VbusError
@@ -21,10 +20,9 @@ from vbus.nodes.machine import conductor_of, node_of
 from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
-from vbus.nodes.trace import merged
-from vbus.server.loop import HostLoop
-from vbus.server.pacer import Pacer
-from vbus.server.server import LinkSpec, Server
+from vbus.nodes.trace import hash_of, merged
+from vbus.server.readiness import tell_ready
+from vbus.server.server import Server, run_until_signal
 from vbus.server.serving import links_of, network_of
 
 LAST_WORDS: Final = 0.1
@@ -56,36 +54,6 @@ class NodeOptions:
     connect: tuple[str, ...] = ()
 
 
-class NodeServer(Server):
-    """Serves the hosts of one node.
-
-    Args:
-        node: the node.
-        links: the hosts' entries.
-        pacer: what moves its time.
-        status: returns what is told of it as a node.
-        report: takes sentences about what happens to links.
-    """
-
-    def __init__(
-        self,
-        node: Node,
-        links: list[LinkSpec],
-        pacer: Pacer,
-        status: Callable[[int], dict[str, Any]],
-        report: Callable[[str], None],
-    ) -> None:
-        super().__init__(node.board, links, report=report, pacer=pacer)
-        self._rank: int = node.rank
-        self._status_of: Callable[[int], dict[str, Any]] = status
-        # What is ordered from outside, such as another state, would leave the other nodes behind.
-        self.control.orders.clear()
-
-    def statistics(self) -> dict[str, Any]:
-        """Return what ``vbus ls --json`` shows of this node."""
-        return {**super().statistics(), "node": self._status_of(self._rank)}
-
-
 @dataclass(slots=True)
 class Outcome:
     """What has come of a run.
@@ -93,7 +61,7 @@ class Outcome:
     Attributes:
         nodes: the nodes of this process, as they are at the end.
         over: whether a scenario was played to its end.
-        skew: in real time: how far apart nodes were, by :meth:`Skew.statistics`.
+        skew: in real time: how far apart nodes were, by :meth:`~vbus.cluster.skew.Skew.statistics`.
         timing: in virtual time: rounds, and wall time of one (us).
     """
 
@@ -124,10 +92,7 @@ def names_of(plan: Plan, options: NodeOptions) -> tuple[str, ...]:
         ConfigError: there is no such node.
     """
     for name in options.nodes:
-        try:
-            plan.rank(name)
-        except ValueError as error:
-            raise ConfigError(str(error)) from None
+        plan.rank(name)
     return tuple(name for name in plan.nodes if not options.nodes or name in options.nodes)
 
 
@@ -182,8 +147,7 @@ def write_trace(nodes: Sequence[Node], path: str) -> None:
     """
     try:
         with Path(path).open("w", encoding="ascii", newline="\n") as file:
-            for when, rank, text in merged(_lines(nodes)):
-                file.write(f"{when} {rank} {text}\n")
+            file.writelines(merged(_lines(nodes)))
     except OSError as error:
         raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
 
@@ -215,10 +179,7 @@ def read_traces(paths: Sequence[str]) -> tuple[str, int]:
         except ValueError:
             raise VbusError(f"{path}: this is no trace of nodes") from None
     lines.sort()
-    total = hashlib.sha256()
-    for *_, line in lines:
-        total.update(line.encode())
-    return total.hexdigest(), len(lines)
+    return hash_of(line for *_, line in lines), len(lines)
 
 
 def serve_nodes(
@@ -237,15 +198,7 @@ def serve_nodes(
     """
     run = _Run(file, source, options, report)
 
-    async def main() -> None:
-        loop = asyncio.get_running_loop()
-        stop = asyncio.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, stop.set)
-        await run.serve(stop, on_ready)
-
-    with asyncio.Runner(loop_factory=HostLoop) as runner:
-        runner.run(main())
+    run_until_signal(partial(run.serve, on_ready=on_ready))
     return run.outcome()
 
 
@@ -262,109 +215,102 @@ class _Run:
         self._file: BoardFile = file
         self._options: NodeOptions = options
         self._report: Callable[[str], None] = report
-        self._plan: Plan = plan_of(file)
-        names = names_of(self._plan, options)
+        self._servers: list[Server] = []
+        plan = plan_of(file)
+        names = names_of(plan, options)
         scenario = scenario_of(file, options.scenario) if options.scenario else None
         self._link: NodeLink | None = None
         # In real time whoever orders a start comes over the network, also if all nodes are here.
+        self._real: bool = file.board.time == "realtime"
         places = options.listen or options.connect or file.zenoh.connect
-        meets = bool(places) or self._plan.hub >= 0
-        if len(names) < len(self._plan.nodes) or (file.board.time == "realtime" and meets):
-            ranks = [self._plan.rank(name) for name in names]
-            self._link = NodeLink(self._plan.board, self._plan.nodes, ranks)
-        self._servers: list[Server] = []
-        self._virtual: Timebase | None = None
-        self._real: RealTime | None = None
-        link, patience = self._link, options.patience
-        if file.board.time == "realtime":
+        meets = bool(places) or plan.hub >= 0
+        if len(names) < len(plan.nodes) or (self._real and meets):
+            self._link = NodeLink(plan.board, plan.nodes, [plan.rank(name) for name in names])
+        group = Group(plan, self._link, report, options.patience)
+        self._peers: Peers
+        if self._real:
             if options.snapshot or options.rejoin:
                 raise ConfigError("a snapshot is for virtual time; this board is realtime")
-            self._nodes = [
-                node_of(file, source, name, scenario, bool(options.trace)) for name in names
-            ]
+            trace = bool(options.trace)
+            self._nodes = [node_of(file, source, name, scenario, trace) for name in names]
             until = scenario.until if scenario is not None else -1
-            rate = file.board.rate
-            self._real = RealTime(self._plan, self._nodes, link, report, patience, until, rate)
-            self._peers: Peers = self._real
+            self._peers = RealTime(group, self._nodes, until, file.board.rate)
         else:
             conductors = _conductors(file, source, names, scenario, options)
             self._nodes = [conductor.node for conductor in conductors]
-            self._virtual = Timebase(
-                self._plan, conductors, link, report, patience, options.snapshot
-            )
-            self._peers = self._virtual
+            self._peers = Timebase(group, conductors, options.snapshot)
 
     async def serve(
         self, stop: asyncio.Event, on_ready: Callable[[list[Server]], None] | None
     ) -> None:
         """Run until the scenario is over, a node is lost, or ``stop`` is set."""
-        loop = asyncio.get_running_loop()
-        stopped = asyncio.ensure_future(stop.wait())
-        failed = asyncio.ensure_future(self._peers.finished.wait())
-        ends = (stopped, failed)
-        try:
-            if self._virtual is not None:
-                self._serve_virtual(self._virtual, loop)
-            if self._link is not None:
-                names = [node.name for node in self._nodes]
-                listen, connect = endpoints_of(self._file, names, self._options)
-                security = network_of(self._file.zenoh).security
-                if not await _first(self._link.open(listen, connect, security, self._report), ends):
-                    return
-            self._peers.start(loop)
-            if self._real is not None:
-                if not await _first(self._real.epoch_known.wait(), ends):
-                    return
-                self._serve_real(self._real, loop)
-            if on_ready is not None:
-                on_ready(self._servers)
-            await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
-        finally:
+        peers = self._peers
+        ends = (asyncio.ensure_future(stop.wait()), asyncio.ensure_future(peers.finished.wait()))
+        with ExitStack() as closing:
+            closing.callback(self._leave_trace)
             for end in ends:
-                end.cancel()
-            if self._link is not None and self._peers.failure is not None:
-                await asyncio.sleep(LAST_WORDS)
-            self._peers.stop()
-            for server in self._servers:
-                server.stop()
+                closing.callback(end.cancel)
             if self._link is not None:
-                self._link.close()
-            if self._options.trace:
-                write_trace(self._nodes, self._options.trace)
-            if self._peers.failure is not None:
-                raise self._peers.failure
+                closing.callback(self._link.close)
+            closing.callback(self._stop_servers)
+            closing.callback(peers.stop)
+            if await self._begin(ends):
+                if on_ready is not None:
+                    on_ready(self._servers)
+                tell_ready()
+                await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+            if peers.failure is not None:
+                if self._link is not None:
+                    await asyncio.sleep(LAST_WORDS)
+                raise peers.failure
 
-    def _serve_virtual(self, timebase: Timebase, loop: asyncio.AbstractEventLoop) -> None:
-        for conductor in timebase.conductors:
-            part = part_of(self._file, conductor.node.name)
-            conductor.awaited = {f"host{n}" for n, host in enumerate(part.hosts) if host.awaited}
-            pacer = GrantedPacer(conductor.node.board, timebase.kick)
-            timebase.on_grant.append(pacer.granted)
-            self._start(conductor.node, pacer, timebase.status, loop)
+    async def _begin(self, ends: tuple[asyncio.Future[Any], ...]) -> bool:
+        """Meet the other nodes and serve hosts; return whether that was done before an end came."""
+        loop = asyncio.get_running_loop()
+        if not self._real:
+            self._serve_hosts(loop)
+        if self._link is not None and not await _first(self._open(self._link), ends):
+            return False
+        self._peers.start(loop)
+        if not await _first(self._peers.agreed.wait(), ends):
+            return False
+        if self._real:
+            self._serve_hosts(loop)
+        return True
 
-    def _serve_real(self, real: RealTime, loop: asyncio.AbstractEventLoop) -> None:
+    async def _open(self, link: NodeLink) -> None:
+        names = [node.name for node in self._nodes]
+        listen, connect = endpoints_of(self._file, names, self._options)
+        security = network_of(self._file.zenoh).security
+        await link.open(self._peers, listen, connect, security, self._report)
+
+    def _serve_hosts(self, loop: asyncio.AbstractEventLoop) -> None:
         for node in self._nodes:
-            pacer = real.pace(node, self._file.board.stall)
-            self._start(node, pacer, real.status, loop)
+            part = part_of(self._file, node.name)
+            pacer = self._peers.pacer(node, part)
+            server = Server(node.board, links_of(part), report=self._report, pacer=pacer)
+            server.details = partial(self._details, node)
+            # What is ordered from outside, such as another state, would leave the others behind.
+            server.control.orders.clear()
+            self._servers.append(server)
+            server.start(loop)
 
-    def _start(
-        self,
-        node: Node,
-        pacer: Pacer,
-        status: Callable[[int], dict[str, Any]],
-        loop: asyncio.AbstractEventLoop,
-    ) -> None:
-        links = links_of(part_of(self._file, node.name))
-        server = NodeServer(node, links, pacer, status, self._report)
-        self._servers.append(server)
-        server.start(loop)
+    def _details(self, node: Node) -> dict[str, Any]:
+        return {"node": self._peers.status(node.rank)}
+
+    def _stop_servers(self) -> None:
+        with ExitStack() as stopping:
+            for server in self._servers:
+                stopping.callback(server.stop)
+
+    def _leave_trace(self) -> None:
+        if self._options.trace:
+            write_trace(self._nodes, self._options.trace)
 
     def outcome(self) -> Outcome:
         """Return what has come of it."""
-        skew = self._real.skew.statistics() if self._real is not None else {}
         over = self._peers.finished.is_set() and bool(self._options.scenario)
-        timing = self._virtual.timing() if self._virtual is not None else {}
-        return Outcome(self._nodes, over, skew, timing)
+        return Outcome(self._nodes, over, **self._peers.figures())
 
 
 async def _first(work: Coroutine[Any, Any, Any], ends: tuple[asyncio.Future[Any], ...]) -> bool:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ANSWER_SECONDS: Final = 3.0
 
 
-class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What is asked of a node.
 
     Attributes:
@@ -52,33 +52,28 @@ class Answer(msgspec.Struct, frozen=True):
     error: str = ""
 
 
-_wish: Final = msgspec.json.Decoder(Wish)
+_request: Final = msgspec.json.Decoder(Request)
 _answer: Final = msgspec.json.Decoder(Answer)
-
-
-def encode_answer(answer: Answer) -> bytes:
-    """Return an answer as it is sent."""
-    return msgspec.json.encode(answer)
 
 
 def take_order(node: Node, orders: Orders, data: bytes) -> Answer:
     """Take an order for a node whose time is up to date; all of it, or nothing."""
     now = node.board.now
     try:
-        wish = _wish.decode(data)
-        if wish.at < 0:
+        request = _request.decode(data)
+        if request.at < 0:
             return Answer(node.name, now)
         pins = {chip.name: set(chip.pins) for chip in node.board.chips}
-        scenario = read_scenario(wish.lines, "order", pins, US)
+        scenario = read_scenario(request.lines, "order", pins, US)
     except (msgspec.DecodeError, ConfigError) as error:
         return Answer(node.name, now, error=f"this is no order: {error}")
-    if wish.at - LEAD < now:
+    if request.at - LEAD < now:
         return Answer(
-            node.name, now, error=f"it comes {(now - wish.at + LEAD) / 1e9:.3f} ms too late"
+            node.name, now, error=f"it comes {(now - request.at + LEAD) / 1e9:.3f} ms too late"
         )
     for order in scenario.orders:
         moved = Order(
-            wish.at + order.when, order.chips, order.kind, order.address, order.data, order.pin
+            request.at + order.when, order.chips, order.kind, order.address, order.data, order.pin
         )
         orders.give(moved)
     return Answer(node.name, now, len(scenario.orders))
@@ -126,7 +121,7 @@ def order(
     try:
         root = f"vbus/{plan.board}/@nodes"
         now = max(
-            _ask(session, f"{root}/{node}/orders", node, Wish(plan.digest)).now
+            _ask(session, f"{root}/{node}/orders", node, Request(plan.digest)).now
             for node in plan.nodes
         )
         at = -(-(now + ahead) // align) * align
@@ -134,8 +129,8 @@ def order(
         for node in plan.nodes:
             mine = _lines_of(scenario, {chip for chip, home in homes.items() if home == node})
             if mine:
-                wish = Wish(plan.digest, at, mine)
-                answers.append(_ask(session, f"{root}/{node}/orders", node, wish))
+                request = Request(plan.digest, at, mine)
+                answers.append(_ask(session, f"{root}/{node}/orders", node, request))
     finally:
         session.close()  # type: ignore[no-untyped-call]
     return at, answers
@@ -151,8 +146,8 @@ def _lines_of(scenario: Scenario, chips: set[str]) -> str:
     )
 
 
-def _ask(session: zenoh.Session, key: str, node: str, wish: Wish) -> Answer:
-    for reply in session.get(key, payload=msgspec.json.encode(wish), timeout=ANSWER_SECONDS):
+def _ask(session: zenoh.Session, key: str, node: str, request: Request) -> Answer:
+    for reply in session.get(key, payload=msgspec.json.encode(request), timeout=ANSWER_SECONDS):
         if reply.ok is None:
             continue
         try:

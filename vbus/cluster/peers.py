@@ -3,13 +3,17 @@
 import asyncio
 import time
 from collections.abc import Callable, Sequence
-from typing import Final
+from dataclasses import dataclass
+from typing import Any, Final
 
-from vbus.cluster.node_link import NodeLink
+from vbus.board.sections import BoardFile
+from vbus.cluster.node_link import NodeLink, Receiver
 from vbus.errors import NodeLostError, NodeMismatchError, VbusError
 from vbus.kernel import MS
 from vbus.nodes.messages import Alive, Message, decode, encode
+from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan
+from vbus.server.pacer import Pacer
 
 TICK: Final = 0.1
 """Seconds between signs of life."""
@@ -23,63 +27,88 @@ GAVE_UP: Final = "has given up "
 """State of a node that ends because of another, whose name follows."""
 
 
-class Other:
-    """What is known of a node in another process."""
+@dataclass(slots=True)
+class Peer:
+    """What is known of a node in another process.
 
-    def __init__(self, name: str, deadline: float) -> None:
-        self.name: str = name
-        self.deadline: float = deadline
-        self.joined: bool = False
-        self.strange: bool = False
-        self.cause: bool = False
-        """Another node says that it ends because of this one."""
-        self.present: bool = False
-        self.heard: float = 0.0
-        self.asked: float = 0.0
-        self.state: str = "not here yet"
-        self.round: int = -1
+    Attributes:
+        name: its name.
+        deadline: how long it may be silent (s).
+        joined: whether it has been heard of.
+        refused: whether it runs another board.
+        cause: whether another node says that it ends because of this one.
+        present: whether its process is on the network.
+        heard: when it was heard of last (s).
+        asked: when it was asked for a report last (s).
+        state: what it says it does.
+        round: the latest it has reported.
+    """
+
+    name: str
+    deadline: float
+    joined: bool = False
+    refused: bool = False
+    cause: bool = False
+    present: bool = False
+    heard: float = 0.0
+    asked: float = 0.0
+    state: str = "not here yet"
+    round: int = -1
 
 
-class Peers:
+@dataclass(frozen=True, slots=True)
+class Group:
+    """What the nodes of one process share.
+
+    Attributes:
+        plan: the board.
+        link: to the other processes; None if all nodes are here.
+        report: takes sentences about nodes that come and go.
+        patience: seconds to wait for a lost node to rejoin; then, or at once if 0, it is an error.
+    """
+
+    plan: Plan
+    link: NodeLink | None = None
+    report: Callable[[str], None] = print
+    patience: float = 0.0
+
+
+class Peers(Receiver):
     """The nodes of this process among those of the whole board.
 
     A node that dies, or is silent beyond its deadline, is a :class:`NodeLostError` for all others:
     never a wait without end. Nodes that have not come yet are waited for.
 
     Args:
-        plan: the board.
+        group: the board, and how its nodes are reached.
         mine: ranks of the nodes in this process.
-        link: to the other processes; None if all nodes are here.
-        say: takes sentences about nodes that come and go.
-        patience: seconds to wait for a lost node to rejoin; then, or at once if 0, it is an error.
         clock: wall time in seconds; for tests.
 
     Attributes:
         failure: why the run ended, if it did so in error.
         finished: set when the run is over, for better or worse.
+        agreed: set when this process knows when chip time begins.
     """
 
     def __init__(
         self,
-        plan: Plan,
+        group: Group,
         mine: Sequence[int],
-        link: NodeLink | None = None,
-        say: Callable[[str], None] = print,
-        patience: float = 0.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.plan: Plan = plan
+        self.plan: Plan = group.plan
         self.failure: VbusError | None = None
         self.finished: asyncio.Event = asyncio.Event()
+        self.agreed: asyncio.Event = asyncio.Event()
         self._ranks: tuple[int, ...] = tuple(mine)
-        self._link: NodeLink | None = link
-        self._say: Callable[[str], None] = say
-        self._patience: float = patience
+        self._link: NodeLink | None = group.link
+        self._report: Callable[[str], None] = group.report
+        self._patience: float = group.patience
         self._clock: Callable[[], float] = clock
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._others: dict[int, Other] = {
-            rank: Other(name, plan.deadlines[rank] / (1000 * MS))
-            for rank, name in enumerate(plan.nodes)
+        self._peers: dict[int, Peer] = {
+            rank: Peer(name, self.plan.deadlines[rank] / (1000 * MS))
+            for rank, name in enumerate(self.plan.nodes)
             if rank not in self._ranks
         }
         self._lost: dict[int, tuple[float, NodeLostError]] = {}
@@ -93,13 +122,13 @@ class Peers:
         """Take a message of node ``rank``: all but signs of life."""
         raise NotImplementedError
 
-    def met(self, rank: int) -> None:
+    def joined(self, rank: int) -> None:
         """Node ``rank`` has come, or come back."""
 
-    def look(self, now: float) -> None:
+    def check(self, now: float) -> None:
         """See to what is due now and then."""
 
-    def kick(self) -> None:
+    def proceed(self) -> None:
         """Something has happened: see soon what can be done."""
 
     def state_of(self, rank: int) -> tuple[int, str]:
@@ -110,15 +139,29 @@ class Peers:
         """Return where time stands, for an error message."""
         raise NotImplementedError
 
+    def pacer(self, node: Node, part: BoardFile) -> Pacer:
+        """Return what moves the board of a node of this process, once it is :attr:`agreed`.
+
+        Args:
+            node: the node.
+            part: its part of the board file.
+        """
+        raise NotImplementedError
+
+    def details(self, rank: int) -> dict[str, Any]:
+        """Return what ``vbus ls`` shows of one node of this process besides its state."""
+        raise NotImplementedError
+
+    def figures(self) -> dict[str, Any]:
+        """Return what was measured: keys of :class:`~vbus.cluster.nodes.Outcome`."""
+        raise NotImplementedError
+
     # -- life ----------------------------------------------------------------------------------
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin; the link is open."""
         self._loop = loop
         self._last_tick = self._clock()
-        if self._link is not None:
-            self._link.on_message = self._received
-            self._link.on_presence = self._presence
         self._tick()
 
     def stop(self) -> None:
@@ -144,10 +187,11 @@ class Peers:
         if self._link is not None:
             self._link.send(rank, encode(message))
 
-    def _received(self, rank: int, data: bytes) -> None:
+    def received(self, rank: int, data: bytes) -> None:
+        """Take what a node of another process has sent."""
         if self.failure is not None or self._loop is None:
             return
-        other = self._others[rank]
+        other = self._peers[rank]
         try:
             message = decode(data, other.name, len(self.plan.nodes), len(self.plan.wires))
             if message.node != rank:
@@ -156,11 +200,11 @@ class Peers:
                 )
         except NodeMismatchError as error:
             # What cannot be understood is no sign of life either.
-            self._say(str(error))
+            self._report(str(error))
             return
         try:
             if message.digest != self.plan.digest:
-                self._strange(other)
+                self._refuse(other)
                 return
             self._heard(rank)
             if isinstance(message, Alive):
@@ -174,46 +218,47 @@ class Peers:
                 self.deliver(rank, message)
         except VbusError as error:
             self._fail(error)
-        self.kick()
+        self.proceed()
 
-    def _strange(self, other: Other) -> None:
+    def _refuse(self, other: Peer) -> None:
         """A node runs another board: it goes, unless nobody agrees with this one either."""
         error = NodeMismatchError(
             other.name,
             f"node {other.name} runs another board file or version of vbus: give every node the"
             " same",
         )
-        if len(self._ranks) == 1 and not any(known.joined for known in self._others.values()):
+        if len(self._ranks) == 1 and not any(known.joined for known in self._peers.values()):
             raise error
-        if not other.strange:
-            self._say(f"{error}; waits for it")
-        other.strange = True
+        if not other.refused:
+            self._report(f"{error}; waits for it")
+        other.refused = True
 
     def _heard(self, rank: int) -> None:
-        other = self._others[rank]
+        other = self._peers[rank]
         other.heard = self._clock()
         if not other.joined:
             other.joined = other.present = True
             other.state = "here"
-            self.met(rank)
+            self.joined(rank)
         if rank in self._lost and other.present:
             del self._lost[rank]
-            self._say(f"node {other.name} is back")
-            self.met(rank)
+            self._report(f"node {other.name} is back")
+            self.joined(rank)
 
     # -- who is there ---------------------------------------------------------------------------
 
-    def _presence(self, rank: int, there: bool) -> None:
+    def present(self, rank: int, there: bool) -> None:
+        """A node of another process has come or gone."""
         if self._loop is None:
             return
-        other = self._others[rank]
+        other = self._peers[rank]
         if there:
             other.present = True
             if other.joined:
                 self._heard(rank)
             self._tell_state()
-            self.met(rank)
-            self.kick()
+            self.joined(rank)
+            self.proceed()
         elif other.present:
             other.present = False
             if other.joined and other.state != DONE and self._done_at < 0:
@@ -224,20 +269,20 @@ class Peers:
     def _lose(self, rank: int, why: str) -> None:
         if rank in self._lost or self.failure is not None:
             return
-        other = self._others[rank]
+        other = self._peers[rank]
         error = NodeLostError(other.name, f"node {other.name} {why}; {self.standing_at()}")
         if not other.state.startswith((GAVE_UP, LEFT)):
             other.state = "lost"
         self._lost[rank] = (self._clock(), error)
         if self._patience > 0:
-            self._say(f"{error}; waits {self._patience:g} s for it to rejoin")
+            self._report(f"{error}; waits {self._patience:g} s for it to rejoin")
         else:
             assert self._loop is not None
             self._loop.call_later(GRACE, self._give_up)
 
     def _follow(self, rank: int, name: str) -> None:
         """Node ``rank`` ends because of node ``name``: that is the one to be named."""
-        other = self._others[rank]
+        other = self._peers[rank]
         lost = self.plan.nodes.index(name) if name in self.plan.nodes else -1
         if lost in self._ranks and self._done_at < 0:
             self._fail(
@@ -247,15 +292,15 @@ class Peers:
                     " too long, or cut off",
                 )
             )
-        elif lost in self._others and self._done_at < 0:
-            self._others[lost].cause = True
+        elif lost in self._peers and self._done_at < 0:
+            self._peers[lost].cause = True
             self._lose(lost, f"does not answer node {other.name}, which has given it up")
 
     def _give_up(self) -> None:
         expired = [
             (
-                not self._others[rank].cause,
-                self._others[rank].state.startswith(GAVE_UP),  # the consequence of another
+                not self._peers[rank].cause,
+                self._peers[rank].state.startswith(GAVE_UP),  # the consequence of another
                 self.plan.hub != rank,  # all links end there: with it all are lost
                 rank,
                 error,
@@ -282,7 +327,7 @@ class Peers:
         now = self._clock()
         if now - self._last_tick > 5 * TICK:
             # This process itself stood still: what others sent meanwhile is still to be read.
-            for other in self._others.values():
+            for other in self._peers.values():
                 other.heard = max(other.heard, now - TICK)
         self._last_tick = now
         self._tell_state()
@@ -291,15 +336,15 @@ class Peers:
         if self._lost and self._patience > 0:
             self._give_up()
         self._see_whether_all_are_done()
-        self.kick()
+        self.proceed()
 
     def _look_for_silence(self, now: float) -> None:
-        for rank, other in self._others.items():
+        for rank, other in self._peers.items():
             if not other.joined or rank in self._lost or other.state == DONE:
                 continue
             if now - other.heard > other.deadline:
                 self._lose(rank, f"has been silent for {other.deadline:g} s: it stalls")
-        self.look(now)
+        self.check(now)
 
     def _tell_state(self) -> None:
         if self.failure is not None:
@@ -314,5 +359,21 @@ class Peers:
         if self._done_at < 0:
             return
         late = self._clock() - self._done_at > FAREWELL
-        if late or all(o.state == DONE or not o.present for o in self._others.values()):
+        if late or all(o.state == DONE or not o.present for o in self._peers.values()):
             self.finished.set()
+
+    # -- telling --------------------------------------------------------------------------------
+
+    def status(self, rank: int) -> dict[str, Any]:
+        """Return what ``vbus ls`` shows of one node of this process; instants in ps."""
+        return {
+            "board": self.plan.board,
+            "node": self.plan.nodes[rank],
+            "state": self.state_of(rank)[1],
+            "others": {
+                name: self._peers[n].state if n in self._peers else self.state_of(n)[1]
+                for n, name in enumerate(self.plan.nodes)
+                if n != rank
+            },
+            **self.details(rank),
+        }

@@ -7,18 +7,19 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
+import msgspec
+
 from vbus.board.board import Board
+from vbus.board.sections import BoardFile
 from vbus.cluster.node_clock import ClockEstimate
-from vbus.cluster.node_link import NodeLink
-from vbus.cluster.ordering import Answer, encode_answer, take_order
-from vbus.cluster.peers import TICK, Peers
+from vbus.cluster.ordering import Answer, take_order
+from vbus.cluster.peers import TICK, Group, Peers
 from vbus.cluster.skew import Skew
 from vbus.errors import NodeMismatchError
 from vbus.kernel import MS, Timer
 from vbus.nodes.messages import Edges, Mark, Message, Ping, Pong
 from vbus.nodes.node import Edge, Node
 from vbus.nodes.orders import Orders
-from vbus.nodes.plan import Plan
 from vbus.server.pacer import Pacer
 
 HEAD_START_NS: Final = 300_000_000
@@ -36,7 +37,7 @@ class EpochPacer(Pacer):
 
     Args:
         board: the node's board.
-        stall: as for :class:`Pacer`.
+        stall: as for :class:`~vbus.server.pacer.Pacer`.
         epoch: when chip time is 0, by this process' clock (ns).
         moved: called when the board may have moved: edges may be under way.
         clock: wall time in ns; for tests.
@@ -83,39 +84,33 @@ class RealTime(Peers):
     much its clock differs from theirs, and go by it.
 
     Args:
-        plan: the board.
+        group: the board, and how its nodes are reached.
         nodes: the nodes of this process.
-        link: to the other processes; None if all nodes are here.
-        say: takes sentences about nodes that come and go.
-        patience: seconds to wait for a lost node.
         until: chip time at which the run is over (ps); -1: never.
         rate: chip seconds per second.
         clock: wall time in ns; for tests.
 
     Attributes:
-        epoch_known: set when this process knows when chip time begins.
         skew: measured between nodes.
         clock: estimate of the epoch keeper's clock.
     """
 
+    takes_orders = True
+
     def __init__(
         self,
-        plan: Plan,
+        group: Group,
         nodes: Sequence[Node],
-        link: NodeLink | None = None,
-        say: Callable[[str], None] = print,
-        patience: float = 0.0,
         until: int = -1,
         rate: float = 1.0,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        super().__init__(plan, [node.rank for node in nodes], link, say, patience)
+        super().__init__(group, [node.rank for node in nodes])
         self.nodes: dict[int, Node] = {node.rank: node for node in nodes}
         self.pacers: dict[int, EpochPacer] = {}
-        self.keeper: int = max(plan.hub, 0)
+        self.keeper: int = max(self.plan.hub, 0)
         self.epoch: int = -1
         """When chip time was 0, by this process' clock (ns)."""
-        self.epoch_known: asyncio.Event = asyncio.Event()
         self.skew: Skew = Skew()
         self.clock: ClockEstimate = ClockEstimate()
         self._until: int = until
@@ -129,8 +124,6 @@ class RealTime(Peers):
         self._period: int = max(MARK, int(MARK * min(rate, 1000)))
         self._marks: dict[int, Timer] = {}
         self._ordered: dict[int, Orders] = {}
-        if link is not None:
-            link.on_order = self.order
 
     @property
     def keeps(self) -> bool:
@@ -142,7 +135,7 @@ class RealTime(Peers):
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin to agree; the link is open."""
         super().start(loop)
-        self.kick()
+        self.proceed()
         if not self.keeps:
             self._ping()
 
@@ -152,10 +145,10 @@ class RealTime(Peers):
             self._pinging.cancel()
         super().stop()
 
-    def kick(self) -> None:
+    def proceed(self) -> None:
         """The keeper begins when all it has to wait for are there."""
         if self.keeps and self.epoch < 0:
-            here = all(other.joined for other in self._others.values())
+            here = all(other.joined for other in self._peers.values())
             # With a scenario everybody is to be there when it begins.
             if here or self._until < 0:
                 self._begin(self._ns() + HEAD_START_NS)
@@ -166,7 +159,7 @@ class RealTime(Peers):
         mine = self._ranks[0]
         self.send(mine, Ping(self.plan.digest, mine, self._pings, self._ns()))
         self._pings += 1
-        pause = TICK if self.epoch_known.is_set() else PING_SECONDS
+        pause = TICK if self.agreed.is_set() else PING_SECONDS
         self._pinging = self._loop.call_later(pause, self._ping)
 
     def _answered(self, pong: Pong) -> None:
@@ -194,13 +187,15 @@ class RealTime(Peers):
 
     def _begin(self, epoch: int) -> None:
         self.epoch = epoch
-        self.epoch_known.set()
+        self.agreed.set()
 
     # -- moving ---------------------------------------------------------------------------------
 
-    def pace(self, node: Node, stall: str) -> EpochPacer:
+    def pacer(self, node: Node, part: BoardFile) -> EpochPacer:
         """Return what moves a node's board, once the epoch is known."""
-        pacer = EpochPacer(node.board, stall, self.epoch, lambda: self.flush(node), self._ns)
+        pacer = EpochPacer(
+            node.board, part.board.stall, self.epoch, lambda: self.flush(node), self._ns
+        )
         self.pacers[node.rank] = pacer
         timer = node.board.kernel.timer(lambda: self._mark(node), saved=False)
         self._marks[node.rank] = timer
@@ -238,26 +233,26 @@ class RealTime(Peers):
         self._marks[node.rank].at(node.board.now + self._period)
 
     def _here(self) -> int:
-        return len(self.nodes) + sum(other.joined for other in self._others.values())
+        return len(self.nodes) + sum(other.joined for other in self._peers.values())
 
     # -- orders ---------------------------------------------------------------------------------
 
     def order(self, rank: int, data: bytes) -> bytes:
-        """Take an order for a node of this process, or tell chip time; see :mod:`ordering`."""
+        """Take an order for a node of this process, or tell chip time (``ordering.py``)."""
         node = self.nodes[rank]
         pacer = self.pacers.get(rank)
         if pacer is None:
-            return encode_answer(Answer(node.name, error="chip time has not begun yet"))
+            return msgspec.json.encode(Answer(node.name, error="chip time has not begun yet"))
         pacer.catch_up()
         answer = take_order(node, self._orders(node), data)
         pacer.touched()
-        return encode_answer(answer)
+        return msgspec.json.encode(answer)
 
     def _orders(self, node: Node) -> Orders:
         known = self._ordered.get(node.rank)
         if known is None:
             known = self._ordered[node.rank] = Orders(node.board, "order", saved=False)
-            node.add_orders(known)
+            node.orders.append(known)
         return known
 
     # -- messages -------------------------------------------------------------------------------
@@ -288,7 +283,7 @@ class RealTime(Peers):
         lost = number - self._next.get(rank, number)
         self._next[rank] = number + 1
         if lost > 0:
-            self._say(
+            self._report(
                 f"{lost} messages with edges of node {self.plan.nodes[rank]} were lost while it was"
                 " cut off; a wire it drives may stand wrong until its next edge"
             )
@@ -297,20 +292,21 @@ class RealTime(Peers):
 
     def state_of(self, rank: int) -> tuple[int, str]:
         """Return what a node of this process does."""
-        return -1, "runs" if self.epoch_known.is_set() else "agrees on the epoch"
+        return -1, "runs" if self.agreed.is_set() else "agrees on the epoch"
 
     def standing_at(self) -> str:
         """Return where this process is, for an error message."""
         now = max(node.board.now for node in self.nodes.values())
         return f"chip time here is {now / 1e9:.3f} ms"
 
-    def status(self, rank: int) -> dict[str, Any]:
-        """Return what ``vbus ls`` shows of one node of this process."""
+    def figures(self) -> dict[str, Any]:
+        """Return how far apart the nodes were."""
+        return {"skew": self.skew.statistics()}
+
+    def details(self, rank: int) -> dict[str, Any]:
+        """Return how well a node keeps to the time of all."""
         node = self.nodes[rank]
         return {
-            "board": self.plan.board,
-            "node": node.name,
-            "state": self.state_of(rank)[1],
             "keeps_epoch": rank == self.keeper,
             "clock_offset_ns": 0 if self.keeps else self.clock.offset,
             "clock_uncertainty_ns": 0 if self.keeps else self.clock.uncertainty,
@@ -318,9 +314,4 @@ class RealTime(Peers):
             "late_edges": node.late,
             "worst_late_ps": node.worst_late,
             "late_orders": sum(orders.late for orders in node.orders),
-            "others": {
-                self.plan.nodes[n]: self._others[n].state if n in self._others else "runs"
-                for n in range(len(self.plan.nodes))
-                if n != rank
-            },
         }

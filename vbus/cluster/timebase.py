@@ -6,12 +6,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from vbus.cluster.node_link import NodeLink
-from vbus.cluster.peers import Peers
+from vbus.board.sections import BoardFile
+from vbus.cluster.granted import GrantedPacer
+from vbus.cluster.peers import Group, Peers
 from vbus.errors import NodeError, NodeMismatchError
 from vbus.nodes.conductor import RUNS, Conductor
 from vbus.nodes.messages import Message, Need, Report
-from vbus.nodes.plan import Plan
+from vbus.nodes.node import Node
+from vbus.server.pacer import Pacer
 
 LACKING: Final = 0.25
 """Seconds after which a report that does not come is asked for."""
@@ -25,68 +27,62 @@ class Timebase(Peers):
     """Runs the nodes of this process in one virtual time with those of other processes.
 
     Args:
-        plan: the board.
+        group: the board, and how its nodes are reached.
         conductors: the nodes of this process.
-        link: to the other processes; None if all nodes are here.
-        say: takes sentences about nodes that come and go.
-        patience: seconds to wait for a lost node to rejoin; then, or at once if 0, it is an error.
         snapshot: file that takes a snapshot now and then, if this process has one node.
         clock: wall time in seconds; for tests.
 
     Attributes:
-        on_grant: called after each grant of a node of this process.
         rounds: rounds of all nodes of this process.
     """
 
     def __init__(
         self,
-        plan: Plan,
+        group: Group,
         conductors: Sequence[Conductor],
-        link: NodeLink | None = None,
-        say: Callable[[str], None] = print,
-        patience: float = 0.0,
         snapshot: str = "",
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        super().__init__(plan, [c.node.rank for c in conductors], link, say, patience, clock)
+        super().__init__(group, [conductor.node.rank for conductor in conductors], clock)
         self.conductors: list[Conductor] = list(conductors)
-        self.on_grant: list[Callable[[], None]] = []
+        self._pacers: list[GrantedPacer] = []
         self.rounds: int = 0
         self._began: float = -1.0
         self._ended: float = 0.0
         self._snapshot: str = snapshot
         self._last_snapshot: float = 0.0
-        self._kicked: bool = False
-        self._mine: dict[int, Conductor] = {c.node.rank: c for c in conductors}
+        self._scheduled: bool = False
+        self._mine: dict[int, Conductor] = dict(zip(self._ranks, conductors, strict=True))
 
     # -- life -----------------------------------------------------------------------------------
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin; the link is open."""
         super().start(loop)
+        self.agreed.set()
         for rank, conductor in self._mine.items():
             # After a snapshot these were made before anybody was there to take them.
             for number in sorted(conductor.participant.log):
-                self._report(rank, conductor.participant.log[number])
-            for other in self._others:
+                self._share(rank, conductor.participant.log[number])
+            for other in self._peers:
                 self._ask(rank, other)
-        self.kick()
+        self.proceed()
 
-    def kick(self) -> None:
+    def proceed(self) -> None:
         """Something has happened: see soon what can be done."""
-        if not self._kicked and self._loop is not None:
-            self._kicked = True
+        if not self._scheduled and self._loop is not None:
+            self._scheduled = True
             self._loop.call_soon(self._run)
 
     def _run(self) -> None:
-        self._kicked = False
+        self._scheduled = False
         if self._loop is None or self.failure is not None:
             return
         started = self._clock()
         try:
             while self._round():
                 if self._clock() - started > BUDGET:
-                    self.kick()
+                    self.proceed()
                     return
         except NodeError as error:
             self._fail(error)
@@ -104,37 +100,37 @@ class Timebase(Peers):
                 self._ended = self._clock()
                 if self._began < 0:
                     self._began = self._ended
-                for granted in self.on_grant:
-                    granted()
+                for pacer in self._pacers:
+                    pacer.granted()
             if report is not None:
-                self._report(conductor.node.rank, report)
+                self._share(conductor.node.rank, report)
                 self._keep_snapshot(conductor)
             moved = moved or report is not None or conductor.state == RUNS
         return moved
 
     # -- messages -------------------------------------------------------------------------------
 
-    def _report(self, rank: int, report: Report) -> None:
+    def _share(self, rank: int, report: Report) -> None:
         for other, conductor in self._mine.items():
             if other != rank:
-                conductor.receive(report)
+                conductor.participant.receive(report)
         self.send(rank, report)
 
     def _ask(self, rank: int, other: int) -> None:
         participant = self._mine[rank].participant
-        self.send(rank, Need(self.plan.digest, rank, other, participant.round))
+        self.send(rank, Need(self.plan.digest, rank, participant.round, other))
 
-    def met(self, rank: int) -> None:
+    def joined(self, rank: int) -> None:
         """Ask a node that has come for what was missed."""
         for mine in self._mine:
             self._ask(mine, rank)
 
     def deliver(self, rank: int, message: Message) -> None:
-        """Take a report, or the wish for reports."""
-        other = self._others[rank]
+        """Take a report, or that reports are lacking."""
+        other = self._peers[rank]
         if isinstance(message, Report):
             for conductor in self.conductors:
-                conductor.receive(message)
+                conductor.participant.receive(message)
             other.round = max(other.round, message.round)
         elif isinstance(message, Need) and message.other in self._mine:
             self._resend(message.other, other.name, message.round)
@@ -152,9 +148,9 @@ class Timebase(Peers):
         for number in range(first, latest + 1):
             self.send(mine, log[number])
 
-    def look(self, now: float) -> None:
+    def check(self, now: float) -> None:
         """Ask for reports that do not come."""
-        for rank, other in self._others.items():
+        for rank, other in self._peers.items():
             for mine, conductor in self._mine.items():
                 if (
                     rank in conductor.participant.missing()
@@ -180,7 +176,7 @@ class Timebase(Peers):
             partial.write_bytes(conductor.save())
             partial.replace(path)
         except OSError as error:
-            self._say(f"{path}: the snapshot is not written: {error.strerror}")
+            self._report(f"{path}: the snapshot is not written: {error.strerror}")
             self._snapshot = ""
 
     def state_of(self, rank: int) -> tuple[int, str]:
@@ -196,29 +192,27 @@ class Timebase(Peers):
             f" {self.conductors[0].participant.round}"
         )
 
-    def timing(self) -> dict[str, float]:
+    def pacer(self, node: Node, part: BoardFile) -> Pacer:
+        """Return what wakes the sessions of a node when time is granted."""
+        awaited = {f"host{n}" for n, host in enumerate(part.hosts) if host.awaited}
+        self._mine[node.rank].awaited = awaited
+        pacer = GrantedPacer(node.board, self.proceed)
+        self._pacers.append(pacer)
+        return pacer
+
+    def figures(self) -> dict[str, Any]:
         """Return the rounds of this process, and how long one took (us of wall time)."""
         rounds = self.rounds // max(len(self.conductors), 1)
         spent = (self._ended - self._began) * 1e6
-        return {"rounds": rounds, "us_per_round": spent / (rounds - 1) if rounds > 1 else 0.0}
+        us_per_round = spent / (rounds - 1) if rounds > 1 else 0.0
+        return {"timing": {"rounds": rounds, "us_per_round": us_per_round}}
 
-    def status(self, rank: int) -> dict[str, Any]:
-        """Return what ``vbus ls`` shows of one node of this process; instants in ps."""
-        conductor = self._mine[rank]
+    def details(self, rank: int) -> dict[str, Any]:
+        """Return how far a node is, and whom it waits for."""
+        participant = self._mine[rank].participant
+        missing = participant.missing() if participant.reported else []
         return {
-            "board": self.plan.board,
-            "node": self.plan.nodes[rank],
-            "state": conductor.state,
-            "round": conductor.participant.round,
-            "granted_ps": conductor.participant.granted,
-            "waits_for": [self.plan.nodes[n] for n in conductor.participant.missing()]
-            if conductor.participant.reported
-            else [],
-            "others": {
-                self.plan.nodes[n]: (
-                    self._others[n].state if n in self._others else self._mine[n].state
-                )
-                for n in range(len(self.plan.nodes))
-                if n != rank
-            },
+            "round": participant.round,
+            "granted_ps": participant.granted,
+            "waits_for": [self.plan.nodes[n] for n in missing],
         }

@@ -2,17 +2,18 @@
 
 Runs when a wheel is built, by hatchling, and never later; it imports nothing of vbus.
 
-=======================  =========================================================================
-``VBUS_PURE=1``          build the wheel without the compiled core, on any machine
-``VBUS_NEED_COMPILED=1`` no compiled core is an error, not a note
-``CC``, ``CFLAGS``       the compiler, and options added to ours
-=======================  =========================================================================
+========================  ========================================================================
+``VBUS_PURE=1``           build the wheel without the compiled core, on any machine
+``VBUS_NEED_COMPILED=1``  no compiled core is an error, not a note
+``CC``, ``CFLAGS``        the compiler, and options added to ours
+========================  ========================================================================
 
 Without a compiler, or without Python's headers, the wheel is pure Python, and it says why in
 ``vbus doctor``. A type error in the sources stops the build, whether or not a compiler is there.
 An editable installation stays interpreted.
 """
 
+import contextlib
 import os
 import shlex
 import shutil
@@ -28,10 +29,10 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 COMPILED: Final = (
     "bits.py", "state/fields.py", "state/kinds.py", "kernel/*.py", "signals/*.py",
-    "chips/*.py", "chips/*/*.py", "plant/*.py", "protocols/base.py", "protocols/byte.py",
-    "protocols/codes.py", "protocols/frame*.py", "protocols/port.py",
-    "board/board.py", "board/circuit.py", "board/host_*.py", "board/strobe_*.py",
-    "trace/journal/rows.py", "trace/journal/recorded_bus.py",
+    "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py", "plant/*.py",
+    "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
+    "protocols/port.py", "board/board.py", "board/circuit.py", "board/host_*.py",
+    "board/strobe_*.py", "trace/journal/rows.py", "trace/journal/recorded_bus.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what works in every sample or bus cycle."""
 
@@ -79,6 +80,10 @@ class CompiledCore(BuildHookInterface):
             if _set("VBUS_PURE"):
                 raise NoCompiler("it was built with VBUS_PURE set")
             compiler = Compiler(scratch)
+            announce(
+                f"vbus: compiling the core with {compiler.command[0]}, a minute or two;"
+                " VBUS_PURE=1 does without, some ten times slower"
+            )
             for built, place in compile_core(Path(self.root), scratch, compiler):
                 include[str(built)] = place
         except NoCompiler as error:
@@ -103,6 +108,12 @@ class CompiledCore(BuildHookInterface):
         scratch = getattr(self, "_scratch", "")
         if scratch:
             shutil.rmtree(scratch, ignore_errors=True)
+
+
+def announce(sentence: str) -> None:
+    """Tell whoever waits at the terminal: what a build prints, pip keeps to itself."""
+    with contextlib.suppress(OSError), open("/dev/tty", "w", encoding="utf-8") as terminal:
+        terminal.write(f"\n{sentence}\n")
 
 
 def _set(name: str) -> bool:

@@ -34,7 +34,7 @@ class AxisFaults:
     """
 
     DERIVED: ClassVar[Names] = ("*",)
-    """It is worked out anew from the faults that act, which :class:`Faults` saves."""
+    """It is worked out anew from the faults that act, which the board saves."""
 
     def __init__(self, chip: Chip, axis: int, plant: Plant) -> None:
         self.chip: Chip = chip

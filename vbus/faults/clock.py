@@ -57,8 +57,8 @@ class ClockFaults:
         if clock.frequency:
             self._upsets.set_frequency(clock.frequency, self._plants)
         if clock.stopped != stood:
-            self._upsets.move(_held if clock.stopped else _resumed)
-        self._upsets.follow()
+            chip.move_instants(_held if clock.stopped else _resumed)
+        chip.follow_clock()
         self._upsets.disturb()
         chip.kernel.settle()
         return text

@@ -1,6 +1,5 @@
 """What can be upset inside a chip: the base, which does what any chip allows."""
 
-from collections.abc import Callable
 from typing import ClassVar
 
 from vbus.board import plugins
@@ -9,9 +8,6 @@ from vbus.faults.row import Fault
 from vbus.options import Value
 from vbus.signals import LOW, Plant
 from vbus.state import Names
-
-Shift = Callable[[int, int], int]
-"""Moves an instant: from where it was, and now (ps)."""
 
 
 class Upsets:
@@ -47,7 +43,7 @@ class Upsets:
 
     def disturb(self) -> None:
         """Tell the chip that something behind it is different now: rest is over."""
-        self.chip.rearm()
+        self.chip.touched()
 
     def filter_ps(self, axis: int) -> int:
         """Return the shortest level at an encoder input the chip believes (ps); 0 if unknown."""
@@ -59,7 +55,7 @@ class Upsets:
         """Let a fault act; return what it changes."""
         self.chip.advance()
         text = self.start(name, values)
-        self.chip.rearm()
+        self.chip.touched()
         self.chip.kernel.settle()
         return text
 
@@ -67,7 +63,7 @@ class Upsets:
         """Let it act no more."""
         self.chip.advance()
         self.stop(name, values)
-        self.chip.rearm()
+        self.chip.touched()
         self.chip.advance()
         self.chip.kernel.settle()
 
@@ -87,15 +83,11 @@ class Upsets:
 
     def set_frequency(self, hz: float, plants: list[Plant]) -> None:
         """Tell mechanics, which live in seconds, how long a period is now."""
+        for plant in plants if self.chip.PERIOD_CLK else ():
+            plant.prepare(self.chip.PERIOD_CLK / hz)
 
     def restore_frequency(self, hz: float) -> None:
         """Take the frequency of a saved state, before the chip's own state comes."""
-
-    def move(self, shift: Shift) -> None:
-        """Hold the instants that the chip waits for, or give them back."""
-
-    def follow(self) -> None:
-        """The course of the clock is another: so is when the next things come."""
 
 
 def upsets_of(chip: Chip) -> Upsets:

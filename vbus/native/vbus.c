@@ -221,6 +221,21 @@ static int64_t clock_ms(void)
     return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
 }
 
+int vbus_open_wait(struct vbus *bus, const char *where, int wait_ms)
+{
+    int64_t end = clock_ms() + wait_ms;
+
+    for (;;) {
+        int error = vbus_open(bus, where);
+        int absent = error == VBUS_E_SYSTEM &&
+                     (bus->system == ENOENT || bus->system == ECONNREFUSED);
+
+        if (!absent || clock_ms() >= end)
+            return error;
+        poll(NULL, 0, 10);
+    }
+}
+
 /* Until when a reply may take (ms), or -1. */
 static int64_t deadline_of(const struct vbus *bus)
 {

@@ -131,6 +131,9 @@ struct vbus {
  * a numeric IPv4 address or "localhost". A terminal is put into raw mode. */
 int vbus_open(struct vbus *bus, const char *where);
 
+/* The same for a board that may still have to come: tries again for `wait_ms`. */
+int vbus_open_wait(struct vbus *bus, const char *where, int wait_ms);
+
 /* Make a session of a descriptor that is open; vbus_close closes it. */
 int vbus_attach(struct vbus *bus, int fd);
 

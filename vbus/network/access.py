@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, Any, Final
+from typing import Final
+
+import zenoh
 
 from vbus.network import keys
 from vbus.network.security import Security, expand
-
-if TYPE_CHECKING:
-    import zenoh
 
 ASK_SECONDS: Final = 1.0
 
@@ -28,14 +27,13 @@ def ask_access(session: zenoh.Session, key: str) -> str:
     return ""
 
 
-def refusal(security: Security, name: str, key: str, matches: Any) -> str:
+def refusal(security: Security, name: str, key: str) -> str:
     """Return why the holder of a certificate may not use ``key``; empty if it may.
 
     Args:
         security: the rights.
         name: common name of the certificate; empty if it showed none.
         key: the whole key.
-        matches: tells whether a pattern (first) takes in a key (second).
     """
     if security.allow is None:
         return ""
@@ -47,7 +45,7 @@ def refusal(security: Security, name: str, key: str, matches: Any) -> str:
             f'the holder of the certificate "{name}" may use nothing here, and so not {key}; see'
             " [zenoh.allow] of whoever listens there"
         )
-    if any(matches(f"{keys.ROOT}/{right}", key) for right in expand(rights)):
+    if any(_includes(f"{keys.ROOT}/{right}", key) for right in expand(rights)):
         return ""
     shown = ", ".join(rights) or "nothing"
     return (
@@ -56,15 +54,15 @@ def refusal(security: Security, name: str, key: str, matches: Any) -> str:
     )
 
 
+def _includes(pattern: str, key: str) -> bool:
+    return zenoh.KeyExpr(pattern).includes(zenoh.KeyExpr(key))
+
+
 def answer_access(session: zenoh.Session, security: Security) -> zenoh.Queryable[None]:
     """Answer hosts that ask why nobody answers them.
 
     A host sends its session's id and a key; its certificate is that of the link it came by.
     """
-    import zenoh
-
-    def matches(pattern: str, key: str) -> bool:
-        return zenoh.KeyExpr(pattern).includes(zenoh.KeyExpr(key))
 
     def answer(query: zenoh.Query) -> None:
         try:
@@ -73,7 +71,7 @@ def answer_access(session: zenoh.Session, security: Security) -> zenoh.Queryable
             for link in session.info.links():
                 if str(link.zid) == zid:
                     name = link.auth_identifier or ""
-                    query.reply(keys.ACCESS, refusal(security, name, key, matches))
+                    query.reply(keys.ACCESS, refusal(security, name, key))
                     return
         except Exception:
             log.exception("internal error while telling a host what it may use")

@@ -19,7 +19,6 @@ FORMAT: Final = 2
 RUNS: Final = "runs"
 WAITS: Final = "waits"
 RESTS: Final = "rests"
-PAUSED: Final = "paused"
 HOST: Final = "waits for its host"
 
 
@@ -48,30 +47,20 @@ class Conductor:
         self.state: str = RUNS
         self.awaited: set[str] = set()
         """Labels of hosts that have not used time yet, and without which it does not begin."""
-        self._cap: int = NEVER
-        self._told: tuple[int, int] = (-2, -2)
-        node.board.limit = -1
-        node.board.port_type = NodeBus
+        self._wanted: int = -2
+
+    def begin(self) -> "Conductor":
+        """Hold the node's time, and its hosts', until it is granted."""
+        self.node.board.limit = -1
+        self.node.board.port_type = NodeBus
+        return self
 
     # -- what its hosts want ------------------------------------------------------------------
-
-    def pause(self) -> None:
-        """Let time stand still on all nodes, where it is or as soon as it can."""
-        self._cap = self.participant.granted - 1
-
-    def step(self, duration: int) -> None:
-        """Let time run on by ``duration`` ps, then pause."""
-        now = self.participant.granted - 1
-        self._cap = (now if self._cap == NEVER else max(self._cap, now)) + duration
-
-    def resume(self) -> None:
-        """End a pause."""
-        self._cap = NEVER
 
     def wants(self) -> int:
         """Return how far this node wants time to run (ps); -1 if its hosts want nothing.
 
-        For a host it is a quantum beyond its wish: what it does next is within the same grant.
+        For a host it is a quantum more, so that what it does next is within the same grant.
         """
         beyond = self.participant.lookahead - 1
         wanted = [min(port.hold_until + beyond, NEVER) for port in self._hosts() if port.wants_time]
@@ -83,11 +72,10 @@ class Conductor:
     def busy(self) -> bool:
         """Tell whether a host that has begun to use time may still act within the grant."""
         limit = self.participant.granted - 1
-        hosts = self._hosts()
-        if self.awaited:
-            self.awaited -= {port.label for port in hosts if port.uses_time}
+        acting = [port for port in self._hosts() if port.uses_time]
+        self.awaited -= {port.label for port in acting}
         return bool(self.awaited) or any(
-            port.uses_time and not (port.held and port.hold_until > limit) for port in self._hosts()
+            not (port.held and port.hold_until > limit) for port in acting
         )
 
     @property
@@ -97,10 +85,6 @@ class Conductor:
         return 0 <= self.until < participant.granted and participant.rested
 
     # -- running ------------------------------------------------------------------------------
-
-    def receive(self, report: Report) -> None:
-        """Take a report of another node; see :meth:`Participant.receive`."""
-        self.participant.receive(report)
 
     def poll(self) -> Report | None:
         """Do what can be done now: at most one slice of time, or the end of a round.
@@ -122,9 +106,9 @@ class Conductor:
         if self.busy():
             self.state = HOST
             return None
-        if participant.rested and self._told == (self.wants(), self._cap):
+        if participant.rested and self._wanted == self.wants():
             if not participant.heard_of_round():
-                self.state = RESTS if self._cap == NEVER else PAUSED
+                self.state = RESTS
                 return None
         self.state = RUNS
         now = self.node.board.kernel.now
@@ -135,13 +119,11 @@ class Conductor:
         return self._report()
 
     def _report(self) -> Report:
-        following = self.node.next_event()
-        for port in self._hosts():
-            if port.wants_time:
-                following = min(following, port.hold_until)
-        self._told = (self.wants(), self._cap)
-        edges = self.node.take_edges()
-        return self.participant.report(following, *self._told, edges)
+        waited = [port.hold_until for port in self._hosts() if port.wants_time]
+        # Before that instant the node sends no edge of its own.
+        following = min([self.node.board.kernel.next_due, *waited])
+        self._wanted = self.wants()
+        return self.participant.report(following, self._wanted, self.node.take_edges())
 
     # -- state --------------------------------------------------------------------------------
 
@@ -170,4 +152,4 @@ class Conductor:
         self.participant.load(participant)
         self.node.load(node)
         self.node.board.limit = self.participant.granted - 1
-        self._told = (self.wants(), self._cap)
+        self._wanted = self.wants()

@@ -33,7 +33,7 @@ def node_of(
         made.start_trace()
     if scenario is not None:
         orders = Orders(made.board, "scenario")
-        made.add_orders(orders)
+        made.orders.append(orders)
         for order in scenario.of({chip.name for chip in made.board.chips}):
             orders.give(order)
     return made
@@ -50,7 +50,7 @@ def conductor_of(
     plan = plan_of(file)
     made = node_of(file, source, node, scenario, trace)
     until = scenario.until if scenario is not None else -1
-    return Conductor(made, plan.lookahead, plan.digest, until)
+    return Conductor(made, plan.lookahead, plan.digest, until).begin()
 
 
 class Machine:
@@ -88,7 +88,7 @@ class Machine:
             return conductor.state == RUNS
         for other in self.conductors:
             if other is not conductor:
-                other.receive(report)
+                other.participant.receive(report)
         return True
 
     def trace_hash(self) -> str:

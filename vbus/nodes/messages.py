@@ -8,91 +8,76 @@ from vbus.errors import NodeMismatchError
 from vbus.kernel import NEVER
 from vbus.nodes.node import Edge
 
-VERSION: Final = 1
+VERSION: Final = 2
 MOST_WIRES: Final = 1 << 16
 LARGEST: Final = 16 << 20
 """Longest message that is looked at (bytes)."""
 
 
-class Report(msgspec.Struct, frozen=True, array_like=True, tag="r", forbid_unknown_fields=True):
-    """A node has done everything before an instant.
+class NodeMessage(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """What every message begins with.
 
     Attributes:
         digest: of the board file; see :class:`~vbus.nodes.plan.Plan`.
-        node: rank of the node.
-        round: running number of the report, from 0.
+        node: rank of the node that sends it.
+        round: running number of the report, ping, mark or message with edges, from 0.
+    """
+
+    digest: str
+    node: int
+    round: int
+
+
+class Report(NodeMessage, frozen=True, tag="r"):
+    """A node has done everything before an instant.
+
+    Attributes:
         horizon: everything before this instant is done (ps).
         following: before this instant the node sends no edge of its own (ps).
         until: how far its hosts want time to run (ps); -1: they want nothing.
-        cap: how far it lets time run (ps): a pause.
         edges: sent since the report before.
     """
 
-    digest: str
-    node: int
-    round: int
     horizon: int
     following: int
     until: int
-    cap: int
     edges: tuple[Edge, ...]
 
 
-class Alive(msgspec.Struct, frozen=True, array_like=True, tag="a", forbid_unknown_fields=True):
-    """A node lives.
+class Alive(NodeMessage, frozen=True, tag="a"):
+    """A node lives; ``round`` is the latest it has reported.
 
     Attributes:
-        digest: of the board file.
-        node: its rank.
-        round: the latest round it has reported.
-        state: what it does: ``"waits"``, ``"runs"``, ``"rests"``, ``"paused"``, ``"done"``.
+        state: what it does: ``"waits"``, ``"runs"``, ``"rests"``, ``"done"``.
     """
 
-    digest: str
-    node: int
-    round: int
     state: str
 
 
-class Need(msgspec.Struct, frozen=True, array_like=True, tag="n", forbid_unknown_fields=True):
-    """A node lacks reports of another: it has just begun, or a message was lost.
+class Need(NodeMessage, frozen=True, tag="n"):
+    """A node lacks reports of another, from ``round`` on: it has begun, or a message was lost.
 
     Attributes:
-        digest: of the board file.
-        node: rank of the node that asks.
         other: rank of the node whose reports it lacks.
-        round: the first report it lacks.
     """
 
-    digest: str
-    node: int
     other: int
-    round: int
 
 
-class Ping(msgspec.Struct, frozen=True, array_like=True, tag="p", forbid_unknown_fields=True):
+class Ping(NodeMessage, frozen=True, tag="p"):
     """What does your clock say? Instants in ns of each process' own clock.
 
     Attributes:
-        digest: of the board file.
-        node: rank of the node that asks.
-        round: running number.
         sent: when it was asked.
     """
 
-    digest: str
-    node: int
-    round: int
     sent: int
 
 
-class Pong(msgspec.Struct, frozen=True, array_like=True, tag="q", forbid_unknown_fields=True):
+class Pong(NodeMessage, frozen=True, tag="q"):
     """The answer to a :class:`Ping`, and when chip time began.
 
     Attributes:
-        digest: of the board file.
-        node: rank of the node that answers.
-        round: of the ping.
         other: rank of the node that asked.
         sent: when it asked, by its clock.
         came: when the ping came, by the clock of the one who answers.
@@ -100,9 +85,6 @@ class Pong(msgspec.Struct, frozen=True, array_like=True, tag="q", forbid_unknown
         epoch: when chip time was 0, by the same clock; -1 if that is not known yet.
     """
 
-    digest: str
-    node: int
-    round: int
     other: int
     sent: int
     came: int
@@ -110,35 +92,23 @@ class Pong(msgspec.Struct, frozen=True, array_like=True, tag="q", forbid_unknown
     epoch: int
 
 
-class Edges(msgspec.Struct, frozen=True, array_like=True, tag="w", forbid_unknown_fields=True):
+class Edges(NodeMessage, frozen=True, tag="w"):
     """Edges on wires, in real time.
 
     Attributes:
-        digest: of the board file.
-        node: rank of the node that sends them.
-        round: running number.
         edges: what it sends.
     """
 
-    digest: str
-    node: int
-    round: int
     edges: tuple[Edge, ...]
 
 
-class Mark(msgspec.Struct, frozen=True, array_like=True, tag="m", forbid_unknown_fields=True):
-    """A node has reached an instant of chip time.
+class Mark(NodeMessage, frozen=True, tag="m"):
+    """A node has reached an instant of chip time, the one numbered ``round``.
 
     Attributes:
-        digest: of the board file.
-        node: its rank.
-        round: number of the instant.
         at: when that was, by the clock all nodes have agreed on (ns).
     """
 
-    digest: str
-    node: int
-    round: int
     at: int
 
 
@@ -196,8 +166,8 @@ def _wrong(message: Message, nodes: int, wires: int) -> str:
     if isinstance(message, Report):
         if not 0 <= message.horizon <= message.following <= NEVER:
             return f"horizon {message.horizon}, next event {message.following}"
-        if message.until > NEVER or not -1 <= message.cap <= NEVER:
-            return f"until {message.until}, cap {message.cap}"
+        if message.until > NEVER:
+            return f"until {message.until}"
         return _wrong_edges(message.node, message.edges, wires, max(message.horizon, 1))
     return ""
 

@@ -61,6 +61,7 @@ class Node:
         """Edges that came after their instant had passed (real time only)."""
         self.worst_late: int = 0
         self.orders: list[Orders] = []
+        """Cycles to be run at given instants, after what arrives at those instants."""
         self.trace: NodeTrace | None = None
         self._drives: list[Drive] = []
         self._arrivals: list[tuple[int, int, int, int, int, bool]] = []
@@ -88,10 +89,6 @@ class Node:
         self.board: Board = board
         # Made after the timers of all chips: what arrives comes after what they do of themselves.
         self._timer: Timer = board.kernel.timer(self._arrived)
-
-    def add_orders(self, orders: Orders) -> None:
-        """Let cycles be run at given instants, after what arrives at those instants."""
-        self.orders.append(orders)
 
     def start_trace(self) -> None:
         """Begin to note what happens: before time starts."""
@@ -137,14 +134,6 @@ class Node:
         return edges
 
     # -- time and state -----------------------------------------------------------------------
-
-    def next_event(self) -> int:
-        """Return an instant before which this node sends no edge of its own (ps)."""
-        return self.board.kernel.next_due
-
-    def last_order(self) -> int:
-        """Return the instant of the last order that waits; -1 if none does."""
-        return max((orders.last for orders in self.orders), default=-1)
 
     def run_before(self, when: int) -> None:
         """Let happen everything at instants before ``when`` (ps)."""

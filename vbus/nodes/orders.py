@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
+from operator import itemgetter
 from typing import Final
 
 from vbus.board.circuit import Circuit
@@ -100,10 +101,6 @@ class Orders:
         self._push(max(start, now), number, _LOOK)
         return number
 
-    def waits(self, number: int) -> bool:
-        """Tell whether an order has not been carried out yet."""
-        return number in self._orders
-
     def result(self, number: int) -> int:
         """Return the byte that order ``number`` has read."""
         return self.results.pop(number, 0)
@@ -176,7 +173,7 @@ class Orders:
             when = max(when, now - earliest)
             self._push(when + earliest, number, _START)
             taken = False
-            for offset, pin, place, level in sorted(strobes, key=_offset):
+            for offset, pin, place, level in sorted(strobes, key=itemgetter(0)):
                 if offset >= 0 and not taken:
                     self._push(when, number, _TAKE)
                     taken = True
@@ -270,7 +267,3 @@ class Orders:
 
 def _nothing() -> None:
     pass
-
-
-def _offset(strobe: tuple[int, int, int, int]) -> int:
-    return strobe[0]

@@ -8,8 +8,10 @@ import msgspec
 
 from vbus.board import plugins
 from vbus.board.build import assemble, rest_of
-from vbus.board.sections import BoardFile
+from vbus.board.sections import BoardFile, ChipSection
 from vbus.board.source import Source
+from vbus.chips.base import Chip
+from vbus.errors import ConfigError
 from vbus.kernel import SECOND, Clock, Kernel
 from vbus.nodes.node import Node, Wire
 from vbus.version import __version__
@@ -49,10 +51,10 @@ class Plan:
         """Return the rank of the node called ``node``.
 
         Raises:
-            ValueError: there is none.
+            ConfigError: there is none.
         """
         if node not in self.nodes:
-            raise ValueError(f'no node called "{node}"; this board has {", ".join(self.nodes)}')
+            raise ConfigError(f'no node called "{node}"; this board has {", ".join(self.nodes)}')
         return self.nodes.index(node)
 
 
@@ -68,9 +70,9 @@ def plan_of(file: BoardFile) -> Plan:
                 ends.setdefault(homes[pin.partition(".")[0]], []).append(pin)
             frozen = {rank: tuple(ends[rank]) for rank in sorted(ends)}
             rest, width = _as_first_pin(file, net.pins[0])
-            wished = rest_of(net)
+            rest_level = rest_of(net)
             wires.append(
-                Wire(net.name, net.delay, rest if wished is None else wished, width, frozen)
+                Wire(net.name, net.delay, rest if rest_level is None else rest_level, width, frozen)
             )
     return Plan(
         file.board.name,
@@ -86,10 +88,14 @@ def plan_of(file: BoardFile) -> Plan:
 def _as_first_pin(file: BoardFile, pin: str) -> tuple[int, int]:
     """Return resting level and width of the net at ``pin``, which may be on any node."""
     name, _, row = pin.partition(".")
-    chip = next(chip for chip in file.chips if chip.name == name)
-    cls = plugins.chip_class(chip.part)
-    net = cls(name, chip.part, Kernel(), Clock(chip.clock), chip.settings).pins[row].net
+    net = next(_alone(chip) for chip in file.chips if chip.name == name).pins[row].net
     return net.rest, net.width
+
+
+def _alone(chip: ChipSection) -> Chip:
+    """Return a chip on no board, for its pins."""
+    cls = plugins.chip_class(chip.part)
+    return cls(chip.name, chip.part, Kernel(), Clock(chip.clock), chip.settings)
 
 
 def _digest(file: BoardFile) -> str:
@@ -107,13 +113,8 @@ def _digest(file: BoardFile) -> str:
 
 
 def pins_of(file: BoardFile) -> dict[str, set[str]]:
-    """Return the pins of every chip of a checked board file, for :func:`read_scenario`."""
-    pins = {}
-    for chip in file.chips:
-        cls = plugins.chip_class(chip.part)
-        made = cls(chip.name, chip.part, Kernel(), Clock(chip.clock), chip.settings)
-        pins[chip.name] = set(made.pins)
-    return pins
+    """Return the pins of every chip of a checked board file, for reading a scenario."""
+    return {chip.name: set(_alone(chip).pins) for chip in file.chips}
 
 
 def part_of(file: BoardFile, node: str) -> BoardFile:
@@ -148,8 +149,7 @@ def build_node(file: BoardFile, source: Source, node: str) -> Node:
     """Return one node of a board, powered on, at instant 0.
 
     Raises:
-        ConfigError: a part refuses its settings.
-        ValueError: there is no such node.
+        ConfigError: a part refuses its settings, or there is no such node.
     """
     plan = plan_of(file)
     made = Node(plan.nodes, plan.rank(node), plan.wires)

@@ -1,6 +1,7 @@
 """Scenarios: what hosts do, written down beforehand with its instants."""
 
 from dataclasses import dataclass
+from operator import attrgetter
 
 from vbus.errors import ConfigError
 from vbus.nodes.orders import PIN, READ, WRITE, Order
@@ -58,7 +59,7 @@ def read_scenario(text: str, file: str, chips: dict[str, set[str]], cycle: int) 
                 orders += _orders(words, chips, cycle)
         except ValueError as error:
             raise ConfigError(f"{file}:{number}: {error}") from None
-    orders.sort(key=_when)
+    orders.sort(key=attrgetter("when"))
     last = orders[-1].when if orders else 0
     if until < 0:
         until = last + cycle
@@ -111,7 +112,3 @@ def _byte(word: str, what: str) -> int:
     if not 0 <= value <= 0xFF:
         raise ValueError(f"{what} {word!r} is no hexadecimal number from 0 to FF")
     return value
-
-
-def _when(order: Order) -> int:
-    return order.when

@@ -33,6 +33,7 @@ class Participant:
         round: the round under way: its reports are awaited.
         granted: everything before this instant may happen (ps).
         rested: whether the last grant gave no time: nobody wanted any.
+        reported: whether this node has ended the round.
     """
 
     def __init__(self, names: Sequence[str], me: int, lookahead: int, digest: str) -> None:
@@ -47,20 +48,19 @@ class Participant:
         """This node's own reports, for those who lack them."""
         self._heard: dict[int, dict[int, Report]] = {}
         """Reports of this round and later ones, by round and node."""
-        self._reported: bool = False
+        self.reported: bool = False
 
     # -- reports ------------------------------------------------------------------------------
 
-    def report(self, following: int, until: int, cap: int, edges: list[Edge]) -> Report:
+    def report(self, following: int, until: int, edges: list[Edge]) -> Report:
         """End this node's round: everything before the grant is done.
 
         Args:
             following: before this instant the node sends no edge of its own (ps).
             until: how far its hosts want time to run (ps); -1: nothing.
-            cap: how far it lets time run (ps).
             edges: sent in this round.
         """
-        if self._reported:
+        if self.reported:
             raise ValueError(f"round {self.round} is reported already")
         report = Report(
             self.digest,
@@ -69,10 +69,9 @@ class Participant:
             self.granted,
             max(following, self.granted),
             until,
-            cap,
             tuple(edges),
         )
-        self._reported = True
+        self.reported = True
         self.log[self.round] = report
         self.log.pop(self.round - KEPT, None)
         self._heard.setdefault(self.round, {})[self.me] = report
@@ -101,11 +100,6 @@ class Participant:
                 " processes run it, or it was started anew without its hosts doing the same",
             )
 
-    @property
-    def reported(self) -> bool:
-        """Whether this node has ended the round."""
-        return self._reported
-
     def heard_of_round(self) -> bool:
         """Tell whether another node has ended the present round."""
         return any(node != self.me for node in self._heard.get(self.round, ()))
@@ -119,7 +113,7 @@ class Participant:
 
     def ready(self) -> bool:
         """Tell whether every report of the round is here."""
-        return self._reported and not self.missing()
+        return self.reported and not self.missing()
 
     def grant(self) -> list[Edge]:
         """Begin the next round: move :attr:`granted`; return what the others have sent.
@@ -128,7 +122,7 @@ class Participant:
             NodeMismatchError: a report does not fit the round.
         """
         reports = self._heard.pop(self.round)
-        first = cap = NEVER
+        first = NEVER
         until = -1
         edges: list[Edge] = []
         for node in range(len(self.names)):
@@ -142,18 +136,17 @@ class Participant:
                 )
             first = min(first, report.following)
             until = max(until, report.until)
-            cap = min(cap, report.cap)
             if node != self.me:
                 edges += report.edges
         # An edge under way may make its receiver send one in turn, not before it has arrived.
         for own in reports.values():
             for edge in own.edges:
                 first = min(first, max(edge[0] + self.lookahead, self.granted))
-        following = min(first + self.lookahead, until + 1, cap + 1, NEVER - 1)
+        following = min(first + self.lookahead, until + 1, NEVER - 1)
         self.rested = following <= self.granted
         self.granted = max(following, self.granted)
         self.round += 1
-        self._reported = False
+        self.reported = False
         return edges
 
     # -- state --------------------------------------------------------------------------------
@@ -163,7 +156,7 @@ class Participant:
 
         The latest two reports are part of it: others may not have got them yet.
         """
-        if not self._reported:
+        if not self.reported:
             raise ValueError("a snapshot is taken when the round has been reported")
         latest = [self.log[n] for n in (self.round - 1, self.round) if n in self.log]
         return (self.round, self.granted, self.rested, tuple(encode(r) for r in latest))
@@ -184,4 +177,4 @@ class Participant:
                 raise SnapshotError("the state was made with another board file or version")
             self.log[report.round] = report
         self._heard = {self.round: {self.me: self.log[self.round]}}
-        self._reported = True
+        self.reported = True

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Iterable, Iterator
 from heapq import merge
+from operator import itemgetter
 
 from vbus.signals import TraceHash
 
@@ -17,23 +18,13 @@ class NodeTrace(TraceHash):
         super().__init__(order)
         self._lines: list[Line] = []
 
-    def settled(self, now: int) -> None:
-        """Put in order what is older than ``now``."""
-        pending = self._pending
-        pending.sort(key=_when_and_rank)
-        done = 0
-        for when, _, text in pending:
-            if when >= now:
-                break
-            self._lines.append((when, text))
-            done += 1
-        self.records += done
-        del pending[:done]
+    def record(self, when: int, text: str) -> None:
+        """Keep it."""
+        self._lines.append((when, text))
 
     def lines(self) -> list[Line]:
         """Return everything so far, in order."""
-        rest = sorted(self._pending, key=_when_and_rank)
-        return [*self._lines, *((when, text) for when, _, text in rest)]
+        return [*self._lines, *self.waiting()]
 
     def digest(self) -> str:
         """Return the hash of this node alone (hex)."""
@@ -51,27 +42,21 @@ class NodeTrace(TraceHash):
         self.records = len(self._lines)
 
 
-def merged(traces: Iterable[Iterable[Line]]) -> Iterator[tuple[int, int, str]]:
+def merged(traces: Iterable[Iterable[Line]]) -> Iterator[str]:
     """Merge the traces of nodes, given by rank, in order of (instant, node, sequence)."""
-    return merge(*(_ranked(rank, lines) for rank, lines in enumerate(traces)), key=_instant_rank)
-
-
-def _ranked(rank: int, lines: Iterable[Line]) -> Iterator[tuple[int, int, str]]:
-    for when, text in lines:
-        yield when, rank, text
-
-
-def _instant_rank(line: tuple[int, int, str]) -> tuple[int, int]:
-    return line[0], line[1]
+    ranked = ([(when, rank, text) for when, text in lines] for rank, lines in enumerate(traces))
+    for when, rank, text in merge(*ranked, key=itemgetter(0, 1)):
+        yield f"{when} {rank} {text}\n"
 
 
 def merged_hash(traces: Iterable[Iterable[Line]]) -> str:
     """Return the SHA-256 (hex) over the merged traces of all nodes, given by rank."""
+    return hash_of(merged(traces))
+
+
+def hash_of(lines: Iterable[str]) -> str:
+    """Return the SHA-256 (hex) over the lines of a merged trace."""
     total = hashlib.sha256()
-    for when, rank, text in merged(traces):
-        total.update(f"{when} {rank} {text}\n".encode())
+    for line in lines:
+        total.update(line.encode())
     return total.hexdigest()
-
-
-def _when_and_rank(record: tuple[int, int, str]) -> tuple[int, int]:
-    return record[0], record[1]

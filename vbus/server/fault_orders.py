@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from vbus.faults.armed import Armed
 from vbus.faults.faults import Faults
-from vbus.server.control import Control
+from vbus.server.control import Order
 from vbus.server.message_session import MessageSession
 from vbus.server.session import LinkFilter, Session
 
@@ -21,9 +21,13 @@ class _LinkFault(LinkFilter):
         self._once: bool = once
         self._kept: bytearray = bytearray()
         self._silent: bool = False
-        session.add_filter(self)
-        if name == "link_dead":
-            session.stop_reading()
+
+    def begin(self) -> "_LinkFault":
+        """Act from now on."""
+        self.session.add_filter(self)
+        if self._name == "link_dead":
+            self.session.stop_reading()
+        return self
 
     def passes(self, out: bytearray) -> None:
         """Keep an answer for later, cut it short, or lose it."""
@@ -50,31 +54,25 @@ class FaultOrders:
 
     Args:
         faults: those of the board.
-        control: takes the orders from now on.
         sessions_of: gives the sessions of a host entry, None if there is no such entry.
-        soon: ends a session when what it does now is done.
     """
 
-    def __init__(
-        self,
-        faults: Faults,
-        control: Control,
-        sessions_of: Callable[[int], list[Session] | None],
-        soon: Callable[[Session, str], None],
-    ) -> None:
+    def __init__(self, faults: Faults, sessions_of: Callable[[int], list[Session] | None]) -> None:
         self._faults: Faults = faults
         self._sessions_of: Callable[[int], list[Session] | None] = sessions_of
-        self._soon: Callable[[Session, str], None] = soon
         self.acting: dict[int, tuple[int, str, list[_LinkFault]]] = {}
         """Faults that act on links, by number: place of the host, name, sessions."""
-        faults.links = self
-        orders = control.orders
-        orders["fault.arm"] = self._arm
-        orders["fault.clear"] = self._clear
-        orders["fault.list"] = self._list
-        orders["fault.log"] = self._log
 
     # -- orders -------------------------------------------------------------------------------
+
+    def orders(self) -> dict[str, Order]:
+        """Return the orders by name."""
+        return {
+            "fault.arm": self._arm,
+            "fault.clear": self._clear,
+            "fault.list": self._list,
+            "fault.log": self._log,
+        }
 
     def _arm(self, request: dict[str, Any]) -> dict[str, Any]:
         given = {key: request.get(key) for key in _KEYS}
@@ -84,14 +82,14 @@ class FaultOrders:
         armed = self._faults.arm(
             str(request["name"]), given["target"] or "", given["when"], given["until"], **parameters
         )
-        return _told(armed)
+        return _as_json(armed)
 
     def _clear(self, request: dict[str, Any]) -> list[dict[str, Any]]:
         which = request.get("which", "all")
-        return [_told(armed) for armed in self._faults.clear(which)]
+        return [_as_json(armed) for armed in self._faults.clear(which)]
 
     def _list(self, request: dict[str, Any]) -> list[dict[str, Any]]:
-        return [_told(armed) for armed in self._faults.all()]
+        return [_as_json(armed) for armed in self._faults.all()]
 
     def _log(self, request: dict[str, Any]) -> list[dict[str, Any]]:
         return [
@@ -124,9 +122,9 @@ class FaultOrders:
             raise ValueError(f"nobody is connected to {target}")
         if name == "link_closed":
             for session in sessions:
-                self._soon(session, "closed by a fault")
+                session.hang_up_soon("closed by a fault")
             return f"{len(sessions)} sessions closed"
-        faults = [_LinkFault(session, name, once) for session in sessions]
+        faults = [_LinkFault(session, name, once).begin() for session in sessions]
         if not once:
             self.acting[number] = (place, name, faults)
         return f"{len(sessions)} sessions"
@@ -137,14 +135,14 @@ class FaultOrders:
         for fault in faults:
             fault.undo()
 
-    def joined(self, place: int, session: Session) -> None:
+    def connected(self, place: int, session: Session) -> None:
         """A host has connected while faults act: they act on it too."""
         for where, name, faults in self.acting.values():
             if where == place and not isinstance(session, MessageSession):
-                faults.append(_LinkFault(session, name, False))
+                faults.append(_LinkFault(session, name, False).begin())
 
 
-def _told(armed: Armed) -> dict[str, Any]:
+def _as_json(armed: Armed) -> dict[str, Any]:
     return {
         "number": armed.number,
         "name": armed.name,

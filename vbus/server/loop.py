@@ -28,12 +28,12 @@ class DirectSelector(selectors.EpollSelector):
         """Takes what a callback raised."""
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Serve direct descriptors; return the others that are ready."""
+        """Serve direct descriptors; return the indirect that are ready."""
         poll = self._selector.poll  # type: ignore[attr-defined]
         wait = -1 if timeout is None else max(timeout, 0)
         direct = self.direct
         self.wanted = False
-        others: list[tuple[selectors.SelectorKey, int]] = []
+        indirect: list[tuple[selectors.SelectorKey, int]] = []
         while True:
             found = poll(wait, _MOST_EVENTS)
             for fd, event in found:
@@ -41,15 +41,15 @@ class DirectSelector(selectors.EpollSelector):
                 if callback is None or event & select.EPOLLOUT:
                     key = self.get_map().get(fd)
                     if key is not None:
-                        others.append((key, _mask(event) & key.events))
+                        indirect.append((key, _mask(event) & key.events))
                 else:
                     try:
                         callback()
                     except Exception as error:
                         self.failed(error)
             # With a time-out something is due soon: the event loop looks at the clock itself.
-            if others or self.wanted or not found or timeout is not None:
-                return others
+            if indirect or self.wanted or not found or timeout is not None:
+                return indirect
 
 
 def _ignore(error: Exception) -> None:

@@ -1,15 +1,11 @@
 """One connected host that sends messages: each is carried out, then answered as a whole."""
 
-import asyncio
 from collections import deque
-from collections.abc import Callable
 from typing import Final
 
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.server.pacer import Pacer
-from vbus.server.session import Session
-from vbus.server.statistics import Histogram
+from vbus.server.session import Serving, Session
 from vbus.transports.base import MessageLink
 
 SLICE: Final = 4096
@@ -24,20 +20,13 @@ class MessageSession(Session):
     """
 
     def __init__(
-        self,
-        loop: asyncio.AbstractEventLoop,
-        link: MessageLink,
-        port: HostPort,
-        protocol: Protocol,
-        pacer: Pacer,
-        on_end: Callable[[Session], None],
-        round_trips: Histogram,
+        self, serving: Serving, link: MessageLink, port: HostPort, protocol: Protocol
     ) -> None:
+        super().__init__(serving, link, port, protocol)
         self._messages: MessageLink = link
         self._collected: bytearray = bytearray()
         self._rest: deque[bytes] = deque()
         self._answering: bool = False
-        super().__init__(loop, link, port, protocol, pacer, on_end, round_trips)
 
     def _read_on(self) -> None:
         """Messages come when the link has them."""
@@ -81,25 +70,17 @@ class MessageSession(Session):
         self.sent += len(reply)
         self._messages.answer(reply)
 
-    def end(self, reason: str) -> None:
+    def end(self, reason: str, hang_up: bool = False) -> None:
         """End the session, and let the link say why."""
         self._messages.reason = self._messages.reason or reason
-        super().end(reason)
+        super().end(reason, hang_up)
 
     def _send(self) -> None:
         """Keep what the message gave so far."""
         self._collected += self.protocol.out
         self.protocol.out.clear()
 
-    def _send_events(self) -> None:
-        self._flush_scheduled = False
-        if self._open:
-            try:
-                self.protocol.report_events()
-            except Exception:
-                self._broken()
-                return
-            if self.protocol.out:
-                data = self.protocol.take()
-                self.sent += len(data)
-                self._messages.push(data)
+    def _push(self) -> None:
+        data = self.protocol.take()
+        self.sent += len(data)
+        self._messages.push(data)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Final
 
 from vbus.errors import PluginError, TransportError
+from vbus.transports.base import Link
+from vbus.transports.sockets import TcpTransport
 
 if TYPE_CHECKING:
     from prometheus_client.metrics_core import Metric
@@ -17,7 +20,7 @@ PATH: Final = "/metrics"
 PATIENCE_SECONDS: Final = 5.0
 """How long a client may take to ask, or to take its answer."""
 _LINES: Final = 100
-_MISSING: Final = 'metrics need prometheus-client; install it with: pip install "vbus[metrics]"'
+_MISSING: Final = "metrics need prometheus-client; install it with: pip install prometheus-client"
 
 
 class MetricsPort:
@@ -37,18 +40,13 @@ class MetricsPort:
             from prometheus_client import CollectorRegistry
         except ImportError as error:
             raise PluginError(_MISSING) from error
-        self._host: str = host
-        self._port: int = port
+        self._host: str = f"[{host}]" if ":" in host else host
+        self._transport: TcpTransport = TcpTransport(f"{host}:{port}", {})
         self._registry: CollectorRegistry = CollectorRegistry()
         self._registry.register(Collector(statistics))
-        self._socket: socket.socket | None = None
-        self._task: asyncio.Task[None] | None = None
-
-    @property
-    def url(self) -> str:
-        """Where the metrics are, with the port that was found."""
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        return f"http://{host}:{self._port}{PATH}"
+        self._talks: set[asyncio.Task[None]] = set()
+        self.url: str = f"http://{self._host}:{port}{PATH}"
+        """Where the metrics are, with the port that was found once it is open."""
 
     def open(self, loop: asyncio.AbstractEventLoop) -> None:
         """Listen from now on.
@@ -56,62 +54,37 @@ class MetricsPort:
         Raises:
             TransportError: the address is taken, or not of this computer.
         """
-        family = socket.AF_INET6 if ":" in self._host else socket.AF_INET
-        listener = socket.socket(family, socket.SOCK_STREAM)
+
+        def linked(link: Link) -> None:
+            talk = loop.create_task(self._talk(link))
+            self._talks.add(talk)
+            talk.add_done_callback(self._talks.discard)
+
         try:
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind((self._host, self._port))
-            listener.listen(16)
-        except OSError as error:
-            listener.close()
+            self._transport.open(loop, linked)
+        except TransportError as error:
+            reason = getattr(error.__cause__, "strerror", None) or error
             raise TransportError(
-                f"{self.url}: cannot listen: {error.strerror}; free the address, or give another"
+                f"{self.url}: cannot listen: {reason}; free the address, or give another"
                 " in [metrics] or --metrics (port 0 is any free one)"
             ) from error
-        listener.setblocking(False)
-        self._port = listener.getsockname()[1]
-        self._socket = listener
-        self._task = loop.create_task(self._serve(listener))
+        port = self._transport.url.rpartition(":")[2]
+        self.url = f"http://{self._host}:{port}{PATH}"
 
     def close(self) -> None:
         """Listen no more; may be called again."""
-        if self._task is not None:
-            self._task.cancel()
-            self._task = None
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
+        self._transport.close()
+        for talk in self._talks:
+            talk.cancel()
 
-    async def _serve(self, listener: socket.socket) -> None:
-        loop = asyncio.get_running_loop()
-        talks: set[asyncio.Task[None]] = set()
-        try:
-            while True:
-                try:
-                    client, _ = await loop.sock_accept(listener)
-                except OSError:  # the client gave up, or descriptors have run out for now
-                    await asyncio.sleep(0.1)
-                    continue
-                talk = loop.create_task(self._talk(client))
-                talks.add(talk)
-                talk.add_done_callback(talks.discard)
-        finally:
-            for talk in talks:
-                talk.cancel()
-
-    async def _talk(self, client: socket.socket) -> None:
-        writer: asyncio.StreamWriter | None = None
-        try:
+    async def _talk(self, link: Link) -> None:
+        with contextlib.closing(link), contextlib.suppress(OSError, ValueError, TimeoutError):
+            client = socket.socket(fileno=os.dup(link.fd))
             reader, writer = await asyncio.open_connection(sock=client)
-            with contextlib.suppress(OSError, ValueError, TimeoutError):
+            with contextlib.closing(writer):
                 async with asyncio.timeout(PATIENCE_SECONDS):
                     writer.write(await self._answer(reader))
                     await writer.drain()
-        finally:
-            if writer is None:
-                client.close()
-            else:
-                writer.close()
 
     async def _answer(self, reader: asyncio.StreamReader) -> bytes:
         """Read one request; return the whole reply."""
@@ -160,91 +133,103 @@ class Collector:
 
     def collect(self) -> Iterator[Metric]:
         """Yield every metric as it is now."""
-        told = self._statistics()
-        board = told["board"]
-        yield from _cycles(board, told)
-        yield from _links(board, told)
-        yield from _time(board, told)
+        statistics = self._statistics()
+        board = statistics["board"]
+        yield _info(board, statistics)
+        yield from _families(board, statistics)
+        text = "How late chip time was when it was brought up to date"
+        yield _histogram("vbus_lag_seconds", text, board, statistics["lag"], "ps", 1e12)
         yield _histogram(
             "vbus_round_trip_seconds",
             "From a message's arrival in the server until its answer is handed over",
             board,
-            told["round_trips"],
+            statistics["round_trips"],
             "ns",
             1e9,
         )
 
 
-def _cycles(board: str, told: dict[str, Any]) -> Iterator[Metric]:
-    from prometheus_client.core import CounterMetricFamily
-
-    cycles = CounterMetricFamily(
-        "vbus_bus_cycles", "Whole bus cycles hosts have made", labels=("board", "chip", "direction")
-    )
-    for chip in told["chips"]:
-        cycles.add_metric((board, chip["name"], "read"), chip["reads"])
-        cycles.add_metric((board, chip["name"], "write"), chip["writes"])
-    yield cycles
-    violations = CounterMetricFamily(
-        "vbus_violations", "Breaches of a rule by hosts", labels=("board", "rule")
-    )
-    for rule, count in sorted(told["violations"].items()):
-        violations.add_metric((board, rule), count)
-    yield violations
+Samples = Iterable[tuple[tuple[str, ...], float]]
+"""Values, each with what its labels say."""
 
 
-def _links(board: str, told: dict[str, Any]) -> Iterator[Metric]:
+def _families(board: str, statistics: dict[str, Any]) -> Iterator[Metric]:
+    """Yield what has one value for each set of labels."""
     from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 
-    open_now = GaugeMetricFamily("vbus_sessions", "Open sessions", labels=("board", "link"))
-    served = CounterMetricFamily(
-        "vbus_sessions_served", "Sessions opened since the start", labels=("board", "link")
-    )
-    size = CounterMetricFamily(
-        "vbus_link_bytes", "Bytes carried by a link", labels=("board", "link", "direction")
-    )
-    for number, link in enumerate(told["links"]):
-        labels = (board, f"{number}:{link['url']}")
-        open_now.add_metric(labels, link["sessions"])
-        served.add_metric(labels, link["served"])
-        size.add_metric((*labels, "received"), link["received"])
-        size.add_metric((*labels, "sent"), link["sent"])
-    yield from (open_now, served, size)
+    links = [
+        ((f"{number}:{link['url']}",), link) for number, link in enumerate(statistics["links"])
+    ]
+    rows: tuple[tuple[Any, str, str, tuple[str, ...], Samples], ...] = (
+        (
+            CounterMetricFamily, "vbus_bus_cycles", "Whole bus cycles hosts have made",
+            ("chip", "direction"),
+            [
+                ((chip["name"], direction), chip[f"{direction}s"])
+                for chip in statistics["chips"]
+                for direction in ("read", "write")
+            ],
+        ),
+        (
+            CounterMetricFamily, "vbus_violations", "Breaches of a rule by hosts", ("rule",),
+            [((rule,), count) for rule, count in sorted(statistics["violations"].items())],
+        ),
+        (
+            GaugeMetricFamily, "vbus_sessions", "Open sessions", ("link",),
+            [(labels, link["sessions"]) for labels, link in links],
+        ),
+        (
+            CounterMetricFamily, "vbus_sessions_served", "Sessions opened since the start",
+            ("link",), [(labels, link["served"]) for labels, link in links],
+        ),
+        (
+            CounterMetricFamily, "vbus_link_bytes", "Bytes carried by a link",
+            ("link", "direction"),
+            [
+                ((*labels, direction), link[direction])
+                for labels, link in links
+                for direction in ("received", "sent")
+            ],
+        ),
+        (
+            CounterMetricFamily, "vbus_chip_time_seconds", "Chip time since the start", (),
+            [((), statistics["time_ps"] / 1e12)],
+        ),
+        (
+            CounterMetricFamily, "vbus_slipped_seconds", "Chip time left out after stalls", (),
+            [((), statistics["slipped_ps"] / 1e12)],
+        ),
+        (
+            GaugeMetricFamily, "vbus_worst_lag_seconds", "Largest lag since the start", (),
+            [((), statistics["worst_lag_ps"] / 1e12)],
+        ),
+    )  # fmt: skip
+    for kind, name, text, labels, samples in rows:
+        family = kind(name, text, labels=("board", *labels))
+        for values, number in samples:
+            family.add_metric((board, *values), number)
+        yield family
 
 
-def _time(board: str, told: dict[str, Any]) -> Iterator[Metric]:
-    from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily
+def _info(board: str, statistics: dict[str, Any]) -> Metric:
+    from prometheus_client.core import InfoMetricFamily
 
     info = InfoMetricFamily("vbus_board", "The board", labels=("board",))
-    info.add_metric((board,), {"policy": told["policy"], "rate": str(told["rate"])})
-    yield info
-    for name, text, value in (
-        ("vbus_chip_time_seconds", "Chip time since the start", told["time_ps"]),
-        ("vbus_slipped_seconds", "Chip time left out after stalls", told["slipped_ps"]),
-    ):
-        counter = CounterMetricFamily(name, text, labels=("board",))
-        counter.add_metric((board,), value / 1e12)
-        yield counter
-    worst = GaugeMetricFamily(
-        "vbus_worst_lag_seconds", "Largest lag since the start", labels=("board",)
-    )
-    worst.add_metric((board,), told["worst_lag_ps"] / 1e12)
-    yield worst
-    text = "How late chip time was when it was brought up to date"
-    yield _histogram("vbus_lag_seconds", text, board, told["lag"], "ps", 1e12)
+    info.add_metric((board,), {"policy": statistics["policy"], "rate": str(statistics["rate"])})
+    return info
 
 
 def _histogram(
-    name: str, text: str, board: str, told: dict[str, Any], unit: str, scale: float
+    name: str, text: str, board: str, statistics: dict[str, Any], unit: str, scale: float
 ) -> Metric:
     from prometheus_client.core import HistogramMetricFamily
 
     buckets = []
     count = 0
-    for bound, number in zip(told[f"bounds_{unit}"], told["buckets"], strict=False):
+    for bound, number in zip(statistics[f"bounds_{unit}"], statistics["buckets"], strict=False):
         count += number
         buckets.append((repr(bound / scale), count))
-    buckets.append(("+Inf", told["count"]))
+    buckets.append(("+Inf", statistics["count"]))
     family = HistogramMetricFamily(name, text, labels=("board",))
-    family.add_metric((board,), buckets, told[f"sum_{unit}"] / scale)
+    family.add_metric((board,), buckets, statistics[f"sum_{unit}"] / scale)
     return family

@@ -73,7 +73,6 @@ class Pacer:
         """Every lag noted."""
         self.clock: Callable[[], int] = clock
         """Wall time (ns)."""
-        self._clock: Callable[[], int] = clock
         rate = Fraction(0 if not self.real or self.free else board.rate).limit_denominator(10**6)
         self._ps_per_ns: tuple[int, int] = (1000 * rate.numerator, rate.denominator)
         # What is meant in wall time grows with the rate; chip time computed at a time does not
@@ -103,7 +102,7 @@ class Pacer:
     def wall(self) -> int:
         """Return the chip time that belongs to the present wall time (ps)."""
         numerator, denominator = self._ps_per_ns
-        return self._anchor_ps + (self._clock() - self._anchor_ns) * numerator // denominator
+        return self._anchor_ps + (self.clock() - self._anchor_ns) * numerator // denominator
 
     def catch_up(self) -> bool:
         """Bring the board to the present: before each look at it.
@@ -117,7 +116,7 @@ class Pacer:
             board.limit = min(kernel.now + LEASE, NEVER - 1)
             return True
         numerator, denominator = self._ps_per_ns
-        target = self._anchor_ps + (self._clock() - self._anchor_ns) * numerator // denominator
+        target = self._anchor_ps + (self.clock() - self._anchor_ns) * numerator // denominator
         if target - kernel.now > self._stalled and target - self._asleep > self._stalled:
             return self._recover(target)
         if self._slices.open:
@@ -160,9 +159,8 @@ class Pacer:
 
         What was to be woken at instants of before is woken now, and asks again.
         """
-        self._anchor_ns = self._clock()
-        self._anchor_ps = self.board.now
-        self._slices.forget()
+        self._anchor_ns, self._anchor_ps = self.clock(), self.board.now
+        self._slices.open = False
         self._asleep = 0
         self._tick_at = self.board.now + self._tick
         self._armed = NEVER
@@ -177,8 +175,7 @@ class Pacer:
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin to move the board's time; wall time counts from here."""
         self._loop = loop
-        self._anchor_ns = self._clock()
-        self._anchor_ps = self.board.now
+        self._anchor_ns, self._anchor_ps = self.clock(), self.board.now
         if self.free:
             self._slice_soon()
         elif self.real:
@@ -189,12 +186,11 @@ class Pacer:
 
     def stop(self) -> None:
         """Let time stand still."""
-        if self._timer is not None:
-            if self._loop is not None:
-                self._loop.remove_reader(self._timer.fd)
-            self._timer.close()
-            self._timer = None
-        self._loop = None
+        timer, self._timer = self._timer, None
+        loop, self._loop = self._loop, None
+        if timer is not None and loop is not None:
+            loop.remove_reader(timer.fd)
+            timer.close()
 
     def wake_at(self, instant: int, callback: Callable[[], None]) -> None:
         """Call back when chip time may run to ``instant`` (ps)."""
@@ -208,6 +204,11 @@ class Pacer:
                 self.arm()
             else:
                 self._slice_soon()
+
+    def forget(self, callback: Callable[[], None]) -> None:
+        """Call ``callback`` no more: whoever wanted time to pass is not there."""
+        self._wakes = [wake for wake in self._wakes if wake[2] != callback]
+        heapq.heapify(self._wakes)
 
     def arm(self) -> None:
         """Set the timer to the earliest of: next watched edge, next wake-up, next tick."""
@@ -282,11 +283,11 @@ class Pacer:
         if not self.free:
             target = min(target, self._wakes[0][0])
         slices = self._slices
-        began = self._clock()
+        began = self.clock()
         there = True
         if target > board.now and not slices.open:
             there = slices.run(target)
-        ran = self._clock() - began
+        ran = self.clock() - began
         if slices.catch_up():
             board.limit = min(board.now + LEASE, NEVER - 1)
             if not self.free and there:

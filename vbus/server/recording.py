@@ -2,8 +2,8 @@
 
 import asyncio
 import io
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Final, TextIO
 
@@ -11,6 +11,7 @@ from vbus.board.board import Board
 from vbus.board.checks import all_rules
 from vbus.board.sections import RecordSection, WaveSection
 from vbus.errors import VbusError
+from vbus.signals import Observer
 from vbus.trace.decode import settings_for_decoders
 from vbus.trace.findings.formats import FORMATS, format_of
 from vbus.trace.findings.report import Report
@@ -22,16 +23,32 @@ FLUSH_SECONDS: Final = 0.2
 """How long an entry of a journal may wait for company."""
 
 
+@contextmanager
+def _writing(path: str) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
+
+
 def create(path: str) -> BinaryIO:
     """Open a file for writing, without a buffer: what is written survives the process.
 
     Raises:
         VbusError: it cannot be opened.
     """
-    try:
+    with _writing(path):
         return Path(path).open("wb", buffering=0)
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def open_text(path: str) -> TextIO:
+    """Open a text file for writing.
+
+    Raises:
+        VbusError: it cannot be opened.
+    """
+    with _writing(path):
+        return Path(path).open("w", encoding="ascii", newline="\n")
 
 
 def suppressions_of(path: str) -> list[Suppression]:
@@ -50,27 +67,15 @@ def suppressions_of(path: str) -> list[Suppression]:
     return read_suppressions(text, path, [rule.name for rule in all_rules()])
 
 
-def open_text(path: str) -> TextIO:
-    """Open a text file for writing.
-
-    Raises:
-        VbusError: it cannot be opened.
-    """
-    try:
-        return Path(path).open("w", encoding="ascii", newline="\n")
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
-
-
-def wave_of(board: Board, wish: WaveSection, file: TextIO, report: Callable[[str], None]) -> Wave:
+def wave_of(board: Board, wave: WaveSection, file: TextIO, report: Callable[[str], None]) -> Wave:
     """Return the waveform a board file, or a command line, asks for; it is not started.
 
     Raises:
         VbusError: trigger or signals make no sense, or pyvcd is not installed.
     """
     return Wave(
-        board, file, wish.profile, wish.signals, wish.trigger, wish.before, wish.duration,
-        wish.sample, report,
+        board, file, wave.profile, wave.signals, wave.trigger, wave.before, wave.duration,
+        wave.sample, report,
     )  # fmt: skip
 
 
@@ -83,65 +88,61 @@ class Recording:
 
     Args:
         board: a board nobody has opened a port on.
-        wanted: what to record.
         text: the board file.
         name: its name.
         report: takes sentences about recordings that had to end.
-        waves: waveforms to record.
+
+    Attributes:
+        journal: the one that is kept, if any.
     """
 
-    def __init__(
-        self,
-        board: Board,
-        wanted: RecordSection,
-        text: str,
-        name: str,
-        report: Callable[[str], None],
-        waves: Iterable[WaveSection] = (),
-    ) -> None:
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._timer: asyncio.TimerHandle | None = None
-        self._files: list[BinaryIO] = []
-        self._texts: list[TextIO] = []
+    def __init__(self, board: Board, text: str, name: str, report: Callable[[str], None]) -> None:
         self.journal: Journal | None = None
-        if wanted.journal:
-            file = self._create(wanted.journal)
-            self.journal = Journal(board, file, text, name, report)
-        self._say: Callable[[str], None] = report
-        self._endings: list[tuple[str, BinaryIO, Callable[[], str]]] = []
-        """What is written when the board stops: its name, where to, and what makes it."""
-        if wanted.report:
-            self._open_report(board, wanted, name)
-        if wanted.coverage:
-            self._open_coverage(board, wanted.coverage)
-        self._waves: list[Wave] = []
-        for wave in waves:
-            wave_of(board, wave, io.StringIO(), report)  # complains before a file is overwritten
-            text_file = open_text(wave.file)
-            self._texts.append(text_file)
-            made = wave_of(board, wave, text_file, report)
-            made.start()
-            self._waves.append(made)
+        self._board: Board = board
+        self._text: str = text
+        self._name: str = name
+        self._report: Callable[[str], None] = report
+        self._timer: asyncio.TimerHandle | None = None
+        self._opened: ExitStack = ExitStack()
 
-    def _open_report(self, board: Board, wanted: RecordSection, name: str) -> None:
+    def open(self, wanted: RecordSection, waves: Iterable[WaveSection] = ()) -> None:
+        """Open every file and begin to record.
+
+        Raises:
+            VbusError: a file cannot be written, or what is wanted makes no sense.
+        """
+        if wanted.journal:
+            self._open_journal(wanted.journal)
+        if wanted.report:
+            self._open_report(wanted.report, wanted.suppress)
+        if wanted.coverage:
+            self._open_coverage(wanted.coverage)
+        for wave in waves:
+            self._open_wave(wave)
+
+    def _open_journal(self, path: str) -> None:
+        file = self._opened.enter_context(create(path))
+        self.journal = Journal(self._board, file, self._text, self._name, self._report)
+        self._opened.callback(self.journal.close)
+
+    def _open_report(self, path: str, suppress_file: str) -> None:
         try:
-            style = format_of(wanted.report)
+            style = FORMATS[format_of(path)]
         except ValueError as error:
             raise VbusError(str(error)) from None
-        accepted = suppressions_of(wanted.suppress)
-        file = self._create(wanted.report)
+        accepted = suppressions_of(suppress_file)
+        board = self._board
         report = Report(
             board.name,
             _families(board),
             all_rules(),
             accepted,
-            name,
+            self._name,
             settings_for_decoders(board.chips),
         )
-        board.observe(report)
-        self._endings.append(("report", file, lambda: FORMATS[style](report)))
+        self._write_at_end("report", path, report, lambda: style(report))
 
-    def _open_coverage(self, board: Board, path: str) -> None:
+    def _open_coverage(self, path: str) -> None:
         from vbus.trace.coverage.coverage import CoverageObserver
         from vbus.trace.coverage.formats import COVERAGE_FORMATS
 
@@ -149,45 +150,44 @@ class Recording:
         if style is None:
             known = ", ".join(COVERAGE_FORMATS)
             raise VbusError(f"{path}: a coverage file's name ends in one of {known}")
-        file = self._create(path)
+        board = self._board
         observer = CoverageObserver(
             _families(board), board.name, settings_for_decoders(board.chips)
         )
-        board.observe(observer)
-        self._endings.append(("coverage", file, lambda: style(observer.coverage)))
+        self._write_at_end("coverage", path, observer, lambda: style(observer.coverage))
 
-    def _create(self, path: str) -> BinaryIO:
-        file = create(path)
-        self._files.append(file)
-        return file
+    def _open_wave(self, section: WaveSection) -> None:
+        # Complains before a file is overwritten.
+        wave_of(self._board, section, io.StringIO(), self._report)
+        file = open_text(section.file)
+        self._opened.push(suppress(OSError))  # what it could not take has been reported
+        self._opened.callback(file.close)
+        wave = wave_of(self._board, section, file, self._report)
+        self._opened.callback(wave.stop)
+        wave.start()
 
-    def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Begin to write at times, also while no host does anything."""
-        self._loop = loop
-        if self.journal is not None:
-            self._again()
+    def _write_at_end(
+        self, what: str, path: str, observer: Observer, make: Callable[[], str]
+    ) -> None:
+        file = self._opened.enter_context(create(path))
 
-    def _again(self) -> None:
-        if self._loop is not None and self.journal is not None:
-            self.journal.flush()
-            self._timer = self._loop.call_later(FLUSH_SECONDS, self._again)
-
-    def close(self) -> None:
-        """The board has stopped: end every recording."""
-        self._loop = None
-        if self._timer is not None:
-            self._timer.cancel()
-        for wave in self._waves:
-            wave.stop()
-        if self.journal is not None:
-            self.journal.close()
-        for what, file, make in self._endings:
+        def write() -> None:
             try:
                 file.write(make().encode())
             except OSError as error:
-                self._say(f"the {what} is not written: {error.strerror}")
-        for file in self._files:
-            file.close()
-        for text in self._texts:
-            with suppress(OSError):  # what it could not take has been reported
-                text.close()
+                self._report(f"the {what} is not written: {error.strerror}")
+
+        self._board.observe(observer)
+        self._opened.callback(write)
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Begin to write the journal at times, also while no host does anything."""
+        if self.journal is not None:
+            self.journal.flush()
+            self._timer = loop.call_later(FLUSH_SECONDS, self.start, loop)
+
+    def close(self) -> None:
+        """The board has stopped: end every recording."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._opened.close()

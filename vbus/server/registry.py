@@ -5,6 +5,7 @@ import json
 import socket
 from collections.abc import Iterator
 from pathlib import Path
+from time import monotonic
 from typing import Any, Final
 
 from vbus.errors import TransportError, VbusError
@@ -12,6 +13,8 @@ from vbus.transports.runtime import NameLock, runtime_directory, socket_address
 
 ANSWER_SECONDS: Final = 2.0
 """How long a running board may take to tell about itself."""
+LONGEST_ANSWER: Final = 1 << 28
+"""Bytes of an answer."""
 ORDER_SECONDS: Final = 60.0
 """How long it may take to carry out an order."""
 
@@ -38,8 +41,42 @@ def control_path(board: str) -> Path:
     return boards_directory() / f"{_safe(board)}.control"
 
 
+def log_path(board: str) -> Path:
+    """Return the file with what the board called ``board`` says, if it runs in the background."""
+    return boards_directory() / f"{_safe(board)}.log"
+
+
 def _safe(board: str) -> str:
     return "".join(c if c.isalnum() or c in "-_." else "_" for c in board)
+
+
+def _exchange(path: Path, request: bytes, seconds: float) -> dict[str, Any]:
+    """Return what a board answers at one of its sockets.
+
+    Raises:
+        OSError: nobody answers, or not in time.
+        ValueError: the answer is none of a board.
+    """
+    deadline = monotonic() + seconds
+    data = bytearray()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+        link.settimeout(seconds)
+        with socket_address(path) as address:
+            link.connect(address)
+        if request:
+            link.sendall(request)
+        while chunk := link.recv(1 << 20):
+            data += chunk
+            if len(data) > LONGEST_ANSWER:
+                raise ValueError(f"an answer of more than {LONGEST_ANSWER} bytes")
+            link.settimeout(max(deadline - monotonic(), 0.001))
+    try:
+        answer = json.loads(data)
+    except RecursionError:
+        raise ValueError("an answer nested too deeply") from None
+    if not isinstance(answer, dict):
+        raise ValueError("an answer that is no JSON object")
+    return answer
 
 
 def ask(path: Path) -> dict[str, Any]:
@@ -48,18 +85,22 @@ def ask(path: Path) -> dict[str, Any]:
     Raises:
         TransportError: nobody answers.
     """
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
-        link.settimeout(ANSWER_SECONDS)
-        try:
-            with socket_address(path) as address:
-                link.connect(address)
-            data = b""
-            while chunk := link.recv(65536):
-                data += chunk
-            answer: dict[str, Any] = json.loads(data)
-        except (OSError, ValueError) as error:
-            raise TransportError(f"{path.stem}: does not answer ({error})") from error
-    return answer
+    try:
+        answer = _exchange(path, b"", ANSWER_SECONDS)
+        if not isinstance(answer.get("board"), str):
+            raise ValueError("an answer that names no board")
+        return answer
+    except (OSError, ValueError) as error:
+        raise TransportError(f"{path.stem}: does not answer ({error})") from error
+
+
+def answers(board: str) -> bool:
+    """Tell whether a board of this name is ready; one that answers has every link open."""
+    try:
+        ask(status_path(board))
+    except TransportError:
+        return False
+    return True
 
 
 def order(board: str, do: str, **values: Any) -> Any:
@@ -69,21 +110,14 @@ def order(board: str, do: str, **values: Any) -> Any:
         TransportError: no board of that name takes orders.
         VbusError: the board refuses; says why.
     """
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
-        link.settimeout(ORDER_SECONDS)
-        try:
-            with socket_address(control_path(board)) as address:
-                link.connect(address)
-            link.sendall(json.dumps({"do": do, **values}).encode() + b"\n")
-            data = b""
-            while chunk := link.recv(1 << 20):
-                data += chunk
-            answer: dict[str, Any] = json.loads(data)
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            raise TransportError(
-                f'no board called "{board}" takes orders ({reason}); "vbus ls" shows which run'
-            ) from error
+    request = json.dumps({"do": do, **values}).encode() + b"\n"
+    try:
+        answer = _exchange(control_path(board), request, ORDER_SECONDS)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise TransportError(
+            f'no board called "{board}" takes orders ({reason}); "vbus ls" shows which run'
+        ) from error
     if "error" in answer:
         raise VbusError(f"{board}: {answer['error']}")
     return answer["done"]
@@ -105,6 +139,6 @@ def _forget(path: Path) -> None:
     """Remove the status socket of a board that died, unless its next run has just begun."""
     lock = NameLock(path)
     with contextlib.suppress(TransportError):
-        lock.take()
+        lock.take(patience=0)
         path.unlink(missing_ok=True)
         lock.give_back()

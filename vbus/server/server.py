@@ -5,34 +5,38 @@ import json
 import logging
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 from vbus.board import plugins
 from vbus.board.board import Board
 from vbus.board.cards import Card
 from vbus.board.pin_maps import PinMap
 from vbus.compiled import core
-from vbus.errors import NameInUseError, PluginError, TransportError
+from vbus.errors import NameInUseError, PluginError
 from vbus.network.session import Network
 from vbus.protocols.base import Protocol
-from vbus.server.control import Control
+from vbus.server.control import Control, ControlConnection
 from vbus.server.fault_orders import FaultOrders
+from vbus.server.local_socket import Connection, LocalSocket, OnEnd
 from vbus.server.loop import HostLoop
 from vbus.server.message_session import MessageSession
 from vbus.server.metrics import MetricsPort
 from vbus.server.pacer import Pacer
-from vbus.server.registry import status_path
-from vbus.server.session import Session
+from vbus.server.registry import control_path, status_path, watch_path
+from vbus.server.session import Serving, Session
 from vbus.server.snapshots import SnapshotOrders
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
-from vbus.server.watching import Watching
+from vbus.server.watching import Watcher
 from vbus.trace.decode import settings_for_decoders
 from vbus.transports.base import Link, MessageLink, Served, Transport, split_url
-from vbus.transports.sockets import UnixTransport
 
 log = logging.getLogger("vbus")
+
+_Base = TypeVar("_Base")
 
 
 @dataclass(slots=True)
@@ -61,13 +65,13 @@ class LinkSpec:
 class _Host:
     """A host entry while the board runs: its transport and its sessions."""
 
-    def __init__(
-        self, spec: LinkSpec, transport: Transport, protocol: str, wire: type[Protocol]
-    ) -> None:
+    def __init__(self, spec: LinkSpec, label: str) -> None:
+        scheme, path, options = split_url(spec.transport)
         self.spec: LinkSpec = spec
-        self.transport: Transport = transport
-        self.protocol: str = protocol
-        self.wire: type[Protocol] = wire
+        self.label: str = label
+        self.transport: Transport = _plugin(plugins.TRANSPORTS, scheme, Transport)(path, options)
+        self.protocol: str = spec.protocol or self.transport.PROTOCOL
+        self.wire: type[Protocol] = _plugin(plugins.PROTOCOLS, self.protocol, Protocol)
         self.sessions: list[Session] = []
         self.served: int = 0
         self._received: int = 0
@@ -88,6 +92,33 @@ class _Host:
         self.sessions.remove(session)
         self._received += session.received
         self._sent += session.sent
+
+
+def _plugin(group: str, name: str, base: type[_Base]) -> type[_Base]:
+    """Return the class an entry point names.
+
+    Raises:
+        PluginError: there is none, or it is no such class.
+    """
+    found = plugins.load(group, name)
+    if not isinstance(found, type) or not issubclass(found, base):
+        kind = base.__name__
+        raise PluginError(f'{kind.lower()} "{name}" is not a subclass of {kind}')
+    return found
+
+
+class _StatusConnection(Connection):
+    """Somebody who asks what ``vbus ls --json`` shows."""
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd, server: "Server"
+    ) -> None:
+        super().__init__(loop, link, on_end)
+        self._server: Server = server
+
+    def begin(self) -> None:
+        """Answer at once."""
+        self.finish(self._server.status())
 
 
 class Server:
@@ -117,32 +148,20 @@ class Server:
         self.board: Board = board
         self.pacer: Pacer = pacer if pacer is not None else Pacer(board, stall)
         self._report: Callable[[str], None] = report if report is not None else log.warning
-        self._hosts: list[_Host] = [self._host(spec) for spec in links]
-        self._status: UnixTransport | None = None
-        self._watching: Watching = Watching(board, self.statistics)
-        self.control: Control = Control(board.name, self.pacer.catch_up)
-        SnapshotOrders(board, self.pacer, self.control, self.sessions)
-        self.faults: FaultOrders = FaultOrders(
-            board.faults, self.control, self.sessions_of, self.soon
-        )
-        self._loop: asyncio.AbstractEventLoop | None = None
+        self._hosts: list[_Host] = [_Host(spec, f"host{n}") for n, spec in enumerate(links)]
+        self.faults: FaultOrders = FaultOrders(board.faults, self.sessions_of)
+        self.control: Control = Control(self.pacer.catch_up)
+        self.control.orders |= SnapshotOrders(board, self.pacer, self.sessions).orders()
+        self.control.orders |= self.faults.orders()
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
         self._metrics: MetricsPort | None = None
         if metrics is not None:
             self._metrics = MetricsPort(*metrics, self.statistics)
-
-    @staticmethod
-    def _host(spec: LinkSpec) -> _Host:
-        scheme, path, options = split_url(spec.transport)
-        made = plugins.load(plugins.TRANSPORTS, scheme)
-        if not isinstance(made, type) or not issubclass(made, Transport):
-            raise PluginError(f'transport "{scheme}" is not a subclass of Transport')
-        transport = made(path, options)
-        name = spec.protocol or transport.PROTOCOL
-        wire = plugins.load(plugins.PROTOCOLS, name)
-        if not isinstance(wire, type) or not issubclass(wire, Protocol):
-            raise PluginError(f'protocol "{name}" is not a subclass of Protocol')
-        return _Host(spec, transport, name, wire)
+        self.details: Callable[[], dict[str, Any]] = dict
+        """Makes more of what is told of the board."""
+        self.local_sockets: tuple[LocalSocket, ...] = ()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._closing: ExitStack = ExitStack()
 
     def sessions(self) -> Iterator[Session]:
         """Give every session that is open, host by host."""
@@ -162,82 +181,84 @@ class Server:
                 nothing is left open.
         """
         self._loop = loop
+        self.board.faults.links = self.faults
         try:
-            self._open_status(loop)
+            self._open_local_sockets(loop)
             for host in self._hosts:
-                host.transport.report = self._report
-                host.transport.serves(self._served(host.spec))
-                host.transport.open(loop, self._linker(host, loop))
+                self._open_host(host, loop)
             if self._metrics is not None:
                 self._metrics.open(loop)
-        except TransportError:
+                self._closing.callback(self._metrics.close)
+        except BaseException:
             self.stop()
             raise
+        self._closing.callback(self.pacer.stop)
         self.pacer.start(loop)
 
-    def _served(self, spec: LinkSpec) -> Served:
-        """Return what a transport may know of the board."""
-        chips = spec.chips or [chip.name for chip in self.board.chips]
-        return Served(self.board, tuple(chips), self.statistics, self.pacer.catch_up, spec.network)
+    def _open_local_sockets(self, loop: asyncio.AbstractEventLoop) -> None:
+        name = self.board.name
+        self.local_sockets = (
+            LocalSocket(status_path(name), partial(_StatusConnection, server=self)),
+            LocalSocket(watch_path(name), self._watcher),
+            LocalSocket(control_path(name), partial(ControlConnection, control=self.control)),
+        )
+        for local in self.local_sockets:
+            self._closing.callback(local.close)
+            try:
+                local.open(loop)
+            except NameInUseError as error:
+                raise NameInUseError(
+                    f'a board called "{name}" runs already ({error}); stop it, or give'
+                    " this one another name"
+                ) from error
 
-    def _linker(self, host: _Host, loop: asyncio.AbstractEventLoop) -> Callable[[Link], None]:
-        def linked(link: Link) -> None:
-            host.served += 1
-            label = f"host{self._hosts.index(host)}"
-            spec = host.spec
-            session: Session
-            if isinstance(link, MessageLink):
+    def _watcher(self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd) -> Watcher:
+        return Watcher(loop, link, on_end, self.board, self.status())
+
+    def _open_host(self, host: _Host, loop: asyncio.AbstractEventLoop) -> None:
+        board, transport = self.board, host.transport
+        chips = tuple(host.spec.chips or [chip.name for chip in board.chips])
+        transport.report = self._report
+        transport.serves(
+            Served(board, chips, self.statistics, self.pacer.catch_up, host.spec.network)
+        )
+        self._closing.callback(self._close_host, host)
+        serving = Serving(loop, self.pacer, self.round_trips, host.ended)
+        transport.open(loop, partial(self._connect, host, serving))
+
+    def _connect(self, host: _Host, serving: Serving, link: Link) -> None:
+        """Begin the session of a host that has connected."""
+        host.served += 1
+        spec = host.spec
+        kind: type[Session] = Session
+        chips, card, pin_map = spec.chips, spec.card, spec.pin_map
+        if isinstance(link, MessageLink):
+            kind = MessageSession
+            if link.chips:
                 # The addresses of a card and the wires of a pin map are those of the whole entry.
-                whole = not link.chips
-                port = self.board.open_port(
-                    label,
-                    link.chips or spec.chips or None,
-                    spec.cycle_ps,
-                    spec.card if whole else None,
-                    spec.pin_map if whole else None,
-                )
-                session = MessageSession(
-                    loop, link, port, host.wire(port), self.pacer, host.ended, self.round_trips
-                )
-            else:
-                port = self.board.open_port(
-                    label, spec.chips or None, spec.cycle_ps, spec.card, spec.pin_map
-                )
-                session = Session(
-                    loop, link, port, host.wire(port), self.pacer, host.ended, self.round_trips
-                )
-            port.on_resume = session.resume_soon
-            port.on_events = session.events_soon
-            host.sessions.append(session)
-            if self.faults.acting:
-                self.faults.joined(self._hosts.index(host), session)
-
-        return linked
+                chips, card, pin_map = list(link.chips), None, None
+        port = self.board.open_port(host.label, chips or None, spec.cycle_ps, card, pin_map)
+        session = kind(serving, link, port, host.wire(port))
+        port.on_resume = session.resume_soon
+        port.on_events = session.events_soon
+        host.sessions.append(session)
+        session.begin()
+        self.faults.connected(self._hosts.index(host), session)
 
     def sessions_of(self, place: int) -> list[Session] | None:
         """Return the sessions of the host entry at ``place``; None if there is no such entry."""
         return list(self._hosts[place].sessions) if place < len(self._hosts) else None
 
-    def soon(self, session: Session, reason: str) -> None:
-        """End a session when what it does now is done."""
-        if self._loop is not None:
-            self._loop.call_soon(session.end, reason)
+    @staticmethod
+    def _close_host(host: _Host) -> None:
+        host.transport.closing = True
+        for session in list(host.sessions):
+            session.end("the board stops")
+        host.transport.close()
 
     def stop(self) -> None:
         """End every session and remove every name; may be called again."""
-        self.pacer.stop()
-        for host in self._hosts:
-            host.transport.closing = True
-            for session in list(host.sessions):
-                session.end("the board stops")
-            host.transport.close()
-        if self._status is not None:
-            self._status.close()
-            self._status = None
-        self._watching.close()
-        self.control.close()
-        if self._metrics is not None:
-            self._metrics.close()
+        self._closing.close()
 
     async def serve(self, stop: asyncio.Event, ready: Callable[[], None] | None = None) -> None:
         """Serve until ``stop`` is set."""
@@ -251,27 +272,9 @@ class Server:
 
     # -- telling about itself -------------------------------------------------------------------
 
-    def _open_status(self, loop: asyncio.AbstractEventLoop) -> None:
-        path = status_path(self.board.name)
-        status = UnixTransport(str(path), {})
-        try:
-            status.open(loop, self._tell)
-        except NameInUseError as error:
-            raise NameInUseError(
-                f'a board called "{self.board.name}" runs already ({error}); stop it, or give'
-                " this one another name"
-            ) from error
-        self._status = status
-        self._watching.open(loop)
-        self.control.open(loop)
-
-    def _tell(self, link: Link) -> None:
-        try:
-            os.set_blocking(link.fd, True)
-            os.write(link.fd, json.dumps(self.statistics()).encode())
-        except OSError:  # who asked did not wait for the answer
-            pass
-        link.close()
+    def status(self) -> bytes:
+        """Return the statistics as JSON."""
+        return json.dumps(self.statistics()).encode()
 
     def statistics(self) -> dict[str, Any]:
         """Return what ``vbus ls --json`` shows of this board; times in ps."""
@@ -316,9 +319,10 @@ class Server:
             "counters": dict(board.counters),
             "violations": {rule: n for rule, n in board.counters.items() if "." in rule},
             "sessions": sum(len(host.sessions) for host in self._hosts),
-            "lag": self.pacer.lags.told("ps"),
-            "round_trips": self.round_trips.told("ns"),
+            "lag": self.pacer.lags.summary("ps"),
+            "round_trips": self.round_trips.summary("ns"),
             "metrics": "" if self._metrics is None else self._metrics.url,
+            **self.details(),
         }
 
 
@@ -336,13 +340,21 @@ def run(
         TransportError: a link cannot be opened.
     """
 
-    async def main() -> None:
+    async def serve(stop: asyncio.Event) -> None:
         server = Server(board, links, stall, report, metrics)
+        await server.serve(stop, None if on_ready is None else partial(on_ready, server))
+
+    run_until_signal(serve)
+
+
+def run_until_signal(serve: Callable[[asyncio.Event], Coroutine[Any, Any, None]]) -> None:
+    """Run a coroutine in a loop of its own; SIGINT and SIGTERM set the event it is given."""
+
+    async def main() -> None:
         stop = asyncio.Event()
-        loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, stop.set)
-        await server.serve(stop, None if on_ready is None else lambda: on_ready(server))
+            asyncio.get_running_loop().add_signal_handler(number, stop.set)
+        await serve(stop)
 
     with asyncio.Runner(loop_factory=HostLoop) as runner:
         runner.run(main())

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -16,6 +17,7 @@ from vbus.board.source import Source
 from vbus.errors import ConfigError, VbusError
 from vbus.network.security import Security
 from vbus.network.session import Network
+from vbus.server.readiness import tell_ready
 from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server, run
 from vbus.server.snapshots import load_into
@@ -114,11 +116,13 @@ def serve_read(
                 f" {file.board.time}"
             )
         file = msgspec.structs.replace(file, board=msgspec.structs.replace(file.board, rate=rate))
-    counted = file.metrics
-    try:
-        address = metrics_address(counted.listen, counted.remote) if counted.listen else None
-    except ValueError as error:
-        raise ConfigError(f"{file.path}: metrics: {error}") from None
+    address = None
+    if file.metrics.listen:
+        # What the file itself says has been checked.
+        try:
+            address = metrics_address(file.metrics.listen, file.metrics.remote)
+        except ValueError as error:
+            raise ConfigError(f"--metrics: {error}") from None
     board = build(file, source)
     if snapshot:
         if file.record.journal:
@@ -127,16 +131,14 @@ def serve_read(
                 " snapshot"
             )
         load_into(board, read(_content(snapshot), snapshot))
-    recording = Recording(
-        board, file.record, source.text, file.path, report or log.warning, file.waves
-    )
+    recording = Recording(board, source.text, file.path, report or log.warning)
 
     def ready(server: Server) -> None:
         recording.start(asyncio.get_running_loop())
         if on_ready is not None:
             on_ready(server)
+        tell_ready()
 
-    try:
+    with closing(recording):
+        recording.open(file.record, file.waves)
         run(board, links_of(file), file.board.stall, ready, report, address)
-    finally:
-        recording.close()

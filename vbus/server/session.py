@@ -5,6 +5,8 @@ import logging
 import os
 import select
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from vbus.kernel import NEVER
@@ -38,43 +40,51 @@ class LinkFilter:
         raise NotImplementedError
 
 
+@dataclass(frozen=True, slots=True)
+class Serving:
+    """What serves the sessions of one host entry.
+
+    Attributes:
+        loop: the event loop; a :class:`~vbus.server.loop.HostLoop` calls its sessions itself.
+        pacer: moves the board's time.
+        round_trips: takes how long each message took, from its arrival to its answer (ns).
+        on_end: called once when a session has ended.
+    """
+
+    loop: asyncio.AbstractEventLoop
+    pacer: Pacer
+    round_trips: Histogram
+    on_end: Callable[["Session"], None]
+
+
 class Session:
     """Serves one link in a single callback: read, carry out, write.
 
     No task, queue or future stands between a byte and its answer.
 
     Args:
-        loop: the event loop; in a :class:`~vbus.server.loop.HostLoop` not even that.
+        serving: what serves it.
         link: where the bytes come from and go.
         port: the host's hold on the board.
         protocol: the wire format, on that port.
-        pacer: moves the board's time.
-        on_end: called once when the session has ended.
-        round_trips: takes how long each message took, from its arrival to its answer (ns).
     """
 
-    def __init__(
-        self,
-        loop: asyncio.AbstractEventLoop,
-        link: Link,
-        port: HostPort,
-        protocol: Protocol,
-        pacer: Pacer,
-        on_end: Callable[["Session"], None],
-        round_trips: Histogram,
-    ) -> None:
+    def __init__(self, serving: Serving, link: Link, port: HostPort, protocol: Protocol) -> None:
         self.link: Link = link
         self.port: HostPort = port
-        self._fd: int = link.fd
-        self._loop: asyncio.AbstractEventLoop = loop
-        self._add_reader: Callable[[int, Callable[[], None]], object] = getattr(
-            loop, "add_direct_reader", loop.add_reader
-        )
         self.protocol: Protocol = protocol
-        self._pacer: Pacer = pacer
-        self._on_end: Callable[[Session], None] = on_end
-        self._clock: Callable[[], int] = pacer.clock
-        self._note: Callable[[int], None] = round_trips.note
+        self.received: int = 0
+        self.sent: int = 0
+        self._fd: int = link.fd
+        self._loop: asyncio.AbstractEventLoop = serving.loop
+        self._add_reader: Callable[[int, Callable[[], None]], object] = getattr(
+            serving.loop, "add_direct_reader", serving.loop.add_reader
+        )
+        self._pacer: Pacer = serving.pacer
+        self._on_end: Callable[[Session], None] = serving.on_end
+        self._clock: Callable[[], int] = serving.pacer.clock
+        self._note: Callable[[int], None] = serving.round_trips.note
+        self._changed: Callable[[], bool] = link.changed
         self._pending: bytearray = bytearray()
         self._reading: bool = False
         self._open: bool = True
@@ -87,11 +97,11 @@ class Session:
         self._finished: bool = False
         self._filters: list[LinkFilter] = []
         self._stopped_reading: int = 0
-        self.received: int = 0
-        self.sent: int = 0
-        self._changed: Callable[[], bool] = link.changed
-        link.on_data = self._take
-        link.on_end = self._host_gone
+
+    def begin(self) -> None:
+        """Serve the link from now on."""
+        self.link.on_data = self._take
+        self.link.on_end = self._host_gone
         self._read_on()
 
     # -- reading ------------------------------------------------------------------------------
@@ -253,7 +263,11 @@ class Session:
                 self._broken()
                 return
             if self.protocol.out:
-                self._send()
+                self._push()
+
+    def _push(self) -> None:
+        """Send what nobody asked for just now."""
+        self._send()
 
     # -- writing ------------------------------------------------------------------------------
 
@@ -345,19 +359,30 @@ class Session:
             self._take(data)
         self.end("closed by the host")
 
-    def end(self, reason: str) -> None:
+    def hang_up_soon(self, reason: str) -> None:
+        """End session and link when what is done now is done; the host notices it."""
+        self._loop.call_soon(self.end, reason, True)
+
+    def end(self, reason: str, hang_up: bool = False) -> None:
         """End the session: the port lets go of everything, half a request is forgotten."""
         if not self._open:
             return
         self._open = False
+        log.debug("%s: %s", self.link.peer, reason)
+        for step in (
+            self._look_no_more, self.protocol.reset, self.port.close,
+            self.link.hang_up if hang_up else self.link.close, partial(self._on_end, self),
+        ):  # fmt: skip
+            try:
+                step()
+            except Exception:  # the next host shall find nothing of this one
+                log.exception("internal error while the session of %s ended", self.link.peer)
+
+    def _look_no_more(self) -> None:
+        self._pacer.forget(self.resume)
         self._read_off()
         self._listen_no_more()
         if self._hang_up is not None:
             self._hang_up.close()
         if self._pending:
             self._loop.remove_writer(self._fd)
-        log.debug("%s: %s", self.link.peer, reason)
-        self.protocol.reset()
-        self.port.close()
-        self.link.close()
-        self._on_end(self)

@@ -79,7 +79,3 @@ class Slices:
         board.settled(self._begun)
         self.took += clock() - began
         return True
-
-    def forget(self) -> None:
-        """The board's time has been set: what was under way is so no more."""
-        self.open = False

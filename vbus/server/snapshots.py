@@ -8,7 +8,7 @@ from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.board.snapshot import Hosts, Snapshot, read, restore, take, write
 from vbus.errors import SnapshotError
-from vbus.server.control import Control
+from vbus.server.control import Order
 from vbus.server.pacer import Pacer
 from vbus.server.session import Session
 
@@ -33,7 +33,6 @@ class SnapshotOrders:
     Args:
         board: the board.
         pacer: what moves its time.
-        control: takes the orders from now on.
         sessions: gives those that are open.
     """
 
@@ -41,14 +40,15 @@ class SnapshotOrders:
         self,
         board: Board,
         pacer: Pacer,
-        control: Control,
         sessions: Callable[[], Iterator[Session]],
     ) -> None:
         self._board: Board = board
         self._pacer: Pacer = pacer
         self._sessions: Callable[[], Iterator[Session]] = sessions
-        control.orders["snap.save"] = self._save
-        control.orders["snap.load"] = self._load
+
+    def orders(self) -> dict[str, Order]:
+        """Return the orders by name."""
+        return {"snap.save": self._save, "snap.load": self._load}
 
     def _wires(self) -> Hosts:
         """Return the wire formats of all sessions, by the place of their port."""

@@ -50,7 +50,7 @@ class Histogram:
                 return min(bound, self.most)
         return self.most
 
-    def told(self, unit: str) -> dict[str, Any]:
+    def summary(self, unit: str) -> dict[str, Any]:
         """Return the histogram as ``vbus ls --json`` shows it; keys of values end in ``_unit``."""
         return {
             "count": self.count,

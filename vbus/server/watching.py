@@ -15,8 +15,6 @@ import asyncio
 import errno
 import io
 import json
-import os
-from collections.abc import Callable
 from dataclasses import astuple
 from typing import Any, Final
 
@@ -25,11 +23,10 @@ import msgspec
 from vbus.board.board import Board
 from vbus.board.sections import WaveSection
 from vbus.errors import VbusError
-from vbus.server.registry import watch_path
+from vbus.server.local_socket import Connection, OnEnd
 from vbus.signals import Observer, Violation
 from vbus.trace.wave.wave import DONE, Wave
 from vbus.transports.base import Link
-from vbus.transports.sockets import UnixTransport
 
 EVERY_SECONDS: Final = 0.05
 """How often lines are sent."""
@@ -37,8 +34,6 @@ MOST_PENDING: Final = 1 << 20
 """Bytes kept for somebody who does not read."""
 MOST_WAVE: Final = 1 << 26
 """The same of a waveform."""
-MOST_ASKED: Final = 1 << 16
-"""Bytes of a request."""
 MOST_LINES: Final = 20_000
 """Lines kept between two sendings; the rest is counted as lost."""
 
@@ -62,38 +57,37 @@ class _Text(io.StringIO):
         return len(text)
 
 
-class Watcher(Observer):
+class Watcher(Connection, Observer):
     """Somebody who watches a board from another process.
 
     Args:
         loop: the event loop.
         link: the connection.
+        on_end: called once when it is over.
         board: the board.
-        hello: what is told first.
-        on_end: called once when the other end has gone.
+        status: what is sent first.
     """
 
     def __init__(
         self,
         loop: asyncio.AbstractEventLoop,
         link: Link,
+        on_end: OnEnd,
         board: Board,
-        hello: dict[str, Any],
-        on_end: Callable[["Watcher"], None],
+        status: bytes,
     ) -> None:
-        self._loop: asyncio.AbstractEventLoop = loop
-        self._link: Link = link
+        super().__init__(loop, link, on_end)
+        self.pending += status + b"\n"
         self._board: Board = board
-        self._on_end: Callable[[Watcher], None] = on_end
         self._lines: list[list[Any]] = []
         self._lost: int = 0
-        self._pending: bytearray = bytearray(json.dumps(hello).encode() + b"\n")
         self._timer: asyncio.TimerHandle | None = None
-        self._open: bool = True
-        self._asked: bytearray = bytearray()
         self._wave: Wave | None = None
-        loop.add_reader(link.fd, self._heard)
-        board.observe(self)
+
+    def begin(self) -> None:
+        """Watch from now on."""
+        super().begin()
+        self._board.observe(self)
         self._send()
 
     def bus_cycle(
@@ -112,115 +106,52 @@ class Watcher(Observer):
         else:
             self._lost += 1
 
-    def _heard(self) -> None:
-        """The other end has said something, or has gone."""
-        try:
-            data = os.read(self._link.fd, 4096)
-        except BlockingIOError:
+    def take(self, line: bytes) -> None:
+        """Begin the waveform that is asked for."""
+        if self._wave is not None:
             return
-        except OSError:
-            data = b""
-        if not data:
-            self.end()
-            return
-        self._asked += data
-        if len(self._asked) > MOST_ASKED:
-            self.end()
-        elif self._wave is None and self._asked.endswith(b"\n"):
-            self._begin_wave()
-
-    def _begin_wave(self) -> None:
         try:
-            asked = json.loads(self._asked)
-            wish = msgspec.convert({"name": "", "file": "", **asked["wave"]}, WaveSection)
+            asked = json.loads(line)
+            section = msgspec.convert({"name": "", "file": "", **asked["wave"]}, WaveSection)
             self._wave = Wave(
-                self._board, _Text(self._pending), wish.profile, wish.signals, wish.trigger,
-                wish.before, wish.duration, wish.sample,
+                self._board, _Text(self.pending), section.profile, section.signals,
+                section.trigger, section.before, section.duration, section.sample,
             )  # fmt: skip
         except (ValueError, KeyError, TypeError, VbusError) as error:
-            self._asked.clear()
             self._lines.append(["refused", str(error)])
             return
         self._board.unobserve(self)
         self._lines.clear()
-        self._pending += b'["wave"]\n'
+        self.pending += b'["wave"]\n'
         self._wave.start()
 
     def _send(self) -> None:
-        if not self._open:
-            return
         lines, self._lines = self._lines, []
         if self._wave is not None:
-            if self._wave.state == DONE and not self._pending:
+            if self._wave.state == DONE and not self.pending:
                 self.end()
-                return
-        elif len(self._pending) < MOST_PENDING:
+        elif len(self.pending) < MOST_PENDING:
             board = self._board
             values = {chip.name: chip.telemetry() for chip in board.chips}
             lines.append(["t", board.now, values])
             if self._lost:
                 lines.append(["lost", self._lost])
                 self._lost = 0
-            self._pending += "".join(json.dumps(line) + "\n" for line in lines).encode()
+            self.pending += "".join(json.dumps(line) + "\n" for line in lines).encode()
         else:
             self._lost += len(lines)
-        try:
-            del self._pending[: os.write(self._link.fd, self._pending)]
-        except BlockingIOError:
-            pass
-        except OSError:
-            self.end()
-            return
-        self._timer = self._loop.call_later(EVERY_SECONDS, self._send)
+        if self.open:
+            self.flush()
+        if self.open:
+            self._timer = self.loop.call_later(EVERY_SECONDS, self._send)
 
     def end(self) -> None:
-        """Tell no more; may be called again."""
-        if self._open:
-            self._open = False
+        """Watch no more; may be called again."""
+        if self.open:
             if self._timer is not None:
                 self._timer.cancel()
             if self._wave is not None:
                 self._wave.stop()
             else:
                 self._board.unobserve(self)
-            self._loop.remove_reader(self._link.fd)
-            self._link.close()
-            self._on_end(self)
-
-
-class Watching:
-    """The socket at which a board can be watched.
-
-    Args:
-        board: the board.
-        hello: makes what each watcher is told first.
-    """
-
-    def __init__(self, board: Board, hello: Callable[[], dict[str, Any]]) -> None:
-        self._board: Board = board
-        self._hello: Callable[[], dict[str, Any]] = hello
-        self._transport: UnixTransport | None = None
-        self._watchers: list[Watcher] = []
-
-    def open(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Wait for watchers.
-
-        Raises:
-            TransportError: the socket cannot be made.
-        """
-        transport = UnixTransport(str(watch_path(self._board.name)), {})
-
-        def linked(link: Link) -> None:
-            hello = self._hello()
-            self._watchers.append(Watcher(loop, link, self._board, hello, self._watchers.remove))
-
-        transport.open(loop, linked)
-        self._transport = transport
-
-    def close(self) -> None:
-        """Send every watcher home; may be called again."""
-        for watcher in list(self._watchers):
-            watcher.end()
-        if self._transport is not None:
-            self._transport.close()
-            self._transport = None
+        super().end()

@@ -51,15 +51,23 @@ class TraceHash(Observer):
         """Record the evidence of a fault."""
         self._add(when, target, f"f {target} {name} {what} {text}")
 
+    def record(self, when: int, text: str) -> None:
+        """Take what is in its final place."""
+        self._hash.update(f"{when} {text}\n".encode())
+
+    def waiting(self) -> list[tuple[int, str]]:
+        """Return, in order, what has no final place yet."""
+        return [(when, text) for when, _, text in sorted(self._pending, key=_when_and_rank)]
+
     def settled(self, now: int) -> None:
-        """Hash what is older than ``now``; what lies at ``now`` may still get company."""
+        """Record what is older than ``now``; what lies at ``now`` may still get company."""
         pending = self._pending
         pending.sort(key=_when_and_rank)
         done = 0
         for when, _, text in pending:
             if when >= now:
                 break
-            self._hash.update(f"{when} {text}\n".encode())
+            self.record(when, text)
             done += 1
         self.records += done
         del pending[:done]
@@ -67,7 +75,7 @@ class TraceHash(Observer):
     def digest(self) -> str:
         """Return the hash (hex) over everything recorded so far."""
         total = self._hash.copy()
-        for when, _, text in sorted(self._pending, key=_when_and_rank):
+        for when, text in self.waiting():
             total.update(f"{when} {text}\n".encode())
         return total.hexdigest()
 

@@ -2,13 +2,13 @@
 
 A class says what becomes of each of its attributes:
 
-=================  ============================================================================
+=================  ===============================================================================
 ``STATE``          what decides all that follows; each field as ``"name"`` or ``"name: kind"``
 ``WIRING``         what was set when the part was built, and is never saved
 ``DERIVED``        what follows from the other two; ``after_load()`` brings it up to date
 ``STATE_VERSION``  1 unless told otherwise; above 1 ``migrate(version, state)`` returns the
                    present map of fields for that of an earlier version
-=================  ============================================================================
+=================  ===============================================================================
 
 ``before_save()``, where a part has one, is called before its fields are read; ``after_load()``
 once every field of the whole tree has its value, inner parts first. A field may be a property.
@@ -16,18 +16,19 @@ once every field of the whole tree has its value, inner parts first. A field may
 
 A field without a kind is an integer of 64 bits. The other kinds:
 
-========================  ======================================================================
-``int``                   an integer of any size
-``bool``, ``float``, ``str``, ``i64 | bool``
-``bytes``                 as many as there are; ``bytes[...]``: any number of them
+=========================  =======================================================================
+``int``                    an integer of any size
+``bool``, ``float``        one of that type
+``str``, ``i64 | bool``    one of that type
+``bytes``                  as many as there are; ``bytes[...]``: any number of them
 ``list[K]``, ``tuple[K]``  as many of kind K as there are; ``list[K, ...]``: any number of them
-``set[K]``, ``heap[K]``   any number of them, kept in order
-``(K, L)``                a row: a tuple of one of each
-``bytearray``             as many bytes, which stay in their place; ``bytearray[...]``: any number
-``part``, ``part | None`` another part, by its own declaration
-``parts``                 a list of parts, or of None
-``kept[name]``            what ``keep()`` has given of the part at attribute ``name``, or nothing
-========================  ======================================================================
+``set[K]``, ``heap[K]``    any number of them, kept in order
+``(K, L)``                 a row: a tuple of one of each
+``bytearray``              as many bytes, which stay in their place; ``bytearray[...]``: any number
+``part``, ``part | None``  another part, by its own declaration
+``parts``                  a list of parts, or of None
+``kept[name]``             what ``keep()`` has given of the part at attribute ``name``, or nothing
+=========================  =======================================================================
 
 A part whose class has a ``save()`` and ``load()`` of its own, and no ``STATE`` below them, is asked
 for a tuple instead. Compiled classes refuse or convert what interpreted ones take, so everything

@@ -5,12 +5,12 @@ and wire formats of others were written against it. A tuple has the fields in th
 ``STATE`` names them. Where a class had it otherwise, its package's ``state_1.py`` says so in
 ``LAYOUTS``, by the name of the class: a tuple of
 
-==========  ===================================================================================
-``"name"``  the field
-``"+name"`` a bool as 0 or 1
-``"*name"`` a part or several values, spliced in
-a tuple     the same, one level down
-==========  ===================================================================================
+===========  =====================================================================================
+``"name"``   the field
+``"+name"``  a bool as 0 or 1
+``"*name"``  a part or several values, spliced in
+a tuple      the same, one level down
+===========  =====================================================================================
 
 or one name for the field alone, :data:`BITS` for all fields in order with every bool as 0 or 1, or
 an :class:`Odd`.

@@ -17,6 +17,7 @@ from vbus.errors import ConfigError, VbusError
 from vbus.kernel import NEVER
 from vbus.protocols.quantities import format_instant
 from vbus.server.server import LinkSpec
+from vbus.signals import Violation
 from vbus.testing.boards import board_text, default_part, for_test
 from vbus.testing.clock import BoardClock
 from vbus.testing.limits import Limits, Watch
@@ -24,13 +25,13 @@ from vbus.testing.serving import ServedBoard, private_runtime
 from vbus.trace.journal.journal import Journal
 
 _T = TypeVar("_T")
-WISHES: Final = ("board", "plant", "clock", "seed", "rate", "strict")
+KEYWORDS: Final = ("board", "plant", "clock", "seed", "rate", "strict")
 """What may be said of a board: keywords of the marker, and of :meth:`Bench.make`."""
 _BOUNDLESS: Final = Limits(cycles=1 << 62, chip_time=NEVER)
 
 
 @dataclass(slots=True)
-class Told:
+class FailureReport:
     """What a failing test tells of its boards.
 
     Attributes:
@@ -42,7 +43,7 @@ class Told:
     properties: list[tuple[str, str]] = field(default_factory=list)
 
 
-class Fitted:
+class TestedBoard:
     """One board of a test with what observes it.
 
     Args:
@@ -102,8 +103,8 @@ class Bench:
 
     Args:
         name: the test's id, as pytest takes it.
-        wishes: keywords of the test's markers.
-        near: folders that board files, programs and sources are looked for in.
+        keywords: keywords of the test's markers.
+        folders: those that board files, programs and sources are looked for in.
         folder: makes the folder for files that stay.
         seed: for boards that say nothing else; None keeps the board file's.
         strict: whether a breach of a datasheet fails a test that says nothing else.
@@ -116,79 +117,78 @@ class Bench:
     def __init__(
         self,
         name: str,
-        wishes: dict[str, Any],
-        near: Iterable[Path],
+        keywords: dict[str, Any],
+        folders: Iterable[Path],
         folder: Callable[[], Path],
         seed: int | None = None,
         strict: bool = False,
         waves: str = "never",
     ) -> None:
-        _check_keywords(wishes)
+        _check_keywords(keywords)
         self.name = name
-        self.near = list(near)
+        self.folders = list(folders)
         self.folder = folder
-        self.fitted: list[Fitted] = []
-        self._wishes = wishes
+        self.boards: list[TestedBoard] = []
+        self._keywords = keywords
         self._seed = seed
         self._strict = strict
         self._waves = waves
         self._stack = ExitStack()
-        self._told: Told | None = None
-        self._main: Fitted | None = None
+        self._failure: FailureReport | None = None
+        self._main: TestedBoard | None = None
 
     # -- boards -------------------------------------------------------------------------------
 
-    def make(self, board: str | Path = "", **keywords: Any) -> Fitted:
+    def make(self, board: str | Path = "", **keywords: Any) -> TestedBoard:
         """Build one more board.
 
         Args:
             board: path of a board file, text of one, or a part number; "" for the marker's.
-            keywords: :data:`WISHES`, in place of the marker's.
+            keywords: :data:`KEYWORDS`, in place of the marker's.
 
         Raises:
             VbusError: the board, or a keyword, makes no sense.
         """
         _check_keywords(keywords)
-        wishes = {**self._wishes, **keywords}
-        asked = board or wishes.get("board") or default_part()
-        text, name = board_text(asked, self.near, wishes.get("plant", ""), wishes.get("clock", ""))
-        rate = wishes.get("rate")
+        given = {**self._keywords, **keywords}
+        asked = board or given.get("board") or default_part()
+        text, name = board_text(asked, self.folders, given.get("plant", ""), given.get("clock", ""))
+        rate = given.get("rate")
         if rate is not None and not (isinstance(rate, int | float) and rate > 0):
             raise VbusError(f"rate={rate!r}: it is chip seconds per second, more than 0")
-        strict = bool(wishes.get("strict", self._strict))
-        file, source = for_test(text, name, wishes.get("seed", self._seed), rate, strict)
-        made = Fitted(build(file, source), file, source, strict)
+        strict = bool(given.get("strict", self._strict))
+        file, source = for_test(text, name, given.get("seed", self._seed), rate, strict)
+        made = TestedBoard(build(file, source), file, source, strict)
         if self._waves != "never":
             made.record_wave()
-        self.fitted.append(made)
+        self.boards.append(made)
         return made
 
-    def main(self, otherwise: str = "") -> Fitted:
+    def main(self, otherwise: str = "") -> TestedBoard:
         """Return the test's board, built when first asked for.
 
         ``otherwise`` is its part if the test's marker names no board.
         """
         if self._main is None:
-            self._main = self.make(self._wishes.get("board") or otherwise)
+            self._main = self.make(self._keywords.get("board") or otherwise)
         return self._main
 
-    def of(self, board: Board) -> Fitted:
+    def of(self, board: Board) -> TestedBoard:
         """Return what belongs to a board of this test.
 
         Raises:
             VbusError: it was not made here.
         """
-        for fitted in self.fitted:
-            if fitted.board is board:
-                return fitted
-        raise VbusError(f'board "{board.name}" was not made by a vbus fixture of this test')
+        found = next((tested for tested in self.boards if tested.board is board), None)
+        if found is None:
+            raise VbusError(f'board "{board.name}" was not made by a vbus fixture of this test')
+        return found
 
     def find(self, name: str | Path) -> Path:
         """Return the path of a file beside the test, or relative to where pytest runs."""
-        for folder in self.near:
-            if (folder / name).exists():
-                return folder / name
-        return Path(name)
+        return next(
+            (path for folder in self.folders if (path := folder / name).exists()), Path(name)
+        )
 
     def terminal(self) -> str:
         """Serve the test's board on a terminal of its own; return the terminal's path.
@@ -196,116 +196,111 @@ class Bench:
         Raises:
             VbusError: a host of this process is on the board already.
         """
-        fitted = self.main()
-        if fitted.served is None:
-            if fitted.board.ports:
+        tested = self.main()
+        if tested.served is None:
+            if tested.board.ports:
                 raise VbusError(
                     "vbus_pty: this test has a host on its board already (a chip's fixture, or a"
                     " bus); take vbus_board in its place, or attach that host to the terminal"
                 )
             runtime = self._stack.enter_context(private_runtime())
-            host = next(iter(fitted.file.hosts), HostSection(transport=""))
-            fitted.address = str(runtime / "host")
+            host = next(iter(tested.file.hosts), HostSection(transport=""))
+            tested.address = str(runtime / "host")
             link = LinkSpec(
-                f"pty:{fitted.address}",
+                f"pty:{tested.address}",
                 host.protocol,
                 list(host.chips),
                 host.cycle,
-                card_of(fitted.file, host),
-                pin_map_of(fitted.file, host.pinmap),
+                card_of(tested.file, host),
+                pin_map_of(tested.file, host.pinmap),
             )
-            served = ServedBoard(fitted.board, [link], fitted.file.board.stall)
+            served = ServedBoard(tested.board, [link], tested.file.board.stall)
             self._stack.enter_context(served)
-            fitted.served = served
-        return fitted.address
+            tested.served = served
+        return tested.address
 
     def close(self) -> None:
         """Stop what runs; write the waveforms that are wanted of every test."""
         self._stack.close()
-        for fitted in self.fitted:
-            fitted.served = None
-            if self._waves == "always" and self._told is None:
-                self._keep(fitted, "vcd", fitted.wave().encode())
+        for tested in self.boards:
+            tested.served = None
+            if self._waves == "always" and self._failure is None:
+                self._keep(tested, "vcd", tested.wave().encode())
 
     # -- verdict ------------------------------------------------------------------------------
 
     def complaints(self) -> list[str]:
         """Return why a test fails that had nothing to complain about itself."""
         lines = []
-        for fitted in self.fitted:
-            name = fitted.board.name
+        for tested in self.boards:
+            name = tested.board.name
             lines += [
                 f'fault {armed} of board "{name}" never fired: the test did not test it;'
                 " look at its trigger, or clear() it"
-                for armed in fitted.faults()
+                for armed in tested.faults()
                 if not armed.fired and not armed.cleared
             ]
-            if fitted.strict:
-                lines += [
-                    f"{format_instant(v.when)} {v.chip} broke {v.rule}: {v.detail}  [{v.clause}]"
-                    for v in fitted.watch.violations
-                    if v.severity != "note"
-                ]
+            if tested.strict:
+                found = tested.watch.violations
+                lines += [_line(v, "broke ") for v in found if v.severity != "note"]
         return lines
 
-    def tell(self) -> Told:
+    def failure_report(self) -> FailureReport:
         """Keep the recordings of a failing test and return what to tell; the same when repeated."""
-        if self._told is None:
-            self._told = Told()
-            for fitted in self.fitted:
-                self._tell(fitted, self._told)
+        if self._failure is None:
+            self._failure = FailureReport()
+            for tested in self.boards:
+                self._report(tested, self._failure)
             again = f"pytest {shlex.quote(self.name)}"
             again += "" if self._seed is None else f" --vbus-seed={self._seed}"
             again += " --vbus-strict" if self._strict else ""
-            self._told.lines.append(f"again:   {again}")
-            self._told.properties.append(("vbus.again", again))
-        return self._told
+            self._failure.lines.append(f"again:   {again}")
+            self._failure.properties.append(("vbus.again", again))
+        return self._failure
 
-    def _tell(self, fitted: Fitted, told: Told) -> None:
-        board = fitted.board
-        faults = fitted.faults()
-        lines = fitted.call(lambda: list(fitted.watch.lines))
-        journal = self._keep(fitted, "vbj", fitted.journal())
+    def _report(self, tested: TestedBoard, report: FailureReport) -> None:
+        board = tested.board
+        faults = tested.faults()
+        lines = tested.call(lambda: tested.watch.lines)
+        journal = self._keep(tested, "vbj", tested.journal())
         replay = f"vbus replay {shlex.quote(str(journal))}"
-        told.lines.append(
+        report.lines += [
             f'board "{board.name}" at {format_instant(board.now)}, seed {board.seed},'
-            f" {board.policy}; {fitted.watch.cycles} bus cycles"
-        )
-        told.lines += [f"    {line}" for line in lines]
-        told.lines.append(f"violations: {len(fitted.watch.violations) or 'none'}")
-        told.lines += [
-            f"    {format_instant(v.when)} {v.chip} {v.rule}: {v.detail}  [{v.clause}]"
-            for v in fitted.watch.violations[-20:]
+            f" {board.policy}; {tested.watch.cycles} bus cycles",
+            *(f"    {line}" for line in lines),
+            f"violations: {len(tested.watch.violations) or 'none'}",
         ]
-        if faults:
-            told.lines.append("faults:")
-            told.lines += [f"    {armed}" for armed in faults]
-        told.lines.append(f"journal: {journal}")
-        told.lines.append(f"replay:  {replay}")
-        told.properties += [
+        report.lines += [f"    {_line(v)}" for v in tested.watch.violations[-20:]]
+        report.lines += ["faults:", *(f"    {armed}" for armed in faults)] if faults else []
+        report.lines += [f"journal: {journal}", f"replay:  {replay}"]
+        report.properties += [
             ("vbus.board", board.name),
             ("vbus.seed", str(board.seed)),
             ("vbus.journal", str(journal)),
             ("vbus.replay", replay),
             ("vbus.transcript", "\n".join(lines)),
-            ("vbus.violations", "\n".join(f"{v.rule} {v.detail}" for v in fitted.watch.violations)),
+            ("vbus.violations", "\n".join(f"{v.rule} {v.detail}" for v in tested.watch.violations)),
             ("vbus.faults", "\n".join(str(armed) for armed in faults)),
         ]
-        wave = fitted.wave()
+        wave = tested.wave()
         if wave:
-            path = self._keep(fitted, "vcd", wave.encode())
-            told.lines.append(f"wave:    {path}")
-            told.properties.append(("vbus.wave", str(path)))
+            path = self._keep(tested, "vcd", wave.encode())
+            report.lines.append(f"wave:    {path}")
+            report.properties.append(("vbus.wave", str(path)))
 
-    def _keep(self, fitted: Fitted, suffix: str, content: bytes) -> Path:
-        number = self.fitted.index(fitted)
+    def _keep(self, tested: TestedBoard, suffix: str, content: bytes) -> Path:
+        number = self.boards.index(tested)
         test = re.sub(r"[^\w.-]+", "_", self.name.rpartition("/")[2])[-100:]
         path = self.folder() / f"{test}{f'-{number + 1}' if number else ''}.{suffix}"
         path.write_bytes(content)
         return path
 
 
+def _line(v: Violation, verb: str = "") -> str:
+    return f"{format_instant(v.when)} {v.chip} {verb}{v.rule}: {v.detail}  [{v.clause}]"
+
+
 def _check_keywords(keywords: Iterable[str]) -> None:
     for key in keywords:
-        if key not in WISHES:
-            raise ConfigError(f"vbus: unknown keyword {key!r}; allowed are {', '.join(WISHES)}")
+        if key not in KEYWORDS:
+            raise ConfigError(f"vbus: unknown keyword {key!r}; allowed are {', '.join(KEYWORDS)}")

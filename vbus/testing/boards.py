@@ -105,12 +105,11 @@ def board_text(
     if isinstance(board, str) and not named.endswith(".toml"):
         return of_part(named, plant, clock), f"{named.lower()}.toml"
     folders = list(near)
-    for folder in folders:
-        path = folder / named
-        if path.is_file():
-            return path.read_text(), str(path)
-    looked = ", ".join(str(folder) for folder in folders)
-    raise ConfigError(f"{named}: there is no such board file; looked for it in {looked}")
+    found = next((path for folder in folders if (path := folder / named).is_file()), None)
+    if found is None:
+        looked = ", ".join(map(str, folders))
+        raise ConfigError(f"{named}: there is no such board file; looked for it in {looked}")
+    return found.read_text(), str(found)
 
 
 def for_test(

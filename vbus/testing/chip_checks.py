@@ -46,9 +46,13 @@ class _Run:
         )
         self.board.run_until(max(ready, self.board.now))
 
+    def wait(self, gap: int) -> None:
+        """Let time pass before a bus cycle."""
+        self.board.run_for(gap)
+
     def step(self, step: Step) -> None:
         gap, write, address, data = step
-        self.board.run_for(gap)
+        self.wait(gap)
         if write:
             self.port.write(address, data)
         else:
@@ -64,11 +68,58 @@ class _Run:
         self.board.run_for(MS)
         self.board.catch_up()
 
+    def play(self, steps: list[Step]) -> "_Run":
+        """Play all steps from power-on; whatever a host does, a chip goes on."""
+        self.start()
+        for number, step in enumerate(steps):
+            try:
+                self.step(step)
+            except Nonconformance:
+                raise
+            except Exception as error:
+                way = f"write of {step[3]:02X}h" if step[1] else "read"
+                raise Nonconformance(
+                    f"{self.name}: bus cycle {number}, a {way} at {step[2]:X}H at"
+                    f" {self.board.now} ps, raised {type(error).__name__}: {error}; whatever a"
+                    " host does, a chip goes on"
+                ) from error
+        self.end()
+        return self
+
     def state(self) -> bytes:
         return packed(self.name, self.chip.save())
 
     def findings(self) -> list[tuple[int, str]]:
         return [(found.when, found.rule) for found in self.board.violations]
+
+
+class _ObservedRun(_Run):
+    """Time comes in pieces, and somebody looks at the chip after each of them."""
+
+    def wait(self, gap: int) -> None:
+        for part in (gap // 3, gap - gap // 3):
+            self.board.run_for(part)
+            self.chip.advance()
+            self.chip.advance()
+            due = self.chip.next_event()
+            demand(
+                due > self.board.now,
+                f"{self.name}: next_event() gave {due} ps, and it is {self.board.now} ps: it must"
+                " lie ahead",
+            )
+            self.chip.telemetry()
+            self.chip.ready_at()
+            self.state()
+
+
+class _SlicedRun(_Run):
+    """The chip is looked at again and again while time passes."""
+
+    def wait(self, gap: int) -> None:
+        until = self.board.now + gap
+        while self.board.now < until:
+            self.board.run_until(min(until, self.board.now + max(gap // 16, 1)))
+            self.chip.advance()
 
 
 def check_chip(
@@ -92,11 +143,12 @@ def check_chip(
     demand(first.board.policy == "lockstep", "check_chip wants a board in lockstep time")
     _declared(first.chip)
     steps = _garbage(first.chip, Random(seed), cycles)
-    _play(first, steps)
-    again = _Run(factory, chip)
-    _play(again, steps)
+    first.play(steps)
+    again = _Run(factory, chip).play(steps)
     _same(first, again, "two runs with the same bus cycles differ: something is not repeatable")
-    _looks(factory, chip, steps, first)
+    observed = _ObservedRun(factory, chip).play(steps)
+    sentence = "looking at it (advance, next_event, telemetry, ready_at, save) changes its run"
+    _same(first, observed, sentence)
     _snapshots(factory, chip, steps, first)
     _strobes(factory, chip, steps, first)
     _edges(factory, chip, steps)
@@ -129,26 +181,6 @@ def _garbage(chip: Chip, random: Random, cycles: int) -> list[Step]:
     ]
 
 
-def _play(run: _Run, steps: list[Step]) -> None:
-    run.start()
-    for number, step in enumerate(steps):
-        _one(run, number, step)
-    run.end()
-
-
-def _one(run: _Run, number: int, step: Step) -> None:
-    try:
-        run.step(step)
-    except Nonconformance:
-        raise
-    except Exception as error:
-        way = f"write of {step[3]:02X}h" if step[1] else "read"
-        raise Nonconformance(
-            f"{run.name}: bus cycle {number}, a {way} at {step[2]:X}H at {run.board.now} ps, raised"
-            f" {type(error).__name__}: {error}; whatever a host does, a chip goes on"
-        ) from error
-
-
 def _same(one: _Run, other: _Run, sentence: str, strobes: bool = False) -> None:
     """Demand that two runs came to the same end."""
     for number, (a, b) in enumerate(zip(one.replies, other.replies, strict=True)):
@@ -169,31 +201,6 @@ def _same(one: _Run, other: _Run, sentence: str, strobes: bool = False) -> None:
         demand(told == then_told, f"{one.name}: {sentence}: telemetry() {told}, then {then_told}")
         return
     demand(one.state() == other.state(), f"{one.name}: {sentence}: save() at the end differs")
-
-
-def _looks(factory: Callable[[], Board], chip: str, steps: list[Step], first: _Run) -> None:
-    """Looking changes nothing, and time may come in pieces."""
-    run = _Run(factory, chip)
-    run.start()
-    for number, (gap, write, address, data) in enumerate(steps):
-        for part in (gap // 3, gap - gap // 3):
-            run.board.run_for(part)
-            run.chip.advance()
-            run.chip.advance()
-            due = run.chip.next_event()
-            demand(
-                due > run.board.now,
-                f"{run.name}: next_event() gave {due} ps, and it is {run.board.now} ps: it must lie"
-                " ahead",
-            )
-            run.chip.telemetry()
-            run.chip.ready_at()
-            run.state()
-        _one(run, number, (0, write, address, data))
-    run.end()
-    _same(
-        first, run, "looking at it (advance, next_event, telemetry, ready_at, save) changes its run"
-    )
 
 
 def _snapshots(factory: Callable[[], Board], chip: str, steps: list[Step], first: _Run) -> None:
@@ -228,29 +235,25 @@ def _strobes(factory: Callable[[], Board], chip: str, steps: list[Step], first: 
     """Strobes on the nets give what whole cycles give."""
     run = _Run(factory, chip)
     run.chip.bus_net.observe(_Edges())
-    _play(run, steps)
-    _same(first, run, "played as strobes on its pins, the same bus cycles differ", strobes=True)
+    _same(
+        first,
+        run.play(steps),
+        "played as strobes on its pins, the same bus cycles differ",
+        strobes=True,
+    )
 
 
 def _edges(factory: Callable[[], Board], chip: str, steps: list[Step]) -> None:
     """No output changes before next_event() says so."""
-    quick, slow = _Run(factory, chip), _Run(factory, chip)
+    quick = _SlicedRun(factory, chip)
     seen = []
-    for run in (quick, slow):
+    for run in (quick, _Run(factory, chip)):
         edges = _Edges()
         seen.append(edges.seen)
         for row in run.chip.pin_rows:
             if row.direction in ("out", "od") and not row.wave:
                 run.chip.pins[row.name].net.observe(edges)
-    _play(slow, steps)
-    quick.start()
-    for number, (gap, write, address, data) in enumerate(steps):
-        until = quick.board.now + gap
-        while quick.board.now < until:
-            quick.board.run_until(min(until, quick.board.now + max(gap // 16, 1)))
-            quick.chip.advance()
-        _one(quick, number, (0, write, address, data))
-    quick.end()
+        run.play(steps)
     for a, b in zip(*seen, strict=False):
         demand(
             a == b,

@@ -57,13 +57,13 @@ def chip_bench(bench: Bench, start: str) -> ChipBench:
     """
     family = plugins.family_of(start)
     part = typical_part(family, start)
-    fitted = bench.main(part)
-    if fitted.served is not None:
+    tested = bench.main(part)
+    if tested.served is not None:
         raise VbusError(
-            f"the board is served on {fitted.address}, by vbus_pty: attach to that terminal, and"
+            f"the board is served on {tested.address}, by vbus_pty: attach to that terminal, and"
             " take vbus_board to look at chips and plants"
         )
-    board = fitted.board
+    board = tested.board
     cls = plugins.chip_of(family)
     chip = next((chip for chip in board.chips if isinstance(chip, cls)), None)
     if chip is None:
@@ -74,4 +74,4 @@ def chip_bench(bench: Bench, start: str) -> ChipBench:
     client, calls = family.object("host"), family.object("calls")
     host = client(bus, chip.name) if client else calls(bus.chip(chip.name)) if calls else None
     plants = tuple(plant for axis, plant in board.axes.items() if axis.startswith(f"{chip.name}."))
-    return ChipBench(board, chip, plants, bus, host, fitted.clock)
+    return ChipBench(board, chip, plants, bus, host, tested.clock)

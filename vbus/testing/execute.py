@@ -11,7 +11,7 @@ from typing import Final
 
 from vbus.errors import VbusError
 from vbus.kernel import SECOND
-from vbus.testing.bench import Bench, Fitted
+from vbus.testing.bench import Bench, TestedBoard
 from vbus.testing.limits import Limits
 from vbus.testing.programs import Outcome, run_program
 
@@ -60,29 +60,29 @@ class Execute:
         Raises:
             VbusError: it cannot be compiled or started.
         """
-        fitted = self._bench.main()
-        if fitted.served is not None:
+        tested = self._bench.main()
+        if tested.served is not None:
             raise VbusError(
-                f"vbus_exec: the board is served on {fitted.address} already, by vbus_pty; give"
+                f"vbus_exec: the board is served on {tested.address} already, by vbus_pty; give"
                 " the program that path with subprocess, or leave vbus_pty out of this test"
             )
         path = self._bench.find(program)
         if path.suffix in _SOURCES:
             command = [str(self.compile(program, *sources, shim=shim, flags=flags))]
         elif avr:
-            command = _avr_command(fitted, avr, path)
+            command = _avr_command(tested, avr, path)
         elif path.suffix == ".py":
             command = ["python", str(path)]
         else:
             command = [str(path)]
         limits = Limits(1 << 62, 60 * SECOND if longest is None else longest, timeout)
         return run_program(
-            fitted.file,
-            fitted.source,
+            tested.file,
+            tested.source,
             [*command, *map(str, arguments)],
             limits,
             environment,
-            board=fitted.board,
+            board=tested.board,
         )
 
     def compile(self, *sources: str | Path, shim: str = "", flags: str = "") -> Path:
@@ -117,25 +117,20 @@ def cflags(shim: str = "") -> list[str]:
     Raises:
         VbusError: there is no such shim.
     """
-    from vbus.native import include_dir
-    from vbus.tools.cflags import SHIMS, Shim
+    from vbus.tools.cflags import PLAIN, SHIMS
 
     if shim and shim not in SHIMS:
         raise VbusError(f"there is no shim {shim!r}; there are {', '.join(SHIMS)}")
-    folder = Path(include_dir())
-    chosen = SHIMS[shim] if shim else Shim((), ("vbus.c",))
-    includes = [folder / "shims" / name for name in chosen.folders] + [folder]
-    sources = [str(folder / source) for source in chosen.sources]
-    return [*(f"-I{include}" for include in includes), *chosen.options, *sources]
+    return (SHIMS[shim] if shim else PLAIN).flags()
 
 
-def _avr_command(fitted: Fitted, avr: str, path: Path) -> list[str]:
+def _avr_command(tested: TestedBoard, avr: str, path: Path) -> list[str]:
     from vbus.tools.exec_avr import parse, simulator
 
-    if fitted.board.policy != "slaved":
+    if tested.board.policy != "slaved":
         raise VbusError(
-            f"{fitted.file.path}: chip time must follow the AVR, and this board is"
-            f' {fitted.board.policy}; write time = "slaved" in [board]'
+            f"{tested.file.path}: chip time must follow the AVR, and this board is"
+            f' {tested.board.policy}; write time = "slaved" in [board]'
         )
     try:
         options = parse(avr)

@@ -29,7 +29,7 @@ from vbus.client.bus import Bus
 from vbus.errors import ConfigError
 from vbus.kernel import US
 from vbus.options import Value
-from vbus.testing.boards import section_line
+from vbus.testing.boards import section_line, with_keys
 from vbus.testing.in_process import HostStuck, connect_in_process
 from vbus.testing.limits import Limits, Watch
 from vbus.testing.programs import Outcome, run_program
@@ -123,20 +123,15 @@ def with_extremes(text: str, scenario: Scenario) -> str:
     """
     lines = text.splitlines()
     for chip, key, value in reversed(scenario.extremes):
-        _insert(lines, rf"chips\.[\"']?{re.escape(chip)}[\"']?", f"{key} = {_toml(value)}", chip)
-    if scenario.seed:
-        place = section_line(lines, "board")
-        end = next((i for i in range(place, len(lines)) if lines[i].startswith("[")), len(lines))
-        lines[place:end] = [x for x in lines[place:end] if not re.match(r"\s*seed\s*=", x)]
-        _insert(lines, "board", f"seed = {scenario.seed}", "board")
-    return "\n".join(lines) + "\n"
-
-
-def _insert(lines: list[str], pattern: str, line: str, name: str) -> None:
-    place = section_line(lines, pattern)
-    if not place:
-        raise ConfigError(f"the board file has no section for {name} into which {line} could go")
-    lines.insert(place, line)
+        line = f"{key} = {_toml(value)}"
+        place = section_line(lines, rf"chips\.[\"']?{re.escape(chip)}[\"']?")
+        if not place:
+            raise ConfigError(
+                f"the board file has no section for {chip} into which {line} could go"
+            )
+        lines.insert(place, line)
+    keys = {"seed": str(scenario.seed)} if scenario.seed else {}
+    return with_keys("\n".join(lines) + "\n", "board", keys)
 
 
 @st.composite

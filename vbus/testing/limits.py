@@ -1,6 +1,5 @@
 """How long a host may go on before a test says that it hangs, counted in chip time."""
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -8,8 +7,9 @@ from typing import Final
 from vbus.board.board import Board
 from vbus.kernel import SECOND
 from vbus.protocols.quantities import format_instant
-from vbus.signals import Observer, Violation
+from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets
+from vbus.trace.latest_lines import LatestLines
 from vbus.trace.packets import Packet
 
 KEPT: Final = 40
@@ -31,7 +31,7 @@ class Limits:
     wall: float = 60.0
 
 
-class Watch(Observer):
+class Watch(BoardPackets):
     """Counts a host's bus cycles, keeps the last ones in the manual's words, and knows its limits.
 
     Args:
@@ -48,40 +48,34 @@ class Watch(Observer):
         over: Callable[[str], None] | None = None,
         times: bool = False,
     ) -> None:
+        super().__init__({chip.name: chip.FAMILY for chip in board.chips}, self._packet)
         self.cycles: int = 0
         self.stuck: str = ""
         """Which bound was passed, as a sentence; "" if none was."""
         self.violations: list[Violation] = []
-        self.lines: deque[str] = deque(maxlen=KEPT)
+        self._lines: LatestLines = LatestLines(maxlen=KEPT)
         self._limits: Limits = limits
         self._over: Callable[[str], None] | None = over
         self._times: bool = times
-        self._latest: str = ""
-        self._begun: str = ""
-        self._count: int = 0
-        self._packets: BoardPackets = BoardPackets(
-            {chip.name: chip.FAMILY for chip in board.chips}, self._packet
-        )
         board.observe(self)
 
-    def _packet(self, chip: str, packet: Packet) -> None:
-        self._note(packet.end, f"{chip} {packet.text}")
+    @property
+    def lines(self) -> list[str]:
+        """The latest packets and violations."""
+        return [
+            f"{format_instant(line.when)} {line.counted()}" if self._times else line.counted()
+            for line in self._lines
+        ]
 
-    def _note(self, when: int, line: str) -> None:
-        if line == self._latest:
-            self._count += 1
-            self.lines[-1] = f"{self._begun} x{self._count}"
-            return
-        self._latest, self._count = line, 1
-        self._begun = f"{format_instant(when)} {line}" if self._times else line
-        self.lines.append(self._begun)
+    def _packet(self, chip: str, packet: Packet) -> None:
+        self._lines.add(packet.end, f"{chip} {packet.text}")
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
         """Count a cycle."""
         self.cycles += 1
-        self._packets.bus_cycle(when, host, chip, write, address, data)
+        super().bus_cycle(when, host, chip, write, address, data)
         if self.cycles > self._limits.cycles:
             self.pass_bound(f"it made more than {self._limits.cycles} bus cycles")
         elif when > self._limits.chip_time:
@@ -91,9 +85,10 @@ class Watch(Observer):
 
     def violation(self, violation: Violation) -> None:
         """Keep a violation."""
-        self._packets.violation(violation)
+        super().violation(violation)
         self.violations.append(violation)
-        self._note(violation.when, f"{violation.chip} ! {violation.rule}: {violation.detail}")
+        text = f"{violation.chip} ! {violation.rule}: {violation.detail}"
+        self._lines.add(violation.when, text)
 
     def pass_bound(self, sentence: str) -> None:
         """Say that the host hangs, if nothing has said so before."""

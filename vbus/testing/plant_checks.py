@@ -77,15 +77,15 @@ class _Check:
 
     def run(self) -> None:
         plain = self._fresh()
-        course = [self._step(plain, drive, number) for number, drive in enumerate(self._drives)]
-        self._snapshots(course)
+        counts = [self._step(plain, drive, number) for number, drive in enumerate(self._drives)]
+        self._snapshots(counts)
         again = self._fresh()
         looked = self._fresh()
         for number, drive in enumerate(self._drives):
-            self._equal(course, number, self._step(again, drive, number), "a second run")
+            self._equal(counts, number, self._step(again, drive, number), "a second run")
             before = looked.count
             value = self._step(looked, drive, number)
-            self._equal(course, number, value, "a run in which somebody looks at it")
+            self._equal(counts, number, value, "a run in which somebody looks at it")
             self._look(looked, before, number)
             self._rest(looked, drive, number)
 
@@ -108,11 +108,11 @@ class _Check:
         )
         return count
 
-    def _equal(self, course: list[int], number: int, count: int, what: str) -> None:
+    def _equal(self, counts: list[int], number: int, count: int, what: str) -> None:
         demand(
-            course[number] == count,
+            counts[number] == count,
             f"{self._name}: {what} differs: count {count} after period {number}, not"
-            f" {course[number]}",
+            f" {counts[number]}",
         )
 
     def _look(self, plant: Plant, before: int, number: int) -> None:
@@ -149,8 +149,8 @@ class _Check:
             " drive changes it",
         )
 
-    def _snapshots(self, course: list[int]) -> None:
-        for place in (0, len(course) // 3, len(course) - 2):
+    def _snapshots(self, counts: list[int]) -> None:
+        for place in (0, len(counts) // 3, len(counts) - 2):
             before = self._fresh()
             for drive in self._drives[:place]:
                 _give(before, self._kind, drive)
@@ -167,6 +167,6 @@ class _Check:
                 after.count == before.count,
                 f"{self._name}: load() leaves .count at {after.count}, not {before.count}",
             )
-            for number in range(place, len(course)):
+            for number in range(place, len(counts)):
                 count = self._step(after, self._drives[number], number)
-                self._equal(course, number, count, f"a run loaded after period {place}")
+                self._equal(counts, number, count, f"a run loaded after period {place}")

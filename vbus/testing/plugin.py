@@ -48,13 +48,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Declare the marker; refuse a wish that cannot be met before the first test."""
+    """Declare the marker; refuse an option that cannot be met before the first test."""
     if config.getoption("--vbus-wave") != "never":
         try:
             import vcd  # noqa: F401
         except ImportError:
             raise pytest.UsageError(
-                '--vbus-wave needs pyvcd; install it with: pip install "vbus[wave]"'
+                "--vbus-wave needs pyvcd; install it with: pip install pyvcd"
             ) from None
     config.addinivalue_line(
         "markers",
@@ -86,17 +86,17 @@ def vbus_bench(
     from vbus.testing.bench import Bench
 
     item = request.node
-    wishes: dict[str, Any] = {}
+    keywords: dict[str, Any] = {}
     for mark in reversed(list(item.iter_markers("vbus"))):
         if len(mark.args) > 1:
             raise pytest.UsageError(f"{item.nodeid}: @pytest.mark.vbus takes one board")
-        wishes |= {"board": mark.args[0]} if mark.args else {}
-        wishes |= mark.kwargs
+        keywords |= {"board": mark.args[0]} if mark.args else {}
+        keywords |= mark.kwargs
     option = item.config.getoption
     try:
         bench = Bench(
             item.nodeid,
-            wishes,
+            keywords,
             [item.path.parent, item.config.rootpath, Path.cwd()],
             lambda: _folder(item, tmp_path_factory),
             option("--vbus-seed"),
@@ -184,9 +184,9 @@ def pytest_runtest_makereport(
     """Let the report of a failing test carry what its boards saw."""
     report = yield
     bench = item.stash.get(BENCH, None)
-    if bench is not None and report.failed and bench.fitted and call.when != "teardown":
-        told = bench.tell()
-        report.sections.append(("vbus", "\n".join(told.lines)))
-        report.user_properties += told.properties
-        item.user_properties += told.properties
+    if bench is not None and report.failed and bench.boards and call.when != "teardown":
+        failure = bench.failure_report()
+        report.sections.append(("vbus", "\n".join(failure.lines)))
+        report.user_properties += failure.properties
+        item.user_properties += failure.properties
     return report

@@ -55,7 +55,7 @@ class Outcome:
         self.stuck = watch.stuck
         self.cycles = watch.cycles
         self.violations = watch.violations
-        self.transcript = list(watch.lines)
+        self.transcript = watch.lines
 
 
 class _Run(ServedBoard):
@@ -128,7 +128,7 @@ def run_program(
         run = _Run(file, board, bounds, own, start)
         try:
             with run:
-                outcome = _beside(run, command, bounds, environment or {}, folder)
+                outcome = _communicate(run, command, bounds, environment or {}, folder)
         finally:
             board.unobserve(run.watch)
     if run.error is not None:
@@ -138,7 +138,7 @@ def run_program(
     return outcome
 
 
-def _beside(
+def _communicate(
     run: _Run,
     command: Sequence[str],
     limits: Limits,

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from vbus.client.bus import Bus
 from vbus.errors import VbusError
 from vbus.protocols.quantities import format_instant
-from vbus.testing.bench import Bench, Fitted
+from vbus.testing.bench import Bench, TestedBoard
 from vbus.testing.execute import Execute
 from vbus.testing.in_process import connect_in_process
 
@@ -34,22 +34,22 @@ class robot:
         """Build the test's board from a board file, or from a part number."""
         if self._bench is not None:
             raise VbusError("Open Board: this test has a board already")
-        wishes: dict[str, Any] = {"board": board, "strict": strict}
+        keywords: dict[str, Any] = {"board": board, "strict": strict}
         if seed is not None:
-            wishes["seed"] = seed
+            keywords["seed"] = seed
         if plant:
-            wishes["plant"] = plant
-        bench = Bench("robot test", wishes, [Path.cwd()], _folder)
+            keywords["plant"] = plant
+        bench = Bench("robot test", keywords, [Path.cwd()], _folder)
         bench.main()
         self._bench = bench
 
     def advance_time(self, duration: str) -> None:
         """Let chip time pass."""
-        self._fitted().clock.advance(duration)
+        self._tested().clock.advance(duration)
 
     def run_time_until(self, instant: str) -> None:
         """Let chip time pass to an instant since power-on."""
-        self._fitted().clock.run_until(instant)
+        self._tested().clock.run_until(instant)
 
     def read_bus(self, address: int) -> int:
         """Make one read cycle; return the byte."""
@@ -67,20 +67,20 @@ class robot:
 
     def position_should_be(self, axis: str, expected: int, within: int = 0) -> None:
         """Fail unless the encoder of an axis (``x.1``) is within some counts of a position."""
-        fitted = self._fitted()
-        plant = fitted.board.axes.get(axis)
+        tested = self._tested()
+        plant = tested.board.axes.get(axis)
         if plant is None:
-            raise VbusError(f"there is no axis {axis!r}; there are {', '.join(fitted.board.axes)}")
+            raise VbusError(f"there is no axis {axis!r}; there are {', '.join(tested.board.axes)}")
         if abs(plant.count - expected) > within:
             raise AssertionError(f"axis {axis} is at {plant.count}, not at {expected} +- {within}")
 
     def arm_fault(self, name: str, target: str = "", when: str = "now", **parameters: Any) -> None:
         """Arm a fault; see ``vbus fault list``."""
-        self._fitted().board.faults.arm(name, target, when, **parameters)
+        self._tested().board.faults.arm(name, target, when, **parameters)
 
     def run_host(self, program: str, *arguments: str) -> str:
         """Run a host program on the board; fail unless its exit code is 0; return its output."""
-        self._fitted()
+        self._tested()
         assert self._bench is not None
         done = Execute(self._bench)(program, *arguments)
         if not done.ok:
@@ -88,15 +88,15 @@ class robot:
             raise AssertionError(f"{program}: {reason}\n{done.errors}")
         return done.output
 
-    def _fitted(self) -> Fitted:
+    def _tested(self) -> TestedBoard:
         if self._bench is None:
             raise VbusError("there is no board yet: begin with Open Board")
         return self._bench.main()
 
     def _host(self) -> Bus:
-        fitted = self._fitted()
+        tested = self._tested()
         if self._bus is None:
-            self._bus = connect_in_process(fitted.board)
+            self._bus = connect_in_process(tested.board)
         return self._bus
 
     def _end_test(self, data: Any, result: Any) -> None:
@@ -108,9 +108,9 @@ class robot:
         if complaints:
             result.status, result.message = "FAIL", "\n".join(complaints)
         if not result.passed:
-            lines = bench.tell().lines[:-1]
-            fitted = bench.main()
-            instant = format_instant(fitted.board.now)
+            lines = bench.failure_report().lines[:-1]
+            tested = bench.main()
+            instant = format_instant(tested.board.now)
             result.message += "\n" + "\n".join([f"at {instant} of chip time:", *lines])
         if self._bus is not None:
             self._bus.close()

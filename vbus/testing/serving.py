@@ -5,6 +5,7 @@ import os
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
@@ -87,24 +88,18 @@ class ServedBoard:
         Raises:
             VbusError: the board is served no more.
         """
-        done = threading.Event()
-        results: list[_T] = []
-        errors: list[BaseException] = []
+        done: Future[_T] = Future()
 
         def work() -> None:
             try:
-                results.append(what())
+                done.set_result(what())
             except BaseException as error:
-                errors.append(error)
-            finally:
-                done.set()
+                done.set_exception(error)
 
         if self._loop is None or not self._thread.is_alive():
             return what()
         self._loop.call_soon_threadsafe(work)
-        while not done.wait(1.0):
-            if not self._thread.is_alive() and not done.is_set():
+        while not wait([done], 1.0).done:
+            if not self._thread.is_alive() and not done.done():
                 raise VbusError(f"the board is served no more: {self.error}")
-        if errors:
-            raise errors[0]
-        return results[0]
+        return done.result()

@@ -23,7 +23,7 @@ ALL_BYTES: Final = bytes(range(256))
 _PATIENCE: Final = 20.0
 
 
-class _Wire:
+class _ProtocolRun:
     """A protocol on a port of a board of its own."""
 
     def __init__(self, factory: Callable[[HostPort], Protocol]) -> None:
@@ -76,21 +76,21 @@ def check_protocol(
         Nonconformance: it does not; says what differs.
     """
     random = Random(seed)
-    whole = _Wire(factory)
+    whole = _ProtocolRun(factory)
     name = type(whole.protocol).__name__
     expected, state = whole.give(requests), whole.board.state_hash()
     demand(bool(expected), f"{name}: no answer to {requests[:32].hex(' ')}")
     for turn in range(rounds):
-        wire = _Wire(factory)
+        run = _ProtocolRun(factory)
         cuts = sorted(random.sample(range(len(requests) + 1), min(turn % 6, len(requests))))
         pieces = [requests[a:b] for a, b in zip([0, *cuts], [*cuts, len(requests)], strict=True)]
         if turn == 1:
             pieces = [bytes([byte]) for byte in requests]
         answer = b""
         for piece in pieces:
-            answer += wire.give(piece)
+            answer += run.give(piece)
             if turn % 2:
-                wire.hand_over()
+                run.hand_over()
         where = f"cut at {cuts}" if turn != 1 else "byte by byte"
         kept = ", with save() and load() at the cuts" if turn % 2 else ""
         demand(
@@ -99,22 +99,22 @@ def check_protocol(
             f" {expected[:48].hex(' ')}…",
         )
         demand(
-            wire.board.state_hash() == state,
+            run.board.state_hash() == state,
             f"{name}: {where}{kept}, the same bytes leave the board in another state",
         )
     for _ in range(rounds):
-        wire = _Wire(factory)
-        wire.give(random.randbytes(random.randint(1, 200)))
-        wire.protocol.reset()
-        wire.protocol.take()
-        fresh = wire.factory(wire.port)
+        run = _ProtocolRun(factory)
+        run.give(random.randbytes(random.randint(1, 200)))
+        run.protocol.reset()
+        run.protocol.take()
+        fresh = run.factory(run.port)
         demand(
-            packed(name, wire.protocol.save()) == packed(name, fresh.save()),
+            packed(name, run.protocol.save()) == packed(name, fresh.save()),
             f"{name}: reset() after garbage keeps something of it: save() is not that of a new one",
         )
 
 
-class _Ends:
+class _TransportLoop:
     """A transport in an event loop of its own thread."""
 
     def __init__(self, transport: Transport) -> None:
@@ -183,20 +183,20 @@ def check_transport(factory: Callable[[], Transport], dial: Callable[[str], int]
         Nonconformance: it does not; says what differs.
     """
     for turn in ("", " opened a second time at the same address"):
-        ends = _Ends(factory())
-        name = f"{type(ends.transport).__name__}{turn}"
+        running = _TransportLoop(factory())
+        name = f"{type(running.transport).__name__}{turn}"
         try:
             try:
-                ends.open()
+                running.open()
             except TransportError as error:
                 raise Nonconformance(f"{name}: it cannot be opened: {error}") from error
             for guest in ("a host", "the next host"):
-                _visit(ends, dial, name, guest)
-            url = ends.transport.url
-            ends.close()
-            ends.close()
+                _exchange(running, dial, name, guest)
+            url = running.transport.url
+            running.close()
+            running.close()
         finally:
-            ends.stop()
+            running.stop()
         try:
             os.close(dial(url))
         except OSError:
@@ -204,11 +204,11 @@ def check_transport(factory: Callable[[], Transport], dial: Callable[[str], int]
         raise Nonconformance(f"{name}: a host can still attach to {url} after close()")
 
 
-def _visit(ends: _Ends, dial: Callable[[str], int], name: str, guest: str) -> None:
+def _exchange(running: _TransportLoop, dial: Callable[[str], int], name: str, guest: str) -> None:
     """Let a host come, exchange every byte there is, and go."""
-    host = dial(ends.transport.url)
+    host = dial(running.transport.url)
     try:
-        link = ends.link()
+        link = running.link()
         demand(not os.get_blocking(link.fd), f"{name}: the link's descriptor blocks")
         try:
             early = os.read(link.fd, 1)
@@ -224,4 +224,4 @@ def _visit(ends: _Ends, dial: Callable[[str], int], name: str, guest: str) -> No
             demand(found == data, f"{name}: {guest} was sent {data.hex()} and got {found.hex()}")
     finally:
         os.close(host)
-    ends.end(link)
+    running.end(link)

@@ -1,14 +1,14 @@
 """``vbus cflags``: what a C compiler must be told to build a host against the C client."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 
 from vbus.errors import VbusError
 from vbus.native import include_dir
+from vbus.tools.output import show
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +25,19 @@ class Shim:
     sources: tuple[str, ...]
     options: tuple[str, ...] = ()
 
+    def includes(self) -> list[str]:
+        """Return the folders in which the compiler looks for headers."""
+        client = Path(include_dir())
+        return [str(client / "shims" / name) for name in self.folders] + [str(client)]
+
+    def files(self) -> list[str]:
+        """Return what is compiled with the driver."""
+        return [str(Path(include_dir()) / source) for source in self.sources]
+
+    def flags(self) -> list[str]:
+        """Return all that the compiler is told."""
+        return [*(f"-I{folder}" for folder in self.includes()), *self.options, *self.files()]
+
 
 _CARD: Final = ("vbus.c", "link_text.c", "card_link.c")
 _PINS: Final = ("vbus.c", "link_text.c", "pin_decoder.c", "pin_link.c", "shims/ports.cpp")
@@ -38,6 +51,9 @@ SHIMS: Final = {
     "mmio": Shim(("mmio",), _CARD, ("-D_DEFAULT_SOURCE", "-include", "vbus_mmio.h")),
 }
 """The shims by name. The ports of microcontrollers are C++ objects: those want g++."""
+
+PLAIN: Final = Shim((), ("vbus.c",))
+"""For sources that call the C client themselves."""
 
 
 @click.command("cflags")
@@ -55,17 +71,12 @@ def command(shim: str | None, as_json: bool) -> None:
     g++ $(vbus cflags --shim avr) -DF_CPU=16000000UL -o host host.c
     """
     folder = Path(include_dir())
-    chosen = Shim((), ("vbus.c",)) if shim is None else SHIMS[shim]
-    sources = [str(folder / source) for source in chosen.sources]
-    includes = [str(folder / "shims" / name) for name in chosen.folders] + [str(folder)]
+    chosen = PLAIN if shim is None else SHIMS[shim]
+    sources, includes = chosen.files(), chosen.includes()
     headers = [str(folder / "vbus.h")]
     if not all(Path(file).exists() for file in [*sources, *headers, *includes]):
         raise VbusError(f"the C client is missing from {folder}; install vbus again")
-    if as_json:
-        told = {"include": str(folder), "sources": sources, "headers": headers}
-        if shim is not None:
-            told |= {"includes": includes, "options": list(chosen.options)}
-        click.echo(json.dumps(told))
-    else:
-        flags = [*(f"-I{include}" for include in includes), *chosen.options, *sources]
-        click.echo(" ".join(flags))
+    value: dict[str, Any] = {"include": str(folder), "sources": sources, "headers": headers}
+    if shim is not None:
+        value |= {"includes": includes, "options": list(chosen.options)}
+    show(as_json, value, [" ".join(chosen.flags())])

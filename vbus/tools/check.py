@@ -1,12 +1,13 @@
 """``vbus check``: every mistake of a board file at once, and the rules hosts are held to."""
 
-import json
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
 import click
 
 from vbus.tools import exit_codes
+from vbus.tools.output import show
 
 
 @click.command("check")
@@ -30,10 +31,7 @@ def command(boards: tuple[str, ...], rules: bool, as_json: bool) -> int:
             code = exit_codes.BAD_BOARD
     if rules:
         report["rules"] = _rules()
-    if as_json:
-        click.echo(json.dumps(report))
-    else:
-        _print(report)
+    show(as_json, report, _lines(report))
     return code
 
 
@@ -89,7 +87,7 @@ def _rules() -> list[dict[str, Any]]:
     return [{**asdict(rule), "rows": ac_limits(rule.name)} for rule in all_rules()]
 
 
-def _print(report: dict[str, Any]) -> None:
+def _lines(report: dict[str, Any]) -> Iterator[str]:
     for board in report.get("boards", []):
         if not board["ok"]:
             from vbus.board.source import Problem
@@ -99,16 +97,16 @@ def _print(report: dict[str, Any]) -> None:
             continue
         chips = ", ".join(f"{name} ({part})" for name, part in board["chips"].items())
         hosts = ", ".join(board["hosts"]) or "no hosts"
-        click.echo(f"{board['file']}: ok: {chips}; {hosts}; {board['time']}")
+        yield f"{board['file']}: ok: {chips}; {hosts}; {board['time']}"
         for node, members in board["nodes"].items():
-            click.echo(f"{board['file']}: node {node}: {', '.join(members)}")
+            yield f"{board['file']}: node {node}: {', '.join(members)}"
         for note in board["notes"]:
-            click.echo(f"{board['file']}: note: {note}")
+            yield f"{board['file']}: note: {note}"
     rules = report.get("rules", [])
     width = max((len(rule["name"]) for rule in rules), default=0)
     for rule in rules:
         row = f"  [row {'; '.join(rule['rows'])}]" if rule["rows"] else ""
-        click.echo(
+        yield (
             f"{rule['name']:<{width}}  {rule['clause']:<11}  {rule['severity']:<7}"
             f"  {rule['title']}{row}"
         )

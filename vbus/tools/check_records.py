@@ -1,5 +1,7 @@
 """What ``[record]`` and ``[waves.NAME]`` ask for, looked at without opening a file to write."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from vbus.board.board import Board
@@ -15,13 +17,19 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
         BoardFileError: there is at least one.
     """
     record = file.record
+
+    @contextmanager
+    def checked(*place: str) -> Iterator[None]:
+        try:
+            yield
+        except (ValueError, VbusError) as error:
+            source.fail(place, str(error))
+
     if record.report:
         from vbus.trace.findings.formats import format_of
 
-        try:
+        with checked("record", "report"):
             format_of(record.report)
-        except ValueError as error:
-            source.fail(("record", "report"), str(error))
     if record.coverage:
         from vbus.trace.coverage.formats import COVERAGE_FORMATS
 
@@ -34,21 +42,15 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
     if record.suppress:
         from vbus.server.recording import suppressions_of
 
-        try:
+        with checked("record", "suppress"):
             suppressions_of(record.suppress)
-        except VbusError as error:
-            source.fail(("record", "suppress"), str(error))
     for wave in file.waves:
         from vbus.trace.wave.signals import nets_of
         from vbus.trace.wave.trigger import Trigger
 
-        try:
+        with checked("waves", wave.name, "signals"):
             nets_of(board, wave.signals)
-        except VbusError as error:
-            source.fail(("waves", wave.name, "signals"), str(error))
-        try:
-            if wave.trigger:
+        if wave.trigger:
+            with checked("waves", wave.name, "trigger"):
                 Trigger(wave.trigger, board)
-        except VbusError as error:
-            source.fail(("waves", wave.name, "trigger"), str(error))
     source.finish()

@@ -22,6 +22,7 @@ _COMMANDS: Final = {
     "exec": "Run a program or AVR firmware on a board of its own.",
     "explain": "Explain bytes on a bus, a status value, a rule, or a journal.",
     "fault": "Break a running board on schedule; show what came of it.",
+    "logs": "Show what a board has said that runs in the background.",
     "ls": "List the boards that run on this machine.",
     "monitor": "Watch the buses of a running board in the manual's words.",
     "order": "Order bus cycles on several nodes for one coming instant.",
@@ -29,14 +30,28 @@ _COMMANDS: Final = {
     "report": "Show the violations of a recorded run, with the cycles around them.",
     "router": "Let boards and hosts of several computers meet (Zenoh).",
     "run": "Run a board and serve its links until Ctrl-C.",
+    "schema": "Print the JSON Schema of board files, for editors.",
     "snap": "Take snapshots of running boards, load them again.",
+    "stop": "End running boards in order.",
     "trace": "Merge the traces of nodes; print the hash of what happened.",
+    "wait": "Wait until boards are ready.",
     "wave": "Write a waveform of a running board or of a recorded run.",
 }
+
+_COMPLETING: Final = "_VBUS_COMPLETE"
+"""Is set in the environment while a shell asks what could follow."""
 
 _EPILOG: Final = "\b\nExit codes:\n" + "\n".join(
     f"  {code:<4}{meaning}" for code, meaning in exit_codes.MEANINGS.items()
 )
+
+
+_CODES: Final = {
+    ConfigError: exit_codes.BAD_BOARD,
+    TransportError: exit_codes.NO_LINK,
+    PluginError: exit_codes.NO_PLUGIN,
+    CaptureError: exit_codes.BAD_CAPTURE,
+}
 
 
 class _Lazy(click.Group):
@@ -50,6 +65,10 @@ class _Lazy(click.Group):
             return None
         module = importlib.import_module(f"vbus.tools.{cmd_name}")
         command: click.Command = module.command
+        if _COMPLETING in os.environ:
+            from vbus.tools.completing import prepared
+
+            return prepared(command, cmd_name)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -80,22 +99,6 @@ def cli() -> None:
     """Hold the subcommands."""
 
 
-def exit_code_of(error: VbusError) -> int:
-    """Return the exit code that says what kind of mistake ``error`` is."""
-    if isinstance(error, ConfigError):
-        return exit_codes.BAD_BOARD
-    if isinstance(error, TransportError):
-        return exit_codes.NO_LINK
-    if isinstance(error, PluginError):
-        return exit_codes.NO_PLUGIN
-    return exit_codes.BAD_CAPTURE if isinstance(error, CaptureError) else exit_codes.FAILURE
-
-
-def complain(message: str) -> None:
-    """Print an error message where errors belong."""
-    click.echo(message, err=True)
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Run ``vbus`` and exit with one of :data:`~vbus.tools.exit_codes.MEANINGS`."""
     sys.exit(_run(arguments))
@@ -110,12 +113,11 @@ def _run(arguments: list[str] | None) -> int:
         return error.exit_code
     except click.exceptions.Exit as error:
         return error.exit_code
-    except ConfigError as error:
-        complain(str(error))
-        return exit_codes.BAD_BOARD
     except VbusError as error:
-        complain(f"vbus: {error}")
-        return exit_code_of(error)
+        # Mistakes of board files begin with their place.
+        click.echo(f"{'' if isinstance(error, ConfigError) else 'vbus: '}{error}", err=True)
+        codes = (code for kind, code in _CODES.items() if isinstance(error, kind))
+        return next(codes, exit_codes.FAILURE)
     except (KeyboardInterrupt, click.Abort):
         return exit_codes.INTERRUPTED
     except BrokenPipeError:

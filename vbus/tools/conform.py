@@ -3,7 +3,7 @@
 import json
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -13,27 +13,15 @@ import click
 
 from vbus.errors import VbusError
 from vbus.tools import exit_codes
+from vbus.tools.output import bar, duration, no_progress, reading, show
 
 _QUANTITY: Final = "PIN=CHANNEL"
-_BLOCK: Final = 0xFFF
-
-
-def _duration(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
-    from vbus.protocols.quantities import parse_duration
-
-    if value is None:
-        return None
-    try:
-        return parse_duration(value)
-    except ValueError as error:
-        raise click.BadParameter(str(error)) from None
 
 
 def _start(ctx: click.Context, param: click.Parameter, value: str) -> str | int:
     if value in ("auto", "reset", "start"):
         return value
-    instant = _duration(ctx, param, value)
-    assert instant is not None
+    instant: int = duration(ctx, param, value)
     return instant
 
 
@@ -50,14 +38,14 @@ def _start(ctx: click.Context, param: click.Parameter, value: str) -> str | int:
 @click.option("--from", "start", default="auto", show_default=True, callback=_start,
               metavar="auto|reset|start|INSTANT",
               help="Where both are in the same state.")  # fmt: skip
-@click.option("--slack", callback=_duration, metavar="DURATION",
+@click.option("--slack", callback=duration, metavar="DURATION",
               help="How far apart both may be. Default: a sample and a clock period.")  # fmt: skip
 @click.option("--ignore", multiple=True, metavar="NAME|ADDRESS:MASK",
               help="Do not compare this packet, register or output; or these bits.")  # fmt: skip
 @click.option("--samplerate", metavar="FREQUENCY", help="Of a table without a column of time.")
 @click.option("--violations", is_flag=True, help="Judge AC limits too; list what the host broke.")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
-@click.option("--no-progress", is_flag=True, help="Show no progress bar.")
+@no_progress
 def command(
     chip: str, capture: Path, clock: str | None, options: tuple[str, ...],
     plants: tuple[str, ...], board: str | None, maps: tuple[str, ...], start: str | int,
@@ -71,11 +59,12 @@ def command(
     number), edge by edge, and what the chip answered is compared. Ends with 0 if all agrees, 1 at
     the first difference, 6 if the capture cannot be used.
     """
+    from vbus.board.build import load_board
     from vbus.trace.silicon.channel_map import wiring_of
     from vbus.trace.silicon.conform import Conform, Tolerance
     from vbus.trace.silicon.start import find_start, watch_of
 
-    made = _board(chip, clock, options, plants) if board is None else _board_of(board)
+    made = _board(chip, clock, options, plants) if board is None else load_board(board)
     part = _chip_of(made, chip)
     watch = watch_of(part)
     names, masks = _ignored(ignore)
@@ -88,15 +77,12 @@ def command(
     slack = period + -(-(10**12) // part.clock.hz) if slack is None else slack
     with (
         _opened(capture, hertz) as (read, file, size),
-        _progress(no_progress or as_json, file, size) as move,
+        bar("comparing", size, file.tell, no_progress or as_json) as move,
     ):
         run = Conform(made, part, wiring, Tolerance(slack, names, masks), violations, move)
         verdict = run.run(read.samples, found)
-    if as_json:
-        click.echo(json.dumps(_told(verdict, found.why, slack, violations), indent=2))
-    else:
-        for line in _lines(capture, verdict, found, slack, violations):
-            click.echo(line)
+    value = _value_of(verdict, found.why, slack, violations)
+    show(as_json, value, _lines(capture, verdict, found, violations), 2)
     return exit_codes.OK if verdict.mismatch is None else exit_codes.FAILURE
 
 
@@ -152,12 +138,6 @@ def _board(part: str, clock: str | None, options: tuple[str, ...], plants: tuple
     )
 
 
-def _board_of(path: str) -> Any:
-    from vbus.board.build import load_board
-
-    return load_board(path)
-
-
 def _chip_of(board: Any, name: str) -> Any:
     found = [
         chip for chip in board.chips
@@ -188,9 +168,8 @@ def _map(maps: tuple[str, ...]) -> dict[str, str]:
 
 def _map_file(path: str) -> dict[str, str]:
     try:
-        table = tomllib.loads(Path(path).read_text())
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be read: {error.strerror}") from error
+        with reading(Path(path)) as file:
+            table = tomllib.load(file)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise VbusError(f"{path}: {error}") from None
     table = table.get("channels", table)
@@ -241,11 +220,7 @@ def _opened(path: Path, hertz: int) -> Iterator[tuple[Any, BinaryIO, int]]:
     kind = path.suffix.lower()
     if kind not in (".vcd", ".sr", ".csv"):
         raise CaptureError(f"{path}: captures end in .vcd, .sr or .csv")
-    try:
-        file = path.open("rb")
-    except OSError as error:
-        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from error
-    with file:
+    with reading(path, CaptureError) as file:
         if kind == ".csv":
             capture = read_csv(file, str(path), hertz)
         else:
@@ -253,25 +228,15 @@ def _opened(path: Path, hertz: int) -> Iterator[tuple[Any, BinaryIO, int]]:
         yield capture, file, path.stat().st_size
 
 
-@contextmanager
-def _progress(quiet: bool, file: BinaryIO, size: int) -> Iterator[Callable[[], None]]:
-    from vbus.tools.journal_lines import bar
-
-    with bar("comparing", size, file.tell, quiet) as move:
-        yield move
-
-
 # -- what came of it ----------------------------------------------------------------------------
 
 
-def _told(verdict: Any, why: str, slack: int, violations: bool) -> dict[str, Any]:
-    told = asdict(verdict)
-    told["conforms"] = verdict.mismatch is None
-    told["started"] = why
-    told["slack"] = slack
+def _value_of(verdict: Any, why: str, slack: int, violations: bool) -> dict[str, Any]:
+    value = asdict(verdict)
+    value |= {"conforms": verdict.mismatch is None, "started": why, "slack": slack}
     if not violations:
-        del told["violations"]
-    return told
+        del value["violations"]
+    return value
 
 
 def _indented(mark: str, text: str) -> Iterator[str]:
@@ -282,7 +247,7 @@ def _indented(mark: str, text: str) -> Iterator[str]:
         yield f"      {packet}"
 
 
-def _lines(path: Path, verdict: Any, found: Any, slack: int, violations: bool) -> Iterator[str]:
+def _lines(path: Path, verdict: Any, found: Any, violations: bool) -> Iterator[str]:
     from vbus.protocols.quantities import format_instant
 
     skipped = (

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from vbus.errors import VbusError
 from vbus.tools import exit_codes
+from vbus.tools.output import complain, reading, write_file
 
 if TYPE_CHECKING:
     from vbus.trace.coverage.coverage import Coverage
@@ -59,13 +59,10 @@ def command(
     if output is None:
         click.echo(text, nl=False)
     else:
-        try:
-            output.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise VbusError(f"{output}: cannot be written: {error.strerror}") from error
+        write_file(output, text.encode())
     measured = parts[1] if diff else whole
     if measured.percent() < fail_under:
-        click.echo(f"vbus: {measured.percent():.1f}% exercised, {fail_under:g}% wanted", err=True)
+        complain(f"{measured.percent():.1f}% exercised, {fail_under:g}% wanted")
         return exit_codes.FAILURE
     return exit_codes.OK
 
@@ -79,18 +76,15 @@ def read(path: Path, quiet: bool = True) -> "Coverage":
     from vbus.trace.coverage.coverage import CoverageObserver, from_json
     from vbus.trace.journal.view import play
 
-    try:
-        with path.open("rb") as file:
-            start = file.read(1)
-            text = start + file.read() if start == b"{" else b""
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be read: {error.strerror}") from error
+    with reading(path) as file:
+        start = file.read(1)
+        text = start + file.read() if start == b"{" else b""
     if text:
         return from_json(text, str(path))
-    from vbus.tools.journal_lines import moving, opened, progress
+    from vbus.tools.journal_lines import opened, progress
 
-    with opened(path) as (reader, _):
+    with opened(path) as reader:
         observer = CoverageObserver(reader.header.families, str(path), reader.header.settings)
-        with progress(path, reader, "reading", quiet) as move:
-            play(moving(iter(reader), move), observer)
+        with progress(path, reader, "reading", quiet) as entries:
+            play(entries, observer)
         return observer.coverage

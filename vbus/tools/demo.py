@@ -10,6 +10,7 @@ import click
 
 from vbus.tools import exit_codes
 from vbus.tools.demos import NAMES, demo_of
+from vbus.tools.output import complain, show
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -43,12 +44,9 @@ def command(name: str, headless: bool, as_json: bool) -> int:
     """
     run = _Run(name, live=not headless and not as_json and sys.stdout.isatty())
     asyncio.run(run.play())
-    if as_json:
-        click.echo(json.dumps(run.summary()))
-    else:
-        click.echo("\n".join(run.lines()))
+    show(as_json, run.summary(), run.lines())
     for reason in run.reasons:
-        click.echo(f"vbus: demo {name}: {reason}", err=True)
+        complain(f"demo {name}: {reason}")
     return exit_codes.FAILURE if run.reasons else exit_codes.OK
 
 
@@ -72,7 +70,7 @@ class _Run:
         self._server: Server = Server(self._board, [LinkSpec(f"pty:$VBUS_RUNTIME/{board}")])
         self._link: str = ""
         self._host: int = 0
-        self._said: list[str] = []
+        self._steps: list[str] = []
         self._results: list[dict[str, Any]] = []
         self._ended: bool = False
 
@@ -99,20 +97,20 @@ class _Run:
                     await process.wait()
         finally:
             self._server.stop()
-        self._judge(process.returncode or 0)
+        self._check(process.returncode or 0)
 
     async def _follow(self, process: asyncio.subprocess.Process) -> None:
-        """Take the host's reports and keep the picture up to date until it ends."""
+        """Take the host's reports and keep the view up to date until it ends."""
         assert process.stdout is not None
-        picture = asyncio.create_task(self._watch()) if self._live else None
+        view = asyncio.create_task(self._watch()) if self._live else None
         try:
             async for line in process.stdout:
-                self._hear(json.loads(line))
+                self._take(json.loads(line))
             await process.wait()
         finally:
-            if picture is not None:
-                picture.cancel()
-                await asyncio.gather(picture, return_exceptions=True)
+            if view is not None:
+                view.cancel()
+                await asyncio.gather(view, return_exceptions=True)
 
     async def _watch(self) -> None:
         from rich.live import Live
@@ -121,17 +119,17 @@ class _Run:
 
         with Live(auto_refresh=False, transient=True) as live:
             while True:
-                picture = screen(self.demo, self._board, self._traffic, self._link, self._said)
-                live.update(picture, refresh=True)
+                view = screen(self.demo, self._board, self._traffic, self._link, self._steps)
+                live.update(view, refresh=True)
                 await asyncio.sleep(REFRESH)
 
-    def _hear(self, report: dict[str, Any]) -> None:
+    def _take(self, report: dict[str, Any]) -> None:
         if "step" in report:
-            self._said.append(report["step"])
+            self._steps.append(report["step"])
         elif "done" in report:
             report["ok"] = abs(report["found"] - report["expected"]) <= report["tolerance"]
             self._results.append(report)
-            self._said.append(_result(report))
+            self._steps.append(_result(report))
         elif "failed" in report:
             self.reasons.append(f"the host gave up: {report['failed']}")
         elif "end" in report:
@@ -139,7 +137,7 @@ class _Run:
 
     # -- judging ------------------------------------------------------------------------------
 
-    def _judge(self, code: int) -> None:
+    def _check(self, code: int) -> None:
         if not self._ended and not self.reasons:
             self.reasons.append(f"the host ended with exit code {code} before its last step")
         for result in self._results:
@@ -178,18 +176,18 @@ class _Run:
 
     def lines(self) -> list[str]:
         """Return what has happened, for people."""
-        told = self.summary()
-        parts = ", ".join(told["chips"].values())
+        summary = self.summary()
+        parts = ", ".join(summary["chips"].values())
         return [
-            f"{self.demo.title}: {parts} in process {told['board_process']},"
-            f" host in process {told['host_process']}",
-            f"link {told['link']}",
-            *self._said,
-            f"{told['bus_cycles']} bus cycles in {told['chip_seconds']:.2f} s of chip time,"
-            f" worst lag {told['worst_lag_ms']:.1f} ms,"
-            f" {' '.join([str(told['violations']), 'violations', *told['rules_broken']])},"
-            f" encoder at {', '.join(map(str, told['encoders']))}",
-            "ok: every move ended where it should" if told["ok"] else "FAILED",
+            f"{self.demo.title}: {parts} in process {summary['board_process']},"
+            f" host in process {summary['host_process']}",
+            f"link {summary['link']}",
+            *self._steps,
+            f"{summary['bus_cycles']} bus cycles in {summary['chip_seconds']:.2f} s of chip time,"
+            f" worst lag {summary['worst_lag_ms']:.1f} ms,"
+            f" {' '.join([str(summary['violations']), 'violations', *summary['rules_broken']])},"
+            f" encoder at {', '.join(map(str, summary['encoders']))}",
+            "ok: every move ended where it should" if summary["ok"] else "FAILED",
         ]
 
 

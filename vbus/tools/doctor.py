@@ -1,6 +1,5 @@
 """``vbus doctor``: what is missing or broken on this machine, and what to do about it."""
 
-import json
 import platform
 import shutil
 import sys
@@ -12,6 +11,7 @@ from typing import Final
 import click
 
 from vbus.tools import exit_codes
+from vbus.tools.output import show
 
 OK: Final = "ok"
 WARN: Final = "warn"
@@ -47,12 +47,8 @@ def command(as_json: bool) -> int:
 
     The exit code is 1 if something will not work at all.
     """
-    findings = [finding for look in LOOKS for finding in look()]
-    if as_json:
-        click.echo(json.dumps([asdict(finding) for finding in findings]))
-    else:
-        for finding in findings:
-            click.echo(str(finding))
+    findings = [finding for check in CHECKS for finding in check()]
+    show(as_json, [asdict(finding) for finding in findings], map(str, findings))
     failed = any(finding.state == FAIL for finding in findings)
     return exit_codes.FAILURE if failed else exit_codes.OK
 
@@ -237,7 +233,7 @@ def timers() -> Iterator[Finding]:
         yield Finding(OK, "timerfd, inotify", "both work")
 
 
-LOOKS: Final[tuple[Callable[[], Iterator[Finding]], ...]] = (
+CHECKS: Final[tuple[Callable[[], Iterator[Finding]], ...]] = (
     python, dependencies, core, plugins, compiler, terminal, runtime, timers,
 )  # fmt: skip
 """What is looked at, in order."""

@@ -16,7 +16,7 @@ MEANINGS: Final = {
     FAILURE: "it did not work; the message says why",
     USAGE: "the command line is wrong",
     BAD_BOARD: "the board file is wrong",
-    NO_LINK: "a PTY, socket or serial device cannot be opened",
+    NO_LINK: "no such board runs, or a PTY, socket or serial device cannot be opened",
     NO_PLUGIN: "a plug-in is missing or broken",
     BAD_CAPTURE: "a capture cannot be read, or lacks what is needed",
     INTERRUPTED: "interrupted by Ctrl-C",

@@ -1,13 +1,13 @@
 """``vbus explain``: bytes, status words, rules and journal entries in the manual's words."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
 import click
 
-from vbus.tools import exit_codes
+from vbus.tools.output import no_progress
 from vbus.trace.packets import Cycle, Decoder, Packet
 
 _HEX: Final = re.compile(r"(?:0x)?([0-9A-Fa-f]{1,2})[hH]?")
@@ -23,11 +23,11 @@ _VALUES: Final = ("status", "signals", "mode")
 @click.option("--status", metavar="HEX", help="Explain a status byte or word.")
 @click.option("--signals", metavar="HEX", help="Explain a signals word.")
 @click.option("--mode", metavar="HEX", help="Explain a mode word.")
-@click.option("--no-progress", is_flag=True, help="Show no progress bar.")
+@no_progress
 def command(
     what: str, items: tuple[str, ...], status: str | None, signals: str | None, mode: str | None,
     no_progress: bool,
-) -> int:  # fmt: skip
+) -> None:  # fmt: skip
     """Explain bytes on a bus, a status value, a rule, or entries of a journal.
 
     WHAT is a chip family or part, and BYTEs are what its host writes (or reads, where the command
@@ -42,37 +42,38 @@ def command(
         for name, value in (("status", status), ("signals", signals), ("mode", mode))
         if value is not None
     ]
+    for line in _lines(what, [*words, *items], no_progress):
+        click.echo(line)
+
+
+def _lines(what: str, items: list[str], quiet: bool) -> Iterable[str]:
+    """Return the lines that explain ``what``, or say what it could be."""
     from vbus.tools.explain_clauses import explained, unknown_clause
 
     lines = explained(what)
     if not lines:
         _refuse_unknown_rule(what)
-    decoder = None if lines else _decoder(what)
-    if decoder is not None:
-        if not items and not words:
-            raise click.UsageError(f"{what}: say what to explain: bytes, or --status HEX")
-        for line in _chip(decoder, [*words, *items]):
-            click.echo(line)
-        return exit_codes.OK
-    if items or words:
+        decoder = _decoder(what)
+        if decoder is not None:
+            if not items:
+                raise click.UsageError(f"{what}: say what to explain: bytes, or --status HEX")
+            return _chip(decoder, items)
+    if items:
         raise click.UsageError(f'"{what}" is no chip; bytes and words belong to {_families()}')
     if lines:
-        click.echo("\n".join(lines))
-        return exit_codes.OK
+        return lines
     match = _ENTRY.fullmatch(what)
-    if match and Path(match[1]).is_file():
-        from vbus.tools.journal_lines import decoded
+    if match is None or not Path(match[1]).is_file():
+        raise click.UsageError(
+            unknown_clause(what)
+            or f'"{what}" is neither a chip ({_families()}), nor a rule ("vbus check --rules"'
+            " lists them), nor a clause, nor a journal"
+        )
+    from vbus.tools.journal_lines import decoded
 
-        first = int(match[2]) if match[2] else 0
-        last = int(match[3]) if match[3] else first if match[2] else None
-        for line in decoded(Path(match[1]), first, last, no_progress):
-            click.echo(line)
-        return exit_codes.OK
-    raise click.UsageError(
-        unknown_clause(what)
-        or f'"{what}" is neither a chip ({_families()}), nor a rule ("vbus check --rules" lists'
-        " them), nor a clause, nor a journal"
-    )
+    first = int(match[2]) if match[2] else 0
+    last = int(match[3]) if match[3] else first if match[2] else None
+    return decoded(Path(match[1]), first, last, quiet)
 
 
 def _refuse_unknown_rule(what: str) -> None:

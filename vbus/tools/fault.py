@@ -1,10 +1,14 @@
 """``vbus fault``: break a running board, on schedule, and look at the evidence."""
 
-import json
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from vbus.tools import exit_codes
+from vbus.tools.output import show
+
+if TYPE_CHECKING:
+    from vbus.faults.row import Fault
 
 
 @click.group("fault")
@@ -18,44 +22,37 @@ def command() -> None:
 @command.command("list")
 @click.argument("board", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; times in ps.")
-def listing(board: str | None, as_json: bool) -> int:
+def listing(board: str | None, as_json: bool) -> None:
     """List the faults there are, or those that were armed on BOARD."""
     if board is None:
-        _table(as_json)
-        return exit_codes.OK
+        from vbus.faults.table import faults
+
+        show(as_json, [_row(fault) for fault in faults().values()], _table(faults().values()))
+        return
     from vbus.server.registry import order
 
     armed = order(board, "fault.list")
-    if as_json:
-        click.echo(json.dumps(armed))
-    else:
-        click.echo("\n".join(one["text"] for one in armed) or "no fault was armed")
-    return exit_codes.OK
+    show(as_json, armed, [one["text"] for one in armed] or ["no fault was armed"])
 
 
-def _table(as_json: bool) -> None:
-    from vbus.faults.table import faults
+def _row(fault: "Fault") -> dict[str, Any]:
+    return {
+        "name": fault.name,
+        "family": fault.family,
+        "title": fault.title,
+        "target": fault.target,
+        "parameters": {row.name: row.default for row in fault.parameters},
+    }
 
-    if as_json:
-        rows = [
-            {
-                "name": fault.name,
-                "family": fault.family,
-                "title": fault.title,
-                "target": fault.target,
-                "parameters": {row.name: row.default for row in fault.parameters},
-            }
-            for fault in faults().values()
-        ]
-        click.echo(json.dumps(rows))
-        return
+
+def _table(faults: "Iterable[Fault]") -> Iterator[str]:
     family = ""
-    for fault in faults().values():
+    for fault in faults:
         if fault.family != family:
             family = fault.family
-            click.echo(f"{family}:")
+            yield f"{family}:"
         keys = "".join(f" {row.name}" for row in fault.parameters)
-        click.echo(f"  {fault.name + keys:34} {fault.title}")
+        yield f"  {fault.name + keys:34} {fault.title}"
 
 
 @command.command("arm")
@@ -73,7 +70,7 @@ def arm(
     target: str,
     when: str | None,
     until: str | None,
-) -> int:
+) -> None:
     """Arm a FAULT on a running BOARD; "vbus fault list" shows which there are."""
     from vbus.server.registry import order
 
@@ -87,37 +84,30 @@ def arm(
         board, "fault.arm", name=fault, target=target, when=when, until=until, parameters=given
     )
     click.echo(armed["text"])
-    return exit_codes.OK
 
 
 @command.command("clear")
 @click.argument("board")
 @click.argument("which", default="all")
-def clear(board: str, which: str) -> int:
+def clear(board: str, which: str) -> None:
     """End faults of a running BOARD, or call them off: a number, a name, or all."""
     from vbus.server.registry import order
 
     cleared = order(board, "fault.clear", which=which)
     click.echo("\n".join(one["text"] for one in cleared) or "nothing waited or acted")
-    return exit_codes.OK
 
 
 @command.command("log")
 @click.argument("board")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
-def log(board: str, as_json: bool) -> int:
+def log(board: str, as_json: bool) -> None:
     """Show when faults of a running BOARD began and ended, and what they changed."""
     from vbus.server.registry import order
 
     evidence = order(board, "fault.log")
-    if as_json:
-        click.echo(json.dumps(evidence))
-        return exit_codes.OK
-    for one in evidence:
-        click.echo(
-            f"{one['when_ps'] / 1e9:.6f} ms #{one['number']} {one['name']} {one['target']}:"
-            f" {one['what']}" + (f"; {one['text']}" if one["text"] else "")
-        )
-    if not evidence:
-        click.echo("nothing has happened")
-    return exit_codes.OK
+    lines = [
+        f"{one['when_ps'] / 1e9:.6f} ms #{one['number']} {one['name']} {one['target']}:"
+        f" {one['what']}" + (f"; {one['text']}" if one["text"] else "")
+        for one in evidence
+    ]
+    show(as_json, evidence, lines or ["nothing has happened"])

@@ -1,17 +1,17 @@
 """Journals as lines for people: what ``explain`` and ``replay`` print of them."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from heapq import heappop, heappush
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Final
 
-import click
-
+from vbus.board.board import Board
 from vbus.errors import VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
+from vbus.tools.output import bar, reading
 from vbus.trace.decode import BoardPackets
 from vbus.trace.journal.format import Entry, Header, JournalReader
 from vbus.trace.journal.view import Sessions, show, violation_of
@@ -26,53 +26,27 @@ def instant(ps: int) -> str:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[tuple[JournalReader, BinaryIO]]:
+def opened(path: Path) -> Iterator[JournalReader]:
     """Open a journal.
 
     Raises:
         JournalError: it is none.
         VbusError: it cannot be read.
     """
-    try:
-        file = path.open("rb")
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be read: {error.strerror}") from error
-    with file:
-        yield JournalReader(file), file
+    with reading(path) as file:
+        yield JournalReader(file)
 
 
 @contextmanager
 def progress(
     path: Path, reader: JournalReader, what: str, quiet: bool = False
-) -> Iterator[Callable[[], None]]:
-    """Show a bar on a terminal while a journal is read; gives what moves it."""
+) -> Iterator[Iterator[Entry]]:
+    """Give the entries of a journal, and show a bar on a terminal while they are read."""
     with bar(what, path.stat().st_size, lambda: reader.position, quiet) as move:
-        yield move
+        yield _moving(reader, move)
 
 
-@contextmanager
-def bar(
-    what: str, size: int, place: Callable[[], int], quiet: bool
-) -> Iterator[Callable[[], None]]:
-    """Show a bar on standard error, if that is a terminal and ``quiet`` is not set.
-
-    Gives what moves it to ``place()`` of ``size``.
-    """
-    if quiet or not sys.stderr.isatty():
-        yield lambda: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task(what, total=size)
-        yield lambda: shown.update(task, completed=place())
-
-
-no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
-
-
-def moving(entries: Iterator[Entry], move: Callable[[], None]) -> Iterator[Entry]:
+def _moving(entries: Iterable[Entry], move: Callable[[], None]) -> Iterator[Entry]:
     """Pass entries on and move the bar now and then."""
     for entry in entries:
         if not entry.number & 0xFFF:
@@ -80,20 +54,33 @@ def moving(entries: Iterator[Entry], move: Callable[[], None]) -> Iterator[Entry
         yield entry
 
 
+def recorded_board(path: Path, header: Header) -> Board:
+    """Build the board of a journal.
+
+    Raises:
+        VbusError: its board was made in Python.
+    """
+    from vbus.board.build import load_board_text
+
+    if not header.text:
+        raise VbusError(f"{path}: it was recorded on a board made in Python")
+    return load_board_text(header.text, header.file)
+
+
 def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> Iterator[str]:
     """Give a journal in the manual's words, all of it or some entries.
 
     Lines on a terminal are progress enough: there is a bar only while they go elsewhere.
     """
-    with opened(path) as (reader, _):
+    with opened(path) as reader:
         if last is not None:
             yield from _entries(reader, first, last)
             return
         yield f"# {path}: {_header(reader.header)}"
         watch = _Lines(reader.header)
-        with progress(path, reader, "decoding", quiet or sys.stdout.isatty()) as move:
+        with progress(path, reader, "decoding", quiet or sys.stdout.isatty()) as entries:
             sessions = Sessions()
-            for entry in moving(iter(reader), move):
+            for entry in entries:
                 show(entry, sessions, watch)
                 yield from watch.lines()
             watch.finish()

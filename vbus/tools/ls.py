@@ -1,6 +1,5 @@
 """``vbus ls``: the boards that run on this machine."""
 
-import json
 import os
 from typing import Any
 
@@ -8,6 +7,7 @@ import click
 
 from vbus.errors import TransportError
 from vbus.tools import exit_codes
+from vbus.tools.output import complain, show
 
 
 @click.command("ls")
@@ -20,7 +20,7 @@ def command(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -
     """List the boards that run on this machine, with their chips, links, time and lag.
 
     Boards on the network are listed where --zenoh, $VBUS_ZENOH or a router on this machine says
-    where to look. With NAMES, only those; the exit code is 1 if one of them does not run or does
+    where to look. With NAMES, only those; the exit code is 4 if one of them does not run or does
     not answer.
     """
     from vbus.server.registry import running
@@ -30,15 +30,11 @@ def command(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -
     boards = [board for board in found if not names or board["board"] in names]
     answering = {board["board"] for board in boards if "error" not in board}
     missing = [name for name in names if name not in answering]
-    if as_json:
-        click.echo(json.dumps(boards))
-    elif boards:
-        click.echo("\n".join(line for board in boards for line in _lines(board)))
-    elif not names:
-        click.echo("no board is running")
+    lines = [line for board in boards for line in _lines(board)]
+    show(as_json, boards, lines if boards or names else ["no board is running"])
     for name in missing:
-        click.echo(f'vbus: no board called "{name}" answers', err=True)
-    return exit_codes.FAILURE if missing else exit_codes.OK
+        complain(f'no board called "{name}" answers')
+    return exit_codes.NO_LINK if missing else exit_codes.OK
 
 
 def _elsewhere(
@@ -56,7 +52,7 @@ def _elsewhere(
     try:
         boards = boards_on(wanted, places.security_of({}, "vbus ls"))
     except TransportError as error:
-        click.echo(f"vbus: {error}", err=True)
+        complain(str(error))
         return []
     return [board for board in boards if (board["board"], board.get("pid")) not in known]
 

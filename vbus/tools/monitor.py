@@ -3,17 +3,18 @@
 import io
 import json
 import socket
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterator
+from contextlib import closing, suppress
 from typing import Any, Final
 
 import click
 
 from vbus.errors import TransportError
 from vbus.signals import Violation
-from vbus.tools import exit_codes
 from vbus.tools.journal_lines import instant
 from vbus.trace.decode import BoardPackets
+from vbus.trace.latest_lines import LatestLines
 from vbus.trace.packets import STATUS, Packet
 
 SHOWN: Final = 16
@@ -72,25 +73,19 @@ class Feed:
 @click.option("--plain", is_flag=True, help="Print lines, also on a terminal.")
 @click.option("--status", is_flag=True, help="Show status reads too; else they are only counted.")
 @click.option("--count", type=click.IntRange(1), help="End after this many packets.")
-def command(board: str, plain: bool, status: bool, count: int | None) -> int:
+def command(board: str, plain: bool, status: bool, count: int | None) -> None:
     """Watch a running board: packets with their values, violations, and where the axes are.
 
     BOARD is the name "vbus ls" shows. Ends with Ctrl-C, or with the board.
     """
     from rich.console import Console
 
-    feed = Feed(board)
-    try:
+    with closing(Feed(board)) as feed, suppress(KeyboardInterrupt):
         console = Console()
         if plain or not console.is_terminal:
             _print(feed, status, count)
         else:
             _live(feed, console, status, count)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        feed.close()
-    return exit_codes.OK
 
 
 class View(BoardPackets):
@@ -108,7 +103,7 @@ class View(BoardPackets):
             self._packet,
             {chip["name"]: chip["bus_settings"] for chip in chips},
         )
-        self.lines: deque[tuple[str, str, int]] = deque(maxlen=SHOWN)
+        self.lines: LatestLines = LatestLines(maxlen=SHOWN)
         self.new: list[str] = []
         """Lines since the caller looked last."""
         self.packets: int = 0
@@ -146,11 +141,7 @@ class View(BoardPackets):
 
     def _line(self, when: int, text: str) -> None:
         self.new.append(f"{instant(when)} {text}")
-        if self.lines and self.lines[-1][1] == text:
-            first, _, times = self.lines.pop()
-            self.lines.append((first, text, times + 1))
-        else:
-            self.lines.append((instant(when), text, 1))
+        self.lines.add(when, text)
 
 
 def _print(feed: Feed, status: bool, count: int | None) -> None:
@@ -192,10 +183,9 @@ def screen(hello: dict[str, Any], view: View) -> Any:
     traffic = Table.grid(padding=(0, 2))
     traffic.add_column(justify="right", style="dim")
     traffic.add_column()
-    for when, text, times in view.lines:
-        style = "bold red" if " ! " in text else ""
-        more = f"  x{times}" if times > 1 else ""
-        traffic.add_row(when, Text(text + more, style=style))
+    for line in view.lines:
+        style = "bold red" if " ! " in line.text else ""
+        traffic.add_row(instant(line.when), Text(line.counted("  "), style=style))
     axes = Table.grid(padding=(0, 2))
     for chip, values in view.values.items():
         shown = "  ".join(f"{name} {value}" for name, value in values.items())

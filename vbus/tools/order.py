@@ -4,18 +4,11 @@ from typing import IO
 
 import click
 
-
-def _span(ctx: click.Context, param: click.Parameter, value: str) -> int:
-    from vbus.protocols.quantities import parse_duration
-
-    try:
-        return parse_duration(value)
-    except ValueError as error:
-        raise click.BadParameter(str(error)) from None
+from vbus.tools.output import duration
 
 
 def _period(ctx: click.Context, param: click.Parameter, value: str) -> int:
-    period = _span(ctx, param, value)
+    period: int = duration(ctx, param, value)
     if period < 1:
         raise click.BadParameter(f'"{value}" is no period; write a time from 1ps up, such as 256us')
     return period
@@ -24,7 +17,9 @@ def _period(ctx: click.Context, param: click.Parameter, value: str) -> int:
 @click.command("order")
 @click.argument("board")
 @click.argument("scenario", type=click.File("r"))
-@click.option("--ahead", default="100ms", callback=_span, help="How far ahead; 100ms if not given.")
+@click.option(
+    "--ahead", default="100ms", callback=duration, help="How far ahead; 100ms if not given."
+)
 @click.option(
     "--align", default="1ps", callback=_period, help="Begin at a multiple of this, as 256us."
 )

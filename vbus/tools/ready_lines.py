@@ -1,6 +1,9 @@
 """What people are told of a board that is ready."""
 
-from typing import Any
+from typing import Any, Final
+
+READY: Final = "ready; Ctrl-C stops it"
+"""The last of them."""
 
 
 def lines_of(status: dict[str, Any]) -> list[str]:

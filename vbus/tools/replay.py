@@ -1,13 +1,13 @@
 """``vbus replay``: a recorded run again, on the code as it is now."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 
 import click
 
 from vbus.tools import exit_codes
-from vbus.tools.journal_lines import instant, moving, no_progress, opened, progress
+from vbus.tools.journal_lines import instant, opened, progress
+from vbus.tools.output import no_progress, show
 from vbus.trace.journal.replay import Outcome
 from vbus.version import __version__
 
@@ -29,7 +29,7 @@ def command(journal: Path, board_file: str | None, as_json: bool, no_progress: b
     from vbus.errors import ConfigError
     from vbus.trace.journal.replay import Replay
 
-    with opened(journal) as (reader, _):
+    with opened(journal) as reader:
         header = reader.header
         if board_file is not None:
             board = load_board(board_file)
@@ -40,14 +40,11 @@ def command(journal: Path, board_file: str | None, as_json: bool, no_progress: b
                 f"{journal}: it was recorded on a board made in Python; name a board file with"
                 " --board, or replay it in Python with vbus.trace.journal.replay"
             )
-        with progress(journal, reader, "replaying", no_progress) as move:
-            outcome = Replay(board, moving(iter(reader), move), header.families).run()
+        with progress(journal, reader, "replaying", no_progress) as entries:
+            outcome = Replay(board, entries, header.families).run()
         damage = reader.damage
-    if as_json:
-        click.echo(json.dumps({**asdict(outcome), "damage": damage, "recorded_with": header.vbus}))
-    else:
-        for line in _lines(outcome, damage, header.vbus):
-            click.echo(line)
+    value = {**asdict(outcome), "damage": damage, "recorded_with": header.vbus}
+    show(as_json, value, _lines(outcome, damage, header.vbus))
     return exit_codes.OK if outcome.divergence is None else exit_codes.FAILURE
 
 

@@ -6,10 +6,12 @@ from typing import Final
 import click
 
 from vbus.tools import exit_codes
-from vbus.tools.journal_lines import moving, no_progress, opened, progress
+from vbus.tools.journal_lines import opened, progress
+from vbus.tools.output import no_progress
 
 _FORMATS: Final = ("text", "json", "junit", "sarif")
-_SEVERITIES: Final = ("note", "warning", "error")
+_FAIL_ON: Final = ("note", "warning", "error", "never")
+"""Severities from the least up; there is no violation of the last."""
 
 
 @click.command("report")
@@ -18,7 +20,7 @@ _SEVERITIES: Final = ("note", "warning", "error")
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
 @click.option(
     "--fail-on",
-    type=click.Choice([*_SEVERITIES, "never"]),
+    type=click.Choice(_FAIL_ON),
     default="error",
     show_default=True,
     help="Exit with 1 if a violation of this severity or above is not accepted.",
@@ -34,7 +36,7 @@ def command(
     from vbus.trace.findings.report import Report
     from vbus.trace.journal.view import play
 
-    with opened(journal) as (reader, _):
+    with opened(journal) as reader:
         header = reader.header
         report = Report(
             header.board,
@@ -44,11 +46,9 @@ def command(
             header.file,
             header.settings,
         )
-        with progress(journal, reader, "reading", no_progress) as move:
-            play(moving(iter(reader), move), report)
+        with progress(journal, reader, "reading", no_progress) as entries:
+            play(entries, report)
     click.echo(FORMATS[style](report), nl=False)
-    if fail_on == "never":
-        return exit_codes.OK
-    counted = _SEVERITIES[_SEVERITIES.index(fail_on) :]
+    counted = _FAIL_ON[_FAIL_ON.index(fail_on) :]
     failed = any(report.unaccepted(severity) for severity in counted)
     return exit_codes.FAILURE if failed else exit_codes.OK

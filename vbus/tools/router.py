@@ -2,8 +2,11 @@
 
 import signal
 import threading
+from contextlib import ExitStack
 
 import click
+
+from vbus.tools.ready_lines import READY
 
 DEFAULT = "tcp/127.0.0.1:7447"
 
@@ -36,21 +39,18 @@ def command(file: str | None, listen: tuple[str, ...], connect: tuple[str, ...])
         for endpoint in endpoints
     )
     network = Network(endpoints, connect or network.connect, network.security)
-    session = open_network(network)
-    try:
+    with ExitStack() as stack:
+        session = open_network(network)
+        stack.callback(close_session, session)
         stop = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: stop.set())
         place = places.register(places.router_place(), endpoints)
-        try:
-            access = answer_access(session, network.security) if network.security else None
-            click.echo(f"router: {', '.join(endpoints)}")
-            for endpoint in network.connect:
-                click.echo(f"  connected to {endpoint}")
-            click.echo("ready; Ctrl-C stops it")
-            stop.wait()
-            del access
-        finally:
-            places.unregister(place)
-    finally:
-        close_session(session)
+        stack.callback(places.unregister, place)
+        access = answer_access(session, network.security) if network.security else None
+        click.echo(f"router: {', '.join(endpoints)}")
+        for endpoint in network.connect:
+            click.echo(f"  connected to {endpoint}")
+        click.echo(READY)
+        stop.wait()
+        del access

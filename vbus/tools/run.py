@@ -1,11 +1,11 @@
 """``vbus run``: a board at the disposal of its hosts until Ctrl-C."""
 
-import json
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from vbus.tools import exit_codes
+from vbus.tools.output import complain, show
 
 if TYPE_CHECKING:
     from vbus.server.server import Server
@@ -35,6 +35,7 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.option("--metrics", metavar="HOST:PORT", help="Numbers for Prometheus; port 0: a free one.")
 @click.option("--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save).")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
+@click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
 @click.option("--node", "nodes", multiple=True, metavar="NAME", help="Only this node; repeatable.")
 @click.option("--scenario", metavar="FILE", help="Nodes: what hosts do at given instants.")
 @click.option("--trace", metavar="FILE", help="Nodes: write what happened, for vbus trace.")
@@ -60,6 +61,7 @@ def command(
     metrics: str | None,
     start: str | None,
     as_json: bool,
+    detach: bool,
     **of_nodes: Any,
 ) -> int:
     """Run a board and serve its links until Ctrl-C.
@@ -69,25 +71,28 @@ def command(
     """
     from vbus.board.config import read_board_file
     from vbus.server.serving import serve
-    from vbus.tools.ready_lines import lines_of
+    from vbus.tools.ready_lines import READY, lines_of
 
     file, source = read_board_file(board)
+    if detach:
+        from vbus.tools.detach import detach as go_on
+
+        code = go_on(".".join([file.board.name, *of_nodes["nodes"]]))
+        if code is not None:
+            return code
     if file.nodes:
-        single = {"--journal": journal, "--report": report, "--wave": wave}
-        single |= {"--coverage": coverage, "--from": start}
-        single["--metrics"] = metrics
-        single["--rate"] = None if rate is None else str(rate)
+        single = {
+            "--journal": journal, "--report": report, "--wave": wave, "--coverage": coverage,
+            "--from": start, "--metrics": metrics, "--rate": rate,
+        }  # fmt: skip
         for option, value in single.items():
             if value is not None:
                 raise click.UsageError(f"{option} is for boards without nodes")
         from vbus.cluster.nodes import NodeOptions
         from vbus.tools import run_nodes
 
-        given: dict[str, Any] = {key: value or "" for key, value in of_nodes.items()}
-        for key in ("nodes", "listen", "connect"):
-            given[key] = tuple(of_nodes[key])
-        node_options = NodeOptions(**{**given, "patience": of_nodes["patience"]})
-        return run_nodes.run(file, source, node_options, as_json)
+        given = {key: value for key, value in of_nodes.items() if value}
+        return run_nodes.run(file, source, NodeOptions(**given), as_json)
     for key, value in of_nodes.items():
         if value:
             option = "--node" if key == "nodes" else f"--{key}"
@@ -95,16 +100,12 @@ def command(
 
     def ready(server: "Server") -> None:
         status = server.statistics()
-        if as_json:
-            click.echo(json.dumps(status))
-        else:
-            click.echo("\n".join([*lines_of(status), "ready; Ctrl-C stops it"]))
+        show(as_json, status, [*lines_of(status), READY])
 
-    def say(sentence: str) -> None:
-        click.echo(f"vbus: {sentence}", err=True)
-
-    wanted = {"journal": journal, "report": report, "suppress": suppress}
-    wanted |= {"coverage": coverage, "wave": wave}
-    record = {key: value for key, value in wanted.items() if value is not None}
-    serve(board, rate, ready, say, record, metrics or "", start or "")
+    record = {
+        "journal": journal, "report": report, "suppress": suppress, "coverage": coverage,
+        "wave": wave,
+    }  # fmt: skip
+    record = {key: value for key, value in record.items() if value is not None}
+    serve(board, rate, ready, complain, record, metrics or "", start or "")
     return exit_codes.OK

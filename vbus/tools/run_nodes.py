@@ -1,11 +1,11 @@
 """``vbus run`` for boards with nodes: all in this process, or some of them."""
 
-import json
 from typing import TYPE_CHECKING
 
 import click
 
 from vbus.tools import exit_codes
+from vbus.tools.output import complain, show
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,21 +25,14 @@ def run(file: "BoardFile", source: "Source", options: "NodeOptions", as_json: bo
     """
     from vbus.cluster.nodes import serve_nodes
     from vbus.nodes.machine import trace_hash
-    from vbus.tools.ready_lines import lines_of
+    from vbus.tools.ready_lines import READY, lines_of
 
     def ready(servers: "list[Server]") -> None:
         states = [server.statistics() for server in servers]
-        if as_json:
-            click.echo(json.dumps({"nodes": states}))
-        else:
-            for state in states:
-                click.echo("\n".join(lines_of(state)))
-            click.echo("ready; Ctrl-C stops it")
+        lines = [line for state in states for line in lines_of(state)]
+        show(as_json, {"nodes": states}, [*lines, READY])
 
-    def say(sentence: str) -> None:
-        click.echo(f"vbus: {sentence}", err=True)
-
-    outcome = serve_nodes(file, source, options, ready, say)
+    outcome = serve_nodes(file, source, options, ready, complain)
     if outcome.over:
         now = max(node.board.now for node in outcome.nodes)
         end = f"the scenario is over at {now / 1e9:.6f} ms"

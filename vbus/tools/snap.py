@@ -1,13 +1,12 @@
 """``vbus snap``: a running board as a file, and back."""
 
 import base64
-import json
 from pathlib import Path
 
 import click
 
-from vbus.errors import VbusError
 from vbus.tools import exit_codes
+from vbus.tools.output import reading, show, write_file
 
 
 @click.group("snap")
@@ -16,18 +15,6 @@ def command() -> None:
 
     BOARD is the name "vbus ls" shows. A snapshot goes on with "vbus run FILE --from SNAPSHOT" too.
     """
-
-
-def content_of(path: str | Path) -> bytes:
-    """Return what a file holds.
-
-    Raises:
-        VbusError: it cannot be read.
-    """
-    try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be read: {error.strerror}") from error
 
 
 def seconds(ps: int) -> str:
@@ -39,69 +26,63 @@ def seconds(ps: int) -> str:
 @command.command("save")
 @click.argument("board")
 @click.argument("file", type=click.Path(path_type=Path))
-def save(board: str, file: Path) -> int:
+def save(board: str, file: Path) -> None:
     """Write a snapshot of a running BOARD to FILE."""
     from vbus.server.registry import order
 
     answer = order(board, "snap.save")
     data = base64.b64decode(answer["data"])
-    try:
-        file.write_bytes(data)
-    except OSError as error:
-        raise VbusError(f"{file}: cannot be written: {error.strerror}") from error
+    write_file(file, data)
     click.echo(f"{file}: {board} at {seconds(answer['when_ps'])}, {len(data)} bytes")
-    return exit_codes.OK
 
 
 @command.command("load")
 @click.argument("board")
 @click.argument("file", type=click.Path(path_type=Path))
-def load(board: str, file: Path) -> int:
+def load(board: str, file: Path) -> None:
     """Bring a running BOARD to the snapshot in FILE; hosts stay attached."""
     from vbus.board.snapshot import read
     from vbus.server.registry import order
 
-    data = content_of(file)
+    with reading(file) as opened:
+        data = opened.read()
     read(data, str(file))
     answer = order(board, "snap.load", data=base64.b64encode(data).decode())
     click.echo(f"{board}: at {seconds(answer['when_ps'])}, as in {file}")
-    return exit_codes.OK
 
 
 @command.command("info")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
 @click.option("--board-file", is_flag=True, help="Print the board file it was taken on.")
-def info(file: Path, as_json: bool, board_file: bool) -> int:
+def info(file: Path, as_json: bool, board_file: bool) -> None:
     """Say what a snapshot is of."""
     from vbus.board.snapshot import read
 
-    found = read(content_of(file), str(file))
+    with reading(file) as opened:
+        found = read(opened.read(), str(file))
     if board_file:
         click.echo(found.text, nl=False)
-        return exit_codes.OK
+        return
     hosts = [f"{host.label} to {', '.join(host.chips)}" for host in found.hosts]
-    if as_json:
-        told = {
-            "board": found.board,
-            "file": found.file,
-            "when_ps": found.when,
-            "vbus": found.vbus,
-            "chips": found.parts,
-            "hosts": hosts,
-            "counters": found.counters,
-            "hash": found.digest,
-        }
-        click.echo(json.dumps(told))
-        return exit_codes.OK
-    click.echo(f"{found.board} ({found.file or 'no board file'}) at {seconds(found.when)}")
-    for name, part in found.parts.items():
-        click.echo(f"  chip {name}: {part}")
-    for host in hosts:
-        click.echo(f"  host {host}")
-    click.echo(f"  state {found.digest}")
-    click.echo(f"  taken with vbus {found.vbus}")
-    return exit_codes.OK
+    value = {
+        "board": found.board,
+        "file": found.file,
+        "when_ps": found.when,
+        "vbus": found.vbus,
+        "chips": found.parts,
+        "hosts": hosts,
+        "counters": found.counters,
+        "hash": found.digest,
+    }
+    lines = [
+        f"{found.board} ({found.file or 'no board file'}) at {seconds(found.when)}",
+        *(f"  chip {name}: {part}" for name, part in found.parts.items()),
+        *(f"  host {host}" for host in hosts),
+        f"  state {found.digest}",
+        f"  taken with vbus {found.vbus}",
+    ]
+    show(as_json, value, lines)
 
 
 @command.command("bisect")
@@ -119,26 +100,19 @@ def bisect(journal: Path, condition: str, keep: Path | None) -> int:
 
     Exits with 1 if it never holds.
     """
-    from vbus.board.board import Board
-    from vbus.board.build import load_board_text
     from vbus.board.checks import all_rules
     from vbus.board.snapshot import take, write
-    from vbus.tools.journal_lines import line, opened
+    from vbus.tools.journal_lines import line, opened, recorded_board
     from vbus.trace.journal.conditions import condition as read_condition
     from vbus.trace.journal.history import History
     from vbus.trace.journal.view import Sessions
 
-    with opened(journal) as (reader, _):
+    with opened(journal) as reader:
         header = reader.header
         entries = list(reader)
-    if not header.text:
-        raise VbusError(f"{journal}: it was recorded on a board made in Python")
-
-    def make() -> Board:
-        return load_board_text(header.text, header.file)
-
-    holds, stays = read_condition(condition, make(), all_rules())
-    history = History(make, entries)
+    board = recorded_board(journal, header)
+    holds, stays = read_condition(condition, board, all_rules())
+    history = History(lambda: recorded_board(journal, header), entries)
     found = history.first(holds, stays)
     if found is None:
         click.echo(f"{condition}: never in {len(entries)} entries")
@@ -149,9 +123,6 @@ def bisect(journal: Path, condition: str, keep: Path | None) -> int:
     click.echo(line(found, sessions))
     if keep is not None:
         data = write(take(history.to(found.number)))
-        try:
-            keep.write_bytes(data)
-        except OSError as error:
-            raise VbusError(f"{keep}: cannot be written: {error.strerror}") from error
+        write_file(keep, data)
         click.echo(f"{keep}: {header.board} before it, {len(data)} bytes")
     return exit_codes.OK

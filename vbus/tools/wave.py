@@ -4,7 +4,7 @@ import io
 import json
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -12,15 +12,7 @@ import click
 
 from vbus.errors import TransportError, VbusError
 from vbus.tools import exit_codes
-
-
-def _duration(ctx: click.Context, param: click.Parameter, value: str) -> int:
-    from vbus.protocols.quantities import parse_duration
-
-    try:
-        return parse_duration(value)
-    except ValueError as error:
-        raise click.BadParameter(str(error)) from None
+from vbus.tools.output import complain, duration, no_progress
 
 
 @click.command("wave")
@@ -29,13 +21,13 @@ def _duration(ctx: click.Context, param: click.Parameter, value: str) -> int:
 @click.option("--profile", type=click.Choice(["full", "sigrok"]), default="full", show_default=True)
 @click.option("--signals", multiple=True, metavar="PATTERN", help='Signals, such as "x.*".')
 @click.option("--trigger", default="", help='What to wait for, such as "violation", "x.HI rises".')
-@click.option("--before", default="0us", callback=_duration, help="Show this from before it.")
-@click.option("--duration", default="0us", callback=_duration, help="Record so long.")
-@click.option("--sample", default="1ms", callback=_duration, help="Look at values so often.")
-@click.option("--no-progress", is_flag=True, help="Show no progress bar.")
+@click.option("--before", default="0us", callback=duration, help="Show this from before it.")
+@click.option("--duration", "length", default="0us", callback=duration, help="Record so long.")
+@click.option("--sample", default="1ms", callback=duration, help="Look at values so often.")
+@no_progress
 def command(
     source: str, output: str, profile: str, signals: tuple[str, ...], trigger: str, before: int,
-    duration: int, sample: int, no_progress: bool,
+    length: int, sample: int, no_progress: bool,
 ) -> int:  # fmt: skip
     """Write a waveform.
 
@@ -44,13 +36,13 @@ def command(
     """
     from vbus.board.sections import WaveSection
 
-    wish = WaveSection(
+    section = WaveSection(
         name="", file=output, profile=profile, signals=signals, trigger=trigger, before=before,
-        duration=duration, sample=max(sample, 1),
+        duration=length, sample=max(sample, 1),
     )  # fmt: skip
     if Path(source).is_file():
-        return _of_journal(Path(source), wish, no_progress)
-    return _of_board(source, wish)
+        return _of_journal(Path(source), section, no_progress)
+    return _of_board(source, section)
 
 
 @contextmanager
@@ -67,71 +59,60 @@ def _output(name: str) -> Iterator[TextIO]:
                 file.close()
 
 
-def _of_journal(path: Path, wish: Any, quiet: bool) -> int:
-    from vbus.board.build import load_board_text
+def _of_journal(path: Path, section: Any, quiet: bool) -> int:
     from vbus.server.recording import wave_of
-    from vbus.tools.journal_lines import moving, opened, progress
+    from vbus.tools.journal_lines import opened, progress, recorded_board
     from vbus.trace.journal.replay import Replay
 
-    with opened(path) as (reader, _):
-        if not reader.header.text:
-            raise VbusError(f"{path}: it was recorded on a board made in Python")
-        board = load_board_text(reader.header.text, reader.header.file)
-        wave_of(board, wish, io.StringIO(), _complain)  # complains before a file is overwritten
-        with _output(wish.file) as file:
-            wave = wave_of(board, wish, file, _complain)
+    with opened(path) as reader:
+        board = recorded_board(path, reader.header)
+        wave_of(board, section, io.StringIO(), complain)  # complains before a file is overwritten
+        with _output(section.file) as file:
+            wave = wave_of(board, section, file, complain)
             wave.start()
-            with progress(path, reader, "replaying", quiet or file.isatty()) as move:
-                outcome = Replay(board, moving(iter(reader), move), reader.header.families).run()
+            with progress(path, reader, "replaying", quiet or file.isatty()) as entries:
+                outcome = Replay(board, entries, reader.header.families).run()
             wave.stop()
     if wave.error:
         return exit_codes.FAILURE
     if outcome.divergence is not None:
-        _complain(f"{path}: the run differs from its journal at entry {outcome.divergence.entry};"
+        complain(f"{path}: the run differs from its journal at entry {outcome.divergence.entry};"
                   ' "vbus replay" shows how')  # fmt: skip
         return exit_codes.FAILURE
-    if not wave.changes and wish.trigger:
-        _complain(f'the trigger "{wish.trigger}" has not come')
-        return exit_codes.FAILURE
-    return exit_codes.OK
+    return _code(bool(wave.changes), section)
 
 
-def _of_board(name: str, wish: Any) -> int:
+def _of_board(name: str, section: Any) -> int:
     from msgspec import structs
 
     from vbus.tools.monitor import Feed
 
-    feed = Feed(name)
     written = 0
-    try:
-        keys = {k: v for k, v in structs.asdict(wish).items() if k not in ("name", "file")}
-        feed.send(json.dumps({"wave": keys}).encode() + b"\n")
-        for item in feed:
-            if item[0] == "refused":
-                raise VbusError(item[1])
-            if item[0] == "wave":
-                break
-        else:
-            raise TransportError(f'board "{name}" has stopped')
-        with _output(wish.file) as file:
-            for data in feed.raw():
-                file.write(data.decode("ascii"))
-                file.flush()
-                written += len(data)
-    except KeyboardInterrupt:
-        pass
-    except OSError as error:
-        if isinstance(error, VbusError):
-            raise
-        where = "standard output" if wish.file == "-" else wish.file
-        raise VbusError(f"{where}: cannot be written: {error.strerror}") from error
-    finally:
-        feed.close()
-    if not written and wish.trigger:
-        _complain(f'the trigger "{wish.trigger}" has not come')
-        return exit_codes.FAILURE
-    return exit_codes.OK
+    with closing(Feed(name)) as feed, suppress(KeyboardInterrupt):
+        keys = {k: v for k, v in structs.asdict(section).items() if k not in ("name", "file")}
+        try:
+            feed.send(json.dumps({"wave": keys}).encode() + b"\n")
+            answer = next((item for item in feed if item[0] in ("refused", "wave")), None)
+            if answer is None:
+                raise TransportError(f'board "{name}" has stopped')
+            if answer[0] == "refused":
+                raise VbusError(answer[1])
+            with _output(section.file) as file:
+                for data in feed.raw():
+                    file.write(data.decode("ascii"))
+                    file.flush()
+                    written += len(data)
+        except OSError as error:
+            if isinstance(error, VbusError):
+                raise
+            where = "standard output" if section.file == "-" else section.file
+            raise VbusError(f"{where}: cannot be written: {error.strerror}") from error
+    return _code(bool(written), section)
 
 
-def _complain(sentence: str) -> None:
-    click.echo(f"vbus: {sentence}", err=True)
+def _code(written: bool, section: Any) -> int:
+    """Return the exit code; say so if the trigger has not come."""
+    if written or not section.trigger:
+        return exit_codes.OK
+    complain(f'the trigger "{section.trigger}" has not come')
+    return exit_codes.FAILURE

@@ -79,7 +79,7 @@ class BoardPackets(Observer):
             name: decoder_of(family, settings.get(name, NO_SETTINGS))
             for name, family in families.items()
         }
-        self._take: Callable[[str, Packet], None] = take
+        self._give: Callable[[str, Packet], None] = take
         self._lost: dict[str, tuple[int, str]] = {}
 
     def bus_cycle(
@@ -93,7 +93,7 @@ class BoardPackets(Observer):
                 continue
             instant, rule = self._lost.pop(name, (-1, ""))
             for packet in decoder.feed(cycle, rule if instant == when else ""):
-                self._take(name, packet)
+                self._give(name, packet)
 
     def violation(self, violation: Violation) -> None:
         """Remember a breach for which the cycle at this instant is lost: it comes right after."""
@@ -110,4 +110,4 @@ class BoardPackets(Observer):
         """Give what is still open."""
         for name, decoder in self._decoders.items():
             for packet in decoder.finish():
-                self._take(name, packet)
+                self._give(name, packet)

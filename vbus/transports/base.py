@@ -2,7 +2,8 @@
 
 import asyncio
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +38,10 @@ class Link:
     def close(self) -> None:
         """End the link from this side."""
         os.close(self.fd)
+
+    def hang_up(self) -> None:
+        """End the link, and let the host notice it."""
+        self.close()
 
 
 class MessageLink(Link):
@@ -109,6 +114,8 @@ class Transport:
         """The server is about to close this transport: what ends now is meant to."""
         self.report: Callable[[str], None] = _ignore
         """Takes a sentence when something worth knowing happens (unplugged, plugged in)."""
+        self.opened: ExitStack = ExitStack()
+        """Undoes what :meth:`open` has done."""
 
     def serves(self, served: Served) -> None:
         """Learn what it stands for; called once, before :meth:`open`."""
@@ -122,8 +129,22 @@ class Transport:
         raise NotImplementedError
 
     def close(self) -> None:
-        """Stop waiting and remove every name made."""
-        raise NotImplementedError
+        """Stop waiting and remove every name made; may be called again."""
+        self.opened.close()
+
+    @contextmanager
+    def opening(self, place: object) -> Iterator[ExitStack]:
+        """Give :attr:`opened` to a block; what it did is undone at once if the block fails.
+
+        An error of the system becomes a :class:`TransportError` that begins with ``place``.
+        """
+        try:
+            yield self.opened
+        except BaseException as error:
+            self.opened.close()
+            if isinstance(error, OSError) and not isinstance(error, TransportError):
+                raise TransportError(f"{place}: {error.strerror or error}") from error
+            raise
 
 
 def _ignore(_: object) -> None:
@@ -142,7 +163,7 @@ def split_url(url: str) -> tuple[str, str, dict[str, str]]:
     """
     from urllib.parse import parse_qsl
 
-    from vbus.runtime import runtime_directory
+    from vbus.runtime import expanded
 
     scheme, colon, rest = url.partition(":")
     if not colon or not scheme or "/" in scheme:
@@ -150,10 +171,7 @@ def split_url(url: str) -> tuple[str, str, dict[str, str]]:
             f'"{url}" is no link: write SCHEME:ADDRESS, e.g. "pty:$VBUS_RUNTIME/x"'
         )
     path, _, query = rest.partition("?")
-    if "$VBUS_RUNTIME" in path or "${VBUS_RUNTIME}" in path:
-        directory = str(runtime_directory())
-        path = path.replace("${VBUS_RUNTIME}", directory).replace("$VBUS_RUNTIME", directory)
-    path = os.path.expandvars(os.path.expanduser(path))
+    path = expanded(path)
     if "$" in path:
         raise TransportError(f'"{url}": an environment variable in it is not set: {path}')
     return scheme, path, dict(parse_qsl(query))

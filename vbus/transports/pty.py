@@ -7,12 +7,14 @@ import select
 import termios
 import tty
 from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
 from vbus.errors import TransportError
-from vbus.transports.base import Link, Transport
+from vbus.transports.base import Link, Served, Transport
 from vbus.transports.linux import OpenWatch
-from vbus.transports.runtime import NameLock
+from vbus.transports.runtime import NameLock, leads_to_terminal, sweep
 
 _TIOCNXCL = 0x540D
 _READ_SIZE = 65536
@@ -28,6 +30,64 @@ class PtyLink(Link):
     def close(self) -> None:
         """Make the terminal ready for the next client."""
         self._transport.ended(self)
+
+    def hang_up(self) -> None:
+        """Take the terminal from the client that has it open; the name leads to a new one."""
+        self._transport.replace(self)
+
+
+@dataclass(slots=True)
+class _Terminal:
+    """A terminal in raw mode, and what tells of those who have it open.
+
+    Attributes:
+        master: the server's side.
+        name: path of the clients' side.
+        watch: tells of opens.
+        hangups: tells that nobody has it open any more.
+        poll: looks at the master.
+        close: frees all descriptors.
+    """
+
+    master: int
+    name: str
+    watch: OpenWatch
+    hangups: select.epoll
+    poll: select.poll
+    close: Callable[[], None]
+
+    @classmethod
+    def make(cls) -> "_Terminal":
+        """Make a terminal nobody has open."""
+        with ExitStack() as made:
+            master, slave = os.openpty()
+            made.callback(os.close, master)
+            try:
+                # A terminal left cooked would echo and eat 29 byte values.
+                tty.setraw(slave)
+                name = os.ttyname(slave)
+            finally:
+                os.close(slave)
+            os.set_blocking(master, False)
+            poll = select.poll()
+            poll.register(master, select.POLLIN)
+            hangups = made.enter_context(select.epoll())
+            hangups.register(master, select.EPOLLHUP | select.EPOLLET)
+            watch = OpenWatch(name)
+            made.callback(watch.close)
+            return cls(master, name, watch, hangups, poll, made.pop_all().close)
+
+    def look(self) -> int:
+        """Return what ``poll`` says of the master: POLLHUP while nobody has the terminal open."""
+        return sum(state for _, state in self.poll.poll(0))
+
+    def clean(self, slave: int) -> None:
+        """Drop what the last client set and what it did not read."""
+        fcntl.ioctl(slave, _TIOCNXCL)
+        # Some replies are still on their way, the others wait at the slave.
+        termios.tcflush(self.master, termios.TCOFLUSH)
+        termios.tcflush(slave, termios.TCIFLUSH)
+        tty.setraw(slave, termios.TCSANOW)
 
 
 class PtyTransport(Transport):
@@ -46,82 +106,70 @@ class PtyTransport(Transport):
 
     SCHEME = "pty"
 
+    _loop: asyncio.AbstractEventLoop
+    _on_link: Callable[[Link], None]
+
     def __init__(self, path: str, options: dict[str, str]) -> None:
         super().__init__(path, options)
-        self._master: int = -1
-        self._name: str = ""
         self._link_path: Path = Path(path)
-        self._lock: NameLock = NameLock(self._link_path)
-        self._watch: OpenWatch | None = None
-        self._poll: select.poll = select.poll()
-        self._hangups: select.epoll | None = None
+        self._terminal: _Terminal | None = None
+        self._board: str = ""
         self._clients: int = 0
         self._owed: bool = False
-        self._turned: bool = False
+        self._replaced: bool = False
         self._link: PtyLink | None = None
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._on_link: Callable[[Link], None] | None = None
+
+    def serves(self, served: Served) -> None:
+        """Learn which board the name is for."""
+        self._board = served.board.name
 
     def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
         """Make the terminal and its name."""
         if not self.path:
             raise TransportError('"pty:" needs a path, e.g. "pty:$VBUS_RUNTIME/x"')
-        self._lock.take()
         self._loop = loop
         self._on_link = on_link
-        try:
-            if os.path.lexists(self._link_path) and not self._is_ours():
+        with self.opening(self._link_path) as opened:
+            lock = NameLock(self._link_path)
+            lock.take(self._board)
+            opened.callback(lock.give_back)
+            sweep(self._link_path.parent)
+            if os.path.lexists(self._link_path) and not leads_to_terminal(self._link_path):
                 raise TransportError(
                     f"{self._link_path} exists and is not a link of ours; remove it or choose"
                     " another name"
                 )
+            opened.callback(self._unmake)
             self._make()
-        except OSError as error:
-            self.close()
-            if isinstance(error, TransportError):
-                raise
-            raise TransportError(f"{self._link_path}: {error.strerror or error}") from error
-
-    def _is_ours(self) -> bool:
-        """Tell whether the name is what a server leaves behind: a link to some terminal."""
-        path = self._link_path
-        return path.is_symlink() and os.readlink(path).startswith("/dev/pts/")
+            opened.callback(self._remove_name)
 
     def _make(self) -> None:
         """Make a terminal and let the name lead to it."""
-        assert self._loop is not None
-        self._master, slave = os.openpty()
-        # A terminal left cooked would echo and eat 29 byte values.
-        tty.setraw(slave)
-        self._name = os.ttyname(slave)
-        os.close(slave)
-        os.set_blocking(self._master, False)
-        self._poll = select.poll()
-        self._poll.register(self._master, select.POLLIN)
-        self._hangups = select.epoll()
-        self._hangups.register(self._master, select.EPOLLHUP | select.EPOLLET)
-        self._watch = OpenWatch(self._name)
-        temporary = self._link_path.with_name(f".{self._link_path.name}.{os.getpid()}")
-        temporary.unlink(missing_ok=True)
-        temporary.symlink_to(self._name)
-        temporary.replace(self._link_path)
-        self._loop.add_reader(self._watch.fd, self._notice)
-        self._loop.add_reader(self._hangups.fileno(), self._notice)
+        terminal = _Terminal.make()
+        with ExitStack() as made:
+            made.callback(terminal.close)
+            temporary = self._link_path.with_name(f".{self._link_path.name}.{os.getpid()}")
+            temporary.unlink(missing_ok=True)
+            temporary.symlink_to(terminal.name)
+            temporary.replace(self._link_path)
+            made.pop_all()
+        self._terminal = terminal
+        for fd in (terminal.watch.fd, terminal.hangups.fileno()):
+            self._loop.add_reader(fd, self._notice)
 
     def _unmake(self) -> None:
-        if self._hangups is not None:
-            if self._loop is not None:
-                self._loop.remove_reader(self._hangups.fileno())
-            self._hangups.close()
-            self._hangups = None
-        if self._watch is not None:
-            if self._loop is not None:
-                self._loop.remove_reader(self._watch.fd)
-            self._watch.close()
-            self._watch = None
-        if self._master >= 0:
-            os.close(self._master)
-            self._master = -1
+        terminal, self._terminal = self._terminal, None
+        if terminal is not None:
+            for fd in (terminal.watch.fd, terminal.hangups.fileno()):
+                self._loop.remove_reader(fd)
+            terminal.close()
+
+    def _remove_name(self) -> None:
+        """Remove the name, if it is not another's by now."""
+        terminal = self._terminal
+        if terminal is not None and leads_to_terminal(self._link_path):
+            if os.readlink(self._link_path) == terminal.name:
+                self._link_path.unlink()
 
     # -- clients come and go --------------------------------------------------------------------
 
@@ -131,18 +179,19 @@ class PtyTransport(Transport):
         ``data`` has just been read: it belongs to whoever has the terminal open now, or, if
         nobody has, to the client that was there.
         """
-        if self._watch is None or self._hangups is None:
+        terminal = self._terminal
+        if terminal is None:
             return
-        self._hangups.poll(0)
-        self._turned = self._count(self._watch.read())
-        state = self._look()
+        terminal.hangups.poll(0)
+        self._replaced = self._count(terminal.watch.read())
+        state = terminal.look()
         link = self._link
-        if link is not None and self._turned and not state & select.POLLHUP:
+        if link is not None and self._replaced and not state & select.POLLHUP:
             # One client closed and another opened before we looked.
             link.on_end(False)
             link = self._link
         if link is None and (state & select.POLLIN or not state & select.POLLHUP or data):
-            link = self._begin()
+            link = self._begin(terminal)
         if link is not None:
             if data:
                 link.on_data(data)
@@ -150,12 +199,12 @@ class PtyTransport(Transport):
                 link.on_end(True)
 
     def _count(self, events: list[bool]) -> bool:
-        """Take what happened; tell whether a client came after the last one had gone.
+        """Take what happened; tell whether a client has replaced the last one.
 
         The number is an estimate (see above), good enough to tell one client from the next when
         they follow each other faster than the server looks.
         """
-        turned = False
+        replaced = False
         for opened in events:
             if not opened:
                 self._clients = max(0, self._clients - 1)
@@ -164,22 +213,16 @@ class PtyTransport(Transport):
                 # The terminal was seen open before the report came: this client is counted.
                 self._owed = False
             else:
-                turned = turned or not self._clients
+                replaced = replaced or not self._clients
                 self._clients += 1
-        return turned
+        return replaced
 
-    def _look(self) -> int:
-        """Return what ``poll`` says of the master: POLLHUP while nobody has the terminal open."""
-        return sum(state for _, state in self._poll.poll(0))
-
-    def _begin(self) -> PtyLink:
-        assert self._watch is not None
-        assert self._on_link is not None
+    def _begin(self, terminal: _Terminal) -> PtyLink:
         self._owed = not self._clients
         self._clients = max(1, self._clients)
-        self._turned = False
-        link = self._link = PtyLink(self, self._master, self._name)
-        link.changed = self._watch.happened
+        self._replaced = False
+        link = self._link = PtyLink(self, terminal.master, terminal.name)
+        link.changed = terminal.watch.happened
         link.sort = self._notice
         self.state = "connected"
         self._on_link(link)
@@ -191,24 +234,34 @@ class PtyTransport(Transport):
             return
         self._link = None
         self.state = "waiting"
-        if self._watch is None or self._loop is None:
+        terminal = self._terminal
+        if terminal is None:
             return
-        left = self._rest()
+        self._loop.call_soon(self._notice, self._rest(terminal))
+        self._clients = 0
         try:
-            slave = os.open(self._name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+            slave = os.open(terminal.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError:
-            if self._look() & select.POLLHUP:
+            if terminal.look() & select.POLLHUP:
                 self._renew()
         else:
-            self._clean(slave)
-            os.close(slave)
+            try:
+                terminal.clean(slave)
+            finally:
+                os.close(slave)
             # Those are our own open and close. Whoever came meanwhile is seen by looking.
-            self._watch.read()
-        self._clients = 0
-        self._loop.call_soon(self._notice, left)
+            terminal.watch.read()
+
+    def replace(self, link: PtyLink) -> None:
+        """End a session with its terminal."""
+        if self._link is link:
+            self._link = None
+            self._clients = 0
+            self.state = "waiting"
+            self._renew()
 
     def _renew(self) -> None:
-        """Replace a terminal that a client has left in exclusive use: only root could open it."""
+        """Replace the terminal: one left in exclusive use could be opened by root alone."""
         self._unmake()
         try:
             self._make()
@@ -216,26 +269,10 @@ class PtyTransport(Transport):
             self.state = f"lost: {error.strerror or error}"
             self.report(f"{self._link_path}: {self.state}")
 
-    def _rest(self) -> bytes:
+    def _rest(self, terminal: _Terminal) -> bytes:
         """Return the next client's bytes; drop those of one that went while it was held."""
-        assert self._watch is not None
         try:
-            left = os.read(self._master, _READ_SIZE)
+            left = os.read(terminal.master, _READ_SIZE)
         except OSError:
             return b""
-        return left if self._turned or any(self._watch.read()) else b""
-
-    def _clean(self, slave: int) -> None:
-        fcntl.ioctl(slave, _TIOCNXCL)
-        # Replies that nobody read: some are still on their way, the others wait at the slave.
-        termios.tcflush(self._master, termios.TCOFLUSH)
-        termios.tcflush(slave, termios.TCIFLUSH)
-        tty.setraw(slave, termios.TCSANOW)
-
-    def close(self) -> None:
-        """Remove the name and the terminal."""
-        self._unmake()
-        if self._name and self._link_path.is_symlink():
-            if os.readlink(self._link_path) == self._name:
-                self._link_path.unlink()
-        self._lock.give_back()
+        return left if self._replaced or any(terminal.watch.read()) else b""

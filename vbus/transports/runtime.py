@@ -3,13 +3,17 @@
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from time import monotonic, sleep
 from typing import Final
 
 from vbus.errors import NameInUseError, TransportError
+from vbus.runtime import lock_of
 from vbus.runtime import runtime_directory as runtime_directory
 
+PATIENCE_SECONDS: Final = 0.2
+PAUSE_SECONDS: Final = 0.01
 LONGEST_ADDRESS: Final = 107
 """Bytes of a Unix socket's path that the system takes."""
 
@@ -38,47 +42,77 @@ class NameLock:
     """
 
     def __init__(self, path: Path) -> None:
-        self._lock_path: Path = path.parent / f".{path.name}.lock"
-        self._fd: int = -1
         self._path: Path = path
+        self._fd: int = -1
 
-    def take(self) -> None:
+    def take(self, board: str = "", patience: float = PATIENCE_SECONDS) -> None:
         """Take the name.
+
+        Args:
+            board: what the name is for.
+            patience: how long somebody may have it who only looks whether its owner lives (s).
 
         Raises:
             TransportError: another running process has it, or the directory cannot be written.
         """
         try:
             self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            while True:
-                fd = os.open(self._lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-                try:
-                    fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    if os.stat(self._lock_path).st_ino == os.fstat(fd).st_ino:
-                        break
-                except BlockingIOError:
-                    owner = os.read(fd, 32).decode("ascii", "replace").strip() or "?"
-                    raise NameInUseError(
-                        f"{self._path} is in use by process {owner}; stop it or choose another name"
-                    ) from None
-                except FileNotFoundError:
-                    pass
-                except BaseException:
-                    os.close(fd)
-                    raise
-                os.close(fd)
+            while self._fd < 0:
+                self._fd = self._locked(monotonic() + patience)
         except TransportError:
-            os.close(fd)
             raise
         except OSError as error:
             raise TransportError(f"{self._path}: {error.strerror or error}") from error
-        os.ftruncate(fd, 0)
-        os.write(fd, f"{os.getpid()}\n".encode())
-        self._fd = fd
+        os.ftruncate(self._fd, 0)
+        os.write(self._fd, f"{os.getpid()}\n{board}".encode())
+
+    def _locked(self, deadline: float) -> int:
+        """Return the lock's descriptor; -1 if its last owner has removed the file meanwhile."""
+        path = lock_of(self._path)
+        with ExitStack() as closing:
+            fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            closing.callback(os.close, fd)
+            while not _flock(fd):
+                if monotonic() > deadline:
+                    owner = os.read(fd, 32).decode("ascii", "replace").partition("\n")[0] or "?"
+                    raise NameInUseError(
+                        f"{self._path} is in use by process {owner}; stop it or choose another name"
+                    )
+                sleep(PAUSE_SECONDS)
+            with suppress(FileNotFoundError):
+                if os.stat(path).st_ino == os.fstat(fd).st_ino:
+                    closing.pop_all()
+                    return fd
+        return -1
 
     def give_back(self) -> None:
         """Let the name go and remove the lock."""
         if self._fd >= 0:
-            self._lock_path.unlink(missing_ok=True)
+            lock_of(self._path).unlink(missing_ok=True)
             os.close(self._fd)
             self._fd = -1
+
+
+def _flock(fd: int) -> bool:
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def sweep(directory: Path) -> None:
+    """Remove the names of terminals and sockets that killed processes have left in a directory."""
+    for found in directory.glob(".*.lock"):
+        name = directory / found.name[1:].removesuffix(".lock")
+        lock = NameLock(name)
+        if leads_to_terminal(name) or name.is_socket():
+            with suppress(TransportError):
+                lock.take(patience=0)
+                name.unlink(missing_ok=True)
+                lock.give_back()
+
+
+def leads_to_terminal(name: Path) -> bool:
+    """Tell whether a name is what a server leaves behind: a link to some terminal."""
+    return name.is_symlink() and os.readlink(name).startswith("/dev/pts/")

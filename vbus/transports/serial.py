@@ -41,12 +41,10 @@ class SerialTransport(Transport):
     SCHEME = "serial"
     PROTOCOL = "framed"
 
-    def __init__(self, path: str, options: dict[str, str]) -> None:
-        super().__init__(path, options)
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._on_link: Callable[[Link], None] | None = None
-        self._retry: asyncio.TimerHandle | None = None
-        self._baud: int = 115_200
+    _baud: int
+    _loop: asyncio.AbstractEventLoop
+    _on_link: Callable[[Link], None]
+    _retry: asyncio.TimerHandle | None = None
 
     def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
         """Open the device.
@@ -79,33 +77,31 @@ class SerialTransport(Transport):
         except (SerialException, ValueError, OSError, termios.error) as error:
             raise TransportError(f"{self.url}: {error}") from error
         self.state = "connected"
-        if self._on_link is not None:
-            self._on_link(SerialLink(self, port))
+        self._on_link(SerialLink(self, port))
 
     def lost(self) -> None:
         """The device is gone: report it and look for it."""
-        if self._loop is not None and self._retry is None and not self.closing:
+        if not self.closing:
             self.state = "unplugged"
             self.report(f"{self.path} was unplugged; waiting for it")
-            self._retry = self._loop.call_later(RETRY_SECONDS, self._again)
+            self._look_again()
+
+    def _look_again(self) -> None:
+        self._retry = self._loop.call_later(RETRY_SECONDS, self._again)
 
     def _again(self) -> None:
-        self._retry = None
-        if self._loop is None:
-            return
         try:
             self._connect()
         except TransportError:
-            self._retry = self._loop.call_later(RETRY_SECONDS, self._again)
-            return
-        self.report(f"{self.path} is back")
+            self._look_again()
+        else:
+            self.report(f"{self.path} is back")
 
     def close(self) -> None:
         """Stop looking for the device."""
-        self._loop = None
+        self.closing = True
         if self._retry is not None:
             self._retry.cancel()
-            self._retry = None
 
 
 def _prepare(fd: int) -> None:

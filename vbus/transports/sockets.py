@@ -10,7 +10,7 @@ from typing import Final
 
 from vbus.errors import NameInUseError, TransportError
 from vbus.transports.base import Link, Transport
-from vbus.transports.runtime import NameLock, socket_address
+from vbus.transports.runtime import NameLock, socket_address, sweep
 
 REST_SECONDS: Final = 0.2
 """How long nobody is accepted after the system has run out of descriptors or memory."""
@@ -20,6 +20,8 @@ KEEP_ALIVE: Final = (
     (socket.TCP_KEEPCNT, 3),
 )
 """A silent TCP host is looked for after 10 s, and given up 15 s later."""
+BACKLOG: Final = 128
+"""Hosts that may wait to be accepted."""
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
@@ -38,64 +40,46 @@ class SocketLink(Link):
 class _SocketTransport(Transport):
     """What both kinds share: a listening socket that accepts without waiting."""
 
-    def __init__(self, path: str, options: dict[str, str]) -> None:
-        super().__init__(path, options)
-        self._listener: socket.socket | None = None
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._on_link: Callable[[Link], None] | None = None
-
     def _listen(
         self,
         listener: socket.socket,
         loop: asyncio.AbstractEventLoop,
         on_link: Callable[[Link], None],
     ) -> None:
-        listener.listen(16)
+        listener.listen(BACKLOG)
         listener.setblocking(False)
-        self._listener = listener
-        self._loop = loop
-        self._on_link = on_link
-        loop.add_reader(listener.fileno(), self._accept)
+        self.opened.callback(loop.remove_reader, listener.fileno())
+        loop.add_reader(listener.fileno(), self._accept, listener, loop, on_link)
 
-    def _accept(self) -> None:
-        if self._listener is None or self._on_link is None:
-            return
+    def _accept(
+        self,
+        listener: socket.socket,
+        loop: asyncio.AbstractEventLoop,
+        on_link: Callable[[Link], None],
+    ) -> None:
+        fd = listener.fileno()
+
+        def go_on() -> None:
+            if listener.fileno() == fd:
+                loop.add_reader(fd, self._accept, listener, loop, on_link)
+
         try:
-            connection, address = self._listener.accept()
+            connection, address = listener.accept()
         except OSError as error:
             if error.errno in _EXHAUSTED:
-                self._rest(error)
+                self.report(f"{self.url}: a host waits outside: {error.strerror}")
+                loop.remove_reader(fd)  # else it would wake the loop again and again
+                loop.call_later(REST_SECONDS, go_on)
             return  # else the client gave up in the meantime
         connection.setblocking(False)
         self._tune(connection)
-        self._on_link(SocketLink(connection, self._peer(address)))
-
-    def _rest(self, error: OSError) -> None:
-        """Accept nobody for a moment: whoever waits would wake the loop again and again."""
-        if self._listener is None or self._loop is None:
-            return
-        fd = self._listener.fileno()
-        self.report(f"{self.url}: a host waits outside: {error.strerror}")
-        self._loop.remove_reader(fd)
-        self._loop.call_later(REST_SECONDS, self._accept_again)
-
-    def _accept_again(self) -> None:
-        if self._listener is not None and self._loop is not None:
-            self._loop.add_reader(self._listener.fileno(), self._accept)
+        on_link(SocketLink(connection, self._peer(address)))
 
     def _tune(self, connection: socket.socket) -> None:
         pass
 
     def _peer(self, address: object) -> str:
         return self.url
-
-    def close(self) -> None:
-        """Stop listening."""
-        if self._listener is not None:
-            if self._loop is not None:
-                self._loop.remove_reader(self._listener.fileno())
-            self._listener.close()
-            self._listener = None
 
 
 def _answers(path: Path) -> bool:
@@ -110,18 +94,16 @@ class UnixTransport(_SocketTransport):
 
     SCHEME = "unix"
 
-    def __init__(self, path: str, options: dict[str, str]) -> None:
-        super().__init__(path, options)
-        self._lock: NameLock = NameLock(Path(path))
-
     def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
         """Make the socket; one left behind by a server that was killed is replaced."""
         if not self.path:
             raise TransportError('"unix:" needs a path, e.g. "unix:$VBUS_RUNTIME/x.sock"')
-        self._lock.take()
         path = Path(self.path)
-        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        try:
+        with self.opening(path) as opened:
+            lock = NameLock(path)
+            lock.take()
+            opened.callback(lock.give_back)
+            sweep(path.parent)
             if path.exists() and not path.is_socket():
                 raise TransportError(
                     f"{path} exists and is not a socket; remove it or choose another name"
@@ -131,26 +113,15 @@ class UnixTransport(_SocketTransport):
                     f"{path} is in use by another program; stop it or choose another name"
                 )
             path.unlink(missing_ok=True)
+            listener = opened.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
             mask = os.umask(0o177)
             try:
                 with socket_address(path) as address:
                     listener.bind(address)
             finally:
                 os.umask(mask)
+            opened.callback(path.unlink, missing_ok=True)
             self._listen(listener, loop, on_link)
-        except OSError as error:
-            listener.close()
-            self._lock.give_back()
-            if isinstance(error, TransportError):
-                raise
-            raise TransportError(f"{path}: {error.strerror or error}") from error
-
-    def close(self) -> None:
-        """Stop listening and remove the socket."""
-        if self._listener is not None:
-            super().close()
-            Path(self.path).unlink(missing_ok=True)
-            self._lock.give_back()
 
 
 class TcpTransport(_SocketTransport):
@@ -167,15 +138,12 @@ class TcpTransport(_SocketTransport):
                 f'"tcp:{self.path}": write "tcp:PORT" or "tcp:HOST:PORT" with a port of 0 to 65535'
             )
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        listener = socket.socket(family, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
+        with self.opening(f"tcp:{self.path}") as opened:
+            listener = opened.enter_context(socket.socket(family, socket.SOCK_STREAM))
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listener.bind((host, int(port)))
             self._listen(listener, loop, on_link)
-        except OSError as error:
-            listener.close()
-            raise TransportError(f"tcp:{self.path}: {error.strerror or error}") from error
-        bound = listener.getsockname()[1]
+            bound = listener.getsockname()[1]
         self.url = f"tcp:[{host}]:{bound}" if family == socket.AF_INET6 else f"tcp:{host}:{bound}"
 
     def _tune(self, connection: socket.socket) -> None:

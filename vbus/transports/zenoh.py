@@ -1,13 +1,13 @@
 """``zenoh:``: the buses of a board's chips on the network."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections import OrderedDict
 from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import replace
+from typing import Any, Final
+
+import zenoh
 
 from vbus.errors import NameInUseError, TransportError
 from vbus.network import envelope, keys, places
@@ -15,11 +15,8 @@ from vbus.network.access import answer_access
 from vbus.network.session import Network, close_session, free_endpoint, open_network
 from vbus.transports.base import Link, Served, Transport
 from vbus.transports.zenoh_host import ZenohLink, send_refusal, send_reply
-from vbus.transports.zenoh_inbox import Handle, Inbox
+from vbus.transports.zenoh_inbox import Inbox
 from vbus.transports.zenoh_publications import Publications
-
-if TYPE_CHECKING:
-    import zenoh
 
 SETTLE_SECONDS: Final = 0.5
 """How long a board that joins other routers waits until it knows what they have."""
@@ -42,27 +39,28 @@ class ZenohTransport(Transport):
 
     SCHEME = "zenoh"
 
+    # Set by serves() and open().
+    _board: str
+    _inbox: Inbox
+    _loop: asyncio.AbstractEventLoop
+    _network: Network
+    _on_link: Callable[[Link], None]
+    _served: Served
+    _session: zenoh.Session
+
     def __init__(self, path: str, options: dict[str, str]) -> None:
         super().__init__(path, options)
-        self._served: Served | None = None
-        self._network: Network = Network()
-        self._session: zenoh.Session | None = None
-        self._inbox: Inbox | None = None
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._on_link: Callable[[Link], None] | None = None
         self._links: dict[str, ZenohLink] = {}
-        self._over: OrderedDict[str, None] = OrderedDict()
+        self._ended: OrderedDict[str, None] = OrderedDict()
         self._tokens: set[str] = set()
         self._buses: dict[str, tuple[str, ...]] = {}
         self._kept: list[Any] = []
-        self._place: Path | None = None
-        self._publications: Publications | None = None
 
     def serves(self, served: Served) -> None:
         """Learn which board it is."""
         self._served = served
         self._network = served.network or Network()
-        board = served.board.name
+        board = self._board = served.board.name
         self._buses = {keys.bus(board): ()}
         self._buses.update({keys.bus(board, chip): (chip,) for chip in served.chips})
         self.url = f"zenoh:{board}"
@@ -76,115 +74,90 @@ class ZenohTransport(Transport):
                 f'"zenoh:{self.path}": write "zenoh:" and nothing behind it; where on the network'
                 " the board is, and who may use it, are keys of [zenoh]"
             )
-        assert self._served is not None
         self._loop = loop
         self._on_link = on_link
         self._inbox = Inbox(loop)
-        try:
-            self._session = self._join()
-            self._own(self._served.board.name)
-            self._declare(self._session, self._served.board.name)
-        except BaseException:
-            self.close()
-            raise
+        with self.opening(self.url) as opened:
+            self._inbox.open()
+            opened.callback(self._inbox.close)
+            opened.callback(self._kept.clear)
+            endpoints = self._join()
+            opened.callback(close_session, self._session)
+            place = places.board_place(self._board)
+            places.register(place, endpoints)
+            opened.callback(places.unregister, place)
+            self.url = f"zenoh:{self._board}?connect={','.join(endpoints)}"
+            self._own()
+            publications = Publications(self._session, self._inbox, self._served, loop)
+            opened.callback(publications.close)
+            self._declare()
+            publications.open()
+            opened.callback(self._end_hosts)
 
-    def _join(self) -> zenoh.Session:
+    def _join(self) -> tuple[str, ...]:
+        """Open the session; return the endpoints at which the board is reached."""
         network = self._network
         if network.listen or network.connect:
-            session = open_network(network)
-            endpoints = network.listen or network.connect
-        else:
-            session, endpoints = self._join_loopback()
-        assert self._served is not None
-        place = places.board_place(self._served.board.name)
-        self._place = places.register(place, endpoints)
-        self.url = f"zenoh:{self._served.board.name}?connect={','.join(endpoints)}"
-        return session
-
-    def _join_loopback(self) -> tuple[zenoh.Session, tuple[str, ...]]:
-        """Listen on some free port of this computer."""
-        from dataclasses import replace
-
-        protocol = "tls" if self._network.security is not None else "tcp"
+            self._session = open_network(network)
+            return network.listen or network.connect
+        # Some free port of this computer.
+        protocol = "tls" if network.security is not None else "tcp"
         for last in (False, False, False, True):
             endpoints = (free_endpoint(protocol),)
             try:
-                return open_network(replace(self._network, listen=endpoints)), endpoints
+                self._session = open_network(replace(network, listen=endpoints))
+                break
             except TransportError as error:
                 if last or "in use" not in str(error):
                     raise
-        raise AssertionError
+        return endpoints
 
-    def _own(self, board: str) -> None:
+    def _own(self) -> None:
         """Take the keys of the board.
 
         Raises:
             NameInUseError: another process has them.
         """
-        assert self._session is not None
-        session = self._session
-        mine = keys.owner(board, str(session.zid()))
+        mine = keys.owner(self._board, str(self._session.zid()))
         if self._network.listen and self._network.connect:
             time.sleep(SETTLE_SECONDS)
-        self._refuse(board, self._rivals(board))
-        self._kept.append(session.liveliness().declare_token(mine))
+        self._refuse(self._rivals())
+        self._kept.append(self._session.liveliness().declare_token(mine))
         # Of two that start at the same moment one stays.
-        self._refuse(board, {other for other in self._rivals(board) if other < mine})
+        self._refuse({other for other in self._rivals() if other < mine})
 
-    def _rivals(self, board: str) -> set[str]:
+    def _rivals(self) -> set[str]:
         """Return the tokens of other processes that serve a board of this name."""
-        assert self._session is not None
-        replies = self._session.liveliness().get(keys.owner(board, "*"), timeout=ASK_SECONDS)
+        replies = self._session.liveliness().get(keys.owner(self._board, "*"), timeout=ASK_SECONDS)
         found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
         return {token for token in found if self._is_rival(token)}
 
     def _is_rival(self, token: str) -> bool:
-        assert self._session is not None
         return token.rpartition("/")[2] != str(self._session.zid())
 
-    def _refuse(self, board: str, rivals: set[str]) -> None:
+    def _refuse(self, rivals: set[str]) -> None:
         if rivals:
             endpoints = ", ".join((*self._network.connect, *self._network.listen))
             raise NameInUseError(
-                f'a board called "{board}" is on the network of {endpoints} already (liveliness'
-                f" token {min(rivals)}); stop it, or give this one another name"
+                f'a board called "{self._board}" is on the network of {endpoints} already'
+                f" (liveliness token {min(rivals)}); stop it, or give this one another name"
             )
 
-    def _declare(self, session: zenoh.Session, board: str) -> None:
-        import zenoh
-
-        assert self._inbox is not None
-        assert self._loop is not None
-        assert self._served is not None
-        entry = self._inbox.entry
-        callback = zenoh.handlers.Callback
-
-        def queryable(key: str, handle: Handle) -> None:
-            self._kept.append(
-                session.declare_queryable(
-                    key, callback(entry(handle), indirect=False), complete=True
-                )
-            )
-
+    def _declare(self) -> None:
+        session, enter, kept = self._session, self._inbox.entry, self._kept
         for key in self._buses:
-            queryable(key, self._message)
-        for pattern in (keys.host(keys.bus(board), "*"), keys.host(keys.bus(board, "*"), "*")):
-            self._kept.append(
-                session.liveliness().declare_subscriber(
-                    pattern, callback(entry(self._token), indirect=False), history=True
-                )
+            kept.append(session.declare_queryable(key, enter(self._message), complete=True))
+        board = self._board
+        for pattern, handle in (
+            (keys.host(keys.bus(board), "*"), self._token),
+            (keys.host(keys.bus(board, "*"), "*"), self._token),
+            (keys.owner(board, "*"), self._owner),
+        ):
+            kept.append(
+                session.liveliness().declare_subscriber(pattern, enter(handle), history=True)
             )
-        self._kept.append(
-            session.liveliness().declare_subscriber(
-                keys.owner(board, "*"),
-                callback(entry(self._owner), indirect=False),
-                history=True,
-            )
-        )
-        self._publications = Publications(session, self._inbox, self._served, self._loop)
-        self._publications.open()
         if self._network.security is not None:
-            self._kept.append(answer_access(session, self._network.security))
+            kept.append(answer_access(session, self._network.security))
 
     # -- hosts --------------------------------------------------------------------------------
 
@@ -200,31 +173,28 @@ class ZenohTransport(Transport):
             )
             return
         try:
-            cover = envelope.unpack(attachment.to_bytes() if attachment is not None else b"")
+            header = envelope.unpack(attachment.to_bytes() if attachment is not None else b"")
         except envelope.EnvelopeError as error:
             send_refusal(query, envelope.MALFORMED, str(error))
             return
-        session = cover.session.hex()
+        session = header.session.hex()
         link = self._links.get(session)
         if link is None:
-            link = self._welcome(query, cover, session)
+            link = self._welcome(query, header, session)
             if link is None:
                 return
-        if cover.kind == envelope.END:
+        if header.kind == envelope.END:
             link.host_ended("closed by the host")
             send_reply(query, b"")
             return
-        link.take(query, cover, payload.to_bytes() if payload is not None else b"")
+        link.take(query, header, payload.to_bytes() if payload is not None else b"")
 
     def _welcome(
-        self, query: zenoh.Query, cover: envelope.Envelope, session: str
+        self, query: zenoh.Query, header: envelope.Envelope, session: str
     ) -> ZenohLink | None:
         """Begin the session of a host, or refuse it."""
-        assert self._session is not None
-        assert self._loop is not None
-        assert self._on_link is not None
         bus_key = str(query.key_expr)
-        if session in self._over or cover.number or cover.kind != envelope.REQUESTS:
+        if session in self._ended or header.number or header.kind != envelope.REQUESTS:
             send_refusal(
                 query,
                 envelope.GONE,
@@ -259,16 +229,14 @@ class ZenohTransport(Transport):
 
     def _forget(self, link: ZenohLink) -> None:
         self._links.pop(link.session, None)
-        self._over[link.session] = None
-        while len(self._over) > REMEMBERED:
-            self._over.popitem(last=False)
+        self._ended[link.session] = None
+        while len(self._ended) > REMEMBERED:
+            self._ended.popitem(last=False)
         if not self._links:
             self.state = "waiting"
 
     def _token(self, sample: zenoh.Sample) -> None:
         """A host has come, or has gone."""
-        import zenoh
-
         token = str(sample.key_expr)
         link = self._links.get(token.rpartition("/")[2])
         if sample.kind == zenoh.SampleKind.PUT:
@@ -279,7 +247,6 @@ class ZenohTransport(Transport):
             return
         self._tokens.discard(token)
         if link is not None and link.token == token:
-            assert self._loop is not None
             since = link.gone_since = self._loop.time()
             self._loop.call_later(self._network.grace_seconds, self._give_up, link, since)
 
@@ -291,8 +258,6 @@ class ZenohTransport(Transport):
 
     def _owner(self, sample: zenoh.Sample) -> None:
         """Somebody owns the keys of this board's name: it should be us alone."""
-        import zenoh
-
         token = str(sample.key_expr)
         if sample.kind == zenoh.SampleKind.PUT and self._is_rival(token):
             self.report(
@@ -300,20 +265,6 @@ class ZenohTransport(Transport):
                 " each host reaches the nearer one; give one of them another name"
             )
 
-    def close(self) -> None:
-        """Leave the network; may be called again."""
+    def _end_hosts(self) -> None:
         for link in list(self._links.values()):
             link.host_ended("the board has stopped")
-        if self._place is not None:
-            places.unregister(self._place)
-            self._place = None
-        if self._publications is not None:
-            self._publications.close()
-            self._publications = None
-        session, self._session = self._session, None
-        if session is not None:
-            close_session(session)
-        self._kept.clear()
-        if self._inbox is not None:
-            self._inbox.close()
-            self._inbox = None

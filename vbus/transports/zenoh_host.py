@@ -1,16 +1,15 @@
 """One host on the network, as the board sees it: messages in, replies and events out."""
 
-from __future__ import annotations
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
+from typing import Final
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+import zenoh
 
 from vbus.network import envelope, keys
 from vbus.network.exchange import Exchange
 from vbus.transports.base import MessageLink
-
-if TYPE_CHECKING:
-    import zenoh
 
 PLAIN: Final = "text/plain"
 
@@ -36,31 +35,22 @@ class ZenohLink(MessageLink):
         bus_key: str,
         session: str,
         chips: tuple[str, ...],
-        ended: Callable[[ZenohLink], None],
+        ended: Callable[["ZenohLink"], None],
     ) -> None:
         super().__init__(f"zenoh:{bus_key} host {session}", chips)
         self.token: str = keys.host(bus_key, session)
         self.session: str = session
-        self.exchange: Exchange = Exchange(self._carry_out)
+        self.exchange: Exchange = Exchange(lambda data: self.on_data(data))
         self.token_seen: bool = False
         self.gone_since: float = -1.0
         self._network: zenoh.Session = network
         self._ended: Callable[[ZenohLink], None] = ended
         self._open: bool = True
 
-    def _carry_out(self, data: bytes) -> None:
-        self.on_data(data)
-
-    def take(self, query: zenoh.Query, cover: envelope.Envelope, data: bytes) -> None:
+    def take(self, query: zenoh.Query, header: envelope.Envelope, data: bytes) -> None:
         """Take a message."""
-
-        def answer(reply: bytes) -> None:
-            send_reply(query, reply)
-
-        def refuse(code: str, reason: str) -> None:
-            send_refusal(query, code, reason)
-
-        self.exchange.take(cover.number, cover.acknowledged, data, answer, refuse)
+        answer, refuse = partial(send_reply, query), partial(send_refusal, query)
+        self.exchange.take(header.number, header.acknowledged, data, answer, refuse)
 
     def answer(self, data: bytes) -> None:
         """Send the reply of the message being carried out."""
@@ -68,8 +58,6 @@ class ZenohLink(MessageLink):
 
     def push(self, data: bytes) -> None:
         """Publish events where the host listens for them."""
-        import zenoh
-
         self._network.put(
             self.token,
             data,
@@ -90,6 +78,17 @@ class ZenohLink(MessageLink):
             self._ended(self)
 
 
+@contextmanager
+def _answering(query: zenoh.Query) -> Iterator[None]:
+    """Tell the host at the end that there is no more to come; one that has gone is no loss."""
+    drop: Callable[[], None] = query.drop
+    try:
+        with suppress(zenoh.ZError):
+            yield
+    finally:
+        drop()
+
+
 def send_reply(query: zenoh.Query, data: bytes, key: str = "") -> None:
     """Answer a query; a host that has gone meanwhile is nobody's loss.
 
@@ -98,29 +97,11 @@ def send_reply(query: zenoh.Query, data: bytes, key: str = "") -> None:
         data: the answer.
         key: the key it belongs to, where the query may have asked for several.
     """
-    import zenoh
-
-    try:
+    with _answering(query):
         query.reply(key or query.key_expr, data)
-    except zenoh.ZError:
-        pass
-    finally:
-        _let_go(query)
 
 
 def send_refusal(query: zenoh.Query, code: str, reason: str) -> None:
     """Refuse a query, with a reason for people behind a code for programs."""
-    import zenoh
-
-    try:
+    with _answering(query):
         query.reply_err(f"{code} {reason}", encoding=PLAIN)
-    except zenoh.ZError:
-        pass
-    finally:
-        _let_go(query)
-
-
-def _let_go(query: zenoh.Query) -> None:
-    """Tell the host that there is no more to come."""
-    drop: Callable[[], None] = query.drop
-    drop()

@@ -1,5 +1,7 @@
 """The way from Zenoh's threads into the event loop."""
 
+from __future__ import annotations
+
 import asyncio
 import contextlib
 import logging
@@ -8,6 +10,8 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
+
+import zenoh
 
 from vbus.network import envelope
 from vbus.transports.zenoh_host import send_refusal
@@ -31,12 +35,16 @@ class Inbox:
         self._loop: asyncio.AbstractEventLoop = loop
         self._items: deque[tuple[Handle, Any]] = deque()
         self._lock: threading.Lock = threading.Lock()
-        self._fd: int = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._fd: int = -1
         self.dropped: int = 0
-        add = getattr(loop, "add_direct_reader", loop.add_reader)
+
+    def open(self) -> None:
+        """Handle from now on what comes."""
+        self._fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        add = getattr(self._loop, "add_direct_reader", self._loop.add_reader)
         add(self._fd, self._drain)
 
-    def entry(self, handle: Handle) -> Callable[[Any], None]:
+    def entry(self, handle: Handle) -> zenoh.handlers.Callback[Any]:
         """Return a callback for Zenoh's threads: what it gets is handled in the event loop."""
         items = self._items
         lock = self._lock
@@ -50,7 +58,7 @@ class Inbox:
                 if self._fd >= 0:
                     os.eventfd_write(self._fd, 1)
 
-        return enter
+        return zenoh.handlers.Callback(enter, indirect=False)
 
     def _drain(self) -> None:
         with contextlib.suppress(BlockingIOError):

@@ -4,74 +4,159 @@ Nothing is computed, observed or sent unless somebody has subscribed to it; and 
 than :data:`EVERY_SECONDS` for each key, in one message with everything that happened meanwhile.
 """
 
-from __future__ import annotations
-
+import asyncio
 import json
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import msgpack
+import zenoh
 
+from vbus.chips.base import Chip
 from vbus.network import keys
 from vbus.signals import Net, Observer
 from vbus.transports.base import Served
 from vbus.transports.zenoh_host import send_reply
-from vbus.transports.zenoh_inbox import Handle, Inbox
-
-if TYPE_CHECKING:
-    import asyncio
-
-    import zenoh
+from vbus.transports.zenoh_inbox import Inbox
 
 EVERY_SECONDS: Final = 0.05
 """How often a key is published at most."""
+STATUS_EVERY: Final = 20
+"""Every how many of these times the status is."""
 MOST_ROWS: Final = 20_000
 """Bus cycles, or edges of a pin, that one message carries; the rest is counted as lost."""
 
 
-class _Rows:
+class Topic:
+    """What is published under one key while somebody listens.
+
+    Args:
+        key: the key.
+        served: the board.
+    """
+
+    answers: bool = True
+    """Whether it can also be asked for."""
+
+    def __init__(self, key: str, served: Served) -> None:
+        self.key: str = key
+        self.served: Served = served
+
+    def begin(self) -> None:
+        """Somebody listens now."""
+
+    def end(self) -> None:
+        """Nobody listens any more."""
+
+    def answer(self) -> bytes:
+        """Return what is told to somebody who asks."""
+        raise NotImplementedError
+
+    def message(self) -> bytes | None:
+        """Return what is new; None if nothing is."""
+        return self.answer()
+
+
+class _Status(Topic):
+    _rounds: int = 0
+
+    def begin(self) -> None:
+        self._rounds = 0
+
+    def answer(self) -> bytes:
+        return json.dumps(self.served.statistics()).encode()
+
+    def message(self) -> bytes | None:
+        self._rounds += 1
+        return self.answer() if self._rounds % STATUS_EVERY == 1 else None
+
+
+class _Telemetry(Topic):
+    def __init__(self, served: Served, chip: Chip) -> None:
+        super().__init__(keys.telemetry(served.board.name, chip.name), served)
+        self._chip: Chip = chip
+
+    def answer(self) -> bytes:
+        self.served.settle()
+        return _packed([self.served.board.now, dict(self._chip.telemetry())])
+
+
+class _Rows(Topic, Observer):
     """Rows that wait for the next message."""
 
-    def __init__(self) -> None:
-        self.rows: list[list[int | str]] = []
-        self.lost: int = 0
+    def __init__(self, key: str, served: Served) -> None:
+        super().__init__(key, served)
+        self._rows: list[list[int | str]] = []
+        self._lost: int = 0
 
     def add(self, row: list[int | str]) -> None:
-        if len(self.rows) < MOST_ROWS:
-            self.rows.append(row)
+        """Take a row."""
+        if len(self._rows) < MOST_ROWS:
+            self._rows.append(row)
         else:
-            self.lost += 1
+            self._lost += 1
 
-    def take(self) -> bytes:
-        rows, self.rows = self.rows, []
-        lost, self.lost = self.lost, 0
-        data: bytes = msgpack.packb([lost, rows])
-        return data
+    def message(self) -> bytes | None:
+        rows, self._rows = self._rows, []
+        lost, self._lost = self._lost, 0
+        return _packed([lost, rows]) if rows else None
 
 
-class _Cycles(Observer):
-    """Takes down the bus cycles of all chips that are watched."""
+class _Cycles(_Rows):
+    """The bus cycles of one chip."""
 
-    def __init__(self) -> None:
-        self.chips: dict[str, _Rows] = {}
+    answers = False
+
+    def __init__(self, served: Served, chip: Chip) -> None:
+        super().__init__(keys.cycles(served.board.name, chip.name), served)
+        self._chip: str = chip.name
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
-        rows = self.chips.get(chip)
-        if rows is not None:
-            rows.add([when, host, int(write), address, data])
+        if chip == self._chip:
+            self.add([when, host, int(write), address, data])
+
+    def begin(self) -> None:
+        self.served.board.observe(self)
+
+    def end(self) -> None:
+        self.served.board.unobserve(self)
 
 
-class _PinWatch(Observer):
-    """Takes down the edges of one pin."""
+class _Edges(_Rows):
+    """The edges of one pin."""
 
-    def __init__(self, net: Net) -> None:
-        self.net: Net = net
-        self.rows: _Rows = _Rows()
+    def __init__(self, served: Served, chip: Chip, pin: str) -> None:
+        super().__init__(keys.pin(served.board.name, chip.name, pin), served)
+        self._net: Net = chip.pins[pin].net
 
     def edge(self, when: int, net: str, level: int) -> None:
-        self.rows.add([when, level])
+        self.add([when, level])
+
+    def _state(self) -> list[int | str]:
+        """Bring every output up to the present; return the instant and the level."""
+        board = self.served.board
+        self.served.settle()
+        for chip in board.chips:
+            chip.advance()
+        board.kernel.settle()
+        return [board.now, self._net.value]
+
+    def answer(self) -> bytes:
+        return _packed(self._state())
+
+    def begin(self) -> None:
+        state = self._state()
+        self._net.observe(self)
+        self.add(state)
+
+    def end(self) -> None:
+        self._net.unobserve(self)
+
+
+def _packed(values: list[Any]) -> bytes:
+    data: bytes = msgpack.packb(values)
+    return data
 
 
 class Publications:
@@ -82,7 +167,6 @@ class Publications:
         inbox: where Zenoh's threads enter the event loop.
         served: the board.
         loop: the event loop.
-        part: name of the node that this process serves; empty for the whole board.
     """
 
     def __init__(
@@ -97,157 +181,63 @@ class Publications:
         self._served: Served = served
         self._loop: asyncio.AbstractEventLoop = loop
         self._kept: list[Any] = []
-        self._watched: dict[str, Callable[[], bytes | None]] = {}
-        self._publishers: dict[str, zenoh.Publisher] = {}
-        self._cycles: _Cycles = _Cycles()
-        self._pins: dict[str, _PinWatch] = {}
+        self._watched: dict[Topic, zenoh.Publisher] = {}
         self._timer: asyncio.TimerHandle | None = None
 
     def open(self) -> None:
         """Declare what can be asked and watched."""
-        board = self._served.board
-        self._queryable(keys.status(board.name), self._tell_status)
-        self._watchable(keys.status(board.name), self._begin_status)
-        for chip in self._served.chips:
-            telemetry = keys.telemetry(board.name, chip)
-            self._queryable(telemetry, self._telling(chip))
-            self._watchable(telemetry, self._beginning_telemetry(chip))
-            self._watchable(keys.cycles(board.name, chip), self._beginning_cycles(chip))
-            for row in board.chip(chip).pin_rows:
-                key = keys.pin(board.name, chip, row.name)
-                net = board.chip(chip).pins[row.name].net
-                self._queryable(key, self._telling_pin(key, net))
-                self._watchable(key, self._beginning_pin(key, net))
+        served = self._served
+        self._declare(_Status(keys.status(served.board.name), served))
+        for name in served.chips:
+            chip = served.board.chip(name)
+            self._declare(_Telemetry(served, chip))
+            self._declare(_Cycles(served, chip))
+            for row in chip.pin_rows:
+                self._declare(_Edges(served, chip, row.name))
 
     def close(self) -> None:
         """Publish nothing more; may be called again."""
-        for key in list(self._watched):
-            self._stop(key)
+        for topic in list(self._watched):
+            self._stop(topic)
         if self._timer is not None:
             self._timer.cancel()
-            self._timer = None
         self._kept.clear()
 
-    # -- declaring ------------------------------------------------------------------------------
-
-    def _queryable(self, key: str, handle: Handle) -> None:
-        import zenoh
-
-        callback = zenoh.handlers.Callback(self._inbox.entry(handle), indirect=False)
-        self._kept.append(self._session.declare_queryable(key, callback))
-
-    def _watchable(self, key: str, begin: Callable[[], Callable[[], bytes | None]]) -> None:
-        """Publish under ``key`` while somebody listens: ``begin`` returns what makes a message."""
-        import zenoh
-
+    def _declare(self, topic: Topic) -> None:
         publisher = self._session.declare_publisher(
-            key, congestion_control=zenoh.CongestionControl.DROP
+            topic.key, congestion_control=zenoh.CongestionControl.DROP
         )
+
+        def asked(query: zenoh.Query) -> None:
+            send_reply(query, topic.answer(), topic.key)
 
         def matched(status: zenoh.MatchingStatus) -> None:
             if not status.matching:
-                self._stop(key)
-            elif key not in self._watched:
-                self._watched[key] = begin()
-                self._publishers[key] = publisher
-                self._start()
+                self._stop(topic)
+            elif topic not in self._watched:
+                topic.begin()
+                self._watched[topic] = publisher
+                self._publish_later()
 
-        callback = zenoh.handlers.Callback(self._inbox.entry(matched), indirect=False)
-        self._kept += [publisher, publisher.declare_matching_listener(callback)]
+        enter = self._inbox.entry
+        self._kept += [publisher, publisher.declare_matching_listener(enter(matched))]
+        if topic.answers:
+            self._kept.append(self._session.declare_queryable(topic.key, enter(asked)))
 
-    # -- the round ------------------------------------------------------------------------------
-
-    def _start(self) -> None:
-        if self._timer is None:
+    def _publish_later(self) -> None:
+        if self._timer is None and self._watched:
             self._timer = self._loop.call_later(EVERY_SECONDS, self._publish)
 
     def _publish(self) -> None:
         self._timer = None
         if self._watched:
             self._served.settle()
-            for key, make in self._watched.items():
-                data = make()
-                if data is not None:
-                    self._publishers[key].put(data)
-            self._start()
+        for topic, publisher in self._watched.items():
+            data = topic.message()
+            if data is not None:
+                publisher.put(data)
+        self._publish_later()
 
-    def _stop(self, key: str) -> None:
-        if self._watched.pop(key, None) is None:
-            return
-        board = self._served.board
-        watch = self._pins.pop(key, None)
-        if watch is not None:
-            watch.net.unobserve(watch)
-        chip = key.split("/")[2]
-        if key == keys.cycles(board.name, chip) and self._cycles.chips.pop(chip, None) is not None:
-            if not self._cycles.chips:
-                board.unobserve(self._cycles)
-
-    def _settle(self) -> None:
-        """Bring every output up to the present."""
-        board = self._served.board
-        self._served.settle()
-        for chip in board.chips:
-            chip.advance()
-        board.kernel.settle()
-
-    # -- what there is --------------------------------------------------------------------------
-
-    def _status(self) -> bytes:
-        return json.dumps(self._served.statistics()).encode()
-
-    def _tell_status(self, query: zenoh.Query) -> None:
-        send_reply(query, self._status(), keys.status(self._served.board.name))
-
-    def _begin_status(self) -> Callable[[], bytes | None]:
-        waited = 0
-
-        def make() -> bytes | None:
-            nonlocal waited
-            waited += 1
-            return self._status() if waited % 20 == 1 else None
-
-        return make
-
-    def _telemetry(self, chip: str) -> bytes:
-        board = self._served.board
-        values: Mapping[str, int | float | str] = board.chip(chip).telemetry()
-        data: bytes = msgpack.packb([board.now, dict(values)])
-        return data
-
-    def _telling(self, chip: str) -> Handle:
-        def tell(query: zenoh.Query) -> None:
-            self._served.settle()
-            key = keys.telemetry(self._served.board.name, chip)
-            send_reply(query, self._telemetry(chip), key)
-
-        return tell
-
-    def _beginning_telemetry(self, chip: str) -> Callable[[], Callable[[], bytes | None]]:
-        return lambda: lambda: self._telemetry(chip)
-
-    def _beginning_cycles(self, chip: str) -> Callable[[], Callable[[], bytes | None]]:
-        def begin() -> Callable[[], bytes | None]:
-            if not self._cycles.chips:
-                self._served.board.observe(self._cycles)
-            rows = self._cycles.chips[chip] = _Rows()
-            return lambda: rows.take() if rows.rows else None
-
-        return begin
-
-    def _telling_pin(self, key: str, net: Net) -> Handle:
-        def tell(query: zenoh.Query) -> None:
-            self._settle()
-            send_reply(query, msgpack.packb([self._served.board.now, net.value]), key)
-
-        return tell
-
-    def _beginning_pin(self, key: str, net: Net) -> Callable[[], Callable[[], bytes | None]]:
-        def begin() -> Callable[[], bytes | None]:
-            self._settle()
-            watch = self._pins[key] = _PinWatch(net)
-            net.observe(watch)
-            watch.rows.add([self._served.board.now, net.value])
-            return lambda: watch.rows.take() if watch.rows.rows else None
-
-        return begin
+    def _stop(self, topic: Topic) -> None:
+        if self._watched.pop(topic, None) is not None:
+            topic.end()

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from .tables import Register, RegisterMap
+from .tables import Command, CommandTable, Register, RegisterMap
 
 WRITE: Final = "w"
 READ: Final = "r"
@@ -165,6 +165,123 @@ class Decoder:
         raise NotImplementedError
 
 
+class CommandPackets(Decoder):
+    """Command bytes and the words behind them, high byte first.
+
+    A packet is told once all its words have moved; a command before that cuts it short.
+    """
+
+    COMMANDS: CommandTable
+    COMMAND_PORT: int
+    DATA_PORT: int
+    CUT_SHORT: str = ""
+    """Clause about packets that are cut short."""
+    DROPPED: str = ""
+    """What is told of half a word that was cut off."""
+    UNWANTED: str = ""
+    """Clause about data that belongs to no packet."""
+
+    def __init__(self) -> None:
+        self.row: Command | None = None
+        """The command whose packet is open."""
+        self.last: str = ""
+        """What came before, where no packet is open."""
+        self.words: list[int] = []
+        self._need: int = 0
+        self._half: int = -1
+        self._cycles: list[Cycle] = []
+
+    def begin(self, row: Command, cycle: Cycle) -> list[Packet]:
+        """Take a command byte; what was open has been finished."""
+        self.row = row
+        self.words = []
+        self._need = row.write + row.read
+        self._half = -1
+        self._cycles = [cycle]
+        return self._complete(row)
+
+    def data(self, cycle: Cycle) -> list[Packet]:
+        """Take a cycle at the data port."""
+        row = self.row
+        if row is None or cycle.write != bool(row.write):
+            after = f"inside {row.name}" if row else f"after {self.last or 'no command'}"
+            way = "write" if cycle.write else "read"
+            what = f"data {way} of {cycle.data:02X}H {after}"
+            return [Packet(UNEXPECTED, what, "", self.UNWANTED, (cycle,))]
+        self._cycles.append(cycle)
+        if self._half < 0:
+            self._half = cycle.data
+            return []
+        self.words.append(self._half << 8 | cycle.data)
+        self._half = -1
+        if row.up_to and len(self.words) == 1:
+            self._need = self.words_of(row, self.words[0])
+        return self._complete(row)
+
+    def words_of(self, row: Command, control: int) -> int:
+        """Return how many words a packet has whose first one is ``control``."""
+        raise NotImplementedError
+
+    def _complete(self, row: Command) -> list[Packet]:
+        if len(self.words) < self._need:
+            return []
+        values = self.values(row, self.words) if self.words else ""
+        self.row = None
+        self.done(row)
+        return [Packet(WHOLE, row.name, values, row.clause, tuple(self._cycles))]
+
+    def done(self, row: Command) -> None:
+        """A packet is whole."""
+        self.last = f"the end of {row.name}"
+
+    def finish(self) -> list[Packet]:
+        """Return the packet that is still open: it was cut short."""
+        row, self.row = self.row, None
+        if row is None:
+            return []
+        have = f"cut after {len(self.words)} of {self._need} words"
+        dropped = self.DROPPED.format(self._half) if self._half >= 0 else ""
+        self.last = f"{row.name}, cut short"
+        return [Packet(CUT, row.name, have + dropped, self.CUT_SHORT, tuple(self._cycles))]
+
+    def unfinished(self) -> int | None:
+        """Return the instant of the last cycle of the packet that is open, if one is."""
+        return self._cycles[-1].when if self.row else None
+
+    def values(self, row: Command, words: list[int]) -> str:
+        """Return the words of a packet as people read them: one number."""
+        value = 0
+        for word in words:
+            value = value << 16 | word
+        if row.signed:
+            value = signed(value, 16 * len(words))
+        return f"{number(value, row.fraction, row.signed)} {self.unit(row.name)}".rstrip()
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a command's value, as the manual has it; "" if it has none."""
+        return ""
+
+    def typed(self, data: list[int]) -> list[Cycle]:
+        """Read a command byte, then as many data bytes as it takes, and so on."""
+        cycles: list[Cycle] = []
+        need = 0
+        row: Command | None = None
+        words: list[int] = []
+        for byte in data:
+            if not need:
+                row = self.COMMANDS.by_code(byte)
+                words = []
+                need = 2 * (row.write + row.read) if row else 0
+                cycles.append(Cycle(0, True, self.COMMAND_PORT, byte))
+                continue
+            cycles.append(Cycle(0, row is not None and bool(row.write), self.DATA_PORT, byte))
+            words.append(byte)
+            need -= 1
+            if row and row.up_to and len(words) == 2:
+                need = 2 * (self.words_of(row, words[0] << 8 | words[1]) - 1)
+        return cycles
+
+
 class RegisterPackets(Decoder):
     """Bytes of registers; a register of several bytes is a packet once all of them have moved.
 
@@ -251,6 +368,8 @@ class RegisterPackets(Decoder):
 
     def value(self, row: Register, value: int, write: bool) -> str:
         """Return a register's value as people read it."""
+        if row.fields:
+            return f"{value:02X}H {flags(value, row.fields)}"
         if row.signed:
             return number(signed(value, row.bits), row.fraction, True)
         if row.fraction or row.bits > 8:

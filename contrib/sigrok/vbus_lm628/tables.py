@@ -2,8 +2,9 @@
 # Made by vbus.tools.generate from vbus/chips/tables.py and vbus/chips/lm628/datasheet.py; change that, or the generator.
 """Rows of which a datasheet is made: pins, commands, registers, bits. Data, and checks on it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any, Final
 
 HIGH = 1
 
@@ -83,7 +84,11 @@ class Command:
         title: the manual's description.
         note: when it may be used.
         scope: ``"c"`` current axis, ``"g"`` global, ``"i"`` interrupting axis, ``""`` single axis.
-        parameter: name of the plain parameter it sets or gets, if it does only that.
+        hook: name of the method that carries it out, if it does not just set or get a parameter.
+        parameter: the parameter it sets or gets: an attribute of the chip's parts, by its path.
+        value: what a command without data gives to its parameter or hook.
+        bits: how many bits of the data are kept; 0 for all.
+        least: smallest value kept, where it is not that of its bits.
         buffered: the value takes effect at an update.
         signed: the (single) value is two's complement.
         fraction: fraction bits of the value.
@@ -98,15 +103,14 @@ class Command:
     title: str = ""
     note: str = ""
     scope: str = ""
+    hook: str = ""
     parameter: str = ""
+    value: int | None = None
+    bits: int = 0
+    least: int = 0
     buffered: bool = False
     signed: bool = False
     fraction: int = 0
-
-    @property
-    def handler(self) -> str:
-        """Name of the method that carries it out."""
-        return "cmd_" + self.name.lower()
 
 
 class CommandTable:
@@ -141,6 +145,26 @@ class CommandTable:
         """Return the row with this command byte, or None if the code is undefined."""
         return self._by_code.get(code)
 
+    def find_hooks(self, *owners: type) -> dict[str, type]:
+        """Return which of ``owners`` has each hook, the first one that does.
+
+        Raises:
+            ValueError: a row names a hook that none has.
+        """
+        found: dict[str, type] = {}
+        for row in self.rows:
+            if row.hook:
+                having = [owner for owner in owners if hasattr(owner, row.hook)]
+                if not having:
+                    raise ValueError(f"{row.name}: there is no method {row.hook!r}")
+                found[row.hook] = having[0]
+        return found
+
+
+LIVE: Final = "at once"
+SAMPLED: Final = "with the next sample"
+REPORTED: Final = "as the last sample left it"
+
 
 @dataclass(frozen=True, slots=True)
 class Register:
@@ -155,6 +179,11 @@ class Register:
         fraction: fraction bits.
         clause: clause id.
         title: the manual's name.
+        unit: what its value counts.
+        counts: when its value means something: :data:`LIVE`, :data:`SAMPLED`, :data:`REPORTED`.
+        fields: its bits by name.
+        on_read: method of the chip that gives its bytes; "": they are read as they stand.
+        on_write: method of the chip that takes its bytes; "": they are stored.
     """
 
     name: str
@@ -165,11 +194,21 @@ class Register:
     fraction: int = 0
     clause: str = ""
     title: str = ""
+    unit: str = ""
+    counts: str = ""
+    fields: tuple[Bit, ...] = ()
+    on_read: str = ""
+    on_write: str = ""
 
     @property
     def bits(self) -> int:
         """Width of the whole value."""
         return 8 * len(self.addresses)
+
+    @property
+    def low(self) -> int:
+        """Address of the least significant byte."""
+        return self.addresses[-1]
 
 
 class RegisterMap:
@@ -204,30 +243,54 @@ class RegisterMap:
         """Return the register that holds the byte at ``address``, or None."""
         return self._by_address.get(address)
 
+    def find_hooks(
+        self, role: str, owner: type, plain: str = "", read_only: str = ""
+    ) -> dict[int, Callable[..., Any]]:
+        """Return the methods of ``owner`` that rows name, by the addresses of their bytes.
+
+        Args:
+            role: which name of a row: ``"on_read"`` or ``"on_write"``.
+            owner: class of the methods.
+            plain: method of rows that name none; "": none.
+            read_only: the same for rows that cannot be written.
+
+        Raises:
+            ValueError: a row names what is no method of ``owner``.
+        """
+        found: dict[int, Callable[..., Any]] = {}
+        for row in self.rows:
+            name = getattr(row, role) or (plain if row.access != "r" else read_only)
+            if name:
+                method = getattr(owner, name, None)
+                if not callable(method):
+                    raise ValueError(f"{row.name}: there is no method {name!r}")
+                found.update(dict.fromkeys(row.addresses, method))
+        return found
+
 
 COMMANDS = CommandTable(
-    Command(name='RESET', code=0, write=0, read=0, up_to=0, clause='LM-CMD-1', title='Reset LM628', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='PORT8', code=5, write=0, read=0, up_to=0, clause='LM-CMD-6', title='Select 8-Bit Output', note='2', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='PORT12', code=6, write=0, read=0, up_to=0, clause='LM-CMD-7', title='Select 12-Bit Output', note='2', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='DFH', code=2, write=0, read=0, up_to=0, clause='LM-CMD-3', title='Define Home', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='SIP', code=3, write=0, read=0, up_to=0, clause='LM-CMD-4', title='Set Index Position', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='LPEI', code=27, write=1, read=0, up_to=0, clause='LM-CMD-16', title='Interrupt on Error', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='LPES', code=26, write=1, read=0, up_to=0, clause='LM-CMD-15', title='Stop on Error', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='SBPA', code=32, write=2, read=0, up_to=0, clause='LM-CMD-21', title='Set Breakpoint, Absolute', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
-    Command(name='SBPR', code=33, write=2, read=0, up_to=0, clause='LM-CMD-22', title='Set Breakpoint, Relative', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
-    Command(name='MSKI', code=28, write=1, read=0, up_to=0, clause='LM-CMD-17', title='Mask Interrupts', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='RSTI', code=29, write=1, read=0, up_to=0, clause='LM-CMD-18', title='Reset Interrupts', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='LFIL', code=30, write=1, read=0, up_to=5, clause='LM-CMD-19', title='Load Filter Parameters', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='UDF', code=4, write=0, read=0, up_to=0, clause='LM-CMD-5', title='Update Filter', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='LTRJ', code=31, write=1, read=0, up_to=7, clause='LM-CMD-20', title='Load Trajectory', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='STT', code=1, write=0, read=0, up_to=0, clause='LM-CMD-2', title='Start Motion', note='3', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='RDSIGS', code=12, write=0, read=1, up_to=0, clause='LM-CMD-13', title='Read Signals Register', note='1', scope='', parameter='', buffered=False, signed=False, fraction=0),
-    Command(name='RDIP', code=9, write=0, read=2, up_to=0, clause='LM-CMD-10', title='Read Index Position', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
-    Command(name='RDDP', code=8, write=0, read=2, up_to=0, clause='LM-CMD-9', title='Read Desired Position', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
-    Command(name='RDRP', code=10, write=0, read=2, up_to=0, clause='LM-CMD-11', title='Read Real Position', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
-    Command(name='RDDV', code=7, write=0, read=2, up_to=0, clause='LM-CMD-8', title='Read Desired Velocity', note='1', scope='', parameter='', buffered=False, signed=True, fraction=16),
-    Command(name='RDRV', code=11, write=0, read=1, up_to=0, clause='LM-CMD-12', title='Read Real Velocity', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
-    Command(name='RDSUM', code=13, write=0, read=1, up_to=0, clause='LM-CMD-14', title='Read Integration Sum', note='1', scope='', parameter='', buffered=False, signed=True, fraction=0),
+    Command(name='RESET', code=0, write=0, read=0, up_to=0, clause='LM-CMD-1', title='Reset LM628', note='1', scope='', hook='reset', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='PORT8', code=5, write=0, read=0, up_to=0, clause='LM-CMD-6', title='Select 8-Bit Output', note='2', scope='', hook='select_port', parameter='', value=8, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='PORT12', code=6, write=0, read=0, up_to=0, clause='LM-CMD-7', title='Select 12-Bit Output', note='2', scope='', hook='select_port', parameter='', value=12, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='DFH', code=2, write=0, read=0, up_to=0, clause='LM-CMD-3', title='Define Home', note='1', scope='', hook='define_home', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='SIP', code=3, write=0, read=0, up_to=0, clause='LM-CMD-4', title='Set Index Position', note='1', scope='', hook='', parameter='sip', value=True, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='LPEI', code=27, write=1, read=0, up_to=0, clause='LM-CMD-16', title='Interrupt on Error', note='1', scope='', hook='load_threshold', parameter='', value=False, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='LPES', code=26, write=1, read=0, up_to=0, clause='LM-CMD-15', title='Stop on Error', note='1', scope='', hook='load_threshold', parameter='', value=True, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='SBPA', code=32, write=2, read=0, up_to=0, clause='LM-CMD-21', title='Set Breakpoint, Absolute', note='1', scope='', hook='set_breakpoint', parameter='', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
+    Command(name='SBPR', code=33, write=2, read=0, up_to=0, clause='LM-CMD-22', title='Set Breakpoint, Relative', note='1', scope='', hook='set_relative_breakpoint', parameter='', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
+    Command(name='MSKI', code=28, write=1, read=0, up_to=0, clause='LM-CMD-17', title='Mask Interrupts', note='1', scope='', hook='mask_interrupts', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='RSTI', code=29, write=1, read=0, up_to=0, clause='LM-CMD-18', title='Reset Interrupts', note='1', scope='', hook='reset_interrupts', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='LFIL', code=30, write=1, read=0, up_to=5, clause='LM-CMD-19', title='Load Filter Parameters', note='1', scope='', hook='load_filter', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='UDF', code=4, write=0, read=0, up_to=0, clause='LM-CMD-5', title='Update Filter', note='1', scope='', hook='request_update', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='LTRJ', code=31, write=1, read=0, up_to=7, clause='LM-CMD-20', title='Load Trajectory', note='1', scope='', hook='load_trajectory', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='STT', code=1, write=0, read=0, up_to=0, clause='LM-CMD-2', title='Start Motion', note='3', scope='', hook='start', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='RDSIGS', code=12, write=0, read=1, up_to=0, clause='LM-CMD-13', title='Read Signals Register', note='1', scope='', hook='', parameter='signals', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='RDIP', code=9, write=0, read=2, up_to=0, clause='LM-CMD-10', title='Read Index Position', note='1', scope='', hook='', parameter='index', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
+    Command(name='RDDP', code=8, write=0, read=2, up_to=0, clause='LM-CMD-9', title='Read Desired Position', note='1', scope='', hook='', parameter='profile.desired_position', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
+    Command(name='RDRP', code=10, write=0, read=2, up_to=0, clause='LM-CMD-11', title='Read Real Position', note='1', scope='', hook='', parameter='real', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
+    Command(name='RDDV', code=7, write=0, read=2, up_to=0, clause='LM-CMD-8', title='Read Desired Velocity', note='1', scope='', hook='', parameter='profile.velocity', value=None, bits=0, least=0, buffered=False, signed=True, fraction=16),
+    Command(name='RDRV', code=11, write=0, read=1, up_to=0, clause='LM-CMD-12', title='Read Real Velocity', note='1', scope='', hook='', parameter='real_velocity', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
+    Command(name='RDSUM', code=13, write=0, read=1, up_to=0, clause='LM-CMD-14', title='Read Integration Sum', note='1', scope='', hook='', parameter='pid.term', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
 )
 COMMAND_PORT = 0
 DATA_PORT = 1

@@ -6,16 +6,8 @@ from typing import Final
 
 from . import tables as ds
 from .tables import Register
-from .packets import Cycle, RegisterPackets, flags
+from .packets import Cycle, RegisterPackets
 
-_BITS: Final = {
-    "FEATURE": ds.FEATURE_BITS,
-    "CONFIG": ds.CONFIG_BITS,
-    "CAPTURE_CONTROL": ds.CAPTURE_BITS,
-    "STATUS": ds.STATUS_BITS,
-}
-_MODES: Final = {0: "soft reset", 1: "idle", 2: "halt motion", 3: "control"}
-_ACTIONS: Final = ("report", "idle", "decelerate", "abrupt")
 _COMPATIBLE: Final = 0x3F
 
 
@@ -49,18 +41,11 @@ class Mcp1200Packets(RegisterPackets):
 
     def value(self, row: Register, value: int, write: bool) -> str:
         """Return a register's value as people read it."""
-        if row.name in _BITS:
-            return f"{value:02X}H {flags(value, _BITS[row.name])}"
-        if row.name == "FLAG":
-            if not write:
-                return f"{value:02X}H {flags(value, ds.FLAG_BITS)}"
+        if row.name == "FLAG" and write:
             return f"{value:02X}H {'sets' if value & 8 else 'clears'} F{value & 7}"
         if row.name == "MODE":
-            return f"{value:02X}H {_MODES.get(value, 'control')}"
+            return f"{value:02X}H {ds.MODES[min(value, 3)]}"
         if row.name == "EXCEPTION":
-            actions = [
-                f"{name}={_ACTIONS[value >> shift & 3]}"
-                for name, shift in (("error", 6), ("breakpoint", 4), ("stop", 2), ("limit", 0))
-            ]
+            actions = [f"{name}={ds.ACTIONS[value >> at & 3]}" for name, at in ds.EXCEPTIONS]
             return f"{value:02X}H {' '.join(actions)}"
         return super().value(row, value, write)

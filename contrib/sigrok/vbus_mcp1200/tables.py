@@ -2,8 +2,9 @@
 # Made by vbus.tools.generate from vbus/chips/tables.py and vbus/chips/mcp1200/datasheet.py; change that, or the generator.
 """Rows of which a datasheet is made: pins, commands, registers, bits. Data, and checks on it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any, Final
 
 HIGH = 1
 
@@ -83,7 +84,11 @@ class Command:
         title: the manual's description.
         note: when it may be used.
         scope: ``"c"`` current axis, ``"g"`` global, ``"i"`` interrupting axis, ``""`` single axis.
-        parameter: name of the plain parameter it sets or gets, if it does only that.
+        hook: name of the method that carries it out, if it does not just set or get a parameter.
+        parameter: the parameter it sets or gets: an attribute of the chip's parts, by its path.
+        value: what a command without data gives to its parameter or hook.
+        bits: how many bits of the data are kept; 0 for all.
+        least: smallest value kept, where it is not that of its bits.
         buffered: the value takes effect at an update.
         signed: the (single) value is two's complement.
         fraction: fraction bits of the value.
@@ -98,15 +103,14 @@ class Command:
     title: str = ""
     note: str = ""
     scope: str = ""
+    hook: str = ""
     parameter: str = ""
+    value: int | None = None
+    bits: int = 0
+    least: int = 0
     buffered: bool = False
     signed: bool = False
     fraction: int = 0
-
-    @property
-    def handler(self) -> str:
-        """Name of the method that carries it out."""
-        return "cmd_" + self.name.lower()
 
 
 class CommandTable:
@@ -141,6 +145,26 @@ class CommandTable:
         """Return the row with this command byte, or None if the code is undefined."""
         return self._by_code.get(code)
 
+    def find_hooks(self, *owners: type) -> dict[str, type]:
+        """Return which of ``owners`` has each hook, the first one that does.
+
+        Raises:
+            ValueError: a row names a hook that none has.
+        """
+        found: dict[str, type] = {}
+        for row in self.rows:
+            if row.hook:
+                having = [owner for owner in owners if hasattr(owner, row.hook)]
+                if not having:
+                    raise ValueError(f"{row.name}: there is no method {row.hook!r}")
+                found[row.hook] = having[0]
+        return found
+
+
+LIVE: Final = "at once"
+SAMPLED: Final = "with the next sample"
+REPORTED: Final = "as the last sample left it"
+
 
 @dataclass(frozen=True, slots=True)
 class Register:
@@ -155,6 +179,11 @@ class Register:
         fraction: fraction bits.
         clause: clause id.
         title: the manual's name.
+        unit: what its value counts.
+        counts: when its value means something: :data:`LIVE`, :data:`SAMPLED`, :data:`REPORTED`.
+        fields: its bits by name.
+        on_read: method of the chip that gives its bytes; "": they are read as they stand.
+        on_write: method of the chip that takes its bytes; "": they are stored.
     """
 
     name: str
@@ -165,11 +194,21 @@ class Register:
     fraction: int = 0
     clause: str = ""
     title: str = ""
+    unit: str = ""
+    counts: str = ""
+    fields: tuple[Bit, ...] = ()
+    on_read: str = ""
+    on_write: str = ""
 
     @property
     def bits(self) -> int:
         """Width of the whole value."""
         return 8 * len(self.addresses)
+
+    @property
+    def low(self) -> int:
+        """Address of the least significant byte."""
+        return self.addresses[-1]
 
 
 class RegisterMap:
@@ -204,67 +243,89 @@ class RegisterMap:
         """Return the register that holds the byte at ``address``, or None."""
         return self._by_address.get(address)
 
+    def find_hooks(
+        self, role: str, owner: type, plain: str = "", read_only: str = ""
+    ) -> dict[int, Callable[..., Any]]:
+        """Return the methods of ``owner`` that rows name, by the addresses of their bytes.
 
-CAPTURE_BITS = (Bit(number=0, name='TRIG_LATCH', title='TRIG Latch Output / Clear'), Bit(number=1, name='TRIG_CAPTURE', title='TRIG Input Capture Enable'), Bit(number=2, name='TRIG_INPUT', title='TRIG_IO Pin Direction (1 = Input)'), Bit(number=3, name='INDEX_LATCH', title='INDEX Latch Output / Clear'), Bit(number=4, name='INDEX_CAPTURE', title='INDEX Input Capture Enable'), Bit(number=5, name='INDEX_RISING', title='INDEX Pin Polarity (1 = Rising Edge)'), Bit(number=6, name='BUSY_ON_PROF', title='Interp. Busy Status on PROF pin'), Bit(number=7, name='INTERPOLATOR_BUSY', title='Interp. Busy Status'))
+        Args:
+            role: which name of a row: ``"on_read"`` or ``"on_write"``.
+            owner: class of the methods.
+            plain: method of rows that name none; "": none.
+            read_only: the same for rows that cannot be written.
+
+        Raises:
+            ValueError: a row names what is no method of ``owner``.
+        """
+        found: dict[int, Callable[..., Any]] = {}
+        for row in self.rows:
+            name = getattr(row, role) or (plain if row.access != "r" else read_only)
+            if name:
+                method = getattr(owner, name, None)
+                if not callable(method):
+                    raise ValueError(f"{row.name}: there is no method {name!r}")
+                found.update(dict.fromkeys(row.addresses, method))
+        return found
+
+
+ACTIONS = ('report', 'idle', 'decelerate', 'abrupt')
 CONFIG = 2
-CONFIG_BITS = (Bit(number=0, name='EXTENDED', title='Extended Addressing'), Bit(number=1, name='STEP_MODE', title='Step Mode Enable'), Bit(number=2, name='STEP_LOW', title='Step Output Polarity (1 = low pulse)'), Bit(number=4, name='BREAK_ENABLE', title='Breakpoint Feature Enable'), Bit(number=5, name='BREAK_REPEAT', title='Breakpoint Mode (1 = Repeat)'), Bit(number=6, name='SIGN_INHIBIT', title='PWM Sign Reversal Inhibit'), Bit(number=7, name='PWM_BIAS', title='PWM Bias (1 = 50% Duty Cycle)'))
+EXCEPTIONS = (('error', 6), ('breakpoint', 4), ('stop', 2), ('limit', 0))
 EXTENDED = 1
 FAMILY = 'mcp1200'
-FEATURE_BITS = (Bit(number=2, name='UNIPOLAR', title='Unipolar Select'), Bit(number=3, name='PID', title='Filter Select (0 = Lead, 1 = PID)'), Bit(number=4, name='S_CURVE', title='Profile Mode Select (0 = Trapezoid, 1 = S-Curve)'), Bit(number=5, name='HIGH_RESOLUTION', title='High-Resolution Velocity'), Bit(number=6, name='DIAGNOSTIC_PWM', title='Position Error sent to PWM'), Bit(number=7, name='DIAGNOSTIC_DAC', title='Position Error sent to DAC'))
-FLAG_BITS = (Bit(number=0, name='F0', title='Trapezoid/S-curve Profile'), Bit(number=1, name='F1', title='IDLE Flag'), Bit(number=2, name='F2', title='IN-MOTION Flag'), Bit(number=3, name='F3', title='Position Interpolation Control'), Bit(number=4, name='F4', title='Velocity Interpolation Control'), Bit(number=5, name='F5', title='Integral Velocity Profile'))
+MODES = ('soft reset', 'idle', 'halt motion', 'control')
 REGISTERS = RegisterMap(
     128,
-    Register(name='FLAG', addresses=(0,), reset=2, access='rw', signed=False, fraction=0, clause='MCP-REG-1', title='Flag Register'),
-    Register(name='FEATURE', addresses=(1,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-2', title='Feature Control Register'),
-    Register(name='CONFIG', addresses=(2,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-3', title='Advanced Configuration Register'),
-    Register(name='CAPTURE_CONTROL', addresses=(3,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-4', title='Capture Control Register'),
-    Register(name='EXCEPTION', addresses=(4,), reset=9, access='rw', signed=False, fraction=0, clause='MCP-REG-5', title='Exception Handling Register'),
-    Register(name='MODE', addresses=(5,), reset=1, access='rw', signed=False, fraction=0, clause='MCP-REG-6', title='Mode Brancher'),
-    Register(name='PHASE', addresses=(6,), reset=0, access='r', signed=False, fraction=0, clause='MCP-REG-7', title='Profile Phase Status'),
-    Register(name='STATUS', addresses=(7,), reset=248, access='rw', signed=False, fraction=0, clause='MCP-REG-8', title='Status Register'),
-    Register(name='MOTOR_COMMAND', addresses=(8,), reset=128, access='rw', signed=False, fraction=0, clause='MCP-REG-9', title='Motor Command Port (MSB)'),
-    Register(name='PWM_COMMAND', addresses=(9,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-10', title='PWM Command Port'),
-    Register(name='DAC_OFFSET', addresses=(10,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-11', title='Motor Command DAC Offset'),
-    Register(name='COMMAND_INCREMENT', addresses=(11,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-12', title='Command Position Increment'),
-    Register(name='COMMAND_POSITION', addresses=(12, 13, 14), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-13', title='Command Position'),
-    Register(name='SAMPLE_TIMER', addresses=(15,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-14', title='Sample Timer'),
-    Register(name='PRESCALER', addresses=(16, 17), reset=63, access='rw', signed=False, fraction=0, clause='MCP-REG-15', title='Sample Timer Pre-scalar'),
-    Register(name='ACTUAL_POSITION', addresses=(18, 19, 20), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-16', title='Read Actual Position'),
-    Register(name='PRESET_POSITION', addresses=(21, 22, 23), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-17', title='Preset Actual Position'),
-    Register(name='INTERPOLATOR_PRESET', addresses=(24,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-18', title='Interpolator Counter Preset'),
-    Register(name='INTERPOLATOR_COUNT', addresses=(25,), reset=0, access='r', signed=False, fraction=0, clause='MCP-REG-19', title='Interpolator Counter Value'),
-    Register(name='ENCODER_PWM', addresses=(26,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-20', title='Encoder Filter Clock / PWM Resolution'),
-    Register(name='STEP_WIDTH', addresses=(27,), reset=15, access='rw', signed=False, fraction=0, clause='MCP-REG-21', title='Stepper Pulse Width'),
-    Register(name='ENCODER_RATIO', addresses=(28, 29), reset=0, access='rw', signed=False, fraction=8, clause='MCP-REG-22', title='Encoder / Stepper Ratio'),
-    Register(name='LEAD_ZERO', addresses=(32,), reset=229, access='rw', signed=False, fraction=0, clause='MCP-REG-23', title='Lead Filter Zero'),
-    Register(name='LEAD_POLE', addresses=(33,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-23', title='Lead Filter Pole'),
-    Register(name='LEAD_GAIN', addresses=(34,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-23', title='Lead Filter Gain'),
-    Register(name='VELOCITY', addresses=(35, 36, 37), reset=0, access='rw', signed=True, fraction=8, clause='MCP-REG-24', title='High Resolution Velocity'),
-    Register(name='ACCELERATION', addresses=(39, 38), reset=0, access='rw', signed=False, fraction=8, clause='MCP-REG-25', title='Acceleration'),
-    Register(name='PROFILE_VELOCITY', addresses=(40,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-26', title='Profile Velocity (Low Res)'),
-    Register(name='FINAL_POSITION', addresses=(43, 42, 41), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-27', title='Final Position'),
-    Register(name='POSITION_ERROR', addresses=(45, 44), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-28', title='Position Error'),
-    Register(name='CAPTURE', addresses=(48, 47, 46), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-29', title='Capture Count'),
-    Register(name='ACCEL_DELTA', addresses=(51, 50, 49), reset=0, access='r', signed=False, fraction=0, clause='MCP-REG-30', title='Accel. Delta Position'),
-    Register(name='ACTUAL_VELOCITY', addresses=(53, 52), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-31', title='Actual Velocity'),
-    Register(name='DECEL_POSITION', addresses=(59, 58, 57), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-32', title='Deceleration Position'),
-    Register(name='VELOCITY_COMMAND', addresses=(60,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-33', title='Velocity Command'),
-    Register(name='BREAKPOINT', addresses=(63, 62, 61), reset=8388608, access='rw', signed=True, fraction=0, clause='MCP-REG-34', title='Break-point Position'),
-    Register(name='BACKLASH', addresses=(68,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-35', title='Backlash'),
-    Register(name='DEADBAND', addresses=(69,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-36', title='Deadband'),
-    Register(name='FORCED_EXCEPTION', addresses=(70,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-37', title='Forced Exception Register'),
-    Register(name='MAX_ERROR', addresses=(74, 73), reset=65535, access='rw', signed=False, fraction=0, clause='MCP-REG-38', title='Maximum Error'),
-    Register(name='SATURATION', addresses=(75,), reset=240, access='rw', signed=False, fraction=0, clause='MCP-REG-39', title='Saturation Foldback Setting'),
-    Register(name='MOTOR_COMMAND_LOW', addresses=(76,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-40', title='Motor Command Port (extended)'),
-    Register(name='PWM_FRACTION', addresses=(77,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-41', title='PWM Command Port (extended)'),
-    Register(name='JERK', addresses=(85, 84), reset=0, access='rw', signed=False, fraction=16, clause='MCP-REG-42', title='Jerk'),
-    Register(name='FEED_FORWARD', addresses=(87, 86), reset=0, access='rw', signed=True, fraction=8, clause='MCP-REG-43', title='Command Feed-forward'),
-    Register(name='KP', addresses=(97,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-44', title='Proportional Gain, Kp'),
-    Register(name='KI', addresses=(98,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-44', title='Integral Gain, Ki'),
-    Register(name='KD', addresses=(99,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-44', title='Derivative Gain, Kd'),
-    Register(name='DERIVATIVE_SPAN', addresses=(100,), reset=1, access='rw', signed=False, fraction=0, clause='MCP-REG-45', title='Derivative Span'),
-    Register(name='INTEGRAL_LIMIT', addresses=(102, 101), reset=32767, access='rw', signed=False, fraction=0, clause='MCP-REG-46', title='Integral Limit'),
-    Register(name='KA', addresses=(105,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-47', title='Accel Feed-forward, Kaff'),
-    Register(name='KV', addresses=(106,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-47', title='Velocity Feed-forward, Kvff'),
+    Register(name='FLAG', addresses=(0,), reset=2, access='rw', signed=False, fraction=0, clause='MCP-REG-1', title='Flag Register', unit='', counts='as the last sample left it', fields=(Bit(number=0, name='F0', title='Trapezoid/S-curve Profile'), Bit(number=1, name='F1', title='IDLE Flag'), Bit(number=2, name='F2', title='IN-MOTION Flag'), Bit(number=3, name='F3', title='Position Interpolation Control'), Bit(number=4, name='F4', title='Velocity Interpolation Control'), Bit(number=5, name='F5', title='Integral Velocity Profile')), on_read='', on_write='write_flag'),
+    Register(name='FEATURE', addresses=(1,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-2', title='Feature Control Register', unit='', counts='with the next sample', fields=(Bit(number=2, name='UNIPOLAR', title='Unipolar Select'), Bit(number=3, name='PID', title='Filter Select (0 = Lead, 1 = PID)'), Bit(number=4, name='S_CURVE', title='Profile Mode Select (0 = Trapezoid, 1 = S-Curve)'), Bit(number=5, name='HIGH_RESOLUTION', title='High-Resolution Velocity'), Bit(number=6, name='DIAGNOSTIC_PWM', title='Position Error sent to PWM'), Bit(number=7, name='DIAGNOSTIC_DAC', title='Position Error sent to DAC')), on_read='', on_write=''),
+    Register(name='CONFIG', addresses=(2,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-3', title='Advanced Configuration Register', unit='', counts='at once', fields=(Bit(number=0, name='EXTENDED', title='Extended Addressing'), Bit(number=1, name='STEP_MODE', title='Step Mode Enable'), Bit(number=2, name='STEP_LOW', title='Step Output Polarity (1 = low pulse)'), Bit(number=4, name='BREAK_ENABLE', title='Breakpoint Feature Enable'), Bit(number=5, name='BREAK_REPEAT', title='Breakpoint Mode (1 = Repeat)'), Bit(number=6, name='SIGN_INHIBIT', title='PWM Sign Reversal Inhibit'), Bit(number=7, name='PWM_BIAS', title='PWM Bias (1 = 50% Duty Cycle)')), on_read='', on_write='write_config'),
+    Register(name='CAPTURE_CONTROL', addresses=(3,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-4', title='Capture Control Register', unit='', counts='at once', fields=(Bit(number=0, name='TRIG_LATCH', title='TRIG Latch Output / Clear'), Bit(number=1, name='TRIG_CAPTURE', title='TRIG Input Capture Enable'), Bit(number=2, name='TRIG_INPUT', title='TRIG_IO Pin Direction (1 = Input)'), Bit(number=3, name='INDEX_LATCH', title='INDEX Latch Output / Clear'), Bit(number=4, name='INDEX_CAPTURE', title='INDEX Input Capture Enable'), Bit(number=5, name='INDEX_RISING', title='INDEX Pin Polarity (1 = Rising Edge)'), Bit(number=6, name='BUSY_ON_PROF', title='Interp. Busy Status on PROF pin'), Bit(number=7, name='INTERPOLATOR_BUSY', title='Interp. Busy Status')), on_read='', on_write='write_capture_control'),
+    Register(name='EXCEPTION', addresses=(4,), reset=9, access='rw', signed=False, fraction=0, clause='MCP-REG-5', title='Exception Handling Register', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='MODE', addresses=(5,), reset=1, access='rw', signed=False, fraction=0, clause='MCP-REG-6', title='Mode Brancher', unit='', counts='as the last sample left it', fields=(), on_read='', on_write='write_mode'),
+    Register(name='PHASE', addresses=(6,), reset=0, access='r', signed=False, fraction=0, clause='MCP-REG-7', title='Profile Phase Status', unit='', counts='as the last sample left it', fields=(), on_read='', on_write=''),
+    Register(name='STATUS', addresses=(7,), reset=248, access='rw', signed=False, fraction=0, clause='MCP-REG-8', title='Status Register', unit='', counts='as the last sample left it', fields=(Bit(number=0, name='BUSY', title='BUSY pin state'), Bit(number=1, name='DIRECTION', title='Motor Direction at Last Fault (1 = Reverse)'), Bit(number=2, name='IN_POSITION', title='In-Position Flag'), Bit(number=3, name='TIMER_OK', title='Sample Timer Error (active low)'), Bit(number=4, name='ERROR_OK', title='Maximum Error Fault (active low)'), Bit(number=5, name='BREAKPOINT_OK', title='Breakpoint Flag (active low)'), Bit(number=6, name='STOP_OK', title='Stop Error (active low)'), Bit(number=7, name='LIMIT_OK', title='Limit Error (active low)')), on_read='', on_write='write_status'),
+    Register(name='MOTOR_COMMAND', addresses=(8,), reset=128, access='rw', signed=False, fraction=0, clause='MCP-REG-9', title='Motor Command Port (MSB)', unit='1/256 of full scale', counts='as the last sample left it', fields=(), on_read='', on_write='write_output'),
+    Register(name='PWM_COMMAND', addresses=(9,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-10', title='PWM Command Port', unit='% of full scale', counts='as the last sample left it', fields=(), on_read='', on_write='write_output'),
+    Register(name='DAC_OFFSET', addresses=(10,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-11', title='Motor Command DAC Offset', unit='1/4096 of full scale', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='COMMAND_INCREMENT', addresses=(11,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-12', title='Command Position Increment', unit='count', counts='with the next sample', fields=(), on_read='', on_write='write_command_increment'),
+    Register(name='COMMAND_POSITION', addresses=(12, 13, 14), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-13', title='Command Position', unit='count', counts='as the last sample left it', fields=(), on_read='', on_write='write_command_position'),
+    Register(name='SAMPLE_TIMER', addresses=(15,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-14', title='Sample Timer', unit='pre-scalar period', counts='with the next sample', fields=(), on_read='read_sample_timer', on_write=''),
+    Register(name='PRESCALER', addresses=(16, 17), reset=63, access='rw', signed=False, fraction=0, clause='MCP-REG-15', title='Sample Timer Pre-scalar', unit='clk', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='ACTUAL_POSITION', addresses=(18, 19, 20), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-16', title='Read Actual Position', unit='count', counts='at once', fields=(), on_read='read_actual_position', on_write='write_actual_position'),
+    Register(name='PRESET_POSITION', addresses=(21, 22, 23), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-17', title='Preset Actual Position', unit='count', counts='at once', fields=(), on_read='', on_write='write_preset_position'),
+    Register(name='INTERPOLATOR_PRESET', addresses=(24,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-18', title='Interpolator Counter Preset', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='INTERPOLATOR_COUNT', addresses=(25,), reset=0, access='r', signed=False, fraction=0, clause='MCP-REG-19', title='Interpolator Counter Value', unit='sample', counts='as the last sample left it', fields=(), on_read='', on_write=''),
+    Register(name='ENCODER_PWM', addresses=(26,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-20', title='Encoder Filter Clock / PWM Resolution', unit='', counts='at once', fields=(), on_read='', on_write='write_encoder_pwm'),
+    Register(name='STEP_WIDTH', addresses=(27,), reset=15, access='rw', signed=False, fraction=0, clause='MCP-REG-21', title='Stepper Pulse Width', unit='clk', counts='at once', fields=(), on_read='', on_write=''),
+    Register(name='ENCODER_RATIO', addresses=(28, 29), reset=0, access='rw', signed=False, fraction=8, clause='MCP-REG-22', title='Encoder / Stepper Ratio', unit='count/step', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='LEAD_ZERO', addresses=(32,), reset=229, access='rw', signed=False, fraction=0, clause='MCP-REG-23', title='Lead Filter Zero', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='LEAD_POLE', addresses=(33,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-23', title='Lead Filter Pole', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='LEAD_GAIN', addresses=(34,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-23', title='Lead Filter Gain', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='VELOCITY', addresses=(35, 36, 37), reset=0, access='rw', signed=True, fraction=8, clause='MCP-REG-24', title='High Resolution Velocity', unit='count/sample', counts='with the next sample', fields=(), on_read='', on_write='write_velocity'),
+    Register(name='ACCELERATION', addresses=(39, 38), reset=0, access='rw', signed=False, fraction=8, clause='MCP-REG-25', title='Acceleration', unit='count/sample²', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='PROFILE_VELOCITY', addresses=(40,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-26', title='Profile Velocity (Low Res)', unit='count/sample', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='FINAL_POSITION', addresses=(43, 42, 41), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-27', title='Final Position', unit='count', counts='with the next sample', fields=(), on_read='', on_write='write_final_position'),
+    Register(name='POSITION_ERROR', addresses=(45, 44), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-28', title='Position Error', unit='count', counts='as the last sample left it', fields=(), on_read='', on_write=''),
+    Register(name='CAPTURE', addresses=(48, 47, 46), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-29', title='Capture Count', unit='count', counts='at once', fields=(), on_read='', on_write=''),
+    Register(name='ACCEL_DELTA', addresses=(51, 50, 49), reset=0, access='r', signed=False, fraction=0, clause='MCP-REG-30', title='Accel. Delta Position', unit='count', counts='as the last sample left it', fields=(), on_read='', on_write=''),
+    Register(name='ACTUAL_VELOCITY', addresses=(53, 52), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-31', title='Actual Velocity', unit='count/sample', counts='as the last sample left it', fields=(), on_read='', on_write=''),
+    Register(name='DECEL_POSITION', addresses=(59, 58, 57), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-32', title='Deceleration Position', unit='count', counts='as the last sample left it', fields=(), on_read='', on_write=''),
+    Register(name='VELOCITY_COMMAND', addresses=(60,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-33', title='Velocity Command', unit='count/sample', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='BREAKPOINT', addresses=(63, 62, 61), reset=8388608, access='rw', signed=True, fraction=0, clause='MCP-REG-34', title='Break-point Position', unit='count', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='BACKLASH', addresses=(68,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-35', title='Backlash', unit='count', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='DEADBAND', addresses=(69,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-36', title='Deadband', unit='count', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='FORCED_EXCEPTION', addresses=(70,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-37', title='Forced Exception Register', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='MAX_ERROR', addresses=(74, 73), reset=65535, access='rw', signed=False, fraction=0, clause='MCP-REG-38', title='Maximum Error', unit='count', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='SATURATION', addresses=(75,), reset=240, access='rw', signed=False, fraction=0, clause='MCP-REG-39', title='Saturation Foldback Setting', unit='1/256 of full scale', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='MOTOR_COMMAND_LOW', addresses=(76,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-40', title='Motor Command Port (extended)', unit='', counts='as the last sample left it', fields=(), on_read='', on_write='write_output_low'),
+    Register(name='PWM_FRACTION', addresses=(77,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-41', title='PWM Command Port (extended)', unit='', counts='as the last sample left it', fields=(), on_read='', on_write='write_output_low'),
+    Register(name='JERK', addresses=(85, 84), reset=0, access='rw', signed=False, fraction=16, clause='MCP-REG-42', title='Jerk', unit='count/sample³', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='FEED_FORWARD', addresses=(87, 86), reset=0, access='rw', signed=True, fraction=8, clause='MCP-REG-43', title='Command Feed-forward', unit='count/sample', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='KP', addresses=(97,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-44', title='Proportional Gain, Kp', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='KI', addresses=(98,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-44', title='Integral Gain, Ki', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='KD', addresses=(99,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-44', title='Derivative Gain, Kd', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='DERIVATIVE_SPAN', addresses=(100,), reset=1, access='rw', signed=False, fraction=0, clause='MCP-REG-45', title='Derivative Span', unit='sample', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='INTEGRAL_LIMIT', addresses=(102, 101), reset=32767, access='rw', signed=False, fraction=0, clause='MCP-REG-46', title='Integral Limit', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='KA', addresses=(105,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-47', title='Accel Feed-forward, Kaff', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='KV', addresses=(106,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-47', title='Velocity Feed-forward, Kvff', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
 )
-STATUS_BITS = (Bit(number=0, name='BUSY', title='BUSY pin state'), Bit(number=1, name='DIRECTION', title='Motor Direction at Last Fault (1 = Reverse)'), Bit(number=2, name='IN_POSITION', title='In-Position Flag'), Bit(number=3, name='TIMER_OK', title='Sample Timer Error (active low)'), Bit(number=4, name='ERROR_OK', title='Maximum Error Fault (active low)'), Bit(number=5, name='BREAKPOINT_OK', title='Breakpoint Flag (active low)'), Bit(number=6, name='STOP_OK', title='Stop Error (active low)'), Bit(number=7, name='LIMIT_OK', title='Limit Error (active low)'))

@@ -28,7 +28,7 @@ class DC8(Chip):
     def power_on(self, done):
         self.load_value = 0
         self.advance()
-        self.rearm()
+        self.touched()
 
     def ready_at(self):
         return self.kernel.now
@@ -64,7 +64,7 @@ class DC8(Chip):
             return
         self.load_value, self.start = data, self.clock.cycle_at(self.kernel.now)
         self.advance()
-        self.rearm()
+        self.touched()
 
     def strobe_moved(self):
         """A bus cycle begins with the later falling edge and ends with the first rising one."""

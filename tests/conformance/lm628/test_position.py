@@ -468,6 +468,18 @@ def test_coming_round_fires_only_a_breakpoint_on_the_way(make, sign, place, way,
         assert bench.axis.flags & 0x40, "reached later, from its new side"
 
 
+@pytest.mark.spec("LM-POS-5", "LM-POS-2")
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_breakpoint_here_fires_in_the_next_sample_though_positions_come_round(make, sign):
+    bench = make(plant=Course([0, 0, 0, sign * (LARGEST + 100)]))
+    pass_samples(bench, 3)
+    bench.command("SBPA", 0, 0)
+    bench.command("RSTI", 0)
+    bench.next_sample()
+    assert bench.axis.real == sign * (98 - LARGEST)
+    assert bench.axis.flags & 0x50 == 0x50
+
+
 @pytest.mark.spec("LM-CMD-22", "LM-AMB-5", "LM-POS-5")
 def test_sbpr_counts_from_the_active_target_and_not_from_buffer_or_real_position(make):
     bench = make(plant=Course([7]))

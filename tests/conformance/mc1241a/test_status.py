@@ -224,6 +224,28 @@ def test_the_line_is_high_for_a_clock_before_it_falls_again(chip: Bench) -> None
     assert chip.level("~HostIntrpt") == 0
 
 
+@spec("PMD-INT-1", "PMD-INT-3")
+def test_who_interrupts_next_is_found_when_the_line_falls_again(chip: Bench) -> None:
+    for axis in (1, 2):
+        chip.send(f"SET_{axis}")
+        chip.send("SET_INTRPT_MASK", 0x0001)
+    stop(chip, 2)
+    chip.next_cycle()
+    stop(chip, 1)
+    chip.command(0x32)
+    chip.wait_ready()
+    # RST_INTRPT acts at the instant of the cycle in which axis 1 stops; axis 2's event stays.
+    boundary = chip.chip.cycles.boundary
+    chip.byte_out(0, 0x00)
+    chip.run_until(boundary + 7 * CYCLE // 8 - BUSY)
+    chip.byte_out(0, 0x01)
+    chip.run_until(chip.now + BUSY + CLK - 1)
+    assert chip.level("~HostIntrpt") == 1
+    chip.run_until(chip.now + 1)
+    assert chip.level("~HostIntrpt") == 0
+    assert chip.send("GET_INTRPT") == 0x0301
+
+
 @spec("PMD-INT-3", "PMD-CMD-43")
 def test_rst_intrpt_without_an_interrupt_does_nothing(chip: Bench) -> None:
     stop(chip)

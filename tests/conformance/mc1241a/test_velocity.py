@@ -296,6 +296,36 @@ def test_a_stopped_axis_does_not_follow_when_gear_is_chosen(chip: Bench) -> None
     assert chip.seen("target") == 0
 
 
+@spec("PMD-TRJ-11", "PMD-TRJ-13", "PMD-UPD-1")
+def test_a_trapezoid_chosen_in_gear_goes_where_the_last_update_said_be_it_a_stop(
+    chip: Bench,
+) -> None:
+    chip.move(pos=1000, vel=8 << 16, acc=8 << 16, ratio=1 << 16)
+    chip.next_cycle()
+    chip.send("SMOOTH_STOP")
+    chip.move(pos=-50)
+    chip.next_cycle(3)
+    assert (chip.seen("target"), chip.status()) == (8, 0x0301)
+    chip.send("SET_PRFL_GEAR")
+    Crank(chip).turn(4)
+    chip.next_cycle()
+    assert chip.seen("target") == 12
+    chip.send("SET_PRFL_TRAP")
+    chip.next_cycle(12)
+    assert (chip.seen("target"), chip.status()) == (-50, 0x0301)
+
+
+@spec("PMD-TRJ-8", "PMD-TRJ-13")
+def test_a_trapezoid_that_turns_round_is_in_motion_when_the_mode_changes(chip: Bench) -> None:
+    chip.move(pos=100, vel=2 << 16, acc=1 << 16)
+    chip.next_cycle(2)
+    chip.move(pos=-100)
+    assert speeds(chip, 2) == [1, 0]
+    assert chip.status() == 0x0700
+    chip.send("SET_PRFL_VEL")
+    assert speeds(chip, 3) == [1, 2, 2]
+
+
 @spec("PMD-ERR-3", "PMD-TRJ-9")
 def test_a_refused_update_does_not_set_a_stopped_axis_free(chip: Bench) -> None:
     chip.drive("PosLimit1", 1)

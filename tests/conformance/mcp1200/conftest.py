@@ -182,11 +182,11 @@ class Bench:
     @property
     def period(self) -> int:
         """Clocks of the present sample period."""
-        return self.chip.works.timer.period
+        return self.chip.axis.timer.period
 
     def sample_start(self) -> int:
         """Cycle of the next sample start."""
-        return self.chip.works.timer.next_zero()
+        return self.chip.axis.timer.next_zero()
 
     def results(self) -> int:
         """Come to the end of BUSY of the next sample that begins; return that cycle."""
@@ -284,13 +284,13 @@ class Bench:
     def seen(self, name: str) -> int:
         """Return a register's value without a bus cycle."""
         self.chip.advance()
-        return self.chip.works.file.value(name)
+        return int(getattr(self.chip.axis.registers, name.lower()))
 
     @property
     def position(self) -> int:
         """The actual position now, without a bus cycle."""
         self.chip.advance()
-        return self.chip.works.counter.position(self.cycle)
+        return self.chip.axis.counter.position(self.cycle)
 
     def extended(self) -> None:
         """Address all 128 registers."""

@@ -14,7 +14,7 @@ def command(bench: Bench, mc: int) -> int:
     """Make the loop give motor command ``mc`` (a multiple of 16); return the DAC code."""
     bench.put("COMMAND_POSITION", mc // 16 & 0xFFFFFF)
     bench.samples(1)
-    assert bench.chip.works.core.mc == mc
+    assert bench.chip.axis.loop.mc == mc
     assert bench.seen("MOTOR_COMMAND") << 4 | bench.seen("MOTOR_COMMAND_LOW") >> 4 == bench.pin(
         "MC0-MC11"
     )
@@ -65,7 +65,7 @@ def test_unipolar_gives_the_magnitude_and_leaves_pwm_and_sign(
     assert command(bench, mc) == code
     bench.wait(200)
     assert bench.pin("SIGN") == sign
-    assert bench.chip.works.pwm.command() == max(-2048, min(2047, mc))
+    assert bench.chip.axis.registers.pwm == max(-2048, min(2047, mc))
 
 
 @pytest.mark.spec("MCP-OUT-2", "MCP-AMB-5", "MCP-OUT-3")
@@ -82,7 +82,7 @@ def test_unipolar_clipped_gives_zero_of_a_negative_command(
     assert command(bench, mc) == code
     bench.wait(200)
     assert bench.pin("SIGN") == sign
-    assert bench.chip.works.pwm.command() == max(-2048, min(2047, mc))
+    assert bench.chip.axis.registers.pwm == max(-2048, min(2047, mc))
     # In idle mode the host writes what it likes.
     bench.write(0x05, 0x01)
     bench.samples(1)
@@ -130,7 +130,7 @@ def test_the_dac_offset_is_added_with_carry_and_clamped(offset: int, mc: int, co
 def test_pwm_takes_the_plain_command_limited_to_12_bits(mc: int, shown: int) -> None:
     bench = servo(DAC_OFFSET=0x40, SATURATION=0x90)
     command(bench, mc)
-    assert bench.chip.works.pwm.command() == shown
+    assert bench.chip.axis.registers.pwm == shown
     assert bench.read(0x09) == shown >> 4 & 0xFF
     assert bench.read(0x4D) == shown << 4 & 0xF0
 
@@ -138,7 +138,7 @@ def test_pwm_takes_the_plain_command_limited_to_12_bits(mc: int, shown: int) -> 
 def duty(bench: Bench, resolution: int = 100, frames: int = 2) -> tuple[int, int]:
     """Clocks Pulse is high in a whole frame, and the level of Sign."""
     bench.wait(2 * resolution)
-    while (bench.cycle - bench.chip.works.pwm.start) % resolution:
+    while (bench.cycle - bench.chip.axis.pwm.start) % resolution:
         bench.wait(1)
         bench.pin("PULSE")
     high = 0
@@ -224,7 +224,7 @@ def test_a_new_command_waits_for_the_next_frame(chip: Bench) -> None:
     chip.write(0x09, 0x32)
     chip.wait(300)
     edges = chip.watch("PULSE", "SIGN")
-    frame = chip.chip.works.pwm.start + 100
+    frame = chip.chip.axis.pwm.start + 100
     while frame <= chip.cycle + 5:
         frame += 100
     chip.until(frame + 10)
@@ -242,7 +242,7 @@ def long_frames(bench: Bench) -> int:
     bench.write(0x1A, 0x08)
     bench.wait(200)
     bench.chip.outputs.show_pulse(bench.cycle)
-    return bench.chip.works.pwm.start
+    return bench.chip.axis.pwm.start
 
 
 def unseen(bench: Bench, cycle: int) -> int:
@@ -327,14 +327,14 @@ def test_diagnostic_outputs_carry_the_position_error(feature: int, dac: int, pwm
     bench = servo(LEAD_GAIN=2, FEATURE=feature)
     bench.put("COMMAND_POSITION", 3)
     bench.samples(1)
-    assert (bench.pin("MC0-MC11"), bench.chip.works.pwm.command()) == (dac, pwm)
+    assert (bench.pin("MC0-MC11"), bench.chip.axis.registers.pwm) == (dac, pwm)
     bench.put("COMMAND_POSITION", 0xFFFF00)
     bench.samples(1)
     shown = -256 * 8
     expected = -2048
     assert expected == shown
     if feature & 0x40:
-        assert bench.chip.works.pwm.command() == -2048
+        assert bench.chip.axis.registers.pwm == -2048
     if feature & 0x80:
         assert bench.pin("MC0-MC11") == 0
 

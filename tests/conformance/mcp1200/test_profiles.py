@@ -74,7 +74,7 @@ def test_a_move_starts_from_the_command_position_even_if_the_motor_is_elsewhere(
     bench: Bench,
 ) -> None:
     bench.put("COMMAND_POSITION", 1000)
-    bench.chip.works.counter.preset(77, bench.cycle)
+    bench.chip.axis.counter.preset(77, bench.cycle)
     prepare(bench, 1100)
     start(bench)
     assert run(bench) == [1000 + place for place in T_10]
@@ -93,6 +93,18 @@ def test_phases_of_a_trapezoid_and_of_a_triangle(bench: Bench) -> None:
     bench.put("FINAL_POSITION", 132)
     start(bench)
     assert bench.trace("PHASE", 7) == [2, 2, 2, 2, 6, 6, 0]
+
+
+@pytest.mark.spec("MCP-TRP-4", "MCP-TRP-8")
+def test_a_sample_that_does_not_accelerate_is_no_part_of_the_acceleration(bench: Bench) -> None:
+    prepare(bench, 100, 1, 0x0100)
+    start(bench)
+    assert bench.trace("COMMAND_POSITION", 3) == [1, 2, 3]
+    assert (bench.seen("PHASE"), bench.seen("ACCEL_DELTA")) == (4, 1)
+    bench.put("PROFILE_VELOCITY", 50)
+    bench.put("FINAL_POSITION", 4)
+    assert run(bench) == [4]
+    assert bench.seen("ACCEL_DELTA") == 1
 
 
 @pytest.mark.spec("MCP-TRP-5")
@@ -526,7 +538,7 @@ def test_every_move_lands_exactly_and_keeps_its_limits(
     accel = max(accel, abs(final) // 100)
     prepare(bench, final, velocity, accel, jerk)
     start(bench)
-    command = bench.chip.works.core.command
+    command = bench.chip.axis.loop.command
     place = speed = 0
     for _ in range(20_000):
         bench.samples(1)

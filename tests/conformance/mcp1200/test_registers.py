@@ -5,6 +5,8 @@ import pytest
 from tests.conformance.mcp1200.conftest import Bench, Rail
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.datasheet import REGISTERS
+from vbus.chips.mcp1200.registers import RegisterFile
+from vbus.chips.tables import SAMPLED
 from vbus.signals import HIGH, LOW
 
 PLAIN = {
@@ -50,27 +52,12 @@ REGISTER_LIST = {
 }  # fmt: skip
 """The manual's Register Reference Table, and R46, which stands in the text: addresses, most
 significant byte first, and the value after a hard reset."""
-BYTES = {
-    "FLAG": 0x00, "FEATURE": 0x01, "CONFIG": 0x02, "CAPTURE_CONTROL": 0x03, "EXCEPTION": 0x04,
-    "MODE": 0x05, "PHASE": 0x06, "STATUS": 0x07, "MOTOR_COMMAND": 0x08, "PWM_COMMAND": 0x09,
-    "DAC_OFFSET": 0x0A, "COMMAND_INCREMENT": 0x0B, "COMMAND_MSB": 0x0C, "COMMAND_CSB": 0x0D,
-    "COMMAND_LSB": 0x0E, "SAMPLE_TIMER": 0x0F, "PRESCALER_MSB": 0x10, "PRESCALER_LSB": 0x11,
-    "ACTUAL_MSB": 0x12, "ACTUAL_CSB": 0x13, "ACTUAL_LSB": 0x14, "PRESET_MSB": 0x15,
-    "PRESET_CSB": 0x16, "PRESET_LSB": 0x17, "INTERPOLATOR_PRESET": 0x18,
-    "INTERPOLATOR_COUNT": 0x19, "ENCODER_PWM": 0x1A, "STEP_WIDTH": 0x1B, "RATIO_MSB": 0x1C,
-    "RATIO_FRACTION": 0x1D, "LEAD_ZERO": 0x20, "LEAD_POLE": 0x21, "LEAD_GAIN": 0x22,
-    "VELOCITY_MSB": 0x23, "VELOCITY_CSB": 0x24, "VELOCITY_LSB": 0x25, "ACCEL_LSB": 0x26,
-    "ACCEL_MSB": 0x27, "PROFILE_VELOCITY": 0x28, "FINAL_LSB": 0x29, "FINAL_CSB": 0x2A,
-    "FINAL_MSB": 0x2B, "ERROR_LSB": 0x2C, "ERROR_MSB": 0x2D, "CAPTURE_LSB": 0x2E,
-    "ACCEL_DELTA_LSB": 0x31, "ACTUAL_VELOCITY_LSB": 0x34, "ACTUAL_VELOCITY_MSB": 0x35,
-    "DECEL_LSB": 0x39, "VELOCITY_COMMAND": 0x3C, "BREAK_LSB": 0x3D, "BREAK_CSB": 0x3E,
-    "BREAK_MSB": 0x3F, "BACKLASH": 0x44, "DEADBAND": 0x45, "FORCED_EXCEPTION": 0x46,
-    "MAX_ERROR_LSB": 0x49, "MAX_ERROR_MSB": 0x4A, "SATURATION": 0x4B, "MOTOR_COMMAND_LOW": 0x4C,
-    "PWM_FRACTION": 0x4D, "JERK_LSB": 0x54, "JERK_MSB": 0x55, "FEED_FORWARD_LSB": 0x56,
-    "FEED_FORWARD_MSB": 0x57, "KP": 0x61, "KI": 0x62, "KD": 0x63, "DERIVATIVE_SPAN": 0x64,
-    "INTEGRAL_LIMIT_LSB": 0x65, "INTEGRAL_LIMIT_MSB": 0x66, "KA": 0x69, "KV": 0x6A,
+SIGNED = {
+    "PWM_COMMAND", "DAC_OFFSET", "COMMAND_INCREMENT", "COMMAND_POSITION", "ACTUAL_POSITION",
+    "PRESET_POSITION", "VELOCITY", "FINAL_POSITION", "POSITION_ERROR", "CAPTURE",
+    "ACTUAL_VELOCITY", "DECEL_POSITION", "VELOCITY_COMMAND", "BREAKPOINT", "FEED_FORWARD",
 }  # fmt: skip
-"""The same table byte by byte, as the code names the bytes it uses."""
+"""Registers whose value is two's complement."""
 HELD = {"SAMPLE_TIMER", "ACTUAL_POSITION"}
 """Not what stands in a register: a timer that runs, a counter with a latch of its own."""
 
@@ -102,12 +89,45 @@ def test_the_register_table_is_the_manual_s() -> None:
 
 
 @pytest.mark.spec("MCP-REG-48", "MCP-AMB-23", "MCP-AMB-28")
-def test_the_bytes_the_code_names_are_those_of_the_table() -> None:
-    assert {name: getattr(ds, name) for name in BYTES} == BYTES
-    listed = [place for places, _ in REGISTER_LIST.values() for place in places]
-    # Of these three the code takes the least significant byte, and counts from there.
-    counted = {0x2F, 0x30, 0x32, 0x33, 0x3A, 0x3B}
-    assert sorted(listed) == sorted([*BYTES.values(), *counted])
+@pytest.mark.parametrize("name", REGISTER_LIST)
+@pytest.mark.parametrize("value", [0x5AB637, -0x5AB637])
+def test_the_number_of_a_register_has_its_bytes_where_the_manual_lists_them(
+    name: str, value: int
+) -> None:
+    places, _ = REGISTER_LIST[name]
+    registers = RegisterFile()
+    value >>= 8 * (3 - len(places))
+    bytes_ = {place: value >> 8 * n & 0xFF for n, place in enumerate(reversed(places))}
+    for place, byte in bytes_.items():
+        registers.put(place, byte)
+    number = value if name in SIGNED else value % (1 << 8 * len(places))
+    assert getattr(registers, name.lower()) == number
+    image = bytes(bytes_.get(place, 0) for place in range(128))
+    assert registers.image == image
+    assert bytes(registers.byte(place) for place in range(128)) == image
+    registers.sample()
+    registers.put(places[0], ~bytes_[places[0]] & 0xFF)
+    assert (registers.sampled.image, getattr(registers.sampled, name.lower())) == (image, number)
+
+
+@pytest.mark.spec("MCP-REG-48", "MCP-SMP-5")
+@pytest.mark.parametrize("name", [row.name for row in REGISTERS if row.counts == SAMPLED])
+def test_what_counts_with_the_next_sample_leaves_the_one_under_way_alone(
+    chip: Bench, name: str
+) -> None:
+    chip.extended()
+    chip.control()
+    chip.samples(1)
+    start = chip.sample_start()
+    chip.until(start + 100)
+    registers = chip.chip.axis.registers
+    before = getattr(registers.sampled, name.lower())
+    chip.put(name, 0x14)
+    assert (getattr(registers, name.lower()), chip.pin("BUSY")) == (0x14, 1)
+    chip.until(chip.sample_start() - 1)
+    assert getattr(registers.sampled, name.lower()) == before != 0x14
+    chip.until(chip.cycle + 1)
+    assert getattr(registers.sampled, name.lower()) == 0x14
 
 
 @pytest.mark.spec("MCP-RST-3", "MCP-BUS-9", "MCP-REG-48")
@@ -136,10 +156,10 @@ def test_the_command_position_is_loaded_by_its_last_byte(bench: Bench) -> None:
 
 @pytest.mark.spec("MCP-REG-16")
 def test_reading_the_lsb_of_the_actual_position_freezes_the_other_bytes(bench: Bench) -> None:
-    bench.chip.works.counter.preset(-2, bench.cycle)
+    bench.chip.axis.counter.preset(-2, bench.cycle)
     assert bench.read(0x12) == 0
     low = bench.read(0x14)
-    bench.chip.works.counter.preset(0x123456, bench.cycle)
+    bench.chip.axis.counter.preset(0x123456, bench.cycle)
     assert (bench.read(0x12), bench.read(0x13), low) == (0xFF, 0xFF, 0xFE)
     assert bench.read(0x14) == 0x56
     assert (bench.read(0x13), bench.read(0x12)) == (0x34, 0x12)
@@ -147,7 +167,7 @@ def test_reading_the_lsb_of_the_actual_position_freezes_the_other_bytes(bench: B
 
 @pytest.mark.spec("MCP-REG-16")
 def test_writing_r13_clears_the_counter_and_r12_and_r14_do_nothing(bench: Bench) -> None:
-    bench.chip.works.counter.preset(0x123456, bench.cycle)
+    bench.chip.axis.counter.preset(0x123456, bench.cycle)
     bench.write(0x12, 0x77)
     bench.write(0x14, 0x77)
     assert bench.position == 0x123456
@@ -187,7 +207,7 @@ def test_the_sample_timer_reads_the_count_not_the_reload_value(bench: Bench) -> 
         bench.until(start + (5 - count) * 64 + 20)
         assert bench.read(0x0F) == count
     bench.until(start + 6 * 64)
-    assert bench.chip.works.host.read(0x0F, bench.cycle) == 5
+    assert bench.chip.axis.host.read(0x0F, bench.cycle) == 5
 
 
 @pytest.mark.spec("MCP-REG-12", "MCP-POS-1")
@@ -209,7 +229,7 @@ def test_the_motor_command_registers_and_their_nibbles(bench: Bench) -> None:
         bench.write(address, data)
         assert bench.read(address) == reads
     assert bench.pin("MC0-MC11") == 0x9AB
-    assert bench.chip.works.pwm.command() == (0xC47 - 0x1000)
+    assert bench.chip.axis.registers.pwm == (0xC47 - 0x1000)
 
 
 @pytest.mark.spec("MCP-REG-48")
@@ -383,7 +403,7 @@ def test_writing_status_leaves_the_three_low_bits(bench: Bench) -> None:
     bench.control()
     bench.samples(1)
     assert bench.read(0x07) == 0xFC
-    bench.chip.works.file.bytes[0x07] = 0x06
+    bench.chip.axis.registers.status = 0x06
     bench.write(0x07, 0x00)
     assert bench.read(0x07) == 0xFE
 
@@ -397,7 +417,7 @@ def test_the_direction_at_a_fault_is_noted(speed: float, direction: int) -> None
     bench.write(0x04, 0x00)
     bench.control()
     bench.samples(3)
-    bench.chip.works.file.bytes[0x07] ^= 2 - direction
+    bench.chip.axis.registers.status ^= 2 - direction
     bench.drive("/STOP", LOW)
     assert bench.seen("STATUS") & 0x42 == direction
     rail.speed = -speed

@@ -92,7 +92,7 @@ def test_hard_reset_loads_every_default(bench: Bench) -> None:
 )  # fmt: skip
 def test_defaults_of_the_register_table(bench: Bench, name: str, value: int) -> None:
     bench.extended()
-    bench.chip.works.file.reset(name)
+    bench.chip.axis.registers.reset(name)
     if name != "SAMPLE_TIMER":
         assert bench.get(name) == value
     assert bench.seen(name) == value
@@ -101,7 +101,7 @@ def test_defaults_of_the_register_table(bench: Bench, name: str, value: int) -> 
 @pytest.mark.spec("MCP-RST-4", "MCP-AMB-20")
 def test_soft_reset_loads_some_registers_and_keeps_the_rest(bench: Bench) -> None:
     fill(bench)
-    bench.chip.works.counter.preset(77, bench.cycle)
+    bench.chip.axis.counter.preset(77, bench.cycle)
     bench.write(0x05, 0x00)
     bench.wait(320)
     for name, value in SOFT.items():
@@ -187,7 +187,7 @@ def test_halt_stops_at_the_actual_position_and_holds_it_until_control(bench: Ben
     bench.control()
     bench.write(0x00, 0x0D)
     bench.samples(5)
-    bench.chip.works.counter.preset(33, bench.cycle)
+    bench.chip.axis.counter.preset(33, bench.cycle)
     bench.write(0x05, 0x02)
     bench.samples(1)
     assert bench.read(0x05) == 2
@@ -200,6 +200,23 @@ def test_halt_stops_at_the_actual_position_and_holds_it_until_control(bench: Ben
     bench.samples(2)
     assert bench.read(0x05) == 3
     assert bench.seen("COMMAND_POSITION") > 33
+
+
+@pytest.mark.spec("MCP-MOD-1", "MCP-MOD-7", "MCP-SMP-5")
+@pytest.mark.parametrize(("before", "code"), [(3, 2), (2, 3)])
+def test_a_halt_and_its_end_are_read_with_the_results_of_their_sample(
+    bench: Bench, before: int, code: int
+) -> None:
+    bench.control()
+    bench.samples(1)
+    bench.write(0x05, before)
+    bench.samples(1)
+    start = bench.sample_start()
+    bench.write(0x05, code)
+    bench.until(start + 999)
+    assert (bench.seen("MODE"), bench.pin("BUSY")) == (before, 1)
+    bench.until(start + 1000)
+    assert (bench.seen("MODE"), bench.pin("BUSY")) == (code, 0)
 
 
 @pytest.mark.spec("MCP-MOD-7")
@@ -471,7 +488,7 @@ def test_in_position_in_idle_follows_an_encoder_however_seldom_somebody_looks() 
             encoder.drive(name, level)
     assert (turned.position, abs(encoder.position)) == (50, 49)
     seldom.until(turned.cycle)
-    assert save(seldom.chip.works) == save(turned.chip.works)
+    assert save(seldom.chip.axis) == save(turned.chip.axis)
 
 
 @pytest.mark.spec("MCP-STA-4", "MCP-SMP-6", "MCP-MOD-5")
@@ -494,7 +511,7 @@ def test_a_sample_in_which_an_exception_ends_control_is_one_of_idle_mode(bench: 
 @pytest.mark.spec("MCP-MOD-6")
 def test_control_starts_at_the_next_timer_zero_and_copies_nothing(bench: Bench) -> None:
     bench.put("COMMAND_POSITION", 100)
-    bench.chip.works.counter.preset(30, bench.cycle)
+    bench.chip.axis.counter.preset(30, bench.cycle)
     bench.control()
     start = bench.sample_start()
     bench.until(start - 1)

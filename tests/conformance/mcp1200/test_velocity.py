@@ -105,7 +105,7 @@ def test_velocity_never_changes_by_more_than_the_acceleration(
     bench = Bench()
     velocity_mode(bench)
     speed = 0
-    command = bench.chip.works.core.command
+    command = bench.chip.axis.loop.command
     for goal, accel in goals:
         bench.put("VELOCITY_COMMAND", goal & 0xFF)
         bench.put("ACCELERATION", accel)
@@ -264,7 +264,7 @@ def test_one_byte_of_the_velocity_begins_a_ramp_of_an_axis_that_keeps_its_veloci
     bench.write(0x00, 0x0C)
     bench.control()
     bench.samples(4)
-    command = bench.chip.works.core.command
+    command = bench.chip.axis.loop.command
     assert command.velocity == 0x400
     bench.write(0x24, 0x08)
     assert not bench.read(0x03) & 0x80
@@ -343,7 +343,7 @@ def test_velocity_interpolation_ramps_evenly(bench: Bench) -> None:
     speeds, course = [], []
     for _ in range(8):
         bench.samples(1)
-        speeds.append(bench.chip.works.core.command.velocity)
+        speeds.append(bench.chip.axis.loop.command.velocity)
         course.append(bench.seen("COMMAND_POSITION"))
     assert speeds == [0x80 * k for k in range(1, 9)]
     assert course == [0, 1, 3, 5, 7, 10, 14, 18]

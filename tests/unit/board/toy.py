@@ -115,7 +115,7 @@ class Toy(Chip):
             self.pins["IRQ"].drive(0)
             self.busy_until = self.kernel.now + 10 * US
             self.irq_at = self.kernel.now + data * US
-        self.rearm()
+        self.touched()
 
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
         strobe = "/WR" if write else "/RD"

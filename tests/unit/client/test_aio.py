@@ -9,8 +9,8 @@ from tests.unit.client.served import Served
 from vbus.client.aio import Event, connect
 from vbus.errors import TransportError
 from vbus.kernel import US
-from vbus.tools.generate.targets import stale, twins
-from vbus.tools.generate.twins import blocking
+from vbus.tools.generate.blocking import blocking
+from vbus.tools.generate.targets import blocking_sources, stale
 
 
 @pytest.mark.asyncio
@@ -70,7 +70,7 @@ async def test_events_are_waited_for(pty_served: Served) -> None:
 
 
 def test_the_blocking_client_is_what_would_be_made_now() -> None:
-    assert stale(twins()) == []
+    assert stale(blocking_sources()) == []
 
 
 def test_a_twin_differs_in_nothing_but_waiting(tmp_path: Path) -> None:

@@ -249,7 +249,7 @@ TABLE = CommandTable(
 
 def test_the_generator_writes_a_typed_and_documented_call_for_each_row() -> None:
     sheet = SimpleNamespace(COMMANDS=TABLE, NOTES={"1": "At any time."})
-    source = made_calls(Family("made", sheet=sheet))
+    source = made_calls(Family("made", datasheet=sheet))
     body = source[source.index("    async def go") :]
     assert (
         body

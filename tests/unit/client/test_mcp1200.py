@@ -122,7 +122,7 @@ def test_the_calls_follow_the_rows() -> None:
         Register("SPEED", (0x41, 0x40), signed=True, fraction=8, clause="X-1", title="Speed"),
         Register("COUNT", (0x10,), access="r", clause="X-2", title="Count"),
     ))  # fmt: skip
-    text = calls(Family("made", sheet=sheet))
+    text = calls(Family("made", datasheet=sheet))
     assert "def read_speed(self) -> int:" in text
     assert "read_bytes((0x41, 0x40), signed=True)" in text
     assert "16 bits, two's complement, in 1/256" in text

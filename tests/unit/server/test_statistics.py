@@ -8,7 +8,7 @@ def test_a_value_at_a_bound_belongs_to_that_bucket_and_one_more_to_the_next() ->
     for value in (0, 10, 11, 20, 21):
         histogram.note(value)
 
-    told = histogram.told("ns")
+    told = histogram.summary("ns")
 
     assert told["buckets"] == [2, 2, 1]
     assert told["bounds_ns"] == [10, 20]

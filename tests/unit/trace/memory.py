@@ -56,7 +56,7 @@ def lines(path: str) -> Iterator[object]:
 
 
 def report(path: str) -> Iterator[object]:
-    with opened(Path(path)) as (reader, _):
+    with opened(Path(path)) as reader:
         found = Report("bench", reader.header.families, all_rules())
         play(reader, found)
         yield found
@@ -65,7 +65,7 @@ def report(path: str) -> Iterator[object]:
 
 
 def replay(path: str) -> Iterator[object]:
-    with opened(Path(path)) as (reader, _):
+    with opened(Path(path)) as reader:
         outcome = Replay(load_board_text(LM629), reader, reader.header.families).run()
         assert outcome.divergence is None
         yield outcome

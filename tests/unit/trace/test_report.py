@@ -13,7 +13,7 @@ from vbus.errors import VbusError
 from vbus.kernel import MS
 from vbus.signals import Violation
 from vbus.trace.findings import formats
-from vbus.trace.findings.report import AROUND, DETAILED, Report
+from vbus.trace.findings.report import CONTEXT, DETAILED, Report
 from vbus.trace.findings.suppress import Suppression, read_suppressions
 from vbus.trace.journal.view import play
 from vbus.trace.tables import ac_tables
@@ -48,13 +48,13 @@ def test_a_violation_has_its_figures_and_twenty_cycles_on_either_side(report: Re
     busy, undefined = report.findings
     assert (busy.violation.rule, busy.violation.clause) == ("lm628.busy-write", "LM-BUS-10")
     assert busy.violation.chip == "x"
-    assert len(busy.before) == AROUND
+    assert len(busy.before) == CONTEXT
     assert busy.before[-1].text == "host0 x w 0 02"
     assert busy.before[-1].packets == ["x DFH  [LM-CMD-3]"]
     assert busy.after[0].text == "host0 x w 0 01"
     assert busy.after[0].when == busy.violation.when
     assert busy.after[0].packets == ["x write of 01H at address 0H not taken: lm628.busy-write"]
-    assert len(busy.after) == AROUND + 1
+    assert len(busy.after) == CONTEXT + 1
     assert undefined.violation.rule == "lm628.undefined-command"
 
 

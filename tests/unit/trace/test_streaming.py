@@ -13,8 +13,8 @@ import pytest
 import vbus
 from tests.e2e.command import ROOT
 from tests.unit.trace.memory import recorded
-from vbus.tools import journal_lines
-from vbus.tools.journal_lines import bar
+from vbus.tools import output
+from vbus.tools.output import bar
 
 HOME = Path(next(iter(vbus.__path__))).parent
 
@@ -93,7 +93,7 @@ def test_a_bar_is_moved_to_its_place_and_only_on_a_terminal(
     with bar("working", 10, lambda: 5, False) as move:
         move()
     assert capfd.readouterr() == ("", "")
-    monkeypatch.setattr(journal_lines.sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(output.sys.stderr, "isatty", lambda: True)
     with bar("working", 10, lambda: 5, True) as move:
         move()
     assert capfd.readouterr() == ("", "")

@@ -41,7 +41,8 @@ def test_the_next_client_is_told_from_the_last_although_the_report_of_an_open_ca
     loop = asyncio.new_event_loop()
     transport = pty.PtyTransport(str(tmp_path / "x"), {})
     transport.open(loop, on_link)
-    watch, link = transport._watch, lambda: transport._link
+    assert transport._terminal is not None
+    watch, link = transport._terminal.watch, lambda: transport._link
     assert isinstance(watch, SlowWatch)
     try:
         watch.late = late

@@ -74,25 +74,7 @@ class Axis:
         self.stuck_part: bool = settings["reset_status"] == "C4"
         """Whether resets end with the breakpoint flag stuck (LM-RST-5)."""
         self.count: i64 = 0
-        self.real: i64 = 0
-        self.real_change: i64 = 0
-        self.error: i64 = 0
-        self.following: i64 = 0
-        self.command: i64 = 0
-        self.flags: i64 = 0
-        self.mask: i64 = 0
-        self.motor_off: bool = True
-        self.port8: bool = True
-        self.threshold: i64 = 0
-        self.stop_on_error: bool = False
-        self.sip: bool = False
-        self.index: i64 = 0
-        self.start: i64 = START_NONE
-        self.udf: bool = False
-        self.breakpoint: i64 = 0
-        self.breakpoint_side: i64 = 0
-        self.breakpoint_armed: bool = False
-        self.stuck: bool = False
+        self.reset()
 
     # -- what the host sees -------------------------------------------------------------------
 
@@ -104,8 +86,9 @@ class Axis:
         """Return the status byte without its busy bit (LM-STA-1)."""
         return self.flags | ds.MOTOR_OFF if self.motor_off else self.flags
 
+    @property
     def signals(self) -> int:
-        """Return the signals register (LM-STA-2)."""
+        """The signals register (LM-STA-2)."""
         profile = self.profile
         return (
             (0x8000 if self.flags & self.mask else 0)
@@ -130,20 +113,25 @@ class Axis:
         """Go to the state in which a reset runs: everything zero, no flag up (LM-RST-2)."""
         self.profile.reset()
         self.pid.reset()
-        self.real = self.real_change = self.error = self.following = self.command = 0
-        self.flags = 0
-        self.mask = ds.RESET_MASK
-        self.motor_off = True
-        self.port8 = True
-        self.threshold = ds.THRESHOLD_MAX
-        self.stop_on_error = False
-        self.sip = False
-        self.index = 0
-        self.start = START_NONE
-        self.udf = False
-        self.breakpoint = self.breakpoint_side = 0
-        self.breakpoint_armed = False
-        self.stuck = False
+        self.real: i64 = 0
+        self.real_change: i64 = 0
+        self.error: i64 = 0
+        self.following: i64 = 0
+        self.command: i64 = 0
+        self.flags: i64 = 0
+        self.mask: i64 = ds.RESET_MASK
+        self.motor_off: bool = True
+        self.port8: bool = True
+        self.threshold: i64 = ds.THRESHOLD_MAX
+        self.stop_on_error: bool = False
+        self.sip: bool = False
+        self.index: i64 = 0
+        self.start: i64 = START_NONE
+        self.udf: bool = False
+        self.breakpoint: i64 = 0
+        self.breakpoint_side: i64 = 0
+        self.breakpoint_armed: bool = False
+        self.stuck: bool = False
 
     def finish_reset(self, count: int) -> None:
         """The reset is over, with the encoder at ``count``: that is position 0 (LM-RST-5)."""
@@ -151,6 +139,10 @@ class Axis:
         self.stuck = self.stuck_part
         # LM-STA-4: motor-off has just risen.
         self.flags = ds.TRAJECTORY_COMPLETE | (ds.BREAKPOINT if self.stuck else 0)
+
+    def mask_interrupts(self, enable: int) -> None:
+        """MSKI: ones enable (LM-CMD-17)."""
+        self.mask = enable & ds.INTERRUPTS
 
     def reset_interrupts(self, keep: int) -> None:
         """RSTI: zeros in bits 6..1 of ``keep`` clear the flags (LM-CMD-18, LM-RST-6)."""
@@ -162,11 +154,15 @@ class Axis:
         return flags | ds.BREAKPOINT if self.stuck else flags
 
     def set_breakpoint(self, position: int) -> None:
-        """SBPA and SBPR: arm the breakpoint and remember from which side it comes (LM-POS-5)."""
+        """SBPA: arm the breakpoint and remember from which side it comes (LM-POS-5)."""
         self.breakpoint = wrap(position, ds.POSITION_BITS)
         self._look_at_breakpoint()
         self.breakpoint_armed = True
         self.stuck = False
+
+    def set_relative_breakpoint(self, offset: int) -> None:
+        """SBPR: counted from the active target (LM-AMB-5)."""
+        self.set_breakpoint(self.profile.target + offset)
 
     def _look_at_breakpoint(self) -> None:
         self.breakpoint_side = (self.breakpoint > self.real) - (self.breakpoint < self.real)
@@ -248,9 +244,9 @@ class Axis:
         """The real position comes round to ``real``: it passes the breakpoint, or changes sides."""
         place, before = self.breakpoint, self.real
         if change > 0:
-            passed = place > before or place <= real
+            passed = place >= before or place <= real
         else:
-            passed = place < before or place >= real
+            passed = place <= before or place >= real
         # On neither side it fires in this sample.
         self.breakpoint_side = 0 if passed else (place > real) - (place < real)
 
@@ -307,20 +303,21 @@ class Axis:
         elif stops & ds.STOP_SMOOTHLY:
             profile.stopping = True
 
+    @property
     def real_velocity(self) -> int:
-        """Return what RDRV reads (LM-CMD-12)."""
+        """What RDRV reads: whole counts per sample (LM-CMD-12)."""
         return clamp(self.real_change, _VELOCITY_MIN, _VELOCITY_MAX)
 
     def telemetry(self) -> dict[str, int | float | str]:
         """Return what a live view shows of the axis; positions in counts, rates per sample."""
         profile = self.profile
-        signals = self.signals()
+        signals = self.signals
         return {
             "desired": profile.position / 65536,
             "target": profile.target,
             "velocity": profile.velocity / 65536,
             "real": self.real,
-            "real_velocity": self.real_velocity(),
+            "real_velocity": self.real_velocity,
             "error": self.error,
             "integral": self.pid.term,
             "command": self.command,

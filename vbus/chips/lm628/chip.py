@@ -59,6 +59,7 @@ class LM628(HostInterface):
     RULES: ClassVar[tuple[Rule, ...]] = ds.RULES
     FREE_READS: ClassVar[tuple[int, ...]] = (ds.COMMAND_PORT,)
     TRACELESS: ClassVar[bool] = True
+    PERIOD_CLK: ClassVar[int] = ds.SAMPLE_CLK
     OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
     KEPT: ClassVar[Names] = _INSIDE
     STATE: ClassVar[Names] = (
@@ -102,7 +103,7 @@ class LM628(HostInterface):
         # Nothing is due before this instant: advance() compares with it and is done.
         self._due_at: i64 = NEVER
         self._reset_fell: i64 = 0
-        self._front: BusPins = BusPins(self)
+        self._front: BusPins = BusPins(self, self.host)
         self._encoder_pins: EncoderPins = EncoderPins(self, self.encoder)
         self.pins["/RST"].net.watch(Watcher(kernel, self._reset_moved))
         self._hi: Pin = self.pins["HI"]
@@ -228,12 +229,7 @@ class LM628(HostInterface):
     def begin_read(self, address: int) -> None:
         """/RD falls: data is latched (LM-BUS-3)."""
         self.advance()
-        if not address:
-            self.host.begin_status()
-        elif self._mode == _RUNNING:
-            self.host.begin_data(self.kernel.now)
-        else:
-            self.host.begin_in_reset()
+        self.host.begin_read(address, self._mode != _RUNNING, self.kernel.now)
 
     def end_read(self) -> int:
         """/RD rises: status is as it is now, the data pointer moves."""
@@ -247,13 +243,9 @@ class LM628(HostInterface):
         self.touched()
         return data
 
-    def lose_read(self) -> None:
-        """The read under way counts for nothing; its byte is FFh."""
-        self.host.lose_read()
-
-    def shown(self) -> int:
+    def read_byte(self) -> int:
         """Return what D0-D7 show in the read under way."""
-        return self.status() if self.host.reading_status() else self.host.shown()
+        return self.status() if self.host.reading_status() else self.host.data_byte()
 
     def write(self, address: int, data: int) -> None:
         """A byte is latched."""
@@ -398,7 +390,7 @@ class LM628(HostInterface):
         """Something from outside has changed the chip: pins and timers follow."""
         self._course, self._still = (), False
         self._refresh()
-        self.rearm()
+        super().touched()
 
     def expect(self, when: int) -> None:
         """The front-end has something to do at instant ``when``."""
@@ -438,12 +430,12 @@ class LM628(HostInterface):
     def telemetry(self) -> dict[str, int | float | str]:
         """Return desired and real motion, filter and output, status and signals by name."""
         self.advance()
-        shown = self.axis.telemetry()
-        shown["output"] = self.output.command
-        shown["code"] = self.output.code()
-        shown["status"] = self.status()
-        shown["interrupt"] = self._hi.level
-        return shown
+        return self.axis.telemetry() | {
+            "output": self.output.command,
+            "code": self.output.code(),
+            "status": self.status(),
+            "interrupt": self._hi.level,
+        }
 
     def after_load(self) -> None:
         """Work out what is due."""

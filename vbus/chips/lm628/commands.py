@@ -1,4 +1,4 @@
-"""What each command does: one method per row of Table 2."""
+"""What each command does: its row of Table 2 names the hook, or what is read or set."""
 
 from collections.abc import Callable
 from typing import ClassVar, Final
@@ -7,6 +7,7 @@ from vbus.bits import sign_extend
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import Axis
 from vbus.chips.lm628.host_port import Host
+from vbus.chips.tables import Command
 from vbus.signals import Rule
 from vbus.state import Names
 
@@ -21,8 +22,9 @@ BUFFERED: Final = frozenset(
 class Commands:
     """The command set, working on an axis.
 
-    Every method is called once per step of its packet, when busy falls: with step 0 for the
-    command byte, and with step n and the word for the n-th data word.
+    A hook is a method of the axis or of this class. It is called when busy falls, with the data
+    word or long once the host has written all of it, and with what its row says beside; that of a
+    command with a control word, for each word, with the number of the word in its packet.
 
     Args:
         host: the port the packets come through.
@@ -33,9 +35,7 @@ class Commands:
     """
 
     STATE: ClassVar[Names] = ("_control", "_high")
-    WIRING: ClassVar[Names] = (
-        "_axis", "_host", "_methods", "_pwm", "_report", "_restart", "_words",
-    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_axis", "_host", "_pwm", "_report", "_restart")
 
     def __init__(
         self,
@@ -52,22 +52,39 @@ class Commands:
         self._report: Callable[[Rule, str], None] = report
         self._control: int = 0
         self._high: int = 0
-        self._methods: dict[int, Callable[[int, int], None]] = {
-            row.code: getattr(self, row.handler) for row in ds.COMMANDS
-        }
-        self._words: dict[int, int] = {row.code: row.write for row in ds.COMMANDS}
         host.serve(self.execute)
 
     def execute(self, code: int, step: int, word: int) -> bool:
         """Carry out a step of command ``code``; False if the code is undefined (LM-BUS-13)."""
-        method = self._methods.get(code)
-        if method is None:
+        row = ds.COMMANDS.by_code(code)
+        if row is None:
             self._axis.flags |= ds.COMMAND_ERROR
             return False
         if step == 0:
-            self._host.words_due = self._words[code]
-        method(step, word)
+            self._host.words_due = row.write
+        if step < row.write:
+            if step:
+                self._high = word
+            return True
+        part, _, name = row.parameter.rpartition(".")
+        holder = getattr(self._axis, part) if part else self._axis
+        if row.hook:
+            owner = self if HOOKS[row.hook] is Commands else self._axis
+            getattr(owner, row.hook)(*self._given(row, step, word))
+        elif row.read:
+            self._host.reply(getattr(holder, name), row.read)
+        else:
+            setattr(holder, name, row.value)
         return True
+
+    def _given(self, row: Command, step: int, word: int) -> tuple[int, ...]:
+        """Return what a hook is called with."""
+        if row.up_to:
+            return step, word
+        data: tuple[int, ...] = (word,) if row.write else ()
+        if row.write == 2:
+            data = (sign_extend(self._high << 16 | word, 32),)
+        return data if row.value is None else (*data, row.value)
 
     def foresee_flags(self) -> int:
         """Return the flags once busy falls; UNKNOWN if more may change than buffers and replies.
@@ -85,91 +102,36 @@ class Commands:
             mask = word & ds.INTERRUPTS
         return flags if (flags & mask != 0) == axis.interrupt() else UNKNOWN
 
-    # -- Initialization commands --------------------------------------------------------------
+    # -- hooks --------------------------------------------------------------------------------
 
-    def cmd_reset(self, step: int, word: int) -> None:
+    def reset(self) -> None:
         """Reset LM628: as by the pin, but the status byte shows busy meanwhile (LM-RST-8)."""
         self._restart()
 
-    def cmd_port8(self, step: int, word: int) -> None:
-        """Select the 8-bit output."""
-        self._check_port("PORT8")
-        self._axis.port8 = True
-
-    def cmd_port12(self, step: int, word: int) -> None:
-        """Select the 12-bit output (LM-CMD-7)."""
-        if self._pwm:
+    def select_port(self, bits: int) -> None:
+        """Select the 8-bit or the 12-bit output (LM-CMD-7)."""
+        if self._pwm and bits == 12:
             self._report(ds.PORT12_ON_LM629, ds.PORT12_ON_LM629.title)
-        self._check_port("PORT12")
-        self._axis.port8 = False
-
-    def _check_port(self, name: str) -> None:
         if self._axis.moving():
-            self._report(ds.PORT_IN_MOTION, f"{name} in motion: it is executed")
+            self._report(ds.PORT_IN_MOTION, f"PORT{bits} in motion: it is executed")
+        self._axis.port8 = bits == 8
 
-    def cmd_dfh(self, step: int, word: int) -> None:
-        """Define home."""
-        self._axis.define_home()
-
-    # -- Interrupt control commands -----------------------------------------------------------
-
-    def cmd_sip(self, step: int, word: int) -> None:
-        """Set index position: the next index pulse is captured."""
-        self._axis.sip = True
-
-    def cmd_lpei(self, step: int, word: int) -> None:
-        """Load position error for interrupt."""
-        if step:
-            self._load_threshold("LPEI", word, False)
-
-    def cmd_lpes(self, step: int, word: int) -> None:
-        """Load position error for stopping."""
-        if step:
-            self._load_threshold("LPES", word, True)
-
-    def _load_threshold(self, name: str, word: int, stop: bool) -> None:
+    def load_threshold(self, word: int, stop: bool) -> None:
+        """Load position error for interrupt, or for stopping."""
         if word > ds.THRESHOLD_MAX:
+            name = "LPES" if stop else "LPEI"
             self._report(ds.RANGE, f"{name} {word:04X}H: at most 7FFFH, bit 15 is ignored")
         self._axis.threshold = word & ds.THRESHOLD_MAX
         self._axis.stop_on_error = stop
 
-    def cmd_sbpa(self, step: int, word: int) -> None:
-        """Set breakpoint, absolute."""
-        if step == 1:
-            self._high = word
-        elif step == 2:
-            self._axis.set_breakpoint(self._long(word))
-
-    def cmd_sbpr(self, step: int, word: int) -> None:
-        """Set breakpoint, relative to the active target (LM-AMB-5)."""
-        if step == 1:
-            self._high = word
-        elif step == 2:
-            self._axis.set_breakpoint(self._axis.profile.target + self._long(word))
-
-    def _long(self, low: int) -> int:
-        return sign_extend(self._high << 16 | low, 32)
-
-    def cmd_mski(self, step: int, word: int) -> None:
-        """Mask interrupts: ones enable."""
-        if step:
-            self._axis.mask = word & ds.INTERRUPTS
-
-    def cmd_rsti(self, step: int, word: int) -> None:
-        """Reset interrupts: zeros clear."""
-        if step:
-            self._axis.reset_interrupts(word)
-
-    # -- Filter control commands --------------------------------------------------------------
-
-    def cmd_lfil(self, step: int, word: int) -> None:
+    def load_filter(self, step: int, word: int) -> None:
         """Load filter parameters (LM-PID-1)."""
         pid = self._axis.pid
         if step == 1:
             self._control = word & 0x0F
             self._host.words_due = (word & 0x0F).bit_count()
             pid.store(0, word >> 8)
-        elif step:
+        else:
             # The highest load bit still set names the word.
             bit = self._control.bit_length() - 1
             self._control &= ~(1 << bit)
@@ -177,20 +139,14 @@ class Commands:
                 self._report(ds.RANGE, f"LFIL {word:04X}H: at most 7FFFH, bit 15 is ignored")
             pid.store(4 - bit, word)
 
-    def cmd_udf(self, step: int, word: int) -> None:
-        """Update filter with the next sample."""
-        self._axis.request_update()
-
-    # -- Trajectory control commands ----------------------------------------------------------
-
-    def cmd_ltrj(self, step: int, word: int) -> None:
+    def load_trajectory(self, step: int, word: int) -> None:
         """Load trajectory parameters (LM-TRJ-1)."""
         profile = self._axis.profile
         if step == 1:
             self._control = word
             profile.control = word & (ds.FORWARD | ds.VELOCITY_MODE | ds.STOPS)
             self._host.words_due = 2 * sum(word & load != 0 for load in ds.LOADS)
-        elif step:
+        else:
             number = next(n for n, load in enumerate(ds.LOADS) if self._control & load)
             load = ds.LOADS[number]
             low = step % 2 == 1
@@ -202,7 +158,7 @@ class Commands:
                     raw = profile.raw[number]
                     self._report(ds.RANGE, f"{what} {raw:08X}H: it is cut to the range")
 
-    def cmd_stt(self, step: int, word: int) -> None:
+    def start(self) -> None:
         """Start motion control with the next sample."""
         control = int(self._axis.profile.control)
         if not self._axis.request_start():
@@ -210,32 +166,5 @@ class Commands:
         elif (control & ds.STOPS).bit_count() > 1:
             self._report(ds.STOP_BITS, f"trajectory control word with stop bits {control:04X}H")
 
-    # -- Data reporting commands --------------------------------------------------------------
 
-    def cmd_rdsigs(self, step: int, word: int) -> None:
-        """Read signals register."""
-        self._host.reply(self._axis.signals(), 1)
-
-    def cmd_rdip(self, step: int, word: int) -> None:
-        """Read index position."""
-        self._host.reply(self._axis.index, 2)
-
-    def cmd_rddp(self, step: int, word: int) -> None:
-        """Read desired position, its whole counts."""
-        self._host.reply(self._axis.profile.position >> 16, 2)
-
-    def cmd_rdrp(self, step: int, word: int) -> None:
-        """Read real position."""
-        self._host.reply(self._axis.real, 2)
-
-    def cmd_rddv(self, step: int, word: int) -> None:
-        """Read desired velocity, 16.16."""
-        self._host.reply(self._axis.profile.velocity, 2)
-
-    def cmd_rdrv(self, step: int, word: int) -> None:
-        """Read real velocity, whole counts per sample."""
-        self._host.reply(self._axis.real_velocity(), 1)
-
-    def cmd_rdsum(self, step: int, word: int) -> None:
-        """Read integration-term summation value: what il has limited (LM-AMB-9)."""
-        self._host.reply(self._axis.pid.term, 1)
+HOOKS: Final = ds.COMMANDS.find_hooks(Commands, Axis)

@@ -6,6 +6,7 @@ or contradicts itself, NOTES.md says what was chosen.
 
 from typing import Final
 
+from vbus.chips.lm628.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcLimit, AcTable
 from vbus.chips.tables import Bit, Command, CommandTable, PinRow
 from vbus.kernel import MS, NS, US
@@ -24,40 +25,49 @@ DATA_PORT: Final = 1
 # -- Table 2. User command set ------------------------------------------------------------------
 
 COMMANDS: Final = CommandTable(
-    Command("RESET", 0x00, clause="LM-CMD-1", title="Reset LM628", note="1"),
-    Command("PORT8", 0x05, clause="LM-CMD-6", title="Select 8-Bit Output", note="2"),
-    Command("PORT12", 0x06, clause="LM-CMD-7", title="Select 12-Bit Output", note="2"),
-    Command("DFH", 0x02, clause="LM-CMD-3", title="Define Home", note="1"),
-    Command("SIP", 0x03, clause="LM-CMD-4", title="Set Index Position", note="1"),
-    Command("LPEI", 0x1B, write=1, clause="LM-CMD-16", title="Interrupt on Error", note="1"),
-    Command("LPES", 0x1A, write=1, clause="LM-CMD-15", title="Stop on Error", note="1"),
-    Command("SBPA", 0x20, write=2, clause="LM-CMD-21", title="Set Breakpoint, Absolute", note="1",
-            signed=True),
-    Command("SBPR", 0x21, write=2, clause="LM-CMD-22", title="Set Breakpoint, Relative", note="1",
-            signed=True),
-    Command("MSKI", 0x1C, write=1, clause="LM-CMD-17", title="Mask Interrupts", note="1"),
-    Command("RSTI", 0x1D, write=1, clause="LM-CMD-18", title="Reset Interrupts", note="1"),
-    Command("LFIL", 0x1E, write=1, up_to=5, clause="LM-CMD-19", title="Load Filter Parameters",
+    Command("RESET", 0x00, clause="LM-CMD-1", hook="reset", title="Reset LM628", note="1"),
+    Command("PORT8", 0x05, clause="LM-CMD-6", hook="select_port", value=8,
+            title="Select 8-Bit Output", note="2"),
+    Command("PORT12", 0x06, clause="LM-CMD-7", hook="select_port", value=12,
+            title="Select 12-Bit Output", note="2"),
+    Command("DFH", 0x02, clause="LM-CMD-3", hook="define_home", title="Define Home", note="1"),
+    Command("SIP", 0x03, clause="LM-CMD-4", parameter="sip", value=True, title="Set Index Position",
             note="1"),
-    Command("UDF", 0x04, clause="LM-CMD-5", title="Update Filter", note="1"),
-    Command("LTRJ", 0x1F, write=1, up_to=7, clause="LM-CMD-20", title="Load Trajectory", note="1"),
-    Command("STT", 0x01, clause="LM-CMD-2", title="Start Motion", note="3"),
-    Command("RDSIGS", 0x0C, read=1, clause="LM-CMD-13", title="Read Signals Register", note="1"),
-    Command("RDIP", 0x09, read=2, clause="LM-CMD-10", title="Read Index Position", note="1",
-            signed=True),
-    Command("RDDP", 0x08, read=2, clause="LM-CMD-9", title="Read Desired Position", note="1",
-            signed=True),
-    Command("RDRP", 0x0A, read=2, clause="LM-CMD-11", title="Read Real Position", note="1",
-            signed=True),
-    Command("RDDV", 0x07, read=2, clause="LM-CMD-8", title="Read Desired Velocity", note="1",
-            signed=True, fraction=16),
-    Command("RDRV", 0x0B, read=1, clause="LM-CMD-12", title="Read Real Velocity", note="1",
-            signed=True),
-    Command("RDSUM", 0x0D, read=1, clause="LM-CMD-14", title="Read Integration Sum", note="1",
-            signed=True),
+    Command("LPEI", 0x1B, write=1, clause="LM-CMD-16", hook="load_threshold", value=False,
+            title="Interrupt on Error", note="1"),
+    Command("LPES", 0x1A, write=1, clause="LM-CMD-15", hook="load_threshold", value=True,
+            title="Stop on Error", note="1"),
+    Command("SBPA", 0x20, write=2, clause="LM-CMD-21", hook="set_breakpoint",
+            title="Set Breakpoint, Absolute", note="1", signed=True),
+    Command("SBPR", 0x21, write=2, clause="LM-CMD-22", hook="set_relative_breakpoint",
+            title="Set Breakpoint, Relative", note="1", signed=True),
+    Command("MSKI", 0x1C, write=1, clause="LM-CMD-17", hook="mask_interrupts",
+            title="Mask Interrupts", note="1"),
+    Command("RSTI", 0x1D, write=1, clause="LM-CMD-18", hook="reset_interrupts",
+            title="Reset Interrupts", note="1"),
+    Command("LFIL", 0x1E, write=1, up_to=5, clause="LM-CMD-19", hook="load_filter",
+            title="Load Filter Parameters", note="1"),
+    Command("UDF", 0x04, clause="LM-CMD-5", hook="request_update", title="Update Filter", note="1"),
+    Command("LTRJ", 0x1F, write=1, up_to=7, clause="LM-CMD-20", hook="load_trajectory",
+            title="Load Trajectory", note="1"),
+    Command("STT", 0x01, clause="LM-CMD-2", hook="start", title="Start Motion", note="3"),
+    Command("RDSIGS", 0x0C, read=1, clause="LM-CMD-13", parameter="signals",
+            title="Read Signals Register", note="1"),
+    Command("RDIP", 0x09, read=2, clause="LM-CMD-10", parameter="index",
+            title="Read Index Position", note="1", signed=True),
+    Command("RDDP", 0x08, read=2, clause="LM-CMD-9", parameter="profile.desired_position",
+            title="Read Desired Position", note="1", signed=True),
+    Command("RDRP", 0x0A, read=2, clause="LM-CMD-11", parameter="real", title="Read Real Position",
+            note="1", signed=True),
+    Command("RDDV", 0x07, read=2, clause="LM-CMD-8", parameter="profile.velocity",
+            title="Read Desired Velocity", note="1", signed=True, fraction=16),
+    Command("RDRV", 0x0B, read=1, clause="LM-CMD-12", parameter="real_velocity",
+            title="Read Real Velocity", note="1", signed=True),
+    Command("RDSUM", 0x0D, read=1, clause="LM-CMD-14", parameter="pid.term",
+            title="Read Integration Sum", note="1", signed=True),
 )  # fmt: skip
 
-RESET: Final = 0x00
+RESET: Final = COMMANDS["RESET"].code
 """The one command that is carried out at its strobe, not when busy falls (LM-RST-4)."""
 
 MSKI: Final = COMMANDS["MSKI"].code
@@ -81,15 +91,6 @@ STATUS: Final = (
     Bit(1, "COMMAND_ERROR", "Command Error [Interrupt]"),
     Bit(0, "BUSY", "Busy Bit"),
 )
-
-MOTOR_OFF: Final = 0x80
-BREAKPOINT: Final = 0x40
-POSITION_ERROR: Final = 0x20
-WRAPAROUND: Final = 0x10
-INDEX: Final = 0x08
-TRAJECTORY_COMPLETE: Final = 0x04
-COMMAND_ERROR: Final = 0x02
-BUSY: Final = 0x01
 
 INTERRUPTS: Final = 0x7E
 """The six flags that MSKI enables and RSTI resets."""
@@ -127,11 +128,6 @@ TRAJECTORY: Final = (
     Bit(0, "RELATIVE_POSITION", "Position Data Is Relative"),
 )
 
-FORWARD: Final = 0x1000
-VELOCITY_MODE: Final = 0x0800
-STOP_SMOOTHLY: Final = 0x0400
-STOP_ABRUPTLY: Final = 0x0200
-TURN_OFF: Final = 0x0100
 STOPS: Final = 0x0700
 LOADS: Final = (0x20, 0x08, 0x02)
 """Load bits of acceleration, velocity, position; the bit below each makes the data relative."""

@@ -6,6 +6,7 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.encoder import Encoder
 from vbus.chips.lm628.interface import HostInterface
 from vbus.chips.motion import quadrature as q
+from vbus.chips.motion.input_limits import judge_inputs
 from vbus.signals import LOW, Watcher
 from vbus.state import Names
 
@@ -19,15 +20,13 @@ class EncoderPins:
     """
 
     STATE: ClassVar[Names] = ("_low_from", "_low: bool")
-    WIRING: ClassVar[Names] = ("_chip", "_encoder", "_inputs", "_pins", "_t1", "_t2", "_turn")
+    WIRING: ClassVar[Names] = ("_chip", "_encoder", "_inputs", "_pins", "_turn")
 
     def __init__(self, chip: HostInterface, encoder: Encoder) -> None:
         self._chip: HostInterface = chip
         self._encoder: Encoder = encoder
         self._inputs: q.Quadrature = encoder.inputs
         self._pins = (chip.pins["A"], chip.pins["B"], chip.pins["/IN"])
-        self._t1: int = ds.AC.minimum("T1", chip.clock)
-        self._t2: int = ds.AC.minimum("T2", chip.clock)
         self._turn: int = int(chip.settings["counts_per_turn"])
         # Where the index input went low, until it goes high or was told to be grounded.
         self._low_from: int = 0
@@ -52,15 +51,7 @@ class EncoderPins:
         now = chip.kernel.now
         a, b, index = self._pins
         found = self._inputs.edge(now, a.value, b.value, index.value)
-        late = False
-        if found and chip.judged:
-            rules = ds.AC.rules
-            if found & q.SHORT_DWELL:
-                chip.report(rules["T2"], self._inputs.dwell, self._t2)
-            if found & q.SHORT_PULSE:
-                chip.report(rules["T1"], self._inputs.pulse, self._t1)
-            if found & q.INDEX_INSIDE:
-                late = chip.report(rules["T3"], -1, 0)
+        late = bool(found) and chip.judged and judge_inputs(chip, ds.AC, self._inputs, found)
         self.settle(now, late)
         chip.touched()
 

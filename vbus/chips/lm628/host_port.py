@@ -73,17 +73,12 @@ class Host:
         self.worst: bool = settings["busy"] == "worst"
         """Whether each byte keeps the chip busy for as long as it may (LM-BUS-8)."""
         self._random: int = int(settings["seed"])
-        self.busy_end: i64 = NEVER
-        self.words_due: int = 0
-        self._pending: int = _NOTHING
         self._value: int = 0
         self._code: int = 0
         self._step: int = 0
-        self._reply: list[int] = []
-        self._second: bool = False
         self._high: int = 0
-        self._latched: int = 0
         self._kind: int = _STATUS
+        self.reset()
 
     def serve(self, execute: Execute) -> None:
         """Have ``execute`` carry out the commands."""
@@ -91,12 +86,12 @@ class Host:
 
     def reset(self) -> None:
         """Forget packets and the last byte (LM-RST-2, LM-RST-4)."""
-        self.busy_end = NEVER
-        self.words_due = 0
-        self._pending = _NOTHING
-        self._reply = []
-        self._second = False
-        self._latched = 0
+        self.busy_end: i64 = NEVER
+        self.words_due: int = 0
+        self._pending: int = _NOTHING
+        self._reply: list[int] = []
+        self._second: bool = False
+        self._latched: int = 0
         if self._kind != _STATUS:
             self._kind = _REPEAT
 
@@ -161,13 +156,16 @@ class Host:
 
     # -- reading ------------------------------------------------------------------------------
 
-    def begin_status(self) -> None:
-        """A status read begins: nothing else is touched (LM-BUS-5)."""
-        self._kind = _STATUS
+    def begin_read(self, address: int, in_reset: bool, now: int) -> None:
+        """/RD falls: a data byte is latched (LM-BUS-3); a status read touches nothing (LM-BUS-5).
 
-    def begin_data(self, now: int) -> None:
-        """/RD falls on the data port: a byte is latched (LM-BUS-3)."""
-        if self.busy:
+        During reset 00h is read of the data port (LM-RST-4).
+        """
+        if address == ds.COMMAND_PORT:
+            self._kind = _STATUS
+        elif in_reset:
+            self._kind = _REPEAT
+        elif self.busy:
             self._report(ds.BUSY_READ, "data read while busy", now)
             self._kind = _REPEAT
         elif not self._reply:
@@ -178,10 +176,6 @@ class Host:
             word = self._reply[0]
             self._latched = word & 0xFF if self._second else word >> 8
 
-    def begin_in_reset(self) -> None:
-        """/RD falls on the data port during reset: 00h is read (LM-RST-4)."""
-        self._kind = _REPEAT
-
     def lose_read(self) -> None:
         """The read under way is lost: FFh is returned, no pointer moves."""
         self._kind = _LOST
@@ -190,7 +184,7 @@ class Host:
         """Whether the read under way is of the status byte."""
         return self._kind == _STATUS
 
-    def shown(self) -> int:
+    def data_byte(self) -> int:
         """Return the byte the data read under way shows."""
         return _NO_BYTE if self._kind == _LOST else self._latched
 

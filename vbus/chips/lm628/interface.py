@@ -11,19 +11,11 @@ class HostInterface(Chip):
         """Whether supply is up."""
         raise NotImplementedError
 
-    def touched(self) -> None:
-        """Something from outside has changed the chip: pins and timers follow."""
-        raise NotImplementedError
-
     def index_seen(self, count: int) -> None:
         """The index has come at encoder ``count``; if armed, store its position (LM-POS-3)."""
         raise NotImplementedError
 
-    def lose_read(self) -> None:
-        """The read under way counts for nothing; its byte is FFh."""
-        raise NotImplementedError
-
-    def shown(self) -> int:
+    def read_byte(self) -> int:
         """Return what D0-D7 show in the read under way."""
         raise NotImplementedError
 

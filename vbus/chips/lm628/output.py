@@ -29,9 +29,9 @@ class Output:
     A *word* holds the pins: bits 7..0 are DAC7..DAC0 (pins 18 to 25); on the LM629 bit 1 is the
     sign and bit 0 the magnitude.
 
-    The 12-bit port gives, from the sample on in steps of :data:`~.datasheet.MUX_CLK`: low word,
-    strobe up, strobe down, high word, strobe up, strobe down (LM-PID-9). A reset gives 800h that
-    way and then 80h (LM-RST-3).
+    The 12-bit port gives, from the sample on in steps of ``MUX_CLK``: low word, strobe up, strobe
+    down, high word, strobe up, strobe down (LM-PID-9). A reset gives 800h that way and then 80h
+    (LM-RST-3).
 
     Args:
         pwm: the part is a LM629.

@@ -5,6 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
+from vbus.chips.lm628.host_port import Host
 from vbus.chips.lm628.interface import HostInterface
 from vbus.kernel import NEVER
 from vbus.signals import HIGH, LOW, STRICT, Watcher, Z
@@ -40,6 +41,7 @@ class BusPins:
 
     Args:
         chip: the chip whose front-end this is.
+        host: its host port.
     """
 
     STATE: ClassVar[Names] = (
@@ -48,12 +50,13 @@ class BusPins:
         "_data_read", "_byte", "_left", "_undo: kept[_chip]",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_chip", "_cs", "_data", "_kernel", "_late", "_ps", "_rd", "_read_undone", "_t10", "_t12",
-        "_t14", "_t15", "_t16", "_t17", "_t18", "_t8", "_t9", "_timer", "_wr", "_write_undone",
+        "_chip", "_cs", "_data", "_host", "_kernel", "_late", "_ps", "_rd", "_read_undone",
+        "_timer", "_wr", "_write_undone",
     )  # fmt: skip
 
-    def __init__(self, chip: HostInterface) -> None:
+    def __init__(self, chip: HostInterface, host: Host) -> None:
         self._chip: HostInterface = chip
+        self._host: Host = host
         self._kernel = chip.kernel
         self._cs = chip.pins["/CS"]
         self._ps = chip.pins["/PS"]
@@ -61,15 +64,6 @@ class BusPins:
         self._wr = chip.pins["/WR"]
         self._data = chip.data_pin
         self._timer = chip.kernel.timer(self._hold_over)
-        self._t8: int = ds.AC.minimum("T8", chip.clock)
-        self._t9: int = ds.AC.minimum("T9", chip.clock)
-        self._t10: int = ds.AC["T10"].max_ps
-        self._t12: int = ds.AC["T12"].max_ps
-        self._t14: int = ds.AC.minimum("T14", chip.clock)
-        self._t15: int = ds.AC.minimum("T15", chip.clock)
-        self._t16: int = ds.AC.minimum("T16", chip.clock)
-        self._t17: int = ds.AC["T17"].min_ps
-        self._t18: int = ds.AC["T18"].min_ps
         self._late: bool = self._strict("T10")
         self._write_undone: bool = self._strict("T9") or self._strict("T16")
         self._read_undone: bool = self._strict("T9") or self._strict("T12")
@@ -124,15 +118,17 @@ class BusPins:
             self._port_moved(now, reading or writing)
         if writing and not was_writing:
             self._begin(now, self._wr_fell)
-            self._judge_recovery("T18", self._t18, now, ps, self._data_wrote)
+            if chip.judged and ps == ds.DATA_PORT:
+                self._judge("T18", now - self._data_wrote)
         if reading and not was_reading:
             self._begin(now, self._rd_fell)
-            self._judge_recovery("T17", self._t17, now, ps, self._data_read)
+            if chip.judged and ps == ds.DATA_PORT:
+                self._judge("T17", now - self._data_read)
             self._begin_read(now, ps, writing)
         if reading and writing and not self._fought:
             self._fought = True
             self._lost |= chip.report(ds.CONTENTION)
-            chip.lose_read()
+            self._host.lose_read()
         if self.driving:
             self.show()
         chip.rearm()
@@ -144,10 +140,8 @@ class BusPins:
         self._lost = False
         self._fought = False
         if self._chip.judged:
-            if strobe_fell < now:
-                self._break("T7", strobe_fell - now, 0, "/CS fell after the strobe")
-            if now - self._ps_moved < self._t8:
-                self._break("T8", now - self._ps_moved, self._t8)
+            self._judge("T7", strobe_fell - now, "/CS fell after the strobe")
+            self._judge("T8", now - self._ps_moved)
 
     def _begin_read(self, now: int, ps: int, writing: bool) -> None:
         chip = self._chip
@@ -155,19 +149,31 @@ class BusPins:
         # From here on D0-D7 are the chip's own again.
         self._read = _LONG_AGO
         if self._lost or writing:
-            chip.lose_read()
+            self._host.lose_read()
             return
         chip.begin_read(ps)
         if self._late and chip.judged:
-            self.show_at = now + self._t10
+            self.show_at = now + self._limit("T10")
             chip.expect(self.show_at)
 
-    def _judge_recovery(self, symbol: str, limit: int, now: int, ps: int, last: int) -> None:
-        if self._chip.judged and ps == ds.DATA_PORT and now - last < limit:
-            self._break(symbol, now - last, limit)
+    def _limit(self, symbol: str) -> int:
+        """Return the limit of a row: the chip's own promise is the longest, all else the least."""
+        row = ds.AC[symbol]
+        return row.max_ps if row.output else ds.AC.minimum(symbol, self._chip.clock)
 
-    def _break(self, symbol: str, measured: int, limit: int, detail: str = "") -> None:
-        self._lost |= self._chip.report(ds.AC.rules[symbol], measured, limit, detail)
+    def _judge(self, symbol: str, measured: int, detail: str = "") -> None:
+        """Find an interval too short; a strict one loses the cycle under way."""
+        limit = self._limit(symbol)
+        if measured < limit:
+            self._lost |= self._chip.report(ds.AC.rules[symbol], measured, limit, detail)
+
+    def _judge_hold(self, symbol: str, hold: int, when: int = -1) -> None:
+        """Find a hold time too short; if it is strict, the last cycle has not been."""
+        limit = self._limit(symbol)
+        if hold < limit and self._chip.report(ds.AC.rules[symbol], hold, limit, when=when):
+            undo, self._undo = self._undo, {}
+            if undo:
+                take_back(self._chip, undo)
 
     def _port_moved(self, now: int, busy: bool) -> None:
         """/PS has moved: too late for the cycle under way, or too early after the last one."""
@@ -175,11 +181,9 @@ class BusPins:
         if not self._chip.judged:
             return
         if busy:
-            self._break("T8", self._began - now, self._t8, "/PS moved during the strobe")
-        elif now - self._ended < self._t9:
-            hold = now - self._ended
-            if self._chip.report(ds.AC.rules["T9"], hold, self._t9):
-                self._take_back()
+            self._judge("T8", self._began - now, "/PS moved during the strobe")
+        else:
+            self._judge_hold("T9", now - self._ended)
 
     # -- ends of cycles -----------------------------------------------------------------------
 
@@ -189,20 +193,19 @@ class BusPins:
         byte = net.before
         if chip.judged:
             if wr == LOW:
-                self._break("T7", -1, 0, "/CS rose before /WR")
-            if now - self._began < self._t14:
-                self._break("T14", now - self._began, self._t14)
+                self._judge("T7", -1, "/CS rose before /WR")
+            self._judge("T14", now - self._began)
             if not net.driven and net.let_go_at < now:
-                self._break("T15", 0, self._t15, "nobody drives D0-D7")
-            elif now - net.changed_at < self._t15 and byte == net.value:
-                self._break("T15", now - net.changed_at, self._t15)
+                self._judge("T15", 0, "nobody drives D0-D7")
+            elif byte == net.value:
+                self._judge("T15", now - net.changed_at)
             self._ended = now
             self._wrote = now
             self._byte = byte
             self._undo = keep(chip) if self._write_undone else {}
             if ps == ds.DATA_PORT:
                 self._data_wrote = now
-            self._timer.at(now + self._t16)
+            self._timer.at(now + self._limit("T16"))
         if not self._lost:
             chip.write(ps, byte)
         if byte != net.value:
@@ -212,18 +215,17 @@ class BusPins:
         chip = self._chip
         if chip.judged:
             if rd == LOW:
-                self._break("T7", -1, 0, "/CS rose before /RD")
-            if now - self._began < self._t10:
-                self._break("T10", now - self._began, self._t10)
+                self._judge("T7", -1, "/CS rose before /RD")
+            self._judge("T10", now - self._began)
             if not self._fought and self._others_drive():
-                self._break("T11", -1, 0)
+                self._judge("T11", -1)
             self._ended = self._read = now
             self._undo = keep(chip) if self._read_undone else {}
             if ps == ds.DATA_PORT:
                 self._data_read = now
-            self._timer.at(now + self._t12)
+            self._timer.at(now + self._limit("T12"))
         if self._lost:
-            chip.lose_read()
+            self._host.lose_read()
         chip.end_read()
         self.driving = False
         self.show_at = NEVER
@@ -257,29 +259,17 @@ class BusPins:
                 moved == self._wrote and (net.value != self._byte or not net.driven)
             )
             hold = moved - self._wrote
-            if late and hold < self._t16:
-                lost = self._chip.report(ds.AC.rules["T16"], hold, self._t16, when=moved)
+            if late or now - self._wrote >= self._limit("T16"):
                 self._wrote = _LONG_AGO
-                if lost:
-                    self._take_back()
-            elif now - self._wrote >= self._t16:
-                self._wrote = _LONG_AGO
+            if late:
+                self._judge_hold("T16", hold, moved)
         if self._read > _LONG_AGO:
             hold = net.changed_at - self._read
             others = hold > 0 or (hold == 0 and net.value != self._left)
-            if others and hold < self._t12:
-                lost = self._chip.report(ds.AC.rules["T12"], hold, self._t12, when=net.changed_at)
+            if others or now - self._read >= self._limit("T12"):
                 self._read = _LONG_AGO
-                if lost:
-                    self._take_back()
-            elif now - self._read >= self._t12:
-                self._read = _LONG_AGO
-
-    def _take_back(self) -> None:
-        """A strict hold time was broken: the cycle has not been."""
-        if self._undo:
-            undo, self._undo = self._undo, {}
-            take_back(self._chip, undo)
+            if others:
+                self._judge_hold("T12", hold, net.changed_at)
 
     # -- D0-D7 --------------------------------------------------------------------------------
 
@@ -287,4 +277,4 @@ class BusPins:
         """Drive what the read under way shows now; status is live (LM-BUS-3)."""
         if self._kernel.now >= self.show_at:
             self.show_at = NEVER
-        self._data.drive(_FLOATING if self.show_at != NEVER else self._chip.shown())
+        self._data.drive(_FLOATING if self.show_at != NEVER else self._chip.read_byte())

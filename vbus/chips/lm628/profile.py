@@ -148,6 +148,11 @@ class Profile:
             self.raw[number] = value
             self.relative[number] = False
 
+    @property
+    def desired_position(self) -> int:
+        """What RDDP reads: whole counts (LM-CMD-9)."""
+        return self.position >> 16
+
     # -- motion -------------------------------------------------------------------------------
 
     def hold(self, counts: int) -> None:

@@ -1,12 +1,10 @@
 """LM628/LM629: what can be upset inside the chip."""
 
 from vbus.chips.base import Chip
-from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.chip import LM628
 from vbus.faults.row import CHIP, LASTS, ONCE, Fault
-from vbus.faults.upsets import Shift, Upsets
+from vbus.faults.upsets import Upsets
 from vbus.options import Option, Value
-from vbus.signals import Plant
 
 
 class Lm628Upsets(Upsets):
@@ -24,10 +22,6 @@ class Lm628Upsets(Upsets):
         super().__init__(chip)
         assert isinstance(chip, LM628)
         self.chip: LM628 = chip
-
-    def disturb(self) -> None:
-        """Tell the chip that something behind it is different now."""
-        self.chip.touched()
 
     def filter_ps(self, axis: int) -> int:
         """Return how long the inputs' filter dwells (ps)."""
@@ -61,18 +55,3 @@ class Lm628Upsets(Upsets):
             self.chip.axis.stuck_part = acts or settings["reset_status"] == "C4"
         elif name == "busy_longest":
             self.chip.host.worst = acts or settings["busy"] == "worst"
-
-    # -- its clock ----------------------------------------------------------------------------
-
-    def set_frequency(self, hz: float, plants: list[Plant]) -> None:
-        """Tell mechanics how long a sample is now."""
-        for plant in plants:
-            plant.prepare(ds.SAMPLE_CLK / hz)
-
-    def move(self, shift: Shift) -> None:
-        """Hold the ends of busy and reset and the index, or give them back."""
-        self.chip.move_instants(shift)
-
-    def follow(self) -> None:
-        """Work out anew when the next sample and the index come."""
-        self.chip.follow_clock()

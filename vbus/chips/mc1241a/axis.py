@@ -3,18 +3,34 @@
 from collections.abc import Callable
 from typing import ClassVar, Final
 
-from vbus.chips.mc1241a.breakpoints import cycles_to_go, is_met
+from vbus.bits import sign_extend
 from vbus.chips.mc1241a.datasheet import (
+    AUTO_STOP,
+    AUTO_UPDATE_OFF,
+    AXIS_ON,
+    AXIS_SHIFT,
     BREAKPOINT,
+    BRK_ACTL_NEG,
+    BRK_ACTL_POS,
+    BRK_EXT,
+    BRK_MTN_CMPLT,
+    BRK_NEG,
     BRK_OFF,
+    BRK_POS,
+    BRK_TIME,
     CAPTURE,
     COMMAND_ERROR,
     COMMAND_REFUSED,
     EVENTS,
     GEAR,
+    IN_MOTION,
     MOTION_COMPLETE,
     MOTION_ERROR,
     MOTOR_COMMAND_LOST,
+    MOTOR_ON,
+    MOVING,
+    PHASE_SHIFT,
+    PROFILE_SHIFT,
     S_CURVE,
     STOP_TWICE,
     TRAPEZOIDAL,
@@ -23,7 +39,7 @@ from vbus.chips.mc1241a.datasheet import (
 from vbus.chips.mc1241a.encoder import Encoder
 from vbus.chips.mc1241a.limits import LimitDetector
 from vbus.chips.mc1241a.microstep import Microstepper
-from vbus.chips.mc1241a.parameters import Registers
+from vbus.chips.mc1241a.parameters import Registers, Shared
 from vbus.chips.mc1241a.profile import Profile
 from vbus.signals import Rule
 from vbus.state import Names
@@ -35,8 +51,10 @@ UPDATED: Final = 0
 """The active motor command has come from the buffer."""
 DIRECT: Final = 1
 """SET_MTR_CMD has set it."""
-DIRECT_TOLD: Final = 2
+DIRECT_REPORTED: Final = 2
 """The same, and an update that left it as it was has been reported."""
+FOR_EVER: Final = (1 << 62) - 1
+"""More cycles than there will be."""
 
 Report = Callable[[Rule, str], None]
 """Takes a rule the host has broken on an axis, and what happened."""
@@ -47,6 +65,7 @@ class Axis:
 
     Args:
         number: 0-based.
+        shared: what the axes have in common.
         encoder: its counts, index and home.
         stepper: its microstep look-ups.
         report: takes findings about the host.
@@ -60,12 +79,18 @@ class Axis:
         "position_error_limit", "position_error", "_error_offset", "buffer: part", "_taken: part",
         "active: part", "profile: part", "limits: part", "encoder: part", "stepper: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_report", "number")
+    WIRING: ClassVar[Names] = ("_report", "_shared", "number")
 
     def __init__(
-        self, number: int, encoder: Encoder, stepper: Microstepper, report: Report
+        self,
+        number: int,
+        shared: Shared,
+        encoder: Encoder,
+        stepper: Microstepper,
+        report: Report,
     ) -> None:
         self.number: int = number
+        self._shared: Shared = shared
         self.encoder: Encoder = encoder
         self.stepper: Microstepper = stepper
         self.profile: Profile = Profile()
@@ -107,18 +132,35 @@ class Axis:
         self.encoder.reset()
         self.stepper.reset()
 
+    # -- status and mode words ----------------------------------------------------------------
+
+    @property
+    def status(self) -> int:
+        """The status word (PMD-STA-1)."""
+        word = self.events | AXIS_ON | self.number << AXIS_SHIFT
+        if self.motor_on:
+            word |= MOTOR_ON
+        if self.profile.in_motion():
+            word |= IN_MOTION
+        return word
+
+    @property
+    def mode(self) -> int:
+        """The mode word (PMD-STA-5)."""
+        mode = self.profile.mode
+        word = mode << PROFILE_SHIFT
+        if self.auto_stop:
+            word |= AUTO_STOP
+        if not self.auto_update:
+            word |= AUTO_UPDATE_OFF
+        if mode == S_CURVE:
+            word |= self.profile.phase() << PHASE_SHIFT
+        return word
+
     # -- one cycle ----------------------------------------------------------------------------
 
-    def cycle(self, time: int, home: int, positive: bool, negative: bool, sensing: bool) -> None:
-        """Do the work of one cycle, in the order of PMD-CYC-1.
-
-        Args:
-            time: number of this cycle since reset.
-            home: level of the home input.
-            positive: whether the positive limit switch is active.
-            negative: whether the negative limit switch is active.
-            sensing: whether limit switches count.
-        """
+    def cycle(self) -> None:
+        """Do the work of one cycle, in the order of PMD-CYC-1."""
         profile = self.profile
         counts = self.encoder.read()
         if self.encoder.take_capture():
@@ -126,19 +168,17 @@ class Axis:
         if self.encoder.wrapped:
             self.events |= WRAP
         # A breakpoint looks at how the last cycle ended (PMD-UPD-3).
-        met = self.breakpoint_mode != BRK_OFF and is_met(
-            self.breakpoint_mode, self.breakpoint_value, time, profile.target(),
-            self.encoder.actual, self.events, home,
-        )  # fmt: skip
+        met = self._breakpoint_met()
         if self._update_pending:
-            self._update(positive and sensing, negative and sensing)
+            self._update()
         if met:
             self.breakpoint_mode = BRK_OFF
             self.events |= BREAKPOINT
             if self.auto_update:
                 self.request_update()
-                self._update(positive and sensing, negative and sensing)
-        hit = self.limits.look(positive, negative, self.events, sensing)
+                self._update()
+        positive, negative = self._limits()
+        hit = self.limits.look(positive, negative, self.events, self._shared.sensing)
         if hit:
             profile.halt()
             self.events |= hit | MOTION_COMPLETE  # PMD-LIM-1
@@ -146,6 +186,32 @@ class Axis:
         self.events |= profile.step(self.active, self.start_velocity, counts)
         self.stepper.begin_cycle(start, profile.moved)
         self._check_error()
+
+    def _limits(self) -> tuple[bool, bool]:
+        """Return whether the limit switches are active, by their sense (PMD-LIM-1)."""
+        positive, negative = self.encoder.limit_levels()
+        sense = self._shared.limit_sense >> 2 * self.number
+        return positive != sense & 1, negative != sense >> 1 & 1
+
+    def _breakpoint_met(self) -> bool:
+        """Tell whether the breakpoint's condition holds (PMD-CMD-27 to PMD-CMD-33)."""
+        mode, value = self.breakpoint_mode, self.breakpoint_value
+        if mode == BRK_OFF:
+            return False
+        if mode == BRK_TIME:
+            return self._shared.time == value & 0xFFFFFFFF
+        if mode == BRK_MTN_CMPLT:
+            return self.events & MOTION_COMPLETE != 0
+        if mode == BRK_EXT:
+            return self.encoder.home_level() == 0
+        limit = sign_extend(value, 32)
+        if mode == BRK_POS:
+            return self.profile.target_position >= limit
+        if mode == BRK_NEG:
+            return self.profile.target_position <= limit
+        if mode == BRK_ACTL_POS:
+            return self.encoder.actual >= limit
+        return mode == BRK_ACTL_NEG and self.encoder.actual <= limit
 
     def _check_error(self) -> None:
         """Compare target and actual position (PMD-STL-1)."""
@@ -157,7 +223,7 @@ class Axis:
         if self._has_motion_error():
             self.events |= MOTION_ERROR
             if self.auto_stop and self.motor_on:
-                self.motor_off()
+                self.disable()
 
     def _expected(self) -> int:
         """Where the encoder should be for the target position (counts)."""
@@ -188,13 +254,8 @@ class Axis:
         self.motor_command_given = False
         self._update_pending = True
 
-    def _update(self, at_positive: bool, at_negative: bool) -> None:
-        """Copy the registers taken and carry out the actions taken (PMD-UPD-1).
-
-        Args:
-            at_positive: the positive limit switch is active and counts.
-            at_negative: the negative limit switch is.
-        """
+    def _update(self) -> None:
+        """Copy the registers taken and carry out the actions taken (PMD-UPD-1)."""
         taken, profile = self._taken, self.profile
         stop, smooth, synch = taken.stop, taken.smooth_stop, taken.synch
         taken.stop = taken.smooth_stop = taken.synch = 0
@@ -219,9 +280,10 @@ class Axis:
             return
         if not self.motor_on:
             return  # PMD-MTR-2
-        if profile.mode in (TRAPEZOIDAL, S_CURVE):
+        if self._shared.sensing and profile.mode in (TRAPEZOIDAL, S_CURVE):
+            positive, negative = self._limits()
             way = (taken.position << 32) - profile.position
-            if (way > 0 and at_positive) or (way < 0 and at_negative):
+            if (way > 0 and positive) or (way < 0 and negative):
                 self._refuse("the move leads toward an active limit switch")  # PMD-ERR-3
                 self.active.position = before
                 return
@@ -232,26 +294,19 @@ class Axis:
         """Copy buffer to active, but for what must not change in motion; say what was refused."""
         active, profile = self.active, self.profile
         refused = ""
+        kept: tuple[str, ...] = ()
         if profile.in_motion():
             if profile.mode == TRAPEZOIDAL and buffer.acceleration != active.acceleration:
                 refused = "acceleration changed in a trapezoidal move"  # PMD-ERR-1
+                kept = ("velocity", "acceleration")
             elif profile.mode == S_CURVE and (
                 buffer.velocity != active.velocity
                 or buffer.max_acceleration != active.max_acceleration
                 or buffer.jerk != active.jerk
             ):
                 refused = "velocity, acceleration or jerk changed in an S-curve move"  # PMD-ERR-2
-        keep_trapezoid = refused != "" and profile.mode == TRAPEZOIDAL
-        keep_s_curve = refused != "" and profile.mode == S_CURVE
-        if not refused:
-            active.velocity = buffer.velocity
-        if not keep_trapezoid:
-            active.acceleration = buffer.acceleration
-        if not keep_s_curve:
-            active.max_acceleration = buffer.max_acceleration
-            active.jerk = buffer.jerk
-        active.position = buffer.position
-        active.ratio = buffer.ratio
+                kept = ("velocity", "max_acceleration", "jerk")
+        active.copy(buffer, ("motor_command", *kept))
         self._copy_motor_command(buffer.motor_command)
         return refused
 
@@ -263,7 +318,7 @@ class Axis:
             self._motor_command_from = UPDATED
             self._motor_command_taken = False
         elif self._motor_command_from == DIRECT and active.motor_command != buffered:
-            self._motor_command_from = DIRECT_TOLD
+            self._motor_command_from = DIRECT_REPORTED
             self._report(
                 MOTOR_COMMAND_LOST,
                 f"axis {self.number + 1}: motor command {active.motor_command} set by SET_MTR_CMD"
@@ -275,6 +330,21 @@ class Axis:
         self._report(COMMAND_REFUSED, f"axis {self.number + 1}: {why}")
 
     # -- commands of this axis ----------------------------------------------------------------
+
+    def set_profile(self, mode: int) -> None:
+        """SET_PRFL_S_CRV, _TRAP, _VEL and _GEAR: at once (PMD-CMD-4 to PMD-CMD-7)."""
+        if self.profile.set_mode(mode, self.active.position):
+            self._report(MOVING, f"axis {self.number + 1} is in motion")
+
+    def set_position(self, value: int) -> None:
+        """SET_POS: that it was given at all counts too (PMD-CMD-8, PMD-TRJ-12)."""
+        self.buffer.position = value
+        self.position_given = True
+
+    def set_buffered_motor_command(self, value: int) -> None:
+        """SET_BUF_MTR_CMD: the amplitude from the next update on (PMD-CMD-66)."""
+        self.buffer.motor_command = value
+        self.motor_command_given = True
 
     def set_motor_command(self, value: int) -> None:
         """SET_MTR_CMD: past the buffer (PMD-CMD-64)."""
@@ -293,7 +363,7 @@ class Axis:
         self.step_ratio = value
         self.zero_error()
 
-    def set_actual_position(self, value: int) -> None:
+    def renumber(self, value: int) -> None:
         """SET_ACTL_POS: both positions take a number, and nothing moves (PMD-CMD-69)."""
         self.encoder.set_position(value)
         self._renumber(value)
@@ -304,15 +374,15 @@ class Axis:
         self.stepper.renumber(before, self.profile.position)
         self.zero_error()
 
-    def motor_off(self) -> None:
-        """Freeze the microstep angle; the windings keep their currents (PMD-MTR-2)."""
+    def disable(self) -> None:
+        """MTR_OFF: freeze the microstep angle; the windings keep their currents (PMD-MTR-2)."""
         if self.profile.in_motion():
             self.events |= MOTION_COMPLETE
         self.motor_on = False
         self.profile.halt()
 
-    def motor_turn_on(self) -> None:
-        """Enable the generator; nothing moves until the next update (PMD-MTR-1)."""
+    def enable(self) -> None:
+        """MTR_ON: enable the generator; nothing moves until the next update (PMD-MTR-1)."""
         if self.profile.in_motion():
             self.events |= MOTION_COMPLETE
         self.motor_on = True
@@ -327,27 +397,21 @@ class Axis:
 
     # -- rest ---------------------------------------------------------------------------------
 
-    def idle_cycles(
-        self, time: int, home: int, positive: bool, negative: bool, sensing: bool
-    ) -> int:
+    def idle_cycles(self) -> int:
         """Return how many coming cycles would change nothing; 0 if the next may do something."""
         if (
             self._update_pending
             or not self.profile.resting(self.active)
             or not self.stepper.still()
+            or not self.encoder.resting()
         ):
             return 0
-        if not self.encoder.resting():
+        positive, negative = self._limits()
+        if not self.limits.steady(positive, negative, self.events, self._shared.sensing):
             return 0
-        if not self.limits.steady(positive, negative, self.events, sensing):
+        if self._breakpoint_met() or (self._has_motion_error() and not self.events & MOTION_ERROR):
             return 0
-        if self._has_motion_error() and not self.events & MOTION_ERROR:
-            return 0
-        if self.breakpoint_mode == BRK_OFF:
-            return (1 << 62) - 1
-        if is_met(
-            self.breakpoint_mode, self.breakpoint_value, time, self.profile.target(),
-            self.encoder.actual, self.events, home,
-        ):  # fmt: skip
-            return 0
-        return cycles_to_go(self.breakpoint_mode, self.breakpoint_value, time) - 1
+        # Everything but time stands still while an axis rests.
+        if self.breakpoint_mode != BRK_TIME:
+            return FOR_EVER
+        return self.breakpoint_value - self._shared.time - 1 & 0xFFFFFFFF

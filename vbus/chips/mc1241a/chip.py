@@ -8,10 +8,9 @@ from mypy_extensions import i64
 from vbus.chips.mc1241a.axis import Axis
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.commands import Commands
-from vbus.chips.mc1241a.cycle import Cycles, Shared
+from vbus.chips.mc1241a.cycle import Cycles
 from vbus.chips.mc1241a.datasheet import (
     AC,
-    BUSY_HALF_CLK,
     CARD_DECODES,
     COMMAND_PORT,
     DATA_PORT,
@@ -26,15 +25,16 @@ from vbus.chips.mc1241a.datasheet import (
     STATUS_READY,
 )
 from vbus.chips.mc1241a.encoder import Encoder
-from vbus.chips.mc1241a.events import NOBODY, Interrupts, mode_word, status_word
+from vbus.chips.mc1241a.interrupts import NOBODY, Interrupts
 from vbus.chips.mc1241a.microstep import Microstepper
 from vbus.chips.mc1241a.output import Output
 from vbus.chips.mc1241a.packet import HostPort
+from vbus.chips.mc1241a.parameters import Shared
 from vbus.chips.mc1241a.pins import HostPins
 from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import HELD, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Z
+from vbus.signals import HIGH, LOW, Plant, Policy, Rule, Violation, Z
 from vbus.state import Names
 
 
@@ -59,14 +59,15 @@ class MC1241A(ChipSet):
     RULES: ClassVar[tuple[Rule, ...]] = RULES
     FREE_READS: ClassVar[tuple[int, ...]] = (COMMAND_PORT,)
     TRACELESS: ClassVar[bool] = True
+    PERIOD_CLK: ClassVar[int] = SLOT_CLK
     OPTIONS: ClassVar[tuple[Option, ...]] = OPTIONS
     CARD_DECODES: ClassVar[dict[str, tuple[CardRow, ...]]] = CARD_DECODES
     STATE: ClassVar[Names] = (
-        "_wake", "_hold_at", "_held: bool", "_adapter_read: bool", "busy_stretch", "commands: part",
+        "_wake", "_hold_at", "held: bool", "_adapter_read: bool", "busy_stretch", "commands: part",
         "cycles: part", "interrupts: part", "port: part", "output: part", "host_pins: part",
         "axes: parts", "judged: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_interrupt_pin", "_ready_pin", "_slot_busy", "shared")
+    WIRING: ClassVar[Names] = ("shared",)
     DERIVED: ClassVar[Names] = ("instant",)
 
     def __init__(
@@ -85,28 +86,22 @@ class MC1241A(ChipSet):
         self.axis_count = 2 if part == "MC1241A" else 1
         self.read_low_ps = 100_000
         self.cycle_ps = 200_000
-        self.busy_stretch: int = 0
-        """Fault: this much is added to every busy time (ps)."""
-        self.interrupts: Interrupts = Interrupts()
         b_leads = self.settings["phase_b"] == "leads"
+        self.shared: Shared = Shared()
         self.axes: list[Axis] = [
-            Axis(number, Encoder(self, number, self._encoder_source(number)),
+            Axis(number, self.shared, Encoder(self, number, self._encoder_source(number)),
                  Microstepper(b_leads), self.find)
             for number in range(self.axis_count)
         ]  # fmt: skip
-        self.cycles: Cycles = Cycles(self, self.axes)
-        self.shared: Shared = self.cycles.shared
+        self.cycles: Cycles = Cycles(self, self.axes, self.shared)
+        self.interrupts: Interrupts = Interrupts(self, self.axes)
         self.commands: Commands = Commands(self, self.axes, self.cycles, self.interrupts)
-        self.port: HostPort = HostPort(self, self.commands)
+        self.port: HostPort = HostPort(self, self.commands, self.cycles)
         self.output: Output = Output(self, self.cycles, self.axis_count)
-        self._slot_busy: bool = self.settings["host_busy"] == "slot"
         self._wake: i64 = 0
         self._hold_at: i64 = NEVER
-        self._held: bool = False
         self._adapter_read: bool = False
         self.host_pins: HostPins = HostPins(self, self.port)
-        self._ready_pin: Pin = self.pins["HostRdy"]
-        self._interrupt_pin: Pin = self.pins["~HostIntrpt"]
         self.restart(self.kernel.now, 0)
         self._reckon()
         self.advance()
@@ -134,7 +129,7 @@ class MC1241A(ChipSet):
         if self._adapter_read:
             return self.adapter_status()
         data = self.port.end_read()
-        self.rearm()
+        self.touched()
         return data
 
     def write(self, address: int, data: int) -> None:
@@ -146,7 +141,7 @@ class MC1241A(ChipSet):
             self.port.write_command(data)
         elif address == RESET_PORT:
             self.release_reset(False)
-        self.rearm()
+        self.touched()
 
     def adapter_status(self) -> int:
         """Return the status byte of a card: D7 HostRdy, D6 ~HostIntrpt, the others float high."""
@@ -181,20 +176,6 @@ class MC1241A(ChipSet):
         """Return when HostRdy is high: now or earlier, or the end of the busy time."""
         return self.port.busy_until
 
-    def busy_end(self) -> int:
-        """Return when a busy time that begins now will end (PMD-BUS-7)."""
-        now: int = HELD if self.clock.stopped else self.kernel.now
-        if self._slot_busy and not self.clock.stopped:
-            end: int = self.cycles.ps_of((self.cycles.slot_at(now) + 1) * SLOT_CLK)
-        else:
-            end = now + self.clock.span(BUSY_HALF_CLK) // 2
-        return end + self.busy_stretch
-
-    def show_ready(self, ready: bool, when: int) -> None:
-        """Put HostRdy to its level at ``when``."""
-        self.instant = when
-        self.put(self._ready_pin, HIGH if ready else LOW)
-
     # -- reset --------------------------------------------------------------------------------
 
     def power_on(self, done: bool) -> None:
@@ -210,24 +191,20 @@ class MC1241A(ChipSet):
         self.restart(self.kernel.now, 0 if done else RESET_CLK)
         self._reckon()
         self.advance()
-        self.rearm()
-
-    def stopped(self) -> bool:
-        """Whether ~Reset holds the chip set."""
-        return self._held
+        self.touched()
 
     def hold_reset(self, when: int) -> None:
         """~Reset is low; if it still is at ``when``, everything stops."""
         self._hold_at = when
-        self.rearm()
+        self.touched()
 
     def release_reset(self, lost: bool) -> None:
         """~Reset rises: the reset runs, unless the pulse was too short and is ``lost``."""
         self._hold_at = NEVER
         if not lost:
-            self._held = False
+            self.held = False
             self.restart(self.kernel.now)
-        self.rearm()
+        self.touched()
 
     def reset_command(self) -> None:
         """RESET: like ~Reset, counted from when the command was written (PMD-CMD-75)."""
@@ -237,10 +214,6 @@ class MC1241A(ChipSet):
         """Bring the position counters up to the present instant."""
         self.cycles.follow_encoders()
 
-    def begin_slot(self, clk: int) -> None:
-        """A microstep look-up begins at clock ``clk``: outputs follow."""
-        self.output.begin_slot(clk)
-
     def restart(self, since: int, clocks: int = RESET_CLK) -> None:
         """Take every reset value; the host port is ready ``clocks`` after ``since`` (PMD-RST-1)."""
         self.cycles.stop()
@@ -248,16 +221,14 @@ class MC1241A(ChipSet):
         self.commands.current = 0
         for axis in self.axes:
             axis.reset()
-        self.put(self._interrupt_pin, HIGH)
         self.output.rest()
-        if self._held:
+        if self.held:
             self.port.reset(since, NEVER)
         else:
             ready = (HELD if self.clock.stopped else since) + self.clock.span(clocks)
             self.port.reset(since, ready)
             self.cycles.begin(ready)
             self.output.reset()
-        self.show_ready(False, self.instant)
 
     # -- time ---------------------------------------------------------------------------------
 
@@ -271,13 +242,12 @@ class MC1241A(ChipSet):
             when = self._wake
             self.instant = when
             if self.port.due() == when:
-                self._host_effect(when)
+                self._host_effect()
             elif self.interrupts.quiet_until == when:
-                self.interrupts.quiet_until = NEVER
-                self.look_for_interrupt()
+                self.interrupts.rested()
             elif self._hold_at == when:
                 self._hold_at = NEVER
-                self._held = True
+                self.held = True
                 self.restart(when)
             elif self.cycles.boundary == when:
                 # A command that is being taken in may change what the next cycles do.
@@ -285,6 +255,9 @@ class MC1241A(ChipSet):
                 if now < until:
                     until = now
                 self.cycles.run(until if until < self._hold_at else self._hold_at)
+                self.interrupts.look()
+                if self.cycles.heard:
+                    self.output.begin_slot()
             else:
                 self.output.run(when)
             self._reckon()
@@ -303,24 +276,14 @@ class MC1241A(ChipSet):
             wake = self.interrupts.quiet_until
         self._wake = wake if wake < self._hold_at else self._hold_at
 
-    def _host_effect(self, when: int) -> None:
+    def _host_effect(self) -> None:
         mode = self.shared.output_mode
         self.port.finish()
         if self.shared.output_mode != mode:
             self.output.rest()
         if self.port.due() == NEVER:
-            self.show_ready(True, when)
-        self.look_for_interrupt()
-
-    def look_for_interrupt(self) -> None:
-        """Latch an axis whose event its mask lets through (PMD-INT-1)."""
-        if self.interrupts.look(self.axes):
-            self.put(self._interrupt_pin, LOW)
-
-    def release_interrupt(self) -> None:
-        """RST_INTRPT: the line goes high for a clock at least (PMD-INT-3)."""
-        self.interrupts.release(self.instant + self.clock.span_up(1))
-        self.put(self._interrupt_pin, HIGH)
+            self.port.show_ready(True)
+        self.interrupts.look()
 
     def steady_until(self, address: int) -> int:
         """Return until when the adapter's status byte stays as it is (PMD-BUS-12)."""
@@ -343,10 +306,10 @@ class MC1241A(ChipSet):
         due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at)
         return due == NEVER and self.cycles.resting()
 
-    def rearm(self) -> None:
-        """Take note of what something outside has changed."""
+    def touched(self) -> None:
+        """Something from outside has changed the chip set: find what is due next."""
         self._reckon()
-        super().rearm()
+        super().touched()
 
     # -- neighbours ---------------------------------------------------------------------------
 
@@ -357,7 +320,6 @@ class MC1241A(ChipSet):
         self.cycles.choose_slots()
         self._reckon()
         super().heard_changed()
-        self.rearm()
 
     def exchange_plant(self, axis: int, plant: Plant) -> None:
         """Put another motor behind an axis, and behind every encoder that hears the one there."""
@@ -373,7 +335,7 @@ class MC1241A(ChipSet):
 
     def follow_clock(self) -> None:
         """The clock has another course: so is when the next cycle comes."""
-        if not self._held:
+        if not self.held:
             self.cycles.replan(self.port.busy_until)
 
     def connect(self, axis: int, plant: Plant) -> None:
@@ -404,12 +366,14 @@ class MC1241A(ChipSet):
         for axis in self.axes:
             n = axis.number + 1
             a, b = self.cycles.phase_outputs(axis.number)
-            values[f"target {n}"] = axis.profile.target()
-            values[f"velocity {n}"] = axis.profile.velocity / (1 << 32)
-            values[f"actual {n}"] = axis.encoder.actual
-            values[f"error {n}"] = axis.position_error
-            values[f"status {n}"] = status_word(axis)
-            values[f"mode {n}"] = mode_word(axis)
-            values[f"phase A {n}"] = a
-            values[f"phase B {n}"] = b
+            values |= {
+                f"target {n}": axis.profile.target_position,
+                f"velocity {n}": axis.profile.velocity / (1 << 32),
+                f"actual {n}": axis.encoder.actual,
+                f"error {n}": axis.position_error,
+                f"status {n}": axis.status,
+                f"mode {n}": axis.mode,
+                f"phase A {n}": a,
+                f"phase B {n}": b,
+            }
         return values

@@ -4,46 +4,16 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.mc1241a.axis import Axis
+from vbus.chips.mc1241a.axis import FOR_EVER, Axis
 from vbus.chips.mc1241a.chipset import ChipSet
-from vbus.chips.mc1241a.datasheet import CYCLE_CLK, OUTPUT_PWM, SLOT_CLK, SLOTS
+from vbus.chips.mc1241a.datasheet import CYCLE_CLK, SLOT_CLK, SLOTS
+from vbus.chips.mc1241a.parameters import Shared
 from vbus.kernel import NEVER
 from vbus.signals import Plant
 from vbus.state import Names
 
-FOR_EVER: Final = (1 << 62) - 1
-"""More cycles than there will be."""
 _SCALE: Final = 32_767.0
 """FULL_SCALE as a float."""
-
-
-class Currents:
-    """The phase currents a motor runs with (-32767 to 32767)."""
-
-    __slots__ = ("a", "b", "c")
-    STATE: ClassVar[Names] = ("a", "b", "c")
-
-    def __init__(self) -> None:
-        self.a: i64 = 0
-        self.b: i64 = 0
-        self.c: i64 = 0
-
-
-class Shared:
-    """What the axes have in common."""
-
-    STATE: ClassVar[Names] = ("time", "output_mode", "limit_sense", "sensing: bool")
-
-    def __init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Take the values of the manual's reset table (PMD-RST-2)."""
-        self.time: int = 0
-        """Cycles since reset, 32 bits."""
-        self.output_mode: int = OUTPUT_PWM
-        self.limit_sense: int = 0
-        self.sensing: bool = True
 
 
 class Cycles:
@@ -52,19 +22,20 @@ class Cycles:
     Args:
         chip: the chip set.
         axes: its axes.
+        shared: what they have in common.
     """
 
     STATE: ClassVar[Names] = (
-        "shared: part", "_driven: parts", "motors: parts", "_origin", "_slot", "boundary",
-        "_reset_since", "_slot_start", "_slot_end",
+        "shared: part", "_driven: list[(i64, i64, i64)]", "motors: parts", "_origin", "_slot",
+        "boundary", "_reset_since", "_slot_start", "_slot_end",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_axes", "_chip", "skipping")
     DERIVED: ClassVar[Names] = ("_slotted", "heard", "run_count")
 
-    def __init__(self, chip: ChipSet, axes: list[Axis]) -> None:
+    def __init__(self, chip: ChipSet, axes: list[Axis], shared: Shared) -> None:
         self._chip: ChipSet = chip
         self._axes: list[Axis] = axes
-        self.shared: Shared = Shared()
+        self.shared: Shared = shared
         self.motors: list[Plant | None] = [None] * len(axes)
         self.boundary: i64 = NEVER
         """Instant at which the next slot or cycle begins (ps); NEVER while ~Reset is held."""
@@ -80,7 +51,8 @@ class Cycles:
         self._reset_since: i64 = 0
         self._slot_start: i64 = 0
         self._slot_end: i64 = 0
-        self._driven: list[Currents] = [Currents() for _ in axes]
+        self._driven: list[tuple[int, int, int]] = [(0, 0, 0) for _ in axes]
+        """The phase currents each motor runs with (-32767 to 32767)."""
 
     # -- reset --------------------------------------------------------------------------------
 
@@ -126,6 +98,11 @@ class Cycles:
         slot = (self._chip.clock.cycle_at(instant) - self._origin) // SLOT_CLK
         return slot if slot > 0 else 0
 
+    @property
+    def slot_clk(self) -> i64:
+        """Clock at which the last slot began, counted in the same way."""
+        return (self._slot - 1) * SLOT_CLK
+
     # -- slots and cycles ---------------------------------------------------------------------
 
     def run(self, now: int) -> None:
@@ -150,8 +127,6 @@ class Cycles:
             for number, motor in enumerate(self.motors):
                 if motor is not None:
                     self._drive(number, motor, slot)
-            if self.heard:
-                chip.begin_slot(slot * SLOT_CLK)
             self._slot = slot + 1
             self.boundary = self._slot_end
             return
@@ -189,16 +164,7 @@ class Cycles:
         shared.time = shared.time + 1 & 0xFFFFFFFF
         self.run_count += 1
         for axis in self._axes:
-            home = axis.encoder.home_level()
-            positive, negative = self._limits(axis)
-            axis.cycle(shared.time, home, positive, negative, shared.sensing)
-        self._chip.look_for_interrupt()
-
-    def _limits(self, axis: Axis) -> tuple[bool, bool]:
-        """Return whether the limit switches of an axis are active, by their sense (PMD-LIM-1)."""
-        positive, negative = axis.encoder.limit_levels()
-        sense = self.shared.limit_sense >> 2 * axis.number
-        return positive != sense & 1, negative != sense >> 1 & 1
+            axis.cycle()
 
     # -- motors -------------------------------------------------------------------------------
 
@@ -229,10 +195,7 @@ class Cycles:
     def _drive(self, number: int, motor: Plant, slot: i64) -> None:
         """Run a motor through the slot that begins, with the currents just looked up."""
         a, b, c = self._currents(number, slot)
-        driven = self._driven[number]
-        driven.a = a
-        driven.b = b
-        driven.c = c
+        self._driven[number] = (a, b, c)
         motor.phases(float(a) / _SCALE, float(b) / _SCALE, float(c) / _SCALE)
 
     def _currents(self, number: int, slot: i64) -> tuple[i64, i64, i64]:
@@ -245,9 +208,7 @@ class Cycles:
 
     def _same_currents(self, number: int, slot: i64) -> bool:
         """Tell whether an axis still puts out what its motor was last driven with."""
-        a, b, c = self._currents(number, slot)
-        driven = self._driven[number]
-        return a == driven.a and b == driven.b and c == driven.c
+        return self._currents(number, slot) == self._driven[number]
 
     def phase_outputs(self, number: int) -> tuple[i64, i64]:
         """Return phases A and B of an axis as they are now (-32767 to 32767)."""
@@ -283,11 +244,7 @@ class Cycles:
         idle = FOR_EVER
         slot = self.slot_at(self._chip.instant)
         for number, axis in enumerate(self._axes):
-            positive, negative = self._limits(axis)
-            quiet = axis.idle_cycles(
-                self.shared.time, axis.encoder.home_level(), positive, negative,
-                self.shared.sensing,
-            )  # fmt: skip
+            quiet = axis.idle_cycles()
             if quiet == 0:
                 return 0
             motor = self.motors[number]

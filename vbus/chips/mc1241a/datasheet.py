@@ -1,8 +1,8 @@
 """What the MC1241A/MC1141A manual says, as data: commands, parameters, bits, pins, timings."""
 
-from dataclasses import dataclass
 from typing import Final
 
+from vbus.chips.mc1241a.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcLimit, AcTable
 from vbus.chips.tables import Bit, CardRow, Command, CommandTable, PinRow
 from vbus.options import Option
@@ -74,18 +74,7 @@ STATUS_BITS: Final = (
     Bit(10, "in motion", "the trajectory is in motion"),
     Bit(12, "axis 2", "number of the axis, less one"),
 )
-MOTION_COMPLETE: Final = 0x0001
-WRAP: Final = 0x0002
-BREAKPOINT: Final = 0x0004
-CAPTURE: Final = 0x0008
-MOTION_ERROR: Final = 0x0010
-POSITIVE_LIMIT: Final = 0x0020
-NEGATIVE_LIMIT: Final = 0x0040
-COMMAND_ERROR: Final = 0x0080
 EVENTS: Final = 0x00FF
-MOTOR_ON: Final = 0x0100
-AXIS_ON: Final = 0x0200
-IN_MOTION: Final = 0x0400
 AXIS_SHIFT: Final = 12
 
 # -- mode word (PMD-STA-5) -----------------------------------------------------------------------
@@ -99,8 +88,6 @@ MODE_BITS: Final = (
     Bit(14, "S-curve phase, middle bit"),
     Bit(15, "S-curve phase, high bit"),
 )
-AUTO_STOP: Final = 0x0080
-AUTO_UPDATE_OFF: Final = 0x0400
 PROFILE_SHIFT: Final = 11
 PHASE_SHIFT: Final = 13
 
@@ -129,248 +116,195 @@ CAPTURE_HOME: Final = 1
 
 # -- parameters ----------------------------------------------------------------------------------
 
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """How wide a parameter is; data out of range are cut to it (PMD-CMD-82).
-
-    Attributes:
-        bits: bits kept.
-        signed: the value wraps as two's complement instead of being masked.
-    """
-
-    bits: int
-    signed: bool = False
-
-
 POSITION_BITS: Final = 31
 """Positions run from -2^30 to 2^30-1 and wrap (PMD-TRJ-1)."""
 MAGNITUDE_BITS: Final = 30
 """Velocities and trapezoidal accelerations: 0 to 2^30-1."""
 ACCELERATION_BITS: Final = 31
 """Velocity-contouring accelerations: -2^30 to 2^30-1."""
-
-PARAMETERS: Final[dict[str, Parameter]] = {
-    "position": Parameter(POSITION_BITS, signed=True),
-    "velocity": Parameter(MAGNITUDE_BITS),
-    # Signed in one profile mode and unsigned in another: kept whole, cut where it is used.
-    "acceleration": Parameter(32, signed=True),
-    "max_acceleration": Parameter(15),
-    "jerk": Parameter(31),
-    "ratio": Parameter(32, signed=True),
-    "motor_command": Parameter(16, signed=True),
-    "start_velocity": Parameter(MAGNITUDE_BITS),
-    "breakpoint_value": Parameter(32),
-    "interrupt_mask": Parameter(8),
-    "step_ratio": Parameter(15),
-    "position_error_limit": Parameter(15),
-    "limit_sense": Parameter(4),
-}
-
-BUFFERED: Final = (
-    "position", "velocity", "acceleration", "max_acceleration", "jerk", "ratio", "motor_command",
-)  # fmt: skip
-"""The double-buffered registers, in the manual's order (PMD-UPD-1)."""
-
-SELECTS: Final[dict[str, int]] = {
-    "STOP": 1,
-    "SMOOTH_STOP": 1,
-    "SYNCH_PRFL": 1,
-    "SET_TIME_BRK": BRK_TIME,
-    "SET_POS_BRK": BRK_POS,
-    "SET_NEG_BRK": BRK_NEG,
-    "SET_ACTL_POS_BRK": BRK_ACTL_POS,
-    "SET_ACTL_NEG_BRK": BRK_ACTL_NEG,
-    "SET_MTN_CMPLT_BRK": BRK_MTN_CMPLT,
-    "SET_EXT_BRK": BRK_EXT,
-    "SET_BRK_OFF": BRK_OFF,
-    "SET_AUTO_UPDATE_ON": 1,
-    "SET_AUTO_UPDATE_OFF": 0,
-    "SET_AUTO_STOP_ON": 1,
-    "SET_AUTO_STOP_OFF": 0,
-    "SET_OUTPUT_PWM": OUTPUT_PWM,
-    "SET_OUTPUT_DAC16": OUTPUT_DAC16,
-}
-"""Value a command without data gives to the parameter its row names."""
+FULL_SCALE: Final = 32_767
+"""Largest phase output and motor command."""
 
 # -- commands ------------------------------------------------------------------------------------
 
 COMMANDS: Final = CommandTable(
     # Axis control
-    Command("SET_1", 0x01, read=1, clause="PMD-CMD-1",
+    Command("SET_1", 0x01, read=1, clause="PMD-CMD-1", hook="select", value=0,
             title="Set current axis # to 1"),
-    Command("SET_2", 0x02, read=1, clause="PMD-CMD-2",
+    Command("SET_2", 0x02, read=1, clause="PMD-CMD-2", hook="select", value=1,
             title="Set current axis # to 2"),
-    Command("SET_I", 0x08, read=1, scope="i", clause="PMD-CMD-3",
+    Command("SET_I", 0x08, read=1, scope="i", clause="PMD-CMD-3", hook="select_interrupting",
             title="Set current axis # to the interrupting axis"),
     # Profile generation
-    Command("SET_PRFL_S_CRV", 0x0B, scope="c", clause="PMD-CMD-4",
-            title="Set profile mode to S-curve"),
-    Command("SET_PRFL_TRAP", 0x09, scope="c", clause="PMD-CMD-5",
-            title="Set profile mode to trapezoidal point to point"),
-    Command("SET_PRFL_VEL", 0x0A, scope="c", clause="PMD-CMD-6",
+    Command("SET_PRFL_S_CRV", 0x0B, scope="c", clause="PMD-CMD-4", hook="set_profile",
+            value=S_CURVE, title="Set profile mode to S-curve"),
+    Command("SET_PRFL_TRAP", 0x09, scope="c", clause="PMD-CMD-5", hook="set_profile",
+            value=TRAPEZOIDAL, title="Set profile mode to trapezoidal point to point"),
+    Command("SET_PRFL_VEL", 0x0A, scope="c", clause="PMD-CMD-6", hook="set_profile", value=VELOCITY,
             title="Set profile mode to velocity-contouring"),
-    Command("SET_PRFL_GEAR", 0x0C, scope="c", clause="PMD-CMD-7",
+    Command("SET_PRFL_GEAR", 0x0C, scope="c", clause="PMD-CMD-7", hook="set_profile", value=GEAR,
             title="Set profile mode to electronic gear"),
-    Command("SET_POS", 0x10, write=2, scope="c", clause="PMD-CMD-8",
-            buffered=True, signed=True, title="Set command position"),
-    Command("SET_VEL", 0x11, write=2, scope="c", clause="PMD-CMD-9",
-            parameter="velocity", buffered=True, fraction=16, title="Set command velocity"),
+    Command("SET_POS", 0x10, write=2, scope="c", clause="PMD-CMD-8", hook="set_position",
+            bits=POSITION_BITS, buffered=True, signed=True, title="Set command position"),
+    Command("SET_VEL", 0x11, write=2, scope="c", clause="PMD-CMD-9", parameter="buffer.velocity",
+            bits=MAGNITUDE_BITS, buffered=True, fraction=16, title="Set command velocity"),
     Command("SET_ACC", 0x12, write=2, scope="c", clause="PMD-CMD-10",
-            parameter="acceleration", buffered=True, signed=True, fraction=16,
+            parameter="buffer.acceleration", bits=32, buffered=True, signed=True, fraction=16,
             title="Set command acceleration"),
     Command("SET_MAX_ACC", 0x15, write=1, scope="c", clause="PMD-CMD-11",
-            parameter="max_acceleration", buffered=True, fraction=16,
+            parameter="buffer.max_acceleration", bits=15, buffered=True, fraction=16,
             title="Set max acceleration (S-curve profile only)"),
-    Command("SET_JERK", 0x13, write=2, scope="c", clause="PMD-CMD-12",
-            parameter="jerk", buffered=True, fraction=32, title="Set command jerk"),
-    Command("SET_RATIO", 0x14, write=2, scope="c", clause="PMD-CMD-13",
-            parameter="ratio", buffered=True, signed=True, fraction=16,
+    Command("SET_JERK", 0x13, write=2, scope="c", clause="PMD-CMD-12", parameter="buffer.jerk",
+            bits=31, buffered=True, fraction=32, title="Set command jerk"),
+    Command("SET_RATIO", 0x14, write=2, scope="c", clause="PMD-CMD-13", parameter="buffer.ratio",
+            bits=32, buffered=True, signed=True, fraction=16,
             title="Set command electronic gear ratio"),
-    Command("SET_START_VEL", 0x6A, write=2, scope="c", clause="PMD-CMD-14", fraction=16,
+    Command("SET_START_VEL", 0x6A, write=2, scope="c", clause="PMD-CMD-14",
+            hook="set_start_velocity", bits=MAGNITUDE_BITS, fraction=16,
             title="Set starting velocity"),
-    Command("STOP", 0x46, scope="c", clause="PMD-CMD-15", parameter="stop", buffered=True,
-            title="Abruptly stop current axis motion"),
-    Command("SMOOTH_STOP", 0x4E, scope="c", clause="PMD-CMD-16", parameter="smooth_stop",
-            buffered=True, title="Smoothly stop current axis motion"),
-    Command("SYNCH_PRFL", 0x47, scope="c", clause="PMD-CMD-17", parameter="synch",
+    Command("STOP", 0x46, scope="c", clause="PMD-CMD-15", parameter="buffer.stop", value=1,
+            buffered=True, title="Abruptly stop current axis motion"),
+    Command("SMOOTH_STOP", 0x4E, scope="c", clause="PMD-CMD-16", parameter="buffer.smooth_stop",
+            value=1, buffered=True, title="Smoothly stop current axis motion"),
+    Command("SYNCH_PRFL", 0x47, scope="c", clause="PMD-CMD-17", parameter="buffer.synch", value=1,
             buffered=True, title="Set target position to actual position"),
-    Command("GET_POS", 0x4A, read=2, scope="c", clause="PMD-CMD-18",
-            parameter="position", buffered=True, signed=True, title="Get command position"),
-    Command("GET_VEL", 0x4B, read=2, scope="c", clause="PMD-CMD-19",
-            parameter="velocity", buffered=True, fraction=16, title="Get command velocity"),
+    Command("GET_POS", 0x4A, read=2, scope="c", clause="PMD-CMD-18", parameter="buffer.position",
+            buffered=True, signed=True, title="Get command position"),
+    Command("GET_VEL", 0x4B, read=2, scope="c", clause="PMD-CMD-19", parameter="buffer.velocity",
+            buffered=True, fraction=16, title="Get command velocity"),
     Command("GET_ACC", 0x4C, read=2, scope="c", clause="PMD-CMD-20",
-            parameter="acceleration", buffered=True, signed=True, fraction=16,
+            parameter="buffer.acceleration", buffered=True, signed=True, fraction=16,
             title="Get command acceleration"),
     Command("GET_MAX_ACC", 0x4F, read=1, scope="c", clause="PMD-CMD-21",
-            parameter="max_acceleration", buffered=True, fraction=16,
+            parameter="buffer.max_acceleration", buffered=True, fraction=16,
             title="Get max acceleration (S-curve profile only)"),
-    Command("GET_JERK", 0x58, read=2, scope="c", clause="PMD-CMD-22",
-            parameter="jerk", buffered=True, fraction=32, title="Get command jerk"),
-    Command("GET_RATIO", 0x59, read=2, scope="c", clause="PMD-CMD-23",
-            parameter="ratio", buffered=True, signed=True, fraction=16,
-            title="Get command electronic gear ratio"),
+    Command("GET_JERK", 0x58, read=2, scope="c", clause="PMD-CMD-22", parameter="buffer.jerk",
+            buffered=True, fraction=32, title="Get command jerk"),
+    Command("GET_RATIO", 0x59, read=2, scope="c", clause="PMD-CMD-23", parameter="buffer.ratio",
+            buffered=True, signed=True, fraction=16, title="Get command electronic gear ratio"),
     Command("GET_START_VEL", 0x6B, read=2, scope="c", clause="PMD-CMD-24",
             parameter="start_velocity", fraction=16, title="Get starting velocity"),
-    Command("GET_TRGT_POS", 0x1D, read=2, scope="c", clause="PMD-CMD-25", signed=True,
-            title="Get current target position"),
-    Command("GET_TRGT_VEL", 0x1E, read=2, scope="c", clause="PMD-CMD-26", signed=True,
-            fraction=16, title="Get current target velocity"),
+    Command("GET_TRGT_POS", 0x1D, read=2, scope="c", clause="PMD-CMD-25",
+            parameter="profile.target_position", signed=True, title="Get current target position"),
+    Command("GET_TRGT_VEL", 0x1E, read=2, scope="c", clause="PMD-CMD-26",
+            parameter="profile.target_velocity", signed=True, fraction=16,
+            title="Get current target velocity"),
     # Parameter update
     Command("SET_TIME_BRK", 0x17, scope="c", clause="PMD-CMD-27", parameter="breakpoint_mode",
-            title="Set breakpoint mode to time"),
+            value=BRK_TIME, title="Set breakpoint mode to time"),
     Command("SET_POS_BRK", 0x18, scope="c", clause="PMD-CMD-28", parameter="breakpoint_mode",
-            title="Set breakpoint mode to positive target position"),
+            value=BRK_POS, title="Set breakpoint mode to positive target position"),
     Command("SET_NEG_BRK", 0x19, scope="c", clause="PMD-CMD-29", parameter="breakpoint_mode",
-            title="Set breakpoint mode to negative target position"),
-    Command("SET_ACTL_POS_BRK", 0x1B, scope="c", clause="PMD-CMD-30",
-            parameter="breakpoint_mode", title="Set breakpoint mode to positive actual position"),
-    Command("SET_ACTL_NEG_BRK", 0x1C, scope="c", clause="PMD-CMD-31",
-            parameter="breakpoint_mode", title="Set breakpoint mode to negative actual position"),
-    Command("SET_MTN_CMPLT_BRK", 0x35, scope="c", clause="PMD-CMD-32",
-            parameter="breakpoint_mode", title="Set breakpoint mode to motion complete"),
+            value=BRK_NEG, title="Set breakpoint mode to negative target position"),
+    Command("SET_ACTL_POS_BRK", 0x1B, scope="c", clause="PMD-CMD-30", parameter="breakpoint_mode",
+            value=BRK_ACTL_POS, title="Set breakpoint mode to positive actual position"),
+    Command("SET_ACTL_NEG_BRK", 0x1C, scope="c", clause="PMD-CMD-31", parameter="breakpoint_mode",
+            value=BRK_ACTL_NEG, title="Set breakpoint mode to negative actual position"),
+    Command("SET_MTN_CMPLT_BRK", 0x35, scope="c", clause="PMD-CMD-32", parameter="breakpoint_mode",
+            value=BRK_MTN_CMPLT, title="Set breakpoint mode to motion complete"),
     Command("SET_EXT_BRK", 0x5E, scope="c", clause="PMD-CMD-33", parameter="breakpoint_mode",
-            title="Set breakpoint mode to external"),
+            value=BRK_EXT, title="Set breakpoint mode to external"),
     Command("SET_BRK_OFF", 0x6D, scope="c", clause="PMD-CMD-34", parameter="breakpoint_mode",
-            title="Set breakpoint mode off"),
+            value=BRK_OFF, title="Set breakpoint mode off"),
     Command("SET_BRK_PNT", 0x16, write=2, scope="c", clause="PMD-CMD-35",
             parameter="breakpoint_value", signed=True, title="Set breakpoint comparison value"),
-    Command("UPDATE", 0x1A, scope="c", clause="PMD-CMD-36",
+    Command("UPDATE", 0x1A, scope="c", clause="PMD-CMD-36", hook="request_update",
             title="Immediate parameter update"),
-    Command("MULTI_UPDATE", 0x5B, write=1, scope="g", clause="PMD-CMD-37",
+    Command("MULTI_UPDATE", 0x5B, write=1, scope="g", clause="PMD-CMD-37", hook="update_several",
             title="Multiple axis immediate parameter update"),
-    Command("SET_AUTO_UPDATE_ON", 0x5C, scope="c", clause="PMD-CMD-38",
-            parameter="auto_update", title="Set automatic profile update on"),
-    Command("SET_AUTO_UPDATE_OFF", 0x5D, scope="c", clause="PMD-CMD-39",
-            parameter="auto_update", title="Set automatic profile update off"),
+    Command("SET_AUTO_UPDATE_ON", 0x5C, scope="c", clause="PMD-CMD-38", parameter="auto_update",
+            value=1, title="Set automatic profile update on"),
+    Command("SET_AUTO_UPDATE_OFF", 0x5D, scope="c", clause="PMD-CMD-39", parameter="auto_update",
+            value=0, title="Set automatic profile update off"),
     Command("GET_BRK_PNT", 0x57, read=2, scope="c", clause="PMD-CMD-40",
             parameter="breakpoint_value", signed=True, title="Get breakpoint comparison value"),
     # Interrupt processing
     Command("SET_INTRPT_MASK", 0x2F, write=1, scope="c", clause="PMD-CMD-41",
-            parameter="interrupt_mask", title="Set interrupt mask"),
-    Command("GET_INTRPT", 0x30, read=1, scope="i", clause="PMD-CMD-42",
+            parameter="interrupt_mask", bits=8, title="Set interrupt mask"),
+    Command("GET_INTRPT", 0x30, read=1, scope="i", clause="PMD-CMD-42", hook="interrupting_status",
             title="Get status of interrupting axis"),
-    Command("RST_INTRPT", 0x32, write=1, scope="i", clause="PMD-CMD-43",
+    Command("RST_INTRPT", 0x32, write=1, scope="i", clause="PMD-CMD-43", hook="reset_interrupt",
             title="Reset interrupting events"),
     Command("GET_INTRPT_MASK", 0x56, read=1, scope="c", clause="PMD-CMD-44",
             parameter="interrupt_mask", title="Get interrupt mask"),
     # Status/mode
-    Command("CLR_STATUS", 0x33, scope="c", clause="PMD-CMD-45",
+    Command("CLR_STATUS", 0x33, scope="c", clause="PMD-CMD-45", hook="clear_events", value=0,
             title="Reset status of current axis"),
-    Command("RST_STATUS", 0x34, write=1, scope="c", clause="PMD-CMD-46",
+    Command("RST_STATUS", 0x34, write=1, scope="c", clause="PMD-CMD-46", hook="clear_events",
             title="Reset events for current axis"),
-    Command("GET_STATUS", 0x31, read=1, scope="c", clause="PMD-CMD-47",
+    Command("GET_STATUS", 0x31, read=1, scope="c", clause="PMD-CMD-47", parameter="status",
             title="Get axis status word"),
-    Command("GET_MODE", 0x48, read=1, scope="c", clause="PMD-CMD-48",
+    Command("GET_MODE", 0x48, read=1, scope="c", clause="PMD-CMD-48", parameter="mode",
             title="Get axis mode word"),
     # Encoder
-    Command("GET_ACTL_POS", 0x37, read=2, scope="c", clause="PMD-CMD-49", signed=True,
-            title="Get current actual axis location"),
-    Command("SET_CAPT_INDEX", 0x64, scope="c", clause="PMD-CMD-50",
-            title="Set index signal as position capture trigger"),
-    Command("SET_CAPT_HOME", 0x65, scope="c", clause="PMD-CMD-51",
-            title="Set home signal as position capture trigger"),
-    Command("GET_CAPT", 0x36, read=2, scope="c", clause="PMD-CMD-52", signed=True,
+    Command("GET_ACTL_POS", 0x37, read=2, scope="c", clause="PMD-CMD-49",
+            parameter="encoder.actual", signed=True, title="Get current actual axis location"),
+    Command("SET_CAPT_INDEX", 0x64, scope="c", clause="PMD-CMD-50", hook="set_capture",
+            value=CAPTURE_INDEX, title="Set index signal as position capture trigger"),
+    Command("SET_CAPT_HOME", 0x65, scope="c", clause="PMD-CMD-51", hook="set_capture",
+            value=CAPTURE_HOME, title="Set home signal as position capture trigger"),
+    Command("GET_CAPT", 0x36, read=2, scope="c", clause="PMD-CMD-52", hook="captured", signed=True,
             title="Get current axis position capture location"),
-    Command("SET_STEP_RATIO", 0x68, write=1, scope="c", clause="PMD-CMD-53", fraction=8,
-            title="Set number of encoder counts per step"),
-    Command("GET_STEP_RATIO", 0x6F, read=1, scope="c", clause="PMD-CMD-54",
-            parameter="step_ratio", fraction=8, title="Get number of encoder counts per step"),
+    Command("SET_STEP_RATIO", 0x68, write=1, scope="c", clause="PMD-CMD-53", hook="set_step_ratio",
+            bits=15, fraction=8, title="Set number of encoder counts per step"),
+    Command("GET_STEP_RATIO", 0x6F, read=1, scope="c", clause="PMD-CMD-54", parameter="step_ratio",
+            fraction=8, title="Get number of encoder counts per step"),
     Command("SET_AUTO_STOP_ON", 0x45, scope="c", clause="PMD-CMD-55", parameter="auto_stop",
-            title="Set auto stop on motion error mode on"),
+            value=1, title="Set auto stop on motion error mode on"),
     Command("SET_AUTO_STOP_OFF", 0x44, scope="c", clause="PMD-CMD-56", parameter="auto_stop",
-            title="Set auto stop on motion error mode off"),
+            value=0, title="Set auto stop on motion error mode off"),
     Command("SET_POS_ERR", 0x29, write=1, scope="c", clause="PMD-CMD-57",
-            parameter="position_error_limit", title="Set maximum position error limit"),
+            parameter="position_error_limit", bits=15, title="Set maximum position error limit"),
     Command("GET_POS_ERR", 0x55, read=1, scope="c", clause="PMD-CMD-58",
             parameter="position_error_limit", title="Get maximum position error limit"),
     Command("GET_ACTL_POS_ERR", 0x60, read=1, scope="c", clause="PMD-CMD-59",
             parameter="position_error", signed=True, title="Get actual position error"),
     # Motor control
     Command("SET_OUTPUT_PWM", 0x3C, scope="g", clause="PMD-CMD-60", parameter="output_mode",
-            title="Set motor output mode to PWM"),
+            value=OUTPUT_PWM, title="Set motor output mode to PWM"),
     Command("SET_OUTPUT_DAC16", 0x3B, scope="g", clause="PMD-CMD-61", parameter="output_mode",
-            title="Set motor output mode to 16-bit DAC"),
-    Command("MTR_ON", 0x43, scope="c", clause="PMD-CMD-62",
+            value=OUTPUT_DAC16, title="Set motor output mode to 16-bit DAC"),
+    Command("MTR_ON", 0x43, scope="c", clause="PMD-CMD-62", hook="enable",
             title="Enable profile generator"),
-    Command("MTR_OFF", 0x42, scope="c", clause="PMD-CMD-63",
+    Command("MTR_OFF", 0x42, scope="c", clause="PMD-CMD-63", hook="disable",
             title="Disable profile generator"),
-    Command("SET_MTR_CMD", 0x62, write=1, scope="c", clause="PMD-CMD-64", signed=True,
-            title="Write direct value to motor output"),
+    Command("SET_MTR_CMD", 0x62, write=1, scope="c", clause="PMD-CMD-64", hook="set_motor_command",
+            bits=16, least=-FULL_SCALE, signed=True, title="Write direct value to motor output"),
     Command("GET_MTR_CMD", 0x3A, read=1, scope="c", clause="PMD-CMD-65",
-            parameter="motor_command", signed=True, title="Read motor output command"),
-    Command("SET_BUF_MTR_CMD", 0x77, write=1, scope="c", clause="PMD-CMD-66", buffered=True,
+            parameter="active.motor_command", signed=True, title="Read motor output command"),
+    Command("SET_BUF_MTR_CMD", 0x77, write=1, scope="c", clause="PMD-CMD-66",
+            hook="set_buffered_motor_command", bits=16, least=-FULL_SCALE, buffered=True,
             signed=True, title="Write double buffered motor command output"),
     Command("GET_BUF_MTR_CMD", 0x69, read=1, scope="c", clause="PMD-CMD-67",
-            parameter="motor_command", buffered=True, signed=True,
+            parameter="buffer.motor_command", buffered=True, signed=True,
             title="Get double buffered motor command value"),
     Command("GET_OUTPUT_MODE", 0x6E, read=1, scope="g", clause="PMD-CMD-68",
             parameter="output_mode", title="Get current output mode"),
     # Miscellaneous
-    Command("SET_ACTL_POS", 0x4D, write=2, scope="c", clause="PMD-CMD-69", signed=True,
-            title="Set axis position"),
-    Command("SET_LMT_SENSE", 0x66, write=1, scope="g", clause="PMD-CMD-70",
-            parameter="limit_sense", title="Set limit switch bit sense"),
-    Command("GET_LMT_SWTCH", 0x67, read=1, scope="g", clause="PMD-CMD-71",
+    Command("SET_ACTL_POS", 0x4D, write=2, scope="c", clause="PMD-CMD-69",
+            hook="set_actual_position", bits=POSITION_BITS, signed=True, title="Set axis position"),
+    Command("SET_LMT_SENSE", 0x66, write=1, scope="g", clause="PMD-CMD-70", parameter="limit_sense",
+            bits=4, title="Set limit switch bit sense"),
+    Command("GET_LMT_SWTCH", 0x67, read=1, scope="g", clause="PMD-CMD-71", hook="limit_switches",
             title="Get state of limit switches"),
-    Command("LMTS_ON", 0x70, scope="g", clause="PMD-CMD-72",
+    Command("LMTS_ON", 0x70, scope="g", clause="PMD-CMD-72", hook="set_sensing", value=1,
             title="Set limit switch sensing on"),
-    Command("LMTS_OFF", 0x71, scope="g", clause="PMD-CMD-73",
+    Command("LMTS_OFF", 0x71, scope="g", clause="PMD-CMD-73", hook="set_sensing", value=0,
             title="Set limit switch sensing off"),
-    Command("GET_HOME", 0x05, read=1, scope="g", clause="PMD-CMD-74",
+    Command("GET_HOME", 0x05, read=1, scope="g", clause="PMD-CMD-74", hook="home_switches",
             title="Get state of home switches"),
-    Command("RESET", 0x39, scope="g", clause="PMD-CMD-75", title="Reset chipset"),
-    Command("GET_VRSN", 0x6C, read=1, scope="g", clause="PMD-CMD-76",
+    Command("RESET", 0x39, scope="g", clause="PMD-CMD-75", hook="reset", title="Reset chipset"),
+    Command("GET_VRSN", 0x6C, read=1, scope="g", clause="PMD-CMD-76", hook="version",
             title="Get chipset software version information"),
     Command("GET_TIME", 0x3E, read=2, scope="g", clause="PMD-CMD-77", parameter="time",
             title="Get current chip set time (# cycles)"),
     # Microstepping
-    Command("SET_PHASE_2", 0x74, scope="c", clause="PMD-CMD-78",
+    Command("SET_PHASE_2", 0x74, scope="c", clause="PMD-CMD-78", hook="set_phases", value=2,
             title="Set waveform to 2-phase"),
-    Command("SET_PHASE_3", 0x73, scope="c", clause="PMD-CMD-79",
+    Command("SET_PHASE_3", 0x73, scope="c", clause="PMD-CMD-79", hook="set_phases", value=3,
             title="Set waveform to 3-phase"),
     Command("GET_PHASE_INFO", 0x7F, read=1, scope="c", clause="PMD-CMD-80",
-            title="Get commutation flags set by host"),
+            parameter="stepper.phase_info", title="Get commutation flags set by host"),
 )  # fmt: skip
 """The command summary: 80 rows (PMD-CMD-81)."""
 

@@ -14,13 +14,11 @@ from vbus.chips.mc1241a.datasheet import (
     POSITION_BITS,
     TWO_CHANNELS,
 )
+from vbus.chips.motion.input_limits import judge_inputs
 from vbus.chips.motion.quadrature import (
     ALL_LOW,
     COUNTED,
     INDEX_FELL,
-    INDEX_INSIDE,
-    SHORT_DWELL,
-    SHORT_PULSE,
     SKIPPED,
     InputFilter,
     Quadrature,
@@ -301,13 +299,8 @@ class Encoder:
         self._unsettled = True
         found = self._decoder.edge(now, self._a.value, self._b.value, self._index.value)
         if found and chip.judged:
-            if found & SHORT_DWELL:
-                chip.report(AC.rules["T2"], self._decoder.dwell, AC["T2"].min_ps)
-            if found & SHORT_PULSE:
-                chip.report(AC.rules["T1"], self._decoder.pulse, AC["T1"].min_ps)
-            if found & INDEX_INSIDE:
-                chip.report(AC.rules["T3"], -1, AC["T3"].min_ps)
-        chip.rearm()
+            judge_inputs(chip, AC, self._decoder, found)
+        chip.touched()
 
     def _home_moved(self) -> None:
         """~Home has moved."""
@@ -317,14 +310,14 @@ class Encoder:
         self._home_wired = self._home.net.driven
         self._unsettled = True
         self._home_filter.edge(chip.kernel.now, self._home.value)
-        chip.rearm()
+        chip.touched()
 
     def limit_moved(self) -> None:
         """A limit switch pin has moved."""
         self._chip.advance()
         for place, pin in enumerate((self._positive, self._negative)):
             self._levels[place] = pin.value if pin.net.driven else -1
-        self._chip.rearm()
+        self._chip.touched()
 
     def after_load(self) -> None:
         """Look at the pins."""

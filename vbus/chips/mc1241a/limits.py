@@ -12,21 +12,18 @@ class LimitDetector:
     STATE: ClassVar[Names] = ("armed: bool", "_hit", "_positive: bool", "_negative: bool")
 
     def __init__(self) -> None:
-        self.armed: bool = True
-        self._hit: int = 0
-        self._positive: bool = False
-        self._negative: bool = False
+        self.reset()
 
     def reset(self) -> None:
         """Arm the detector with both switches taken as open."""
-        self.armed = True
-        self._hit = 0
+        self.armed: bool = True
+        self._hit: int = 0
         self.forget()
 
     def forget(self) -> None:
         """Take a switch that is active already as one that becomes active (PMD-LIM-4)."""
-        self._positive = False
-        self._negative = False
+        self._positive: bool = False
+        self._negative: bool = False
 
     def look(self, positive: bool, negative: bool, events: int, sensing: bool) -> int:
         """Look at the switches once a cycle; return the status bit of a hit, or 0.

@@ -5,10 +5,9 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.chips.mc1241a.datasheet import FULL_SCALE, TWO_PHASE
 from vbus.state import Names
 
-FULL_SCALE: Final = 32_767
-"""Largest phase output and motor command."""
 STEPS: Final = 256
 """Microsteps in an electrical cycle: four full steps of 64 (PMD-USTP-1)."""
 _CYCLE: Final = (STEPS << 32) - 1
@@ -73,26 +72,16 @@ class Microstepper:
     def __init__(self, b_leads: bool) -> None:
         self._two: tuple[int, ...] = PHASE_B[True, b_leads]
         self._three: tuple[int, ...] = PHASE_B[False, b_leads]
-        self.two_phase: bool = False
-        self._shift: int = 0
-        self._from: int = 0
-        self._moved: int = 0
-        # What of these two makes a difference to the angle: words.
-        self._start: i64 = 0
-        self._way: i64 = 0
-        self._held_slot: i64 = -1
         self._held_a: i64 = 0
         self._held_b: i64 = 0
+        self.reset()
 
     def reset(self) -> None:
         """Angle 0, three phases."""
-        self.two_phase = False
-        self._shift = 0
-        self._from = 0
-        self._moved = 0
-        self._start = 0
-        self._way = 0
-        self._held_slot = -1
+        self.two_phase: bool = False
+        self._shift: int = 0
+        self._held_slot: i64 = -1
+        self.begin_cycle(0, 0)
 
     def begin_cycle(self, start: int, moved: int) -> None:
         """Spread a cycle's motion over its eight slots.
@@ -101,14 +90,14 @@ class Microstepper:
             start: target position at the cycle's start (2^-32 usteps).
             moved: what the profile generator adds to it in this cycle.
         """
-        self._from = start + self._shift
-        self._moved = moved
+        self._from: int = start + self._shift
+        self._moved: int = moved
         self._reduce()
 
     def _reduce(self) -> None:
-        """Leave whole electrical cycles out."""
-        self._start = 8 * (self._from & _CYCLE)
-        self._way = self._moved & _WAY
+        """Leave whole electrical cycles out: what makes a difference to the angle fits words."""
+        self._start: i64 = 8 * (self._from & _CYCLE)
+        self._way: i64 = self._moved & _WAY
 
     def renumber(self, before: int, after: int) -> None:
         """The target becomes ``after`` instead of ``before`` (2^-32 usteps) and the angle stays.
@@ -144,6 +133,11 @@ class Microstepper:
         angle = self.angle(slot)
         waves = self._two if self.two_phase else self._three
         return scaled(command, PHASE_A[angle]), scaled(command, waves[angle])
+
+    @property
+    def phase_info(self) -> int:
+        """GET_PHASE_INFO: bit 3, two phases (PMD-CMD-80)."""
+        return TWO_PHASE if self.two_phase else 0
 
     def still(self) -> bool:
         """Whether every slot of this cycle has the same angle."""

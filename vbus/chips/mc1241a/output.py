@@ -89,7 +89,7 @@ class Output:
 
     def due(self) -> i64:
         """Return the instant of the next edge or frame (ps), NEVER if nobody looks."""
-        if not self._cycles.heard or self._chip.stopped():
+        if not self._cycles.heard or self._chip.held:
             return _NEVER
         due: i64 = self._queue[0][0] if self._queue else NEVER
         if self._cycles.shared.output_mode == OUTPUT_PWM:
@@ -123,10 +123,11 @@ class Output:
                 if 0 < high < FRAME_CLK:
                     self._push(self._cycles.ps_of(start + high), number, LOW)
 
-    def begin_slot(self, clk: int) -> None:
-        """A microstep look-up begins: write the DAC words (PMD-USTP-5)."""
-        if not self._cycles.heard or self._cycles.shared.output_mode != OUTPUT_DAC16:
+    def begin_slot(self) -> None:
+        """A microstep look-up has begun: write the DAC words (PMD-USTP-5)."""
+        if self._cycles.shared.output_mode != OUTPUT_DAC16:
             return
+        clk = self._cycles.slot_clk
         address, select, data, low, write, strobe = range(8, 14)
         for axis in range(self._axes):
             for phase, output in enumerate(self._cycles.phase_outputs(axis)):

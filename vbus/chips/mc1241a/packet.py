@@ -6,19 +6,23 @@ from mypy_extensions import i64
 
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.commands import Commands
+from vbus.chips.mc1241a.cycle import Cycles
 from vbus.chips.mc1241a.datasheet import (
     ABORTED,
+    BUSY_HALF_CLK,
     COMMANDS,
     FAMILY_CODES,
     ILLEGAL,
     NOT_READY,
     RESERVED,
     RESERVED_CODE,
+    SLOT_CLK,
     UNEXPECTED_READ,
     UNEXPECTED_WRITE,
 )
 from vbus.chips.tables import Command
-from vbus.kernel import NEVER
+from vbus.kernel import HELD, NEVER
+from vbus.signals import HIGH, LOW, Pin
 from vbus.state import Names
 
 _NEVER: Final[i64] = int(NEVER)
@@ -37,6 +41,7 @@ class HostPort:
     Args:
         chip: the chip set behind the port.
         commands: carries out whole packets.
+        cycles: the slots of its cycles.
     """
 
     STATE: ClassVar[Names] = (
@@ -45,46 +50,52 @@ class HostPort:
         "_result", "_checksum", "_high", "_low_write_next: bool", "_low_read_next: bool", "_word",
         "_word_is_data: bool", "_reading: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_chip", "_commands", "_noop_codes")
+    WIRING: ClassVar[Names] = (
+        "_chip", "_commands", "_cycles", "_noop_codes", "_ready_pin", "_slot_busy",
+    )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_row",)
 
-    def __init__(self, chip: ChipSet, commands: Commands) -> None:
+    def __init__(self, chip: ChipSet, commands: Commands, cycles: Cycles) -> None:
         self._chip: ChipSet = chip
         self._commands: Commands = commands
+        self._cycles: Cycles = cycles
+        self._ready_pin: Pin = chip.pins["HostRdy"]
+        self._slot_busy: bool = chip.settings["host_busy"] == "slot"
         self._noop_codes: bool = chip.settings["family_codes"] == "noop"
-        self.busy_until: i64 = 0
-        """HostRdy rises at this instant (ps), NEVER if no end is in sight."""
-        self.busy_since: int = 0
-        self.last_driven: int = 0
-        self._pending: int = NOTHING
         self._pending_value: int = 0
-        self._row: Command | None = None
+        self._high: int = 0
+        self._word: int = 0
+        self._word_is_data: bool = False
+        self.reset(0, 0)
+
+    def reset(self, since: int, ready: int) -> None:
+        """Forget every packet and be busy from ``since`` to ``ready`` (ps)."""
+        self.busy_since: int = since
+        self.busy_until: i64 = ready
+        """HostRdy rises at this instant (ps), NEVER if no end is in sight."""
+        self._pending: int = READY
+        self._open(None, 0, 0)
         self._code: int = 0
+        self._checksum: int = 0
+        self._reading: bool = False
+        self.last_driven: int = 0
+        self.show_ready(False)
+
+    def _open(self, row: Command | None, writes: int, reads: int) -> None:
+        self._row: Command | None = row
+        self._writes: int = writes
+        self._reads: int = reads
         self._illegal: bool = False
-        self._writes: int = 0
-        self._reads: int = 0
         self._given: int = 0
         self._taken: int = 0
         self._value: int = 0
         self._result: int = 0
-        self._checksum: int = 0
-        self._high: int = 0
         self._low_write_next: bool = False
         self._low_read_next: bool = False
-        self._word: int = 0
-        self._word_is_data: bool = False
-        self._reading: bool = False
 
-    def reset(self, since: int, ready: int) -> None:
-        """Forget every packet and be busy from ``since`` to ``ready`` (ps)."""
-        self.busy_since = since
-        self.busy_until = ready
-        self._pending = READY
-        self._open(None, 0, 0)
-        self._code = 0
-        self._checksum = 0
-        self._reading = False
-        self.last_driven = 0
+    def show_ready(self, ready: bool) -> None:
+        """Put HostRdy to its level at the instant of what the chip set is doing."""
+        self._chip.put(self._ready_pin, HIGH if ready else LOW)
 
     # -- from the bus -------------------------------------------------------------------------
 
@@ -97,11 +108,19 @@ class HostPort:
         return False
 
     def _go_busy(self, pending: int, value: int) -> None:
+        """Be busy from now on: up to the next slot, or for the usual time (PMD-BUS-7)."""
+        chip, clock = self._chip, self._chip.clock
         self._pending = pending
         self._pending_value = value
-        self.busy_since = self._chip.kernel.now
-        self.busy_until = self._chip.busy_end()
-        self._chip.show_ready(False, self.busy_since)
+        self.busy_since = chip.kernel.now
+        if self._slot_busy and not clock.stopped:
+            slot = self._cycles.slot_at(self.busy_since)
+            end: int = self._cycles.ps_of((slot + 1) * SLOT_CLK)
+        else:
+            end = HELD if clock.stopped else self.busy_since
+            end += clock.span(BUSY_HALF_CLK) // 2
+        self.busy_until = end + chip.busy_stretch
+        self.show_ready(False)
 
     def write_command(self, data: int) -> None:
         """A byte was written with HostCmd high (PMD-BUS-2, PMD-BUS-6)."""
@@ -178,18 +197,6 @@ class HostPort:
         elif pending == TAKEN and self._word_is_data:
             self._checksum = (self._checksum + self._word) & 0xFFFF
             self._taken += 1
-
-    def _open(self, row: Command | None, writes: int, reads: int) -> None:
-        self._row = row
-        self._writes = writes
-        self._reads = reads
-        self._illegal = False
-        self._given = 0
-        self._taken = 0
-        self._value = 0
-        self._result = 0
-        self._low_write_next = False
-        self._low_read_next = False
 
     def _begin_packet(self, code: int) -> None:
         self._code = code

@@ -11,12 +11,10 @@ from vbus.trace.packets import (
     UNEXPECTED,
     UNKNOWN,
     WHOLE,
+    CommandPackets,
     Cycle,
-    Decoder,
     Packet,
     flags,
-    number,
-    signed,
 )
 
 _EVENTS: Final = tuple(bit for bit in ds.STATUS_BITS if 1 << bit.number & ds.EVENTS)
@@ -30,20 +28,21 @@ _PROFILES: Final = ("trapezoidal", "velocity", "S-curve", "gear")
 _PARTS: Final = ("00", "01", "31", "41", "51", "5", "6", "7")
 
 
-class Mc1241aPackets(Decoder):
+class Mc1241aPackets(CommandPackets):
     """Commands with their words, and checksums (PMD-PKT-1)."""
 
     FAMILY = ds.FAMILY
     WORDS = {"status": 16, "mode": 16, "version": 16, "adapter": 8}
     SETTINGS = ("family_codes",)
     LOST = frozenset({"mc1241a.not-ready"})
+    COMMANDS = ds.COMMANDS
+    COMMAND_PORT = ds.COMMAND_PORT
+    DATA_PORT = ds.DATA_PORT
+    CUT_SHORT = "PMD-BUS-10"
+    UNWANTED = "PMD-BUS-11"
 
     def __init__(self) -> None:
-        self._row: Command | None = None
-        self._words: list[int] = []
-        self._half: int = -1
-        self._cycles: list[Cycle] = []
-        self._last: str = ""
+        super().__init__()
         self._checksum: int = -1
         self._tail: list[Cycle] = []
         self._family_codes: bool = False
@@ -55,55 +54,39 @@ class Mc1241aPackets(Decoder):
     def take(self, cycle: Cycle) -> list[Packet]:
         """Take a cycle that reached the chip."""
         if cycle.address == ds.DATA_PORT:
-            return self._data(cycle)
+            tail = self.row is None and not cycle.write
+            return self._read_behind(cycle) if tail else self.data(cycle)
         if not cycle.write:
             values = self.show_word("adapter", cycle.data)
             return [Packet(STATUS, "adapter status", values, "PMD-BUS-12", (cycle,))]
         packets = self.finish()
         if cycle.address == ds.RESET_PORT:
-            self._last, self._checksum = "reset", -1
+            self.last, self._checksum = "reset", -1
             return [*packets, Packet(WHOLE, "adapter reset", "", "PMD-BUS-12", (cycle,))]
         return packets + self._command(cycle)
 
     def _command(self, cycle: Cycle) -> list[Packet]:
         code = cycle.data
         row = ds.COMMANDS.by_code(code)
-        if row is None and self._family_codes and code in ds.FAMILY_CODES:
-            name, writes, reads = ds.FAMILY_CODES[code]
+        family = ds.FAMILY_CODES.get(code)
+        if row is None and self._family_codes and family is not None:
+            name, writes, reads = family
             row = Command(name, code, writes, reads, clause="PMD-PKT-6")
         if row is not None:
-            self._row = row
-            self._cycles = [cycle]
-            return self._complete()
-        self._last = f"{code:02X}H"
+            return self.begin(row, cycle)
+        self.last = f"{code:02X}H"
         if code == ds.RESERVED_CODE:
             self._checksum = code
             return [Packet(UNKNOWN, f"reserved command {code:02X}H", "", "PMD-PKT-5", (cycle,))]
         self._checksum = 0
         name = f"illegal command {code:02X}H"
-        family = ds.FAMILY_CODES.get(code)
         if family is not None:
             name += f" ({family[0]} of the servo chips)"
         clause = "PMD-PKT-4" if code in ds.ILLEGAL_CODES else "PMD-PKT-6"
         return [Packet(UNKNOWN, name, "", clause, (cycle,))]
 
-    def _data(self, cycle: Cycle) -> list[Packet]:
-        row = self._row
-        if row is not None:
-            if cycle.write == bool(row.write):
-                self._cycles.append(cycle)
-                if self._half < 0:
-                    self._half = cycle.data
-                    return []
-                self._words.append(self._half << 8 | cycle.data)
-                self._half = -1
-                return self._complete()
-            way = "write" if cycle.write else "read"
-            what = f"data {way} of {cycle.data:02X}H inside {row.name}"
-            return [Packet(UNEXPECTED, what, "", "PMD-BUS-11", (cycle,))]
-        if cycle.write:
-            what = f"data write of {cycle.data:02X}H after {self._last or 'no command'}"
-            return [Packet(UNEXPECTED, what, "", "PMD-BUS-11", (cycle,))]
+    def _read_behind(self, cycle: Cycle) -> list[Packet]:
+        """Take a byte that is read behind a packet: half of its checksum, if it has one."""
         self._tail.append(cycle)
         if len(self._tail) < 2:
             return []
@@ -111,30 +94,19 @@ class Mc1241aPackets(Decoder):
         cycles = tuple(self._tail)
         self._tail = []
         if self._checksum < 0:
-            return [Packet(UNEXPECTED, f"read of {word:04X}H", "", "PMD-BUS-11", cycles)]
+            return [Packet(UNEXPECTED, f"read of {word:04X}H", "", self.UNWANTED, cycles)]
         if word != self._checksum:
-            values = f"{word:04X}H wrong, {self._checksum:04X}H belongs to {self._last}"
+            values = f"{word:04X}H wrong, {self._checksum:04X}H belongs to {self.last}"
         elif word == 0 and self._checksum == 0:
-            values = f"0000H: {self._last} is illegal"
+            values = f"0000H: {self.last} is illegal"
         else:
             values = f"{word:04X}H right"
         return [Packet(WHOLE, "checksum", values, "PMD-PKT-2", cycles)]
 
-    def _complete(self) -> list[Packet]:
-        row = self._row
-        if row is None or len(self._words) < row.write + row.read:
-            return []
-        packet = Packet(WHOLE, row.name, self._values(row), row.clause, tuple(self._cycles))
-        self._checksum = (row.code + sum(self._words)) & 0xFFFF
-        self._last = row.name
-        self._forget()
-        return [packet]
-
-    def _forget(self) -> None:
-        self._row = None
-        self._words = []
-        self._half = -1
-        self._cycles = []
+    def done(self, row: Command) -> None:
+        """A packet is whole: its checksum may be read."""
+        self._checksum = (row.code + sum(self.words)) & 0xFFFF
+        self.last = row.name
 
     def finish(self) -> list[Packet]:
         """Return what is still open: it was cut short (PMD-BUS-10)."""
@@ -143,27 +115,20 @@ class Mc1241aPackets(Decoder):
             what = f"first byte of a word, {self._tail[0].data:02X}H"
             packets.append(Packet(CUT, what, "", "PMD-BUS-5", tuple(self._tail)))
             self._tail = []
-        row = self._row
+        row = self.row
+        packets += super().finish()
         if row is not None:
-            have = f"{len(self._words)} of {row.write + row.read} words"
-            packets.append(
-                Packet(CUT, row.name, f"cut after {have}", "PMD-BUS-10", tuple(self._cycles))
-            )
-            self._last, self._checksum = row.name, -1
-            self._forget()
+            self.last, self._checksum = row.name, -1
         return packets
 
     def unfinished(self) -> int | None:
         """Return the instant of the last cycle of the packet that is open, if one is."""
-        cycles = self._cycles or self._tail
-        return cycles[-1].when if cycles else None
+        return self._tail[-1].when if self._tail else super().unfinished()
 
     # -- values -------------------------------------------------------------------------------
 
-    def _values(self, row: Command) -> str:
-        words = self._words
-        if not words:
-            return ""
+    def values(self, row: Command, words: list[int]) -> str:
+        """Return the words of a packet as people read them."""
         name = row.name
         if name in _STATUS:
             return self.show_word("status", words[0])
@@ -180,13 +145,27 @@ class Mc1241aPackets(Decoder):
         if name == "GET_OUTPUT_MODE":
             modes = {ds.OUTPUT_PWM: "PWM", ds.OUTPUT_DAC16: "DAC16"}
             return modes.get(words[0], f"{words[0]:04X}H")
-        value = 0
-        for word in words:
-            value = value << 16 | word
-        if row.signed:
-            value = signed(value, 16 * len(words))
-        unit = _unit(name)
-        return number(value, row.fraction, row.signed) + (f" {unit}" if unit else "")
+        return super().values(row, words)
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a command's value, as the manual has it.
+
+        Targets are microsteps; the encoder's positions, and errors against it, are counts. A
+        breakpoint's value is either or cycles, and SET_ACTL_POS gives both positions a number.
+        """
+        if "JERK" in name:
+            return "ustep/cycle/cycle/cycle"
+        if "ACC" in name:
+            return "ustep/cycle/cycle"
+        if "VEL" in name:
+            return "ustep/cycle"
+        if "RATIO" in name:
+            return "cnt/ustep" if "STEP" in name else "ustep/cnt"
+        if name in _TARGETS:
+            return "ustep"
+        if name in _COUNTS:
+            return "cnt"
+        return "cycles" if name == "GET_TIME" else ""
 
     def show_word(self, name: str, value: int) -> str:
         """Explain a status, mode or version word, or an adapter's status byte."""
@@ -211,40 +190,3 @@ class Mc1241aPackets(Decoder):
             f"{value:04X}H generation {value >> 14}, {axes} axes, part {part}{dash},"
             f" version {version}"
         )
-
-    def typed(self, data: list[int]) -> list[Cycle]:
-        """Read a command byte, then as many data bytes as it takes, and so on."""
-        cycles: list[Cycle] = []
-        need = 0
-        write = True
-        for byte in data:
-            if not need:
-                row = ds.COMMANDS.by_code(byte)
-                need = 2 * (row.write + row.read) if row else 0
-                write = row is not None and bool(row.write)
-                cycles.append(Cycle(0, True, ds.COMMAND_PORT, byte))
-            else:
-                cycles.append(Cycle(0, write, ds.DATA_PORT, byte))
-                need -= 1
-        return cycles
-
-
-def _unit(name: str) -> str:
-    """Return the unit of a command's value, as the manual has it.
-
-    Targets are microsteps; the encoder's positions, and errors against it, are counts. A
-    breakpoint's value is either or cycles, and SET_ACTL_POS gives both positions a number.
-    """
-    if "JERK" in name:
-        return "ustep/cycle/cycle/cycle"
-    if "ACC" in name:
-        return "ustep/cycle/cycle"
-    if "VEL" in name:
-        return "ustep/cycle"
-    if "RATIO" in name:
-        return "cnt/ustep" if "STEP" in name else "ustep/cnt"
-    if name in _TARGETS:
-        return "ustep"
-    if name in _COUNTS:
-        return "cnt"
-    return "cycles" if name == "GET_TIME" else ""

@@ -1,10 +1,8 @@
-"""The double-buffered registers, and SET_ and GET_ commands served from the table."""
+"""The double-buffered registers of an axis, and what the axes have in common."""
 
 from typing import ClassVar
 
-from vbus.bits import sign_extend, wrap
-from vbus.chips.mc1241a.datasheet import PARAMETERS
-from vbus.chips.tables import Command
+from vbus.chips.mc1241a.datasheet import OUTPUT_PWM
 from vbus.state import Names
 
 
@@ -39,24 +37,25 @@ class Registers:
         self.smooth_stop: int = 0
         self.synch: int = 0
 
-    def copy(self, other: "Registers") -> None:
-        """Take the values of another set."""
-        self.position, self.velocity = other.position, other.velocity
-        self.acceleration, self.jerk = other.acceleration, other.jerk
-        self.max_acceleration, self.ratio = other.max_acceleration, other.ratio
-        self.motor_command, self.synch = other.motor_command, other.synch
-        self.stop, self.smooth_stop = other.stop, other.smooth_stop
+    def copy(self, other: "Registers", kept: tuple[str, ...] = ()) -> None:
+        """Take the values of another set, but for those ``kept``."""
+        for name in self.STATE:
+            if name not in kept:
+                setattr(self, name, getattr(other, name))
 
 
-def fit(name: str, value: int) -> int:
-    """Cut data to the width of parameter ``name`` (PMD-CMD-82)."""
-    width = PARAMETERS[name]
-    if width.signed:
-        return wrap(value, width.bits)
-    return value & ((1 << width.bits) - 1)
+class Shared:
+    """What the axes have in common."""
 
+    STATE: ClassVar[Names] = ("time", "output_mode", "limit_sense", "sensing: bool")
 
-def in_range(row: Command, fitted: int, value: int) -> bool:
-    """Tell whether cutting ``value`` to ``fitted`` has lost nothing."""
-    bits = 16 * row.write
-    return fitted == (sign_extend(value, bits) if row.signed else value)
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Take the values of the manual's reset table (PMD-RST-2)."""
+        self.time: int = 0
+        """Cycles since reset, 32 bits."""
+        self.output_mode: int = OUTPUT_PWM
+        self.limit_sense: int = 0
+        self.sensing: bool = True

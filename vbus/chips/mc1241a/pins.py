@@ -39,10 +39,7 @@ class HostPins:
     def __init__(self, chip: ChipSet, port: HostPort) -> None:
         self._chip: ChipSet = chip
         self._port: HostPort = port
-        self._select: Net = chip.pins["~HostSlct"].net
-        self._write: Net = chip.pins["~HostWrite"].net
-        self._read: Net = chip.pins["~HostRead"].net
-        self._command: Net = chip.pins["HostCmd"].net
+        self.find_nets()
         watcher = Watcher(chip.kernel, self._control_moved)
         for name in ("~HostSlct", "~HostWrite", "~HostRead", "HostCmd"):
             chip.pins[name].net.watch(watcher)
@@ -68,10 +65,10 @@ class HostPins:
     def find_nets(self) -> None:
         """Look the nets up again: a board solders pins to other nets before time starts."""
         pins = self._chip.pins
-        self._select = pins["~HostSlct"].net
-        self._write = pins["~HostWrite"].net
-        self._read = pins["~HostRead"].net
-        self._command = pins["HostCmd"].net
+        self._select: Net = pins["~HostSlct"].net
+        self._write: Net = pins["~HostWrite"].net
+        self._read: Net = pins["~HostRead"].net
+        self._command: Net = pins["HostCmd"].net
 
     # -- edges --------------------------------------------------------------------------------
 
@@ -224,4 +221,4 @@ class HostPins:
         chip = self._chip
         if chip.judged and self._too_short(symbol, held) and self._last_was_write:
             self._port.lose()
-            chip.rearm()
+            chip.touched()

@@ -77,13 +77,19 @@ class Profile:
 
     # -- what others ask ----------------------------------------------------------------------
 
-    def target(self) -> int:
-        """Return the target position (usteps): the integer part."""
+    @property
+    def target_position(self) -> int:
+        """The target position in whole usteps (PMD-CMD-25)."""
         return self.position >> 32
+
+    @property
+    def target_velocity(self) -> int:
+        """The target velocity, 16.16 (PMD-CMD-26)."""
+        return self.velocity >> 16
 
     def travelled(self) -> int:
         """Return the target position as if it did not wrap, for the comparison with an encoder."""
-        return self.target() + (self._turns << POSITION_BITS)
+        return self.target_position + (self._turns << POSITION_BITS)
 
     def phase(self) -> int:
         """Return the S-curve phase, 1 to 7, or 0 at rest (PMD-STA-5)."""
@@ -116,7 +122,8 @@ class Profile:
         """
         if mode == self.mode:
             return False
-        moving = self.velocity != 0
+        # A trapezoid that turns round has velocity 0 on the way.
+        moving = self.velocity != 0 or self.in_motion()
         rude = moving and mode in (TRAPEZOIDAL, S_CURVE)
         self.mode = mode
         self._clear_curve()
@@ -214,7 +221,8 @@ class Profile:
         self.moved = 0
         if self.mode == GEAR:
             if self._state != HALTED:
-                self._follow(counts * active.ratio)
+                # The encoder's way times the ratio, fraction carried (PMD-TRJ-7).
+                self.velocity = self.moved = counts * active.ratio << 16
             return self._advance()
         if self._state != RUNNING:
             return 0
@@ -227,11 +235,6 @@ class Profile:
         events = self._advance()
         return events | MOTION_COMPLETE if done else events
 
-    def _follow(self, way: int) -> None:
-        """Gear: the encoder's way times the ratio, fraction carried (PMD-TRJ-7)."""
-        self.velocity = way << 16
-        self.moved = way << 16
-
     def _trapezoid(self, active: Registers, start_velocity: int) -> bool:
         """PMD-TRJ-2, in 1/65536 usteps: finer fractions left by an S-curve are dropped."""
         acceleration = active.acceleration & MAGNITUDE_MASK
@@ -242,14 +245,13 @@ class Profile:
         velocity: int = next_velocity(
             remaining, self.velocity >> 16, active.velocity, acceleration, start_velocity
         )
-        self.moved = (position + velocity << 16) - self.position
+        self._run_at(velocity)
         if arrived(remaining - velocity, velocity, acceleration, start_velocity) or (
             velocity == 0 and not _can_begin(active)
         ):
             self.velocity = 0
             self._state = DONE
             return True
-        self.velocity = velocity << 16
         return False
 
     def _contour(self, active: Registers, start_velocity: int) -> bool:
@@ -260,17 +262,20 @@ class Profile:
         before = self.velocity >> 16
         goal = active.velocity if acceleration >= 0 else -active.velocity
         velocity: int = toward(before, goal, abs(acceleration), start_velocity)
+        self._run_at(velocity)
+        return velocity == 0 and before != 0 and goal == 0
+
+    def _run_at(self, velocity: int) -> None:
+        """Move by a velocity in 1/65536 usteps; finer fractions of the position are dropped."""
         self.velocity = velocity << 16
         self.moved = (self.position >> 16 << 16) - self.position + self.velocity
-        return velocity == 0 and before != 0 and goal == 0
 
     def _slow_down(self, acceleration: int, start_velocity: int) -> bool:
         """Smooth stop: linear, at once without an acceleration (PMD-TRJ-10, NOTES 8)."""
         velocity: int = toward(self.velocity >> 16, 0, acceleration, start_velocity)
         if acceleration == 0:
             velocity = 0
-        self.velocity = velocity << 16
-        self.moved = (self.position >> 16 << 16) - self.position + self.velocity
+        self._run_at(velocity)
         return velocity == 0 and self._stopped()
 
     def _stopped(self) -> bool:

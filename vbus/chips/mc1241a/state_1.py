@@ -99,7 +99,7 @@ LAYOUTS: Final[dict[str, Any]] = {
     ),
     "HostPins": BITS, "HostPort": BITS, "LimitDetector": BITS, "Shared": BITS,
     "MC1241A": (
-        ("_wake", "_hold_at", "+_held", "+_adapter_read", "busy_stretch", "commands"),
+        ("_wake", "_hold_at", "+held", "+_adapter_read", "busy_stretch", "commands"),
         "cycles", "interrupts", "port", "output", "host_pins", "axes",
     ),
     "Microstepper": Odd(_save_stepper, _load_stepper),

@@ -4,12 +4,11 @@ from typing import Final
 
 from vbus.chips.base import Chip
 from vbus.chips.mc1241a.chip import MC1241A
-from vbus.chips.mc1241a.datasheet import SLOT_CLK
 from vbus.faults.row import CHIP, LASTS, Fault
-from vbus.faults.upsets import Shift, Upsets
+from vbus.faults.upsets import Upsets
 from vbus.kernel import NEVER
 from vbus.options import Option, Value
-from vbus.signals import HIGH, Plant
+from vbus.signals import HIGH
 
 STUCK: Final = 10**15
 """Longer than any host waits (ps)."""
@@ -53,7 +52,7 @@ class Mc1241aUpsets(Upsets):
             if chip.port.busy_until <= now:
                 chip.port.busy_since = now
             chip.port.busy_until = now + STUCK
-            chip.show_ready(False, now)
+            chip.port.show_ready(False)
             return "HostRdy is low"
         return super().start(name, values)
 
@@ -67,19 +66,4 @@ class Mc1241aUpsets(Upsets):
             if chip.port.busy_until > now:
                 chip.port.busy_until = now
                 if chip.port.due() == NEVER:
-                    chip.show_ready(True, now)
-
-    # -- its clock ----------------------------------------------------------------------------
-
-    def set_frequency(self, hz: float, plants: list[Plant]) -> None:
-        """Tell mechanics how long an axis' share of a cycle is now."""
-        for plant in plants:
-            plant.prepare(SLOT_CLK / hz)
-
-    def move(self, shift: Shift) -> None:
-        """Hold the ends of busy and of the interrupt's rest, and what is put out next."""
-        self.chip.move_instants(shift)
-
-    def follow(self) -> None:
-        """Work out anew when the next cycle comes."""
-        self.chip.follow_clock()
+                    chip.port.show_ready(True)

@@ -12,7 +12,8 @@ class Mcp1200Access(Registers):
     """One MCP-1200: values of one or more bytes.
 
     Args:
-        cycles: the chip on its bus, from :meth:`Bus.chip`; or a bus with one chip.
+        cycles: the chip on its bus, from :meth:`~vbus.client.aio.bus.Bus.chip`; or a bus
+            with one chip.
     """
 
     def __init__(self, cycles: Cycles) -> None:

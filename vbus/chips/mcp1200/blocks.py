@@ -1,33 +1,40 @@
-"""The blocks inside, and what they ask of the whole."""
+"""The blocks inside, put together."""
 
 from collections.abc import Callable
+from typing import Final
 
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.capture import Breakpoint
-from vbus.chips.mcp1200.core import Core
-from vbus.chips.mcp1200.counter import PositionCounter
+from vbus.chips.mcp1200.control_loop import ControlLoop
+from vbus.chips.mcp1200.counter import Breakpoint, PositionCounter
 from vbus.chips.mcp1200.drive import PlantDrive
 from vbus.chips.mcp1200.encoder import Encoder
 from vbus.chips.mcp1200.output import Pwm
-from vbus.chips.mcp1200.picture import Live
+from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.rest import Rest
-from vbus.chips.mcp1200.sheet import Sheet
-from vbus.chips.mcp1200.states import HELD
 from vbus.chips.mcp1200.stepper import Stepper
-from vbus.chips.mcp1200.timer import SampleTimer
+from vbus.chips.mcp1200.timer import FAR, SampleTimer
 from vbus.chips.mcp1200.writes import Writes
-from vbus.chips.registers import RegisterFile
 from vbus.kernel import Clock
 from vbus.options import Value
 from vbus.signals import Rule
 
 Report = Callable[[Rule, int, int, str, int], bool]
 
+HELD: Final = 0
+"""/RESET is low, or the supply has just come."""
+RESETTING: Final = 1
+STANDING: Final = 2
+"""Idle mode."""
+CONTROL: Final = 3
+
+NO_REQUEST: Final = -1
+"""The host has written nothing to R05 since the last sample."""
+
 
 class Blocks:
-    """The blocks of the manual's block diagram, put together.
+    """The blocks of the manual's block diagram, put together, and what state they are in.
 
     Args:
         clock: the CLK input.
@@ -40,54 +47,82 @@ class Blocks:
         writes: what the host has written, before it is visible.
     """
 
-    __slots__ = (
-        "_clock", "_report", "breakpoint", "core", "counter", "drive", "encoder", "file", "live",
-        "pwm", "released", "rest", "sheet", "state", "stepper", "timer", "writes",
-    )  # fmt: skip
-
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
         self._clock: Clock = clock
         self._report: Report = report
-        self.file: RegisterFile = RegisterFile(ds.REGISTERS)
-        data = self.file.bytes
-        self.sheet: Sheet = Sheet(self.file)
-        self.live: Live = self.sheet.live
-        self.core: Core = Core(self.sheet, settings["unipolar"] == "clip")
-        self.timer: SampleTimer = SampleTimer(self.live)
+        registers = RegisterFile()
+        self.registers: RegisterFile = registers
+        self.loop: ControlLoop = ControlLoop(registers, settings["unipolar"] == "clip")
+        self.timer: SampleTimer = SampleTimer(registers)
         self.encoder: Encoder = Encoder(clock.hz)
-        self.stepper: Stepper = Stepper(data)
-        self.breakpoint: Breakpoint = Breakpoint(self.live)
+        self.stepper: Stepper = Stepper(registers)
+        self.breakpoint: Breakpoint = Breakpoint(registers)
         self.counter: PositionCounter = PositionCounter(
-            self.core,
-            self.live,
+            registers,
             self.encoder,
             self.stepper,
             self.breakpoint,
+            self.loop.faults,
             settings["index"] == "high",
         )
-        self.pwm: Pwm = Pwm(self.live)
-        self.drive: PlantDrive = PlantDrive(self.live, self.encoder, self.stepper, settings)
-        self.rest: Rest = Rest(self.core, self.drive, self.encoder)
+        self.pwm: Pwm = Pwm(registers)
+        self.drive: PlantDrive = PlantDrive(registers, self.encoder, self.stepper, settings)
+        self.rest: Rest = Rest(self.loop, self.drive, self.encoder)
         self.state: int = HELD
         self.released: i64 = -1
         self.writes: Writes = Writes()
+        self._request: int = NO_REQUEST
+        self._aiming: bool = False
+        """The loop has closed: followers may follow its aim."""
+        self._at_reset: i64 = FAR
+        self._at_sample: i64 = FAR
+        self._at_results: i64 = FAR
+        self._at_routine: i64 = FAR
 
     def report(self, rule: Rule, cycle: int = -1, measured: int = 0, detail: str = "") -> None:
         """File a violation of clock cycle ``cycle``, or of just now."""
         self._report(rule, measured, 0, detail, -1 if cycle < 0 else self._clock.ps(cycle))
 
-    def request(self, mode: int, cycle: int) -> None:
-        """R05 has been written (MCP-MOD-1)."""
-        raise NotImplementedError
+    # -- modes and the sample timer -----------------------------------------------------------
 
     def controlling(self) -> bool:
         """Whether mode flags take effect: control mode, not halted."""
-        raise NotImplementedError
+        return self.state == CONTROL and not self.loop.halted
+
+    def request(self, mode: int, cycle: int) -> None:
+        """R05 has been written (MCP-MOD-1)."""
+        self._request = mode
+        if self.state == STANDING and mode != ds.CONTROL_CODE:
+            self._request = NO_REQUEST
+            if mode == ds.SOFT_RESET_CODE:
+                self._begin_reset(cycle)
+            elif mode == ds.IDLE_CODE:
+                self.loop.enter_idle()
+        elif self.state < STANDING:
+            self._request = NO_REQUEST
+
+    def _begin_reset(self, cycle: int) -> None:
+        self.state = RESETTING
+        self._stop()
+        self.registers.flag = 0
+        self.registers.mode = 0
+        self.registers.status &= ~ds.BUSY
+        self.stepper.stop(cycle)
+        self._at_reset = cycle + ds.RESET_CLK
+
+    def _stop(self) -> None:
+        self._request = NO_REQUEST
+        self.hold_timer()
+        self._at_results = FAR
+        self._aiming = False
 
     def hold_timer(self) -> None:
         """The sample timer stands."""
-        raise NotImplementedError
+        self.timer.running = False
+        self._at_sample = FAR
+        self._at_routine = FAR
 
     def start_timer(self, cycle: i64) -> None:
         """The sample timer begins a period."""
-        raise NotImplementedError
+        self.timer.reload(cycle)
+        self._at_sample = self.timer.next_zero()

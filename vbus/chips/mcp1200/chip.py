@@ -4,12 +4,11 @@ from collections.abc import Callable
 from typing import ClassVar, Final
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.clockwork import Clockwork
+from vbus.chips.mcp1200.axis import Axis
+from vbus.chips.mcp1200.blocks import STANDING
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
-from vbus.chips.mcp1200.interface import HostInterface
 from vbus.chips.mcp1200.outputs import OutputPins
-from vbus.chips.mcp1200.pins import LONG_AGO, HostPins
-from vbus.chips.mcp1200.states import STANDING
+from vbus.chips.mcp1200.pins import LONG_AGO, HostInterface, HostPins
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.tables import PinRow
 from vbus.kernel import NEVER, Clock, Kernel
@@ -29,7 +28,7 @@ MODES: Final = {
 class MCP1200(HostInterface):
     """MCP-1200, a motion controller with the register map of the HCTL-1100, extended.
 
-    All of its own time is counted in clock cycles, by :class:`Clockwork`; this class is the
+    All of its own time is counted in clock cycles, by :class:`Axis`; this class is the
     way in: bus cycles, nets, the kernel's picoseconds.
 
     Not modelled: supply current, temperature, input thresholds, metastability of the
@@ -46,7 +45,7 @@ class MCP1200(HostInterface):
     OPTIONS: ClassVar[tuple[Option, ...]] = ds.OPTIONS
 
     STATE: ClassVar[Names] = (
-        "_reading", "_latch", "_last_rise", "judged: bool", "works: part", "side: part",
+        "_reading", "_latch", "_last_rise", "judged: bool", "axis: part", "side: part",
         "encoder_pins: part", "bus: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("ac", "outputs", "_own")
@@ -63,9 +62,10 @@ class MCP1200(HostInterface):
         file: Callable[[Violation], None] | None = None,
     ) -> None:
         super().__init__(name, part, kernel, clock, settings, policy, file)
+        self.ac = ds.AC[str(self.settings["supply"])]
         self.read_low_ps = self.ac["tALDB"].max_ps
         self.cycle_ps = STROBE_PS + self.ac.minimum("tCSAL", clock)
-        self.works: Clockwork = Clockwork(clock, self.settings, self._report_at)
+        self.axis: Axis = Axis(clock, self.settings, self.report)
         self._reading: int = -1
         self._latch: int = 0
         self._last_rise: int = LONG_AGO
@@ -73,14 +73,14 @@ class MCP1200(HostInterface):
         self._quiet_ps: int = 0  # Pulse and Sign stay before this instant
         self._pulse_heard: bool = False
         self._own: dict[str, Watcher] = {}
-        self.outputs: OutputPins = OutputPins(self, self.works)
-        self.side: SidePins = SidePins(self, self.works)
-        self.encoder_pins: EncoderPins = EncoderPins(self, self.works)
-        self.works.attach(self.side, self.encoder_pins)
+        self.outputs: OutputPins = OutputPins(self, self.axis)
+        self.side: SidePins = SidePins(self, self.axis)
+        self.encoder_pins: EncoderPins = EncoderPins(self, self.axis)
+        self.axis.attach(self.side, self.encoder_pins)
         self.bus: HostPins = HostPins(self)
         self._own = {"TRIG": self.side.own, ds.DATA: self.bus.own}
         self._judge_clock()
-        self.works.hold(self.cycle_now())
+        self.axis.hold(self.cycle_now())
         self.changed()
 
     # -- bus cycles ---------------------------------------------------------------------------
@@ -94,7 +94,7 @@ class MCP1200(HostInterface):
         """/CS rises on a read: the output latch is frozen, and reading has its effects."""
         self.advance()
         if self._reading >= 0:
-            host = self.works.host
+            host = self.axis.host
             address = host.map(self._reading)
             self._reading = -1
             if not self._too_soon(ds.RECOVERY_READ_CLK):
@@ -110,20 +110,20 @@ class MCP1200(HostInterface):
 
     def drop_write(self) -> None:
         """The byte just written does not count after all (strict policy)."""
-        self.works.writes.lose()
+        self.axis.writes.lose()
 
     def output(self) -> int:
         """What /OE puts on the bus now."""
         if self._reading < 0:
             return self._latch
-        host = self.works.host
+        host = self.axis.host
         return host.read(host.map(self._reading), self.cycle_now())
 
     def write(self, address: int, data: int) -> None:
         """/CS rises on a write: the byte is visible inside four clocks later (MCP-BUS-5)."""
         self.advance()
         if not self._too_soon(ds.RECOVERY_WRITE_CLK):
-            self.works.write(self.cycle_now(), address & 0x7F, data & 0xFF)
+            self.axis.write(self.cycle_now(), address & 0x7F, data & 0xFF)
             self._stall()
         self.changed()
 
@@ -136,7 +136,7 @@ class MCP1200(HostInterface):
         return passed < least and self.report(ds.RECOVERY, passed, least)
 
     def _stall(self) -> None:
-        if self.works.stall():
+        if self.axis.stall():
             self._refresh_due()
 
     def steady_until(self, address: int) -> int:
@@ -169,7 +169,7 @@ class MCP1200(HostInterface):
         """Bring the chip up to now."""
         if self.kernel.now >= self._due_ps:
             cycle = self.cycle_now()
-            self.works.run(cycle)
+            self.axis.run(cycle)
             self._refresh_due()
             self.outputs.show(cycle)
             self._quiet_ps = 0
@@ -191,21 +191,21 @@ class MCP1200(HostInterface):
         self.rearm()
 
     def _refresh_due(self) -> None:
-        due = self.works.next()
+        due = self.axis.next()
         self._due_ps = NEVER if due == FAR else self.clock.ps(due)
 
     def next_event(self) -> int:
         """Return an instant not later than the next change of an output (ps)."""
         self.advance()
         # The data bus follows a register that is read, in idle mode too (MCP-BUS-6).
-        due = self.works.next_output() if self._reading < 0 else self.works.next()
+        due = self.axis.next_output() if self._reading < 0 else self.axis.next()
         if self._pulse_heard:
             due = min(due, self.outputs.pulse_edge(self.cycle_now()))
         return NEVER if due == FAR else self.clock.ps(due)
 
     def resting(self) -> bool:
         """Whether samples repeat themselves and nothing else is due, nor is a read under way."""
-        return self._reading < 0 and self.works.resting()
+        return self._reading < 0 and self.axis.resting()
 
     def heard_changed(self) -> None:
         """Somebody began or ceased to listen; the chip's own watchers do not count."""
@@ -230,23 +230,23 @@ class MCP1200(HostInterface):
     def power_on(self, done: bool) -> None:
         """Supply is up; /RESET is released now unless something holds it low."""
         cycle = self.next_cycle()
-        self.works.hold(cycle)
+        self.axis.hold(cycle)
         self.clear_bus()
         self.side.settle_levels()
         self.encoder_pins.settle_levels()
         if self.pins["/RESET"].value == HIGH:
-            self.works.release(cycle)
+            self.axis.release(cycle)
             if done:
-                self.works.finish_reset(cycle)
+                self.axis.finish_reset(cycle)
         self.changed()
 
     def reset_pin(self, level: int) -> None:
         """/RESET has moved."""
         if level == LOW:
-            self.works.hold(self.cycle_now())
+            self.axis.hold(self.cycle_now())
             self.clear_bus()
         else:
-            self.works.release(self.next_cycle())
+            self.axis.release(self.next_cycle())
 
     def clear_bus(self) -> None:
         """The I/O control logic is cleared."""
@@ -256,11 +256,11 @@ class MCP1200(HostInterface):
 
     def exchange_plant(self, axis: int, plant: Plant) -> None:
         """Put other mechanics behind the encoder."""
-        self.works.encoder.plant = plant
+        self.axis.encoder.plant = plant
 
     def disturb(self) -> None:
         """Something behind the chip is different now: rest is over, switches may have moved."""
-        self.works.rest.disturb()
+        self.axis.rest.disturb()
         self.side.look(self.cycle_now())
         self.changed()
 
@@ -272,16 +272,13 @@ class MCP1200(HostInterface):
             kinds = ", ".join(plant.TAKES)
             raise ValueError(f"{self.part} gives drive or pulses; this plant takes {kinds}")
         home = self.settings["home_switch"] != "none"
-        encoder = self.works.encoder
+        encoder = self.axis.encoder
         encoder.connect(plant, bool(self.settings["limit_switches"]), home)
         encoder.end = self.cycle_now()
         self.side.settle_levels()
         self.changed()
 
     # -- AC limits ----------------------------------------------------------------------------
-
-    def _report_at(self, rule: Rule, measured: int, limit: int, detail: str, when: int) -> bool:
-        return self.report(rule, measured, limit, detail, when)
 
     def _judge_clock(self) -> None:
         """Judge what the board file says about the clock and the edges of inputs."""
@@ -306,31 +303,30 @@ class MCP1200(HostInterface):
     def telemetry(self) -> dict[str, int | float | str]:
         """Return what a live view shows."""
         self.advance()
-        works = self.works
-        file = works.file
-        core = works.core
-        if works.state < STANDING:
+        axis = self.axis
+        registers = axis.registers
+        if axis.state < STANDING:
             mode = "reset"
-        elif works.state == STANDING:
+        elif axis.state == STANDING:
             mode = "idle"
         else:
-            mode = "halted" if core.halted else MODES[core.mode]
+            mode = "halted" if axis.loop.halted else MODES[axis.loop.mode]
         return {
             "mode": mode,
-            "command": file.value("COMMAND_POSITION"),
-            "actual": works.counter.position(self.cycle_now()),
-            "error": file.value("POSITION_ERROR"),
-            "velocity": file.value("ACTUAL_VELOCITY"),
-            "drive": round(works.drive.level(), 4),
-            "flags": file.bytes[ds.FLAG],
-            "status": file.bytes[ds.STATUS],
-            "phase": file.bytes[ds.PHASE],
+            "command": registers.command_position,
+            "actual": axis.counter.position(self.cycle_now()),
+            "error": registers.position_error,
+            "velocity": registers.actual_velocity,
+            "drive": round(axis.drive.level(), 4),
+            "flags": registers.flag,
+            "status": registers.status,
+            "phase": registers.phase,
         }
 
     def before_save(self) -> None:
         """However seldom anybody has looked at Pulse, its frame is the one under way now."""
         self.advance()
-        self.works.pwm.roll(self.cycle_now())
+        self.axis.pwm.roll(self.cycle_now())
         self.outputs.show_pulse(self.cycle_now())
 
     def after_load(self) -> None:

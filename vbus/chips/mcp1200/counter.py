@@ -1,4 +1,5 @@
-"""The actual position counter, and the hardware that watches every count of it."""
+"""The actual position counter, and the hardware that watches every count of it: breakpoint compare,
+index and trigger capture."""
 
 from typing import ClassVar
 
@@ -6,71 +7,148 @@ from mypy_extensions import i64
 
 from vbus.bits import wrap
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.capture import Breakpoint, index_edge
-from vbus.chips.mcp1200.core import Core
 from vbus.chips.mcp1200.encoder import Encoder
-from vbus.chips.mcp1200.picture import Live
+from vbus.chips.mcp1200.faults import Faults
+from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.chips.mcp1200.timer import FAR
 from vbus.state import Names
+
+
+class Breakpoint:
+    """The 24-bit register compared with the position at every count (MCP-BRK).
+
+    Args:
+        registers: the registers.
+
+    Attributes:
+        compare: the position it waits for.
+    """
+
+    STATE: ClassVar[Names] = ("compare", "_reached: bool", "_found: bool", "_loaded")
+    WIRING: ClassVar[Names] = ("_registers",)
+
+    def __init__(self, registers: RegisterFile) -> None:
+        self._registers: RegisterFile = registers
+        self.compare: i64 = -0x800000
+        self._reached: bool = False
+        """Repeat mode: reached since the last look at a sample's start."""
+        self._found: bool = False
+        """Reached before the present sample's start: the routine moves on."""
+        self._loaded: i64 = 0
+
+    @property
+    def armed(self) -> bool:
+        """Whether the feature is on."""
+        return self._registers.config & ds.BREAK_ENABLE != 0
+
+    @property
+    def waiting(self) -> bool:
+        """Whether the next sample's start finds something new for the routine."""
+        registers = self._registers
+        if registers.config & ds.BREAK_REPEAT:
+            return self._reached
+        return registers.breakpoint != self.compare
+
+    def clear(self) -> None:
+        """Back to the state after reset."""
+        self.compare = -0x800000
+        self._reached = False
+        self._found = False
+
+    def reached(self) -> None:
+        """The position has become equal to :attr:`compare`."""
+        self._reached = self._registers.config & ds.BREAK_REPEAT != 0
+
+    def sample(self) -> bool:
+        """Look at the registers at a sample's start; tell whether the routine has work to do."""
+        self._loaded = self._registers.breakpoint
+        if self._registers.config & ds.BREAK_REPEAT:
+            self._found = self._reached
+            return self._found
+        self._reached = False
+        self._found = False
+        return self._loaded != self.compare
+
+    def routine(self) -> bool:
+        """Load or move the compare register; tell whether flag and pin are to be released.
+
+        A repeat pulse noticed at the sample's start ends here, so none is shorter than the 67
+        clocks this comes later (MCP-BRK-3).
+        """
+        if not self._found:
+            self.compare = self._loaded
+            return False
+        self.compare = wrap(self.compare + self._loaded, 24)
+        self._found = False
+        self._reached = False
+        return True
+
+
+def index_edge(registers: RegisterFile, rising: bool, position: i64) -> None:
+    """INDEX has changed: set its latch, and store the position if asked (MCP-CAP-2, 3)."""
+    control = registers.capture_control
+    if rising == bool(control & ds.INDEX_RISING) and not control & ds.INDEX_LATCH:
+        registers.capture_control = control | ds.INDEX_LATCH
+        if control & ds.INDEX_CAPTURE:
+            registers.capture = position
+
+
+def trigger_edge(registers: RegisterFile, position: i64) -> None:
+    """TRIG has fallen: the same for its latch, while the pin is an input (MCP-CAP-2, 3)."""
+    control = registers.capture_control
+    if control & ds.TRIG_INPUT and not control & ds.TRIG_LATCH:
+        registers.capture_control = control | ds.TRIG_LATCH
+        if control & ds.TRIG_CAPTURE:
+            registers.capture = position
 
 
 class PositionCounter:
     """One 24-bit counter with two sources: the encoder, or in step mode the step pulses.
 
     Args:
-        core: takes note of a breakpoint.
-        live: the registers.
+        registers: the registers.
         encoder: source of counts, and of index edges in either mode.
         stepper: source of steps.
         breakpoint: the compare register.
+        faults: takes note of a breakpoint.
         index_high: the plant's index pulse is high.
 
     Attributes:
         at_match: step mode: cycle at which the breakpoint will be reached.
     """
 
-    __slots__ = (
-        "_breakpoint", "_bytes", "_core", "_encoder", "_index_high", "_live", "_stepper",
-        "at_match",
-    )  # fmt: skip
     STATE: ClassVar[Names] = ("at_match",)
     WIRING: ClassVar[Names] = (
-        "_breakpoint", "_bytes", "_core", "_encoder", "_index_high", "_live", "_stepper",
+        "_breakpoint", "_encoder", "_faults", "_index_high", "_registers", "_stepper",
     )  # fmt: skip
 
     def __init__(
         self,
-        core: Core,
-        live: Live,
+        registers: RegisterFile,
         encoder: Encoder,
         stepper: Stepper,
         breakpoint: Breakpoint,
+        faults: Faults,
         index_high: bool,
     ) -> None:
-        self._core: Core = core
-        self._live: Live = live
-        self._bytes: bytearray = core.bytes
+        self._registers: RegisterFile = registers
         self._encoder: Encoder = encoder
         self._stepper: Stepper = stepper
         self._breakpoint: Breakpoint = breakpoint
+        self._faults: Faults = faults
         self._index_high: bool = index_high
         self.at_match: i64 = FAR
 
-    @property
-    def step_mode(self) -> bool:
-        """Steps are counted, not the encoder (MCP-STP-1)."""
-        return self._live.config & ds.STEP_MODE != 0
-
     def position(self, cycle: i64) -> i64:
         """The counter at ``cycle``, signed."""
-        if self.step_mode:
+        if self._registers.step_mode:
             return self._stepper.position(cycle)
         return self._encoder.position(cycle)
 
     def preset(self, position: int, cycle: int) -> None:
         """Load the counter."""
-        if self.step_mode:
+        if self._registers.step_mode:
             self._stepper.preset(position, cycle)
         else:
             self._encoder.preset(position, cycle)
@@ -87,8 +165,8 @@ class PositionCounter:
 
     def match(self) -> None:
         """The counter has reached the breakpoint (MCP-BRK-1)."""
-        self._core.sheet.fault(ds.BREAKPOINT_OK)
-        self._core.faults.breakpoint = True
+        self._registers.fault(ds.BREAKPOINT_OK)
+        self._faults.breakpoint = True
         self._breakpoint.reached()
 
     def edge(self, cycle: int) -> None:
@@ -98,7 +176,7 @@ class PositionCounter:
         entered = encoder.enters_index()
         left = encoder.inside
         encoder.seen = count
-        if self.step_mode:
+        if self._registers.step_mode:
             position = self._stepper.position(cycle)
         else:
             position = wrap(encoder.offset + encoder.direction * count, 24)
@@ -106,9 +184,9 @@ class PositionCounter:
                 self.match()
         encoder.inside = entered
         if left:
-            index_edge(self._bytes, not self._index_high, position)
+            index_edge(self._registers, not self._index_high, position)
         if entered:
-            index_edge(self._bytes, self._index_high, position)
+            index_edge(self._registers, self._index_high, position)
         self.plan()
 
     def count_external(self, direction: int, cycle: int) -> None:
@@ -119,33 +197,25 @@ class PositionCounter:
 
     def index_external(self, rising: bool, cycle: int) -> None:
         """The INDEX net has moved and passed its filter."""
-        index_edge(self._bytes, rising, self.position(cycle))
+        index_edge(self._registers, rising, self.position(cycle))
 
-    def look_for_stall(self, cycle: i64) -> None:
-        """The stall check compares steps and counts at a sample's start (MCP-STP-4)."""
-        counts = self._encoder.count(cycle) + self._encoder.external
-        self._core.stall.look(self._stepper.sent(cycle), counts)
+    def replan(self, cycle: int, steps_from: int = -1) -> None:
+        """Look anew for what will be reached: a setting has changed, or steps begin.
 
-    def replan(self, cycle: int) -> None:
-        """Look anew for what will be reached: a setting has changed."""
+        Args:
+            cycle: when.
+            steps_from: cycle after which steps count, if that is another.
+        """
         self._encoder.look_from(cycle)
-        self._watch_steps(cycle)
-        self.plan()
-
-    def begin_steps(self, cycle: int) -> None:
-        """Look for what the steps that begin now will reach, the first of them in this cycle."""
-        self._encoder.look_from(cycle)
-        self._watch_steps(cycle - 1)
-        self.plan()
-
-    def _watch_steps(self, cycle: int) -> None:
-        """Find the step after ``cycle`` that reaches the breakpoint."""
         self.at_match = FAR
-        if self.step_mode and self._breakpoint.armed:
-            ahead = wrap(self._breakpoint.compare - self._stepper.position(cycle), 24)
-            self.at_match = self._stepper.when(ahead, cycle)
+        if self._registers.step_mode and self._breakpoint.armed:
+            if steps_from < 0:
+                steps_from = cycle
+            ahead = wrap(self._breakpoint.compare - self._stepper.position(steps_from), 24)
+            self.at_match = self._stepper.when(ahead, steps_from)
+        self.plan()
 
     def plan(self) -> None:
         """Look for what the encoder will reach in its present period."""
-        armed = self._breakpoint.armed and not self.step_mode
+        armed = self._breakpoint.armed and not self._registers.step_mode
         self._encoder.plan(armed, self._breakpoint.compare)

@@ -26,9 +26,6 @@ _SEEN: Final = {
     "FLAG": ds.FLAG_BITS,
     "CAPTURE_CONTROL": ds.CAPTURE_BITS,
 }
-_MODES: Final = ("soft reset", "idle", "halt motion", "control")
-_ACTIONS: Final = ("report", "idle", "decelerate", "abrupt")
-_EXCEPTIONS: Final = (("error", 6), ("breakpoint", 4), ("stop", 2), ("limit", 0))
 
 
 class Mcp1200Exercises(Exercises):
@@ -43,11 +40,11 @@ class Mcp1200Exercises(Exercises):
         for bit in ds.FLAG_BITS:
             for verb in ("sets", "clears"):
                 yield Item(BITS, f"FLAG {verb} {bit.name}", flag, bit.title)
-        for name, _ in _EXCEPTIONS:
-            for action in _ACTIONS:
+        for name, _ in ds.EXCEPTIONS:
+            for action in ds.ACTIONS:
                 clause = ds.REGISTERS["EXCEPTION"].clause
                 yield Item(BITS, f"EXCEPTION {name}={action}", clause, f"what a {name} does")
-        for name in _MODES:
+        for name in ds.MODES:
             yield Item(MODES, name, ds.REGISTERS["MODE"].clause, "written to the mode brancher")
         for name, bits in _SEEN.items():
             yield from bit_items(FLAGS, name, bits, ds.REGISTERS[name].clause)
@@ -65,9 +62,9 @@ class Mcp1200Exercises(Exercises):
                 verb = "sets" if value & 8 else "clears"
                 yield BITS, f"FLAG {verb} {ds.FLAG_BITS[value & 7].name}"
         elif name == "EXCEPTION":
-            for part, shift in _EXCEPTIONS:
-                yield BITS, f"EXCEPTION {part}={_ACTIONS[value >> shift & 3]}"
+            for part, shift in ds.EXCEPTIONS:
+                yield BITS, f"EXCEPTION {part}={ds.ACTIONS[value >> shift & 3]}"
         elif name == "MODE":
-            yield MODES, _MODES[min(value, 3)]
+            yield MODES, ds.MODES[min(value, 3)]
         else:
             yield from bit_keys(BITS, name, _CONTROL.get(name, ()), value)

@@ -6,185 +6,15 @@ silent or contradicts itself, NOTES.md says what was chosen.
 
 from typing import Final
 
+from vbus.chips.mcp1200.generated.bits import *  # noqa: F403
 from vbus.chips.strobes import AcLimit, AcTable
-from vbus.chips.tables import Bit, PinRow, Register, RegisterMap
+from vbus.chips.tables import LIVE, REPORTED, SAMPLED, Bit, PinRow, Register, RegisterMap
 from vbus.options import Option
 from vbus.signals import LOW, Rule, Z
 
 FAMILY: Final = "mcp1200"
 PARTS: Final = ("MCP-1200", "MCP1200")
 ADDRESS_BITS: Final = 7
-
-# -- Register Reference Table -------------------------------------------------------------------
-# Multi-byte registers are listed most significant byte first, whatever their order in the map.
-
-REGISTERS: Final = RegisterMap(
-    128,
-    Register("FLAG", (0x00,), 0x02, clause="MCP-REG-1", title="Flag Register"),
-    Register("FEATURE", (0x01,), 0x00, clause="MCP-REG-2", title="Feature Control Register"),
-    Register("CONFIG", (0x02,), 0x00, clause="MCP-REG-3", title="Advanced Configuration Register"),
-    Register("CAPTURE_CONTROL", (0x03,), 0x00, clause="MCP-REG-4",
-             title="Capture Control Register"),
-    Register("EXCEPTION", (0x04,), 0x09, clause="MCP-REG-5", title="Exception Handling Register"),
-    Register("MODE", (0x05,), 0x01, clause="MCP-REG-6", title="Mode Brancher"),
-    Register("PHASE", (0x06,), 0x00, "r", clause="MCP-REG-7", title="Profile Phase Status"),
-    Register("STATUS", (0x07,), 0xF8, clause="MCP-REG-8", title="Status Register"),
-    Register("MOTOR_COMMAND", (0x08,), 0x80, clause="MCP-REG-9",
-             title="Motor Command Port (MSB)"),
-    Register("PWM_COMMAND", (0x09,), 0x00, signed=True, clause="MCP-REG-10",
-             title="PWM Command Port"),
-    Register("DAC_OFFSET", (0x0A,), 0x00, signed=True, clause="MCP-REG-11",
-             title="Motor Command DAC Offset"),
-    Register("COMMAND_INCREMENT", (0x0B,), 0x00, signed=True, clause="MCP-REG-12",
-             title="Command Position Increment"),
-    Register("COMMAND_POSITION", (0x0C, 0x0D, 0x0E), 0, signed=True, clause="MCP-REG-13",
-             title="Command Position"),
-    Register("SAMPLE_TIMER", (0x0F,), 0x40, clause="MCP-REG-14", title="Sample Timer"),
-    Register("PRESCALER", (0x10, 0x11), 0x003F, clause="MCP-REG-15",
-             title="Sample Timer Pre-scalar"),
-    Register("ACTUAL_POSITION", (0x12, 0x13, 0x14), 0, "r", signed=True, clause="MCP-REG-16",
-             title="Read Actual Position"),
-    Register("PRESET_POSITION", (0x15, 0x16, 0x17), 0, signed=True, clause="MCP-REG-17",
-             title="Preset Actual Position"),
-    Register("INTERPOLATOR_PRESET", (0x18,), 0, clause="MCP-REG-18",
-             title="Interpolator Counter Preset"),
-    Register("INTERPOLATOR_COUNT", (0x19,), 0, "r", clause="MCP-REG-19",
-             title="Interpolator Counter Value"),
-    Register("ENCODER_PWM", (0x1A,), 0, clause="MCP-REG-20",
-             title="Encoder Filter Clock / PWM Resolution"),
-    Register("STEP_WIDTH", (0x1B,), 0x0F, clause="MCP-REG-21", title="Stepper Pulse Width"),
-    Register("ENCODER_RATIO", (0x1C, 0x1D), 0, fraction=8, clause="MCP-REG-22",
-             title="Encoder / Stepper Ratio"),
-    Register("LEAD_ZERO", (0x20,), 0xE5, clause="MCP-REG-23", title="Lead Filter Zero"),
-    Register("LEAD_POLE", (0x21,), 0x40, clause="MCP-REG-23", title="Lead Filter Pole"),
-    Register("LEAD_GAIN", (0x22,), 0x40, clause="MCP-REG-23", title="Lead Filter Gain"),
-    Register("VELOCITY", (0x23, 0x24, 0x25), 0, signed=True, fraction=8, clause="MCP-REG-24",
-             title="High Resolution Velocity"),
-    Register("ACCELERATION", (0x27, 0x26), 0, fraction=8, clause="MCP-REG-25",
-             title="Acceleration"),
-    Register("PROFILE_VELOCITY", (0x28,), 0, clause="MCP-REG-26",
-             title="Profile Velocity (Low Res)"),
-    Register("FINAL_POSITION", (0x2B, 0x2A, 0x29), 0, signed=True, clause="MCP-REG-27",
-             title="Final Position"),
-    Register("POSITION_ERROR", (0x2D, 0x2C), 0, "r", signed=True, clause="MCP-REG-28",
-             title="Position Error"),
-    Register("CAPTURE", (0x30, 0x2F, 0x2E), 0, "r", signed=True, clause="MCP-REG-29",
-             title="Capture Count"),
-    Register("ACCEL_DELTA", (0x33, 0x32, 0x31), 0, "r", clause="MCP-REG-30",
-             title="Accel. Delta Position"),
-    Register("ACTUAL_VELOCITY", (0x35, 0x34), 0, "r", signed=True, clause="MCP-REG-31",
-             title="Actual Velocity"),
-    Register("DECEL_POSITION", (0x3B, 0x3A, 0x39), 0, "r", signed=True, clause="MCP-REG-32",
-             title="Deceleration Position"),
-    Register("VELOCITY_COMMAND", (0x3C,), 0, signed=True, clause="MCP-REG-33",
-             title="Velocity Command"),
-    Register("BREAKPOINT", (0x3F, 0x3E, 0x3D), 0x800000, signed=True, clause="MCP-REG-34",
-             title="Break-point Position"),
-    Register("BACKLASH", (0x44,), 0, clause="MCP-REG-35", title="Backlash"),
-    Register("DEADBAND", (0x45,), 0, clause="MCP-REG-36", title="Deadband"),
-    Register("FORCED_EXCEPTION", (0x46,), 0, clause="MCP-REG-37",
-             title="Forced Exception Register"),
-    Register("MAX_ERROR", (0x4A, 0x49), 0xFFFF, clause="MCP-REG-38", title="Maximum Error"),
-    Register("SATURATION", (0x4B,), 0xF0, clause="MCP-REG-39",
-             title="Saturation Foldback Setting"),
-    Register("MOTOR_COMMAND_LOW", (0x4C,), 0, clause="MCP-REG-40",
-             title="Motor Command Port (extended)"),
-    Register("PWM_FRACTION", (0x4D,), 0, clause="MCP-REG-41", title="PWM Command Port (extended)"),
-    Register("JERK", (0x55, 0x54), 0, fraction=16, clause="MCP-REG-42", title="Jerk"),
-    Register("FEED_FORWARD", (0x57, 0x56), 0, signed=True, fraction=8, clause="MCP-REG-43",
-             title="Command Feed-forward"),
-    Register("KP", (0x61,), 0x40, clause="MCP-REG-44", title="Proportional Gain, Kp"),
-    Register("KI", (0x62,), 0x00, clause="MCP-REG-44", title="Integral Gain, Ki"),
-    Register("KD", (0x63,), 0x40, clause="MCP-REG-44", title="Derivative Gain, Kd"),
-    Register("DERIVATIVE_SPAN", (0x64,), 0x01, clause="MCP-REG-45", title="Derivative Span"),
-    Register("INTEGRAL_LIMIT", (0x66, 0x65), 0x7FFF, clause="MCP-REG-46", title="Integral Limit"),
-    Register("KA", (0x69,), 0x00, clause="MCP-REG-47", title="Accel Feed-forward, Kaff"),
-    Register("KV", (0x6A,), 0x00, clause="MCP-REG-47", title="Velocity Feed-forward, Kvff"),
-)  # fmt: skip
-
-SOFT_RESET: Final = (
-    "FLAG", "EXCEPTION", "MODE", "PHASE", "STATUS", "MOTOR_COMMAND", "PWM_COMMAND",
-    "MOTOR_COMMAND_LOW", "PWM_FRACTION", "DAC_OFFSET", "COMMAND_INCREMENT", "COMMAND_POSITION",
-    "SAMPLE_TIMER", "LEAD_ZERO", "LEAD_POLE", "LEAD_GAIN", "SATURATION", "MAX_ERROR",
-    "ACTUAL_POSITION",
-)  # fmt: skip
-"""What a soft reset reloads; every other register keeps its value (MCP-RST-4)."""
-
-# Byte addresses the code uses, named as in the table above.
-
-FLAG: Final = 0x00
-FEATURE: Final = 0x01
-CONFIG: Final = 0x02
-CAPTURE_CONTROL: Final = 0x03
-EXCEPTION: Final = 0x04
-MODE: Final = 0x05
-PHASE: Final = 0x06
-STATUS: Final = 0x07
-MOTOR_COMMAND: Final = 0x08
-PWM_COMMAND: Final = 0x09
-DAC_OFFSET: Final = 0x0A
-COMMAND_INCREMENT: Final = 0x0B
-COMMAND_MSB: Final = 0x0C
-COMMAND_CSB: Final = 0x0D
-COMMAND_LSB: Final = 0x0E
-SAMPLE_TIMER: Final = 0x0F
-PRESCALER_MSB: Final = 0x10
-PRESCALER_LSB: Final = 0x11
-ACTUAL_MSB: Final = 0x12
-ACTUAL_CSB: Final = 0x13
-ACTUAL_LSB: Final = 0x14
-PRESET_MSB: Final = 0x15
-PRESET_CSB: Final = 0x16
-PRESET_LSB: Final = 0x17
-INTERPOLATOR_PRESET: Final = 0x18
-INTERPOLATOR_COUNT: Final = 0x19
-ENCODER_PWM: Final = 0x1A
-STEP_WIDTH: Final = 0x1B
-RATIO_MSB: Final = 0x1C
-RATIO_FRACTION: Final = 0x1D
-LEAD_ZERO: Final = 0x20
-LEAD_POLE: Final = 0x21
-LEAD_GAIN: Final = 0x22
-VELOCITY_MSB: Final = 0x23
-VELOCITY_CSB: Final = 0x24
-VELOCITY_LSB: Final = 0x25
-ACCEL_LSB: Final = 0x26
-ACCEL_MSB: Final = 0x27
-PROFILE_VELOCITY: Final = 0x28
-FINAL_LSB: Final = 0x29
-FINAL_CSB: Final = 0x2A
-FINAL_MSB: Final = 0x2B
-ERROR_LSB: Final = 0x2C
-ERROR_MSB: Final = 0x2D
-CAPTURE_LSB: Final = 0x2E
-ACCEL_DELTA_LSB: Final = 0x31
-ACTUAL_VELOCITY_LSB: Final = 0x34
-ACTUAL_VELOCITY_MSB: Final = 0x35
-DECEL_LSB: Final = 0x39
-VELOCITY_COMMAND: Final = 0x3C
-BREAK_LSB: Final = 0x3D
-BREAK_CSB: Final = 0x3E
-BREAK_MSB: Final = 0x3F
-BACKLASH: Final = 0x44
-DEADBAND: Final = 0x45
-FORCED_EXCEPTION: Final = 0x46
-MAX_ERROR_LSB: Final = 0x49
-MAX_ERROR_MSB: Final = 0x4A
-SATURATION: Final = 0x4B
-MOTOR_COMMAND_LOW: Final = 0x4C
-PWM_FRACTION: Final = 0x4D
-JERK_LSB: Final = 0x54
-JERK_MSB: Final = 0x55
-FEED_FORWARD_LSB: Final = 0x56
-FEED_FORWARD_MSB: Final = 0x57
-KP: Final = 0x61
-KI: Final = 0x62
-KD: Final = 0x63
-DERIVATIVE_SPAN: Final = 0x64
-INTEGRAL_LIMIT_LSB: Final = 0x65
-INTEGRAL_LIMIT_MSB: Final = 0x66
-KA: Final = 0x69
-KV: Final = 0x6A
 
 # -- Control Register Bit Values ----------------------------------------------------------------
 
@@ -234,61 +64,183 @@ STATUS_BITS: Final = (
     Bit(7, "LIMIT_OK", "Limit Error (active low)"),
 )
 
-F0: Final = 0x01
-F1: Final = 0x02
-F2: Final = 0x04
-F3: Final = 0x08
-F4: Final = 0x10
-F5: Final = 0x20
-MODE_FLAGS: Final = F0 | F3 | F4 | F5
+# -- Register Reference Table -------------------------------------------------------------------
+# Multi-byte registers are listed most significant byte first, whatever their order in the map.
 
-UNIPOLAR: Final = 0x04
-PID: Final = 0x08
-S_CURVE: Final = 0x10
-HIGH_RESOLUTION: Final = 0x20
-DIAGNOSTIC_PWM: Final = 0x40
-DIAGNOSTIC_DAC: Final = 0x80
+REGISTERS: Final = RegisterMap(
+    128,
+    Register("FLAG", (0x00,), 0x02, clause="MCP-REG-1", title="Flag Register",
+             counts=REPORTED, fields=FLAG_BITS, on_write="write_flag"),
+    Register("FEATURE", (0x01,), 0x00, clause="MCP-REG-2", title="Feature Control Register",
+             counts=SAMPLED, fields=FEATURE_BITS),
+    Register("CONFIG", (0x02,), 0x00, clause="MCP-REG-3", title="Advanced Configuration Register",
+             counts=LIVE, fields=CONFIG_BITS, on_write="write_config"),
+    Register("CAPTURE_CONTROL", (0x03,), 0x00, clause="MCP-REG-4",
+             title="Capture Control Register",
+             counts=LIVE, fields=CAPTURE_BITS, on_write="write_capture_control"),
+    Register("EXCEPTION", (0x04,), 0x09, clause="MCP-REG-5", title="Exception Handling Register",
+             counts=SAMPLED),
+    Register("MODE", (0x05,), 0x01, clause="MCP-REG-6", title="Mode Brancher",
+             counts=REPORTED, on_write="write_mode"),
+    Register("PHASE", (0x06,), 0x00, "r", clause="MCP-REG-7", title="Profile Phase Status",
+             counts=REPORTED),
+    Register("STATUS", (0x07,), 0xF8, clause="MCP-REG-8", title="Status Register",
+             counts=REPORTED, fields=STATUS_BITS, on_write="write_status"),
+    Register("MOTOR_COMMAND", (0x08,), 0x80, clause="MCP-REG-9",
+             title="Motor Command Port (MSB)",
+             counts=REPORTED, unit="1/256 of full scale", on_write="write_output"),
+    Register("PWM_COMMAND", (0x09,), 0x00, signed=True, clause="MCP-REG-10",
+             title="PWM Command Port",
+             counts=REPORTED, unit="% of full scale", on_write="write_output"),
+    Register("DAC_OFFSET", (0x0A,), 0x00, signed=True, clause="MCP-REG-11",
+             title="Motor Command DAC Offset",
+             counts=SAMPLED, unit="1/4096 of full scale"),
+    Register("COMMAND_INCREMENT", (0x0B,), 0x00, signed=True, clause="MCP-REG-12",
+             title="Command Position Increment",
+             counts=SAMPLED, unit="count", on_write="write_command_increment"),
+    Register("COMMAND_POSITION", (0x0C, 0x0D, 0x0E), 0, signed=True, clause="MCP-REG-13",
+             title="Command Position",
+             counts=REPORTED, unit="count", on_write="write_command_position"),
+    Register("SAMPLE_TIMER", (0x0F,), 0x40, clause="MCP-REG-14", title="Sample Timer",
+             counts=SAMPLED, unit="pre-scalar period", on_read="read_sample_timer"),
+    Register("PRESCALER", (0x10, 0x11), 0x003F, clause="MCP-REG-15",
+             title="Sample Timer Pre-scalar",
+             counts=SAMPLED, unit="clk"),
+    Register("ACTUAL_POSITION", (0x12, 0x13, 0x14), 0, "r", signed=True, clause="MCP-REG-16",
+             title="Read Actual Position",
+             counts=LIVE, unit="count", on_read="read_actual_position",
+             on_write="write_actual_position"),
+    Register("PRESET_POSITION", (0x15, 0x16, 0x17), 0, signed=True, clause="MCP-REG-17",
+             title="Preset Actual Position",
+             counts=LIVE, unit="count", on_write="write_preset_position"),
+    Register("INTERPOLATOR_PRESET", (0x18,), 0, clause="MCP-REG-18",
+             title="Interpolator Counter Preset",
+             counts=SAMPLED),
+    Register("INTERPOLATOR_COUNT", (0x19,), 0, "r", clause="MCP-REG-19",
+             title="Interpolator Counter Value",
+             counts=REPORTED, unit="sample"),
+    Register("ENCODER_PWM", (0x1A,), 0, clause="MCP-REG-20",
+             title="Encoder Filter Clock / PWM Resolution",
+             counts=LIVE, on_write="write_encoder_pwm"),
+    Register("STEP_WIDTH", (0x1B,), 0x0F, clause="MCP-REG-21", title="Stepper Pulse Width",
+             counts=LIVE, unit="clk"),
+    Register("ENCODER_RATIO", (0x1C, 0x1D), 0, fraction=8, clause="MCP-REG-22",
+             title="Encoder / Stepper Ratio",
+             counts=SAMPLED, unit="count/step"),
+    Register("LEAD_ZERO", (0x20,), 0xE5, clause="MCP-REG-23", title="Lead Filter Zero",
+             counts=SAMPLED),
+    Register("LEAD_POLE", (0x21,), 0x40, clause="MCP-REG-23", title="Lead Filter Pole",
+             counts=SAMPLED),
+    Register("LEAD_GAIN", (0x22,), 0x40, clause="MCP-REG-23", title="Lead Filter Gain",
+             counts=SAMPLED),
+    Register("VELOCITY", (0x23, 0x24, 0x25), 0, signed=True, fraction=8, clause="MCP-REG-24",
+             title="High Resolution Velocity",
+             counts=SAMPLED, unit="count/sample", on_write="write_velocity"),
+    Register("ACCELERATION", (0x27, 0x26), 0, fraction=8, clause="MCP-REG-25",
+             title="Acceleration",
+             counts=SAMPLED, unit="count/sample²"),
+    Register("PROFILE_VELOCITY", (0x28,), 0, clause="MCP-REG-26",
+             title="Profile Velocity (Low Res)",
+             counts=SAMPLED, unit="count/sample"),
+    Register("FINAL_POSITION", (0x2B, 0x2A, 0x29), 0, signed=True, clause="MCP-REG-27",
+             title="Final Position",
+             counts=SAMPLED, unit="count", on_write="write_final_position"),
+    Register("POSITION_ERROR", (0x2D, 0x2C), 0, "r", signed=True, clause="MCP-REG-28",
+             title="Position Error",
+             counts=REPORTED, unit="count"),
+    Register("CAPTURE", (0x30, 0x2F, 0x2E), 0, "r", signed=True, clause="MCP-REG-29",
+             title="Capture Count",
+             counts=LIVE, unit="count"),
+    Register("ACCEL_DELTA", (0x33, 0x32, 0x31), 0, "r", clause="MCP-REG-30",
+             title="Accel. Delta Position",
+             counts=REPORTED, unit="count"),
+    Register("ACTUAL_VELOCITY", (0x35, 0x34), 0, "r", signed=True, clause="MCP-REG-31",
+             title="Actual Velocity",
+             counts=REPORTED, unit="count/sample"),
+    Register("DECEL_POSITION", (0x3B, 0x3A, 0x39), 0, "r", signed=True, clause="MCP-REG-32",
+             title="Deceleration Position",
+             counts=REPORTED, unit="count"),
+    Register("VELOCITY_COMMAND", (0x3C,), 0, signed=True, clause="MCP-REG-33",
+             title="Velocity Command",
+             counts=SAMPLED, unit="count/sample"),
+    Register("BREAKPOINT", (0x3F, 0x3E, 0x3D), 0x800000, signed=True, clause="MCP-REG-34",
+             title="Break-point Position",
+             counts=SAMPLED, unit="count"),
+    Register("BACKLASH", (0x44,), 0, clause="MCP-REG-35", title="Backlash",
+             counts=SAMPLED, unit="count"),
+    Register("DEADBAND", (0x45,), 0, clause="MCP-REG-36", title="Deadband",
+             counts=SAMPLED, unit="count"),
+    Register("FORCED_EXCEPTION", (0x46,), 0, clause="MCP-REG-37",
+             title="Forced Exception Register",
+             counts=SAMPLED),
+    Register("MAX_ERROR", (0x4A, 0x49), 0xFFFF, clause="MCP-REG-38", title="Maximum Error",
+             counts=SAMPLED, unit="count"),
+    Register("SATURATION", (0x4B,), 0xF0, clause="MCP-REG-39",
+             title="Saturation Foldback Setting",
+             counts=SAMPLED, unit="1/256 of full scale"),
+    Register("MOTOR_COMMAND_LOW", (0x4C,), 0, clause="MCP-REG-40",
+             title="Motor Command Port (extended)",
+             counts=REPORTED, on_write="write_output_low"),
+    Register("PWM_FRACTION", (0x4D,), 0, clause="MCP-REG-41", title="PWM Command Port (extended)",
+             counts=REPORTED, on_write="write_output_low"),
+    Register("JERK", (0x55, 0x54), 0, fraction=16, clause="MCP-REG-42", title="Jerk",
+             counts=SAMPLED, unit="count/sample³"),
+    Register("FEED_FORWARD", (0x57, 0x56), 0, signed=True, fraction=8, clause="MCP-REG-43",
+             title="Command Feed-forward",
+             counts=SAMPLED, unit="count/sample"),
+    Register("KP", (0x61,), 0x40, clause="MCP-REG-44", title="Proportional Gain, Kp",
+             counts=SAMPLED),
+    Register("KI", (0x62,), 0x00, clause="MCP-REG-44", title="Integral Gain, Ki",
+             counts=SAMPLED),
+    Register("KD", (0x63,), 0x40, clause="MCP-REG-44", title="Derivative Gain, Kd",
+             counts=SAMPLED),
+    Register("DERIVATIVE_SPAN", (0x64,), 0x01, clause="MCP-REG-45", title="Derivative Span",
+             counts=SAMPLED, unit="sample"),
+    Register("INTEGRAL_LIMIT", (0x66, 0x65), 0x7FFF, clause="MCP-REG-46", title="Integral Limit",
+             counts=SAMPLED),
+    Register("KA", (0x69,), 0x00, clause="MCP-REG-47", title="Accel Feed-forward, Kaff",
+             counts=SAMPLED),
+    Register("KV", (0x6A,), 0x00, clause="MCP-REG-47", title="Velocity Feed-forward, Kvff",
+             counts=SAMPLED),
+)  # fmt: skip
 
-EXTENDED: Final = 0x01
-STEP_MODE: Final = 0x02
-STEP_LOW: Final = 0x04
-BREAK_ENABLE: Final = 0x10
-BREAK_REPEAT: Final = 0x20
-SIGN_INHIBIT: Final = 0x40
-PWM_BIAS: Final = 0x80
+SOFT_RESET: Final = (
+    "FLAG", "EXCEPTION", "MODE", "PHASE", "STATUS", "MOTOR_COMMAND", "PWM_COMMAND",
+    "MOTOR_COMMAND_LOW", "PWM_FRACTION", "DAC_OFFSET", "COMMAND_INCREMENT", "COMMAND_POSITION",
+    "SAMPLE_TIMER", "LEAD_ZERO", "LEAD_POLE", "LEAD_GAIN", "SATURATION", "MAX_ERROR",
+    "ACTUAL_POSITION",
+)  # fmt: skip
+"""What a soft reset reloads; every other register keeps its value (MCP-RST-4)."""
 
-TRIG_LATCH: Final = 0x01
-TRIG_CAPTURE: Final = 0x02
-TRIG_INPUT: Final = 0x04
-INDEX_LATCH: Final = 0x08
-INDEX_CAPTURE: Final = 0x10
-INDEX_RISING: Final = 0x20
-BUSY_ON_PROF: Final = 0x40
-INTERPOLATOR_BUSY: Final = 0x80
+# Of these a host program takes single bytes.
 
-BUSY: Final = 0x01
-DIRECTION: Final = 0x02
-IN_POSITION: Final = 0x04
-TIMER_OK: Final = 0x08
-ERROR_OK: Final = 0x10
-BREAKPOINT_OK: Final = 0x20
-STOP_OK: Final = 0x40
-LIMIT_OK: Final = 0x80
+FLAG: Final = REGISTERS["FLAG"].low
+CONFIG: Final = REGISTERS["CONFIG"].low
+CAPTURE_CONTROL: Final = REGISTERS["CAPTURE_CONTROL"].low
+STATUS: Final = REGISTERS["STATUS"].low
+
+MODE_FLAGS: Final = 0x39
+"""F0, F3, F4, F5."""
 ERROR_FLAGS: Final = 0xF8
-
+"""Bits of the Status Register that are active low."""
 SWAP_AB: Final = 0x80
+"""In R1A, beside two numbers."""
 
 REPORT: Final = 0
 GO_IDLE: Final = 1
 DECELERATE: Final = 2
 ABRUPT: Final = 3
-"""Exception actions, two bits each in R04: limit 1-0, stop 3-2, breakpoint 5-4, error 7-6."""
+ACTIONS: Final = ("report", "idle", "decelerate", "abrupt")
+"""Exception actions, by their two bits in R04."""
+EXCEPTIONS: Final = (("error", 6), ("breakpoint", 4), ("stop", 2), ("limit", 0))
+"""Events, and the lower bit of each in R04."""
 
 SOFT_RESET_CODE: Final = 0
 IDLE_CODE: Final = 1
 HALT_CODE: Final = 2
 CONTROL_CODE: Final = 3
-"""Codes of the Mode Brancher R05 (MCP-MOD-1)."""
+MODES: Final = ("soft reset", "idle", "halt motion", "control")
+"""Codes of the Mode Brancher R05; all larger ones are control (MCP-MOD-1)."""
 
 # -- timings, in clock periods ------------------------------------------------------------------
 
@@ -315,8 +267,8 @@ WORK_BACKLASH: Final = 100
 WORK_DEADBAND: Final = 100
 """What the core has to do in a sample (MCP-SMP-3)."""
 
-PWM_RESOLUTION: Final = (100, 150, 200, 300, 400, 600, 800, 1200, 1600) + (1600,) * 7
-"""Clocks of a PWM frame by R1A bits 3-0 (MCP-OUT-5)."""
+DAC_ZERO: Final = 0x800
+"""Code of the DAC port for no motor command."""
 PWM_FULL: Final = 1600
 """Motor command, in 1/16, from which the duty is 100 %."""
 FILTER_DIVIDER: Final = (1, 2, 4, 8, 16, 32, 32, 32)

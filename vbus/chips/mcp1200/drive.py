@@ -7,8 +7,7 @@ from mypy_extensions import i64
 from vbus.bits import wrap_word
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.encoder import Encoder
-from vbus.chips.mcp1200.output import DAC_ZERO
-from vbus.chips.mcp1200.picture import Live
+from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.options import Value
 from vbus.state import Names
@@ -22,21 +21,24 @@ class PlantDrive:
     """Gives the plant, period by period, the motor command or the steps that are on the pins.
 
     Args:
-        live: the registers.
+        registers: the registers.
         encoder: runs the plant.
         stepper: source of steps.
         settings: the chip's board file keys: which output the amplifier takes, and what a
             unipolar one means.
     """
 
-    __slots__ = ("_clip", "_dac", "_encoder", "_given", "_live", "_stepper", "_steps")
     STATE: ClassVar[Names] = ("_given: float", "_steps")
-    WIRING: ClassVar[Names] = ("_clip", "_dac", "_encoder", "_live", "_stepper")
+    WIRING: ClassVar[Names] = ("_clip", "_dac", "_encoder", "_registers", "_stepper")
 
     def __init__(
-        self, live: Live, encoder: Encoder, stepper: Stepper, settings: dict[str, Value]
+        self,
+        registers: RegisterFile,
+        encoder: Encoder,
+        stepper: Stepper,
+        settings: dict[str, Value],
     ) -> None:
-        self._live: Live = live
+        self._registers: RegisterFile = registers
         self._encoder: Encoder = encoder
         self._stepper: Stepper = stepper
         self._dac: bool = settings["drive"] == "dac"
@@ -46,18 +48,18 @@ class PlantDrive:
 
     def level(self) -> float:
         """The motor command as a fraction of full scale."""
-        live = self._live
-        if live.config & ds.STEP_MODE:
+        registers = self._registers
+        if registers.step_mode:
             return 0.0
         if not self._dac:
-            command = live.pwm
+            command = registers.pwm
             if command > ds.PWM_FULL:
                 command = ds.PWM_FULL
             elif command < -ds.PWM_FULL:
                 command = -ds.PWM_FULL
             return float(command) / FULL
-        code = live.dac - DAC_ZERO
-        if live.feature & ds.UNIPOLAR and live.pwm < 0 and not self._clip:
+        code = registers.dac - ds.DAC_ZERO
+        if registers.feature & ds.UNIPOLAR and registers.pwm < 0 and not self._clip:
             # An amplifier that gets a magnitude takes its direction from Sign.
             code = -code
         return float(code) / ZERO
@@ -78,7 +80,7 @@ class PlantDrive:
         error: i64 = 0
         steps: i64 = 0
         self._given = self.level()
-        stepping = self._live.config & ds.STEP_MODE != 0
+        stepping = self._registers.step_mode
         if stepping:
             sent: i64 = self._stepper.sent(end)
             steps = sent - self._steps

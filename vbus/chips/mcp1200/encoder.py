@@ -30,11 +30,6 @@ class Encoder:
         external: counts from driven CHA and CHB nets, for the stall check.
     """
 
-    __slots__ = (
-        "_first", "_home", "_last", "_length", "_prepared", "_pulses", "_servo",
-        "_start", "at", "at_count", "clk_hz", "direction", "end", "external", "inside", "limits",
-        "offset", "plant", "seen",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "direction", "offset", "seen", "at", "at_count", "end", "inside: bool", "external",
         "_start", "_length", "_first", "_last", "prepared", "plant: part | None",

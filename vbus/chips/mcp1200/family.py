@@ -10,7 +10,7 @@ FAMILY: Final = Family(
     home=__package__,
     title="MCP-1200",
     kind="motion controller",
-    sheet="datasheet",
+    datasheet="datasheet",
     bus="bus:Mcp1200Watch",
     packets="packets:Mcp1200Packets",
     coverage="coverage:Mcp1200Exercises",
@@ -28,12 +28,5 @@ FAMILY: Final = Family(
     reset_name="soft reset",
     outputs=("PROF", "IDLE", "BUSY"),
     addresses=(("00H to 7FH", "address latched by /ALE or /CS", "register byte", "register byte"),),
-    bits=(
-        ("Flag register R00H", "FLAG_BITS"),
-        ("Feature control R01H", "FEATURE_BITS"),
-        ("Advanced configuration R02H", "CONFIG_BITS"),
-        ("Capture control R03H", "CAPTURE_BITS"),
-        ("Status register R07H", "STATUS_BITS"),
-    ),
     kept=frozenset({"tDOEH", "tOF", "tOR", "tEP"}),
 )

@@ -5,7 +5,7 @@ from typing import ClassVar
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.generated.registers import Registers
 from vbus.state import Names
 
 
@@ -22,7 +22,6 @@ class Faults:
         error: the position error was too large, or the motor stalled.
     """
 
-    __slots__ = ("breakpoint", "error", "limit", "stop")
     STATE: ClassVar[Names] = ("limit: bool", "stop: bool", "breakpoint: bool", "error: bool")
 
     def __init__(self) -> None:
@@ -38,14 +37,14 @@ class Faults:
         self.breakpoint = False
         self.error = False
 
-    def action(self, image: Picture, limit_low: bool, stop_low: bool) -> i64:
+    def action(self, registers: Registers, limit_low: bool, stop_low: bool) -> i64:
         """Return what to do in this sample and forget what was noted.
 
         A pin that is still low, and R46, cause the action anew in every sample (MCP-EXC-5).
         """
-        setting = image.exception
+        setting = registers.exception
         one: i64 = 1
-        wanted = one << (image.forced & 3)
+        wanted = one << (registers.forced_exception & 3)
         if self.limit or limit_low:
             wanted |= one << (setting & 3)
         if self.stop or stop_low:
@@ -63,12 +62,13 @@ class Faults:
             return ds.DECELERATE
         return ds.REPORT
 
-    def stands(self, image: Picture, status: i64) -> bool:
+    def stands(self, registers: Registers) -> bool:
         """Tell whether a pin's flag that asks for a deceleration has not been cleared yet.
 
         Integral velocity mode stays at rest until then, though the pin is high (NOTES 27).
         """
-        setting = image.exception
+        setting = registers.exception
+        status = registers.status
         if not status & ds.STOP_OK and setting >> 2 & 3 == ds.DECELERATE:
             return True
         return not status & ds.LIMIT_OK and setting & 3 == ds.DECELERATE

@@ -5,8 +5,8 @@ from typing import ClassVar
 from mypy_extensions import i64
 
 from vbus.bits import wrap_word
-from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.generated.registers import Registers
+from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.state import Names
 
 
@@ -20,7 +20,6 @@ class Following:
         too_large: it exceeds R4A:R49 (MCP-ERR-2).
     """
 
-    __slots__ = ("_command", "_direction", "error", "in_position", "offset", "too_large")
     STATE: ClassVar[Names] = (
         "_command", "_direction", "offset", "error", "in_position: bool", "too_large: bool",
     )  # fmt: skip
@@ -48,19 +47,19 @@ class Following:
         """Where the loop pulls the axis to: command and backlash offset."""
         return self._command + self.offset
 
-    def near(self, command: i64, actual: i64, registers: bytearray) -> bool:
+    def near(self, registers: Registers, actual: i64) -> bool:
         """Whether a sample of idle mode finds the axis in position (NOTES 32)."""
-        deadband: i64 = registers[ds.DEADBAND]
-        if registers[ds.BACKLASH] == 0:
+        deadband = registers.deadband
+        if registers.backlash == 0:
             self.offset = 0
-        error = wrap_word(command + self.offset - actual, 0x800000)
+        error = wrap_word(registers.command_position + self.offset - actual, 0x800000)
         return -deadband - 1 <= error <= deadband + 1
 
-    def step(self, image: Picture, command: i64, actual: i64) -> i64:
+    def step(self, sampled: SampledRegisters, command: i64, actual: i64) -> i64:
         """Compute one sample; return by how much the command has changed (24 bits)."""
         change = wrap_word(command - self._command, 0x800000)
         self._command = command
-        backlash = image.backlash
+        backlash = sampled.backlash
         if backlash == 0:
             self.offset = 0
         # Kept without compensation too: R44 is written once a move has taken the backlash out.
@@ -76,8 +75,8 @@ class Following:
         if error < 0:
             size = -error
         # Of larger errors the chip sees FFFF, which exceeds no limit of FFFF.
-        self.too_large = size > image.max_error and image.max_error < 0xFFFF
-        deadband = image.deadband
+        self.too_large = size > sampled.max_error and sampled.max_error < 0xFFFF
+        deadband = sampled.deadband
         self.in_position = size <= deadband + 1
         if size <= deadband:
             error = 0

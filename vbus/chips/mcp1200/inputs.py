@@ -5,17 +5,19 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.blocks import Blocks
-from vbus.chips.mcp1200.capture import index_edge, trigger_edge
-from vbus.chips.mcp1200.interface import HostInterface
-from vbus.chips.mcp1200.states import STANDING
+from vbus.chips.mcp1200.blocks import STANDING, Blocks
+from vbus.chips.mcp1200.counter import index_edge, trigger_edge
+from vbus.chips.mcp1200.pins import HostInterface
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.motion.quadrature import COUNTED, INDEX_FELL, INDEX_ROSE, SKIPPED, Quadrature
 from vbus.kernel import NEVER
-from vbus.signals import Watcher
+from vbus.signals import Pin, Watcher
 from vbus.state import Names
 
 LONG_AGO: Final = 1 - (1 << 62)
+
+INDEX: Final = 2
+"""Place of INDEX after CHA and CHB."""
 
 PULSES: Final = (("/RESET", "tIRST"), ("/SYNC", "tIRST"), ("/LIMIT", "tIP"), ("/STOP", "tIP"))
 """Inputs whose low pulses have a shortest length (MCP-TIM-4, 5)."""
@@ -28,106 +30,87 @@ class EncoderPins:
 
     Args:
         chip: whose pins.
-        works: where counts go.
+        blocks: where counts go.
 
     Attributes:
         at: cycle at which a level at the pins will have passed the filter.
     """
 
-    __slots__ = (
-        "_a", "_a_at", "_b", "_b_at", "_chip", "_index", "_index_at", "_works", "at", "decoder",
-    )  # fmt: skip
-    STATE: ClassVar[Names] = ("_a", "_b", "_index", "_a_at", "_b_at", "_index_at", "decoder: part")
-    WIRING: ClassVar[Names] = ("_chip", "_works")
+    STATE: ClassVar[Names] = ("_levels: list[i64]", "_since: list[i64]", "decoder: part")
+    WIRING: ClassVar[Names] = ("_blocks", "_chip", "_pins")
     DERIVED: ClassVar[Names] = ("at",)
 
-    def __init__(self, chip: HostInterface, works: Blocks) -> None:
+    def __init__(self, chip: HostInterface, blocks: Blocks) -> None:
         self._chip: HostInterface = chip
-        self._works: Blocks = works
+        self._blocks: Blocks = blocks
+        self._pins: list[Pin] = [chip.pins[name] for name in ("CHA", "CHB", "INDEX")]
         self.decoder: Quadrature = Quadrature(ds.FILTER_STAGES, ds.FILTER_STAGES)
         self.decoder.preset(1, 1, 1)
-        self._a: int = 1
-        self._b: int = 1
-        self._index: int = 1
-        self._a_at: int = LONG_AGO
-        self._b_at: int = LONG_AGO
-        self._index_at: int = LONG_AGO
+        self._levels: list[int] = [1, 1, 1]
+        self._since: list[int] = [LONG_AGO] * 3
         self.at: i64 = FAR
         watcher = Watcher(chip.kernel, self._moved)
-        for name in ("CHA", "CHB", "INDEX"):
-            chip.pins[name].net.watch(watcher)
+        for pin in self._pins:
+            pin.net.watch(watcher)
 
     def settle_levels(self) -> None:
         """Take the levels as they stand as what has been there for ever: power-on."""
-        pins = self._chip.pins
-        self._a, self._b, self._index = pins["CHA"].value, pins["CHB"].value, pins["INDEX"].value
-        self.decoder.preset(self._a, self._b, self._index)
-        self._look()
+        a, b, index = self._levels = [pin.value for pin in self._pins]
+        self.decoder.preset(a, b, index)
+        self.after_load()
 
     def configure(self, cycle: int) -> None:
         """R1A has changed: the filter clock."""
         dwell = ds.FILTER_STAGES * self._divider()
         self.decoder.set_dwell(cycle, dwell, dwell)
-        self._look()
+        self.after_load()
 
     def _divider(self) -> int:
-        return ds.FILTER_DIVIDER[self._works.file.bytes[ds.ENCODER_PWM] >> 4 & 7]
+        return ds.FILTER_DIVIDER[self._blocks.registers.encoder_pwm >> 4 & 7]
 
     def after_load(self) -> None:
         """Find out when the next edge is believed."""
-        self._look()
-
-    def _look(self) -> None:
         due = self.decoder.due()
         self.at = FAR if due == NEVER else due
 
     def settle(self, cycle: int) -> None:
         """Take what has passed the filter by ``cycle``."""
-        works = self._works
+        blocks = self._blocks
         decoder = self.decoder
         while (found := decoder.settle(cycle)) != 0:
             if found & COUNTED:
-                works.counter.count_external(decoder.direction, decoder.at)
+                blocks.counter.count_external(decoder.direction, decoder.at)
             if found & SKIPPED:
-                works.report(ds.DOUBLE_EDGE, decoder.at)
+                blocks.report(ds.DOUBLE_EDGE, decoder.at)
             if found & (INDEX_FELL | INDEX_ROSE):
-                works.counter.index_external(bool(found & INDEX_ROSE), decoder.at)
-        self._look()
+                blocks.counter.index_external(bool(found & INDEX_ROSE), decoder.at)
+        self.after_load()
 
     def _moved(self) -> None:
         chip = self._chip
         chip.advance()
-        pins = chip.pins
-        a, b, index = pins["CHA"].value, pins["CHB"].value, pins["INDEX"].value
-        if chip.judged:
-            self._judge(a, b, index)
+        a, b, index = levels = [pin.value for pin in self._pins]
+        moved = [place for place in range(3) if levels[place] != self._levels[place]]
         now = chip.kernel.now
-        if a != self._a:
-            self._a, self._a_at = a, now
-        if b != self._b:
-            self._b, self._b_at = b, now
-        if index != self._index:
-            self._index, self._index_at = index, now
+        if chip.judged:
+            self._judge(moved, now)
+        self._levels = levels
+        for place in moved:
+            self._since[place] = now
         self.decoder.edge(chip.cycle_now(), a, b, index)
-        self._look()
+        self.after_load()
         chip.changed()
 
-    def _judge(self, a: int, b: int, index: int) -> None:
-        chip = self._chip
-        now = chip.kernel.now
+    def _judge(self, moved: list[int], now: int) -> None:
         clocks = self._divider()
-        if index != self._index:
-            chip.judge_filtered("tIX", now - self._index_at, clocks)
-        if a != self._a:
-            chip.judge_filtered("tIAB", now - self._a_at, clocks)
-        if b != self._b:
-            chip.judge_filtered("tIAB", now - self._b_at, clocks)
-        if a != self._a and b != self._b:
-            chip.judge_filtered("tAB", 0, clocks)
-        elif a != self._a:
-            chip.judge_filtered("tAB", now - self._b_at, clocks)
-        elif b != self._b:
-            chip.judge_filtered("tAB", now - self._a_at, clocks)
+        for place in reversed(moved):
+            symbol = "tIX" if place == INDEX else "tIAB"
+            self._chip.judge_filtered(symbol, now - self._since[place], clocks)
+        channels = [place for place in moved if place != INDEX]
+        if channels:
+            # The other channel moved before, or in this instant too.
+            since = now if len(channels) == 2 else self._since[1 - channels[0]]
+            self._chip.judge_filtered("tAB", now - since, clocks)
 
 
 class SidePins:
@@ -138,7 +121,7 @@ class SidePins:
 
     Args:
         chip: whose pins.
-        works: what they act on.
+        blocks: what they act on.
 
     Attributes:
         limit: level of /LIMIT.
@@ -146,19 +129,15 @@ class SidePins:
         sync: level of /SYNC.
     """
 
-    __slots__ = (
-        "_chip", "_fell", "_home", "_home_index", "_levels", "_trigger", "_works", "limit", "own",
-        "stop", "sync",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "_levels: list[i64]", "_fell: list[i64]", "limit", "stop", "sync", "_trigger",
         "_home_index",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_chip", "_home", "_works", "own")
+    WIRING: ClassVar[Names] = ("_chip", "_home", "_blocks", "own")
 
-    def __init__(self, chip: HostInterface, works: Blocks) -> None:
+    def __init__(self, chip: HostInterface, blocks: Blocks) -> None:
         self._chip: HostInterface = chip
-        self._works: Blocks = works
+        self._blocks: Blocks = blocks
         self._levels: list[int] = [1, 1, 1, 1]
         self._fell: list[int] = [LONG_AGO] * 4
         self.limit: int = 1
@@ -191,65 +170,65 @@ class SidePins:
 
     def look(self, cycle: int) -> None:
         """Find out what has moved by ``cycle``: a net, or a switch of the axis."""
-        works = self._works
-        home = works.encoder.home_level()
-        limit = self._levels[2] & works.encoder.limit_level()
-        stop = self._levels[3] & (home if self._home == "/STOP" else 1)
-        trigger = self._chip.pins["TRIG"].value & (home if self._home == "TRIG" else 1)
+        blocks = self._blocks
+        limit, stop, sync, trigger, home = self._inputs()
         if limit != self.limit:
             self.limit = limit
             self._fault(limit, ds.LIMIT_OK, cycle)
         if stop != self.stop:
             self.stop = stop
             self._fault(stop, ds.STOP_OK, cycle)
-        if self._levels[1] != self.sync:
-            self.sync = self._levels[1]
+        if sync != self.sync:
+            self.sync = sync
             self._sync_moved()
         if trigger != self._trigger:
             self._trigger = trigger
             if trigger == 0:
-                trigger_edge(works.file.bytes, works.counter.position(cycle))
+                trigger_edge(blocks.registers, blocks.counter.position(cycle))
         if home != self._home_index:
             self._home_index = home
             if self._home == "INDEX":
-                index_edge(works.file.bytes, home == 1, works.counter.position(cycle))
+                index_edge(blocks.registers, home == 1, blocks.counter.position(cycle))
 
     def _sync_moved(self) -> None:
         """/SYNC has moved: in idle mode it holds the sample timer (MCP-SMP-2)."""
-        works = self._works
-        if works.state == STANDING:
+        blocks = self._blocks
+        if blocks.state == STANDING:
             if self.sync == 0:
-                works.hold_timer()
+                blocks.hold_timer()
             else:
-                works.start_timer(self._chip.next_cycle())
+                blocks.start_timer(self._chip.next_cycle())
 
     def guard(self) -> None:
         """Idle with /LIMIT low: the motor outputs stay off, whatever R04 says (MCP-MOD-4)."""
-        works = self._works
-        if works.state == STANDING and self.limit == 0:
-            works.sheet.outputs_off()
+        blocks = self._blocks
+        if blocks.state == STANDING and self.limit == 0:
+            blocks.registers.outputs_off()
 
     def _fault(self, level: int, flag: int, cycle: int) -> None:
         """/LIMIT or /STOP has moved: low sets its flag at once (MCP-EXC-4, MCP-EXC-7)."""
-        works = self._works
-        works.rest.disturb()
-        if level == 0 and works.state >= STANDING:
-            works.core.sheet.fault(flag)
+        blocks = self._blocks
+        blocks.rest.disturb()
+        if level == 0 and blocks.state >= STANDING:
+            blocks.registers.fault(flag)
             if flag == ds.LIMIT_OK:
-                works.core.faults.limit = True
-                works.pwm.roll(cycle - 1)
+                blocks.loop.faults.limit = True
+                blocks.pwm.roll(cycle - 1)
                 self.guard()
             else:
-                works.core.faults.stop = True
+                blocks.loop.faults.stop = True
 
     def settle_levels(self) -> None:
         """Take the levels as they stand: power-on."""
         for place, (name, _) in enumerate(PULSES):
             self._levels[place] = self._chip.pins[name].value
-        encoder = self._works.encoder
+        self.limit, self.stop, self.sync, self._trigger, self._home_index = self._inputs()
+
+    def _inputs(self) -> tuple[int, int, int, int, int]:
+        """Levels of /LIMIT, /STOP, /SYNC and TRIG with the axis' switches; that of the home one."""
+        encoder = self._blocks.encoder
         home = encoder.home_level()
-        self.limit = self._levels[2] & encoder.limit_level()
-        self.stop = self._levels[3] & (home if self._home == "/STOP" else 1)
-        self.sync = self._levels[1]
-        self._trigger = self._chip.pins["TRIG"].value & (home if self._home == "TRIG" else 1)
-        self._home_index = home
+        limit = self._levels[2] & encoder.limit_level()
+        stop = self._levels[3] & (home if self._home == "/STOP" else 1)
+        trigger = self._chip.pins["TRIG"].value & (home if self._home == "TRIG" else 1)
+        return limit, stop, self._levels[1], trigger, home

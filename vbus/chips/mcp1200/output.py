@@ -1,67 +1,66 @@
 """The motor command outputs: the 12-bit DAC port and the PWM frames."""
 
-from typing import ClassVar, Final
+from typing import ClassVar
 
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.lead import MC_MAX, MC_MIN
-from vbus.chips.mcp1200.picture import Live, Picture
+from vbus.chips.mcp1200.filters import MC_MAX, MC_MIN, limited
+from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.timer import FAR
 from vbus.state import Names
 
-DAC_ZERO: Final = 0x800
 
-
-def limited(command: i64) -> i64:
-    """Limit a motor command to 12 bits."""
-    if command > MC_MAX:
-        return MC_MAX
-    if command < MC_MIN:
-        return MC_MIN
-    return command
-
-
-def pwm_command(image: Picture, command: i64, error: i64) -> i64:
+def pwm_command(sampled: SampledRegisters, command: i64, error: i64) -> i64:
     """Return the PWM's command for an unlimited motor command in control (MCP-OUT-4, 9)."""
-    return limited(error * 16 if image.feature & ds.DIAGNOSTIC_PWM else command)
+    return limited(error * 16 if sampled.feature & ds.DIAGNOSTIC_PWM else command)
 
 
-def dac_code(image: Picture, command: i64, error: i64, clip: bool) -> i64:
+def dac_code(sampled: SampledRegisters, command: i64, error: i64, clip: bool) -> i64:
     """Return the 12-bit code for an unlimited motor command in control (MCP-OUT-1 to 3, 9).
 
     Args:
-        image: the registers at the sample's start.
+        sampled: the registers at the sample's start.
         command: the motor command.
         error: position error, sent instead for diagnosis; it keeps its sign (NOTES 22).
         clip: of a negative command a unipolar output gives zero, not the magnitude (NOTES 22).
     """
-    unipolar = image.feature & ds.UNIPOLAR
-    if image.feature & ds.DIAGNOSTIC_DAC:
+    unipolar = sampled.feature & ds.UNIPOLAR
+    if sampled.feature & ds.DIAGNOSTIC_DAC:
         unipolar = 0
         command = limited(error * 16)
     elif unipolar and clip and command < 0:
         command = 0
-    limit = image.limit
+    limit = sampled.saturation
     if limit < 0x80:
         limit = ~limit & 0xFF
     code: i64
     if MC_MIN <= command <= MC_MAX:
         if unipolar and command < 0:
             # 800h more than -2048 would need a 13th bit.
-            code = DAC_ZERO + (-command if command > MC_MIN else MC_MAX)
+            code = ds.DAC_ZERO + (-command if command > MC_MIN else MC_MAX)
         else:
-            code = DAC_ZERO + command
+            code = ds.DAC_ZERO + command
     elif command > 0 or unipolar:
         code = limit << 4
     else:
         code = (~limit & 0xFF) << 4
-    code += image.dac_offset
+    code += sampled.dac_offset
     if code < 0:
         return 0
     if code > 0xFFF:
         return 0xFFF
     return code
+
+
+def frame_clocks(setting: i64) -> i64:
+    """Return the clocks of a PWM frame by R1A bits 3-0: 100, 150, 200, 300 to 1600 (MCP-OUT-5)."""
+    if setting > 8:
+        setting = 8
+    clocks: i64 = 100
+    if setting & 1:
+        clocks = 150
+    return clocks << (setting >> 1)
 
 
 class Pwm:
@@ -72,7 +71,7 @@ class Pwm:
     before the command or one of its settings changes.
 
     Args:
-        live: the registers.
+        registers: the registers.
 
     Attributes:
         start: cycle at which the frame under way began.
@@ -81,20 +80,15 @@ class Pwm:
         sign: level of Sign (1 = negative).
     """
 
-    __slots__ = ("_live", "high", "length", "sign", "start")
     STATE: ClassVar[Names] = ("start", "length", "high", "sign")
-    WIRING: ClassVar[Names] = ("_live",)
+    WIRING: ClassVar[Names] = ("_registers",)
 
-    def __init__(self, live: Live) -> None:
-        self._live: Live = live
+    def __init__(self, registers: RegisterFile) -> None:
+        self._registers: RegisterFile = registers
         self.start: i64 = 0
-        self.length: i64 = ds.PWM_RESOLUTION[0]
+        self.length: i64 = frame_clocks(0)
         self.high: i64 = 0
         self.sign: i64 = 0
-
-    def command(self) -> int:
-        """The motor command in R09 and R4D, in 1/16 of an R09 step."""
-        return self._live.pwm
 
     def restart(self, cycle: i64) -> None:
         """Begin a frame at ``cycle`` with nothing before it."""
@@ -103,16 +97,16 @@ class Pwm:
         self._begin(False)
 
     def _begin(self, inhibited: bool) -> None:
-        live = self._live
-        command = live.pwm
+        registers = self._registers
+        command = registers.pwm
         if command > ds.PWM_FULL:
             command = ds.PWM_FULL
         elif command < -ds.PWM_FULL:
             command = -ds.PWM_FULL
-        self.length = live.frame
+        self.length = frame_clocks(registers.encoder_pwm & 0x0F)
         if inhibited:
             self.high = 0
-        elif live.config & ds.PWM_BIAS:
+        elif registers.config & ds.PWM_BIAS:
             self.high = (ds.PWM_FULL + command) * self.length // (2 * ds.PWM_FULL)
         elif command < 0:
             self.high = -command * self.length // ds.PWM_FULL
@@ -120,7 +114,7 @@ class Pwm:
             self.high = command * self.length // ds.PWM_FULL
 
     def _sign(self) -> i64:
-        if self._live.pwm < 0:
+        if self._registers.pwm < 0:
             return 1
         return 0
 
@@ -133,7 +127,7 @@ class Pwm:
         changed = sign != self.sign
         self.sign = sign
         # Only the first whole frame after a change of sign is held low (MCP-OUT-8).
-        self._begin(changed and self._live.config & ds.SIGN_INHIBIT != 0)
+        self._begin(changed and self._registers.config & ds.SIGN_INHIBIT != 0)
         if cycle >= self.start + self.length:
             self.start += self.length
             self._begin(False)

@@ -2,16 +2,83 @@
 
 from typing import ClassVar, Final
 
+from vbus.chips.base import Chip
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.interface import HostInterface
+from vbus.chips.strobes import AcTable
 from vbus.kernel import NEVER
 from vbus.signals import LOW, Net, Watcher, Z
 from vbus.state import Names
 
 LONG_AGO: Final = 1 - (1 << 62)
-
 AD6: Final = 0x40
 """The one bus line with a pull-up of its own (MCP-BUS-1)."""
+
+
+class HostInterface(Chip):
+    """Clock cycles, AC limits, and what a pin that moves does inside.
+
+    Attributes:
+        ac: the AC limits at this supply.
+    """
+
+    ac: AcTable
+
+    # -- what is behind the pins --------------------------------------------------------------
+
+    def changed(self) -> None:
+        """Something from outside has touched the chip: show it, and set the timer anew."""
+        raise NotImplementedError
+
+    def drop_read(self) -> None:
+        """A read that was begun does not take place; the latch keeps what it had."""
+        raise NotImplementedError
+
+    def drop_write(self) -> None:
+        """The byte just written does not count after all (strict policy)."""
+        raise NotImplementedError
+
+    def output(self) -> int:
+        """What /OE puts on the bus now."""
+        raise NotImplementedError
+
+    def reset_pin(self, level: int) -> None:
+        """/RESET has moved."""
+        raise NotImplementedError
+
+    # -- clock cycles -------------------------------------------------------------------------
+
+    def cycle_now(self) -> int:
+        """Clock cycle that is under way."""
+        return self.clock.cycle_at(self.kernel.now)
+
+    def next_cycle(self) -> int:
+        """First clock cycle that starts now or later: when an edge now is taken in."""
+        cycle = self.cycle_now()
+        return cycle if self.clock.ps(cycle) == self.kernel.now else cycle + 1
+
+    # -- AC limits ----------------------------------------------------------------------------
+
+    def limit(self, symbol: str) -> int:
+        """Smallest legal interval (ps) of an AC row at this clock and supply."""
+        return self.ac.minimum(symbol, self.clock)
+
+    def judge(self, symbol: str, measured: int) -> bool:
+        """Report an interval below its minimum; tell whether the access is lost."""
+        least = self.ac.minimum(symbol, self.clock)
+        return measured < least and self.report(self.ac.rules[symbol], measured, least)
+
+    def judge_latest(self, symbol: str, measured: int) -> None:
+        """Report a host that takes an output before its longest delay is over."""
+        most = self.ac[symbol].max_ps
+        if measured < most:
+            self.report(self.ac.rules[symbol], measured, most)
+
+    def judge_filtered(self, symbol: str, measured: int, divider: int) -> None:
+        """Report an encoder interval below its minimum, which counts filter clocks."""
+        row = self.ac[symbol]
+        least = row.min_ps + self.clock.span_up(int(row.min_clk) * divider)
+        if measured < least:
+            self.report(self.ac.rules[symbol], measured, least)
 
 
 class HostPins:
@@ -21,19 +88,13 @@ class HostPins:
     In all of them the address latch closes once per /ALE pulse, and the access is made when /CS
     rises, with what the bus carried before that edge.
 
-    AC limits are judged while :attr:`Chip.judged` is set. What breaks a limit under a strict
-    policy is lost.
+    AC limits are judged while :attr:`~vbus.chips.base.Chip.judged` is set. What breaks a limit
+    under a strict policy is lost.
 
     Args:
         chip: whose pins.
     """
 
-    __slots__ = (
-        "_address", "_ale", "_ale_fell", "_ale_rose", "_chip", "_closed_at", "_cs", "_cs_fell",
-        "_cs_rose", "_data", "_data_at", "_fresh", "_inside", "_lost", "_oe", "_oe_fell", "_open",
-        "_overlapped", "_previous_closed_at", "_release", "_rw", "_rw_at", "_was_read",
-        "_was_write", "own",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "_ale", "_cs", "_oe", "_rw", "_data", "_address", "_open: bool", "_fresh: bool",
         "_overlapped: bool", "_inside: bool", "_lost: bool", "_was_read: bool", "_was_write: bool",

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from mypy_extensions import i64
 
-from vbus.chips.mcp1200.core import Core
+from vbus.chips.mcp1200.control_loop import ControlLoop
 from vbus.chips.mcp1200.drive import PlantDrive
 from vbus.chips.mcp1200.encoder import Encoder
 from vbus.state import Names, save
@@ -13,22 +13,21 @@ from vbus.state import Names, save
 class Rest:
     """Knows whether the next samples will be like the last one.
 
-    In control mode a sample is a function of registers, core, plant and inputs. If two samples
-    in a row have left all of that the same, so will every further one, until something from
-    outside disturbs it. Nothing is estimated: skipping and stepping give the same state.
+    In control mode a sample is a function of registers, control loop, plant and inputs. If two
+    samples in a row have left all of that the same, so will every further one, until something
+    from outside disturbs it. Nothing is estimated: skipping and stepping give the same state.
 
     Args:
-        core: the chip's program.
+        loop: what a control sample computes.
         drive: what the plant is driven with.
         encoder: the plant's periods.
     """
 
-    __slots__ = ("_core", "_drive", "_encoder", "_repeats", "_state")
-    WIRING: ClassVar[Names] = ("_core", "_drive", "_encoder")
+    WIRING: ClassVar[Names] = ("_drive", "_encoder", "_loop")
     DERIVED: ClassVar[Names] = ("_repeats", "_state")
 
-    def __init__(self, core: Core, drive: PlantDrive, encoder: Encoder) -> None:
-        self._core: Core = core
+    def __init__(self, loop: ControlLoop, drive: PlantDrive, encoder: Encoder) -> None:
+        self._loop: ControlLoop = loop
         self._drive: PlantDrive = drive
         self._encoder: Encoder = encoder
         self._state: tuple[object, ...] = ()
@@ -41,11 +40,10 @@ class Rest:
 
     def note(self) -> None:
         """A control sample has shown its results: compare it with the one before."""
-        if self._core.steps != 0 or not self._drive.at_rest():
+        if self._loop.steps != 0 or not self._drive.at_rest():
             self.disturb()
             return
-        self._core.sheet.settle()
-        now = (bytes(self._core.bytes), save(self._core))
+        now = (self._loop.registers.image, save(self._loop))
         self._repeats = now == self._state
         self._state = now
 
@@ -71,13 +69,3 @@ class Rest:
         if control:
             return self._repeats and self._drive.at_rest()
         return self._encoder.plant is None or (sampling and self._drive.at_rest())
-
-    def passed(self, cycle: i64, last: i64, period: i64) -> i64:
-        """Return the clocks of the whole samples that can be passed over, as it is possible.
-
-        Args:
-            cycle: start of the sample that is due.
-            last: cycle up to which nothing happens from outside.
-            period: clocks of a sample.
-        """
-        return (last - cycle) // period * period

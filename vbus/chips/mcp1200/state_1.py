@@ -7,11 +7,16 @@ from vbus.state.first import BITS
 LAYOUTS: Final[dict[str, Any]] = {
     "Breakpoint": BITS, "Command": BITS, "Faults": BITS, "Following": BITS,
     "IntegralVelocity": BITS, "SampleTimer": BITS, "Trapezoid": BITS,
-    "PositionCounter": "at_match", "PositionInterpolation": "segment", "Sheet": "image",
-    "VelocityInterpolation": "segment", "Writes": "_waiting",
-    "Clockwork": (
+    "PidFilter": (
+        ("_error_1", "_error_2", "_error_3", "_error_4", "_error_5", "_error_6", "_error_7",
+         "_error_8"),
+        "integral", "_velocity", "_saturated",
+    ),
+    "EncoderPins": ("*_levels", "*_since", "decoder"),
+    "PositionCounter": "at_match", "RegisterFile": "image", "Writes": "_waiting",
+    "Axis": (
         "state", "released", "_request", "writes", "_aiming", "_at_reset", "_at_sample",
         "_at_results", "_at_routine", "counter",
-        ("file", "core", "timer", "encoder", "drive", "stepper", "pwm", "breakpoint", "host"),
+        ("registers", "loop", "timer", "encoder", "drive", "stepper", "pwm", "breakpoint", "host"),
     ),
 }  # fmt: skip

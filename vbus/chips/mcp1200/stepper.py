@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from vbus.bits import wrap
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.picture import Picture
+from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.timer import FAR
 from vbus.state import Names
 
@@ -21,7 +21,7 @@ class Stepper:
     starts at j/n of it. Steps that the next batch cuts off are carried over into it.
 
     Args:
-        registers: the register bytes.
+        registers: the registers.
 
     Attributes:
         base: steps sent before the batch, backward ones negative.
@@ -29,16 +29,13 @@ class Stepper:
         sign: level of the direction output (1 = negative).
     """
 
-    __slots__ = (
-        "_begin", "_bytes", "_limit", "_spacing", "_span", "_tail", "base", "offset", "sign",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "base", "offset", "sign", "_begin", "_span", "_spacing", "_limit", "_tail",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_bytes",)
+    WIRING: ClassVar[Names] = ("_registers",)
 
-    def __init__(self, registers: bytearray) -> None:
-        self._bytes: bytearray = registers
+    def __init__(self, registers: RegisterFile) -> None:
+        self._registers: RegisterFile = registers
         self.base: int = 0
         self.offset: int = 0
         self.sign: int = 0
@@ -115,7 +112,7 @@ class Stepper:
     @property
     def width(self) -> int:
         """Clocks of a step pulse (MCP-STP-2)."""
-        return self._bytes[ds.STEP_WIDTH] + 1
+        return self._registers.step_width + 1
 
     def overrun(self, period: int) -> bool:
         """Whether the pulses of the batch do not fit into ``period`` clocks (MCP-STP-3)."""
@@ -125,7 +122,7 @@ class Stepper:
         """Level of Pulse at ``cycle``."""
         done = self.emitted(cycle)
         high = cycle < self._tail or (done > 0 and cycle < self.instant(done - 1) + self.width)
-        return int(high) ^ int(bool(self._bytes[ds.CONFIG] & ds.STEP_LOW))
+        return int(high) ^ int(bool(self._registers.config & ds.STEP_LOW))
 
     def next_edge(self, cycle: int) -> int:
         """Cycle of the next edge of Pulse after ``cycle``."""
@@ -146,9 +143,6 @@ class StallCheck:
     A window closes when it holds at least four samples and at least one whole expected count.
     """
 
-    __slots__ = (
-        "_counts", "_counts_seen", "_expected", "_samples", "_steps", "_steps_seen", "_way",
-    )  # fmt: skip
     STATE: ClassVar[Names] = (
         "_samples", "_expected", "_counts", "_steps_seen", "_counts_seen", "_steps", "_way",
     )  # fmt: skip
@@ -176,9 +170,9 @@ class StallCheck:
         self._way = counts - self._counts_seen
         self._counts_seen = counts
 
-    def stalled(self, image: Picture) -> bool:
+    def stalled(self, sampled: SampledRegisters) -> bool:
         """Take the sample into the window; tell whether it closes with a stalled motor."""
-        ratio = image.ratio
+        ratio = sampled.encoder_ratio
         if ratio == 0:
             self.clear()
             return False

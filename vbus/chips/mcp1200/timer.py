@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.picture import Live, Picture
+from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.state import Names
 
 FAR: Final = (1 << 62) - 1
@@ -19,7 +19,7 @@ class SampleTimer:
     (MCP-SMP-1, MCP-REG-49).
 
     Args:
-        live: the registers.
+        registers: the registers.
 
     Attributes:
         start: cycle of the last reload.
@@ -28,12 +28,11 @@ class SampleTimer:
         running: False while reset or /SYNC holds the counter at zero.
     """
 
-    __slots__ = ("_live", "counts", "pre", "running", "start")
     STATE: ClassVar[Names] = ("start", "pre", "counts", "running: bool")
-    WIRING: ClassVar[Names] = ("_live",)
+    WIRING: ClassVar[Names] = ("_registers",)
 
-    def __init__(self, live: Live) -> None:
-        self._live: Live = live
+    def __init__(self, registers: RegisterFile) -> None:
+        self._registers: RegisterFile = registers
         self.start: i64 = 0
         self.pre: i64 = 1
         self.counts: i64 = 1
@@ -47,13 +46,9 @@ class SampleTimer:
     def reload(self, cycle: i64) -> None:
         """Begin a period at ``cycle`` with the values now in the registers."""
         self.start = cycle
-        self.pre = self._live.pre
-        self.counts = self._live.counts
+        self.pre = self._registers.prescaler + 1
+        self.counts = self._registers.sample_timer + 1
         self.running = True
-
-    def hold(self) -> None:
-        """Clear the counter and keep it at zero."""
-        self.running = False
 
     def next_zero(self) -> i64:
         """Cycle of the next sample start."""
@@ -68,17 +63,17 @@ class SampleTimer:
         return max(self.counts - 1 - (cycle - self.start) // self.pre, 0)
 
 
-def work_clocks(image: Picture, mode: i64) -> i64:
+def work_clocks(registers: RegisterFile, mode: i64) -> i64:
     """Return how long the core is busy in a sample (MCP-SMP-3).
 
     Args:
-        image: the registers as they are at the sample's start.
+        registers: the registers as they are at the sample's start.
         mode: flag of the control mode that runs, 0 for position control.
     """
     work: i64 = ds.WORK_BASE
-    if image.config & ds.STEP_MODE:
+    if registers.config & ds.STEP_MODE:
         work += ds.WORK_STEP
-    elif image.feature & ds.PID:
+    elif registers.feature & ds.PID:
         work += ds.WORK_PID
     else:
         work += ds.WORK_LEAD
@@ -88,8 +83,8 @@ def work_clocks(image: Picture, mode: i64) -> i64:
         work += ds.WORK_VELOCITY
     elif mode == ds.F3 or mode == ds.F4:
         work += ds.WORK_INTERPOLATION
-    if image.backlash:
+    if registers.backlash:
         work += ds.WORK_BACKLASH
-    if image.deadband:
+    if registers.deadband:
         work += ds.WORK_DEADBAND
     return work

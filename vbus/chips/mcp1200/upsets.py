@@ -24,8 +24,8 @@ class Mcp1200Upsets(Upsets):
 
     def set_frequency(self, hz: float, plants: list[Plant]) -> None:
         """Tell mechanics how long a sample is, from the next one on."""
-        self.chip.works.encoder.set_clock(hz)
+        self.chip.axis.encoder.set_clock(hz)
 
     def restore_frequency(self, hz: float) -> None:
         """Take the frequency of a saved state."""
-        self.chip.works.encoder.clk_hz = hz
+        self.chip.axis.encoder.clk_hz = hz

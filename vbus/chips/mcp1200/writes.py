@@ -16,7 +16,6 @@ class Writes:
         due: cycle at which the first of them becomes visible, :data:`FAR` if there is none.
     """
 
-    __slots__ = ("_waiting", "due")
     STATE: ClassVar[Names] = ("_waiting: list[(i64, i64, i64), ...]",)
     DERIVED: ClassVar[Names] = ("due",)
 
@@ -27,25 +26,23 @@ class Writes:
     def add(self, cycle: int, address: int, data: int) -> None:
         """A byte has been written in ``cycle``."""
         self._waiting.append((cycle + ds.WRITE_CLK, address, data))
-        self.due = self._waiting[0][0]
+        self.after_load()
 
     def take(self) -> tuple[int, int]:
         """Return address and data of the first byte, which is visible now."""
         _, address, data = self._waiting.pop(0)
-        self.due = self._waiting[0][0] if self._waiting else FAR
+        self.after_load()
         return address, data
 
     def lose(self) -> None:
         """Forget the byte written last, if it is not yet visible."""
-        if self._waiting:
-            self._waiting.pop()
-            if not self._waiting:
-                self.due = FAR
+        del self._waiting[-1:]
+        self.after_load()
 
     def clear(self) -> None:
         """Forget all of them."""
         self._waiting.clear()
-        self.due = FAR
+        self.after_load()
 
     def after_load(self) -> None:
         """Find out when the first of them becomes visible."""

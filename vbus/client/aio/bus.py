@@ -6,10 +6,11 @@ from time import monotonic
 from types import TracebackType
 from typing import Concatenate, Final, ParamSpec, Self, TypeVar
 
-from vbus.client.aio.ready import Lock, opened, until_ready
+from vbus.client.aio.ready import Lock, opened, pause, until_ready
 from vbus.client.link import Link
 from vbus.client.links import open_link
 from vbus.client.message import Event, Later, Message, Ready, Sample, Sync
+from vbus.client.patience import PAUSE_SECONDS, Patience
 from vbus.client.wire import Wire
 from vbus.errors import TransportError, VbusError
 from vbus.protocols.port import PortInfo
@@ -281,9 +282,9 @@ class Bus(Cycles):
     async def exchange(self, message: Message, mask: int | None) -> None:
         """Send ``message`` with these chips selected (None: as it is) and take its replies."""
         async with self._lock:
-            told = self._wire.known(message, mask)
-            if told is not None:
-                self._kept += told
+            polls = self._wire.known(message, mask)
+            if polls is not None:
+                self._kept += polls
                 return
             self._kept += self._wire.send(message, mask)
             if self._posting and len(self._kept) < MOST_KEPT and message.done:
@@ -366,7 +367,7 @@ class Chip(Cycles):
         await self.bus.exchange(message, self.mask)
 
 
-async def connect(where: str, timeout: float = TIMEOUT) -> Bus:
+async def connect(where: str, timeout: float = TIMEOUT, wait: str | None = None) -> Bus:
     """Open a session with a board and ask what is attached.
 
     Args:
@@ -374,18 +375,31 @@ async def connect(where: str, timeout: float = TIMEOUT) -> Bus:
             ``"serial:PATH?baud=115200"``, ``"zenoh:BOARD/CHIP?connect=ENDPOINT"``, or the path of
             a PTY. ``$NAME`` stands for an environment variable.
         timeout: seconds a reply may take.
+        wait: how long the board may take to come, such as ``"5 s"``. Without it a board is waited
+            for that has begun to start.
 
     Raises:
         TransportError: the link cannot be opened, or nobody answers; says what to do.
         ProtocolError: whoever answers speaks no byte protocol, or another version.
         ValueError: ``where`` is no link.
     """
+    patience = Patience(where, wait)
+    while True:
+        try:
+            return await _connect(where, timeout)
+        except TransportError:
+            if not patience.left():
+                raise
+        await pause(PAUSE_SECONDS)
+
+
+async def _connect(where: str, timeout: float) -> Bus:
     link = await opened(open_link, where)
     bus = Bus(link, timeout)
     try:
         if not await until_ready_to_write(link, timeout):
             raise TransportError(f"{link.where} cannot be opened within {timeout:g} s")
-        await bus.hello()
+        link.check_board((await bus.hello()).board)
     except BaseException:
         await bus.close()
         raise

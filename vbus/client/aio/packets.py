@@ -18,7 +18,8 @@ class Packets:
     A family says where its ports are and which status bit tells that it is ready.
 
     Args:
-        cycles: the chip on its bus, from :meth:`Bus.chip`; or a bus with one chip.
+        cycles: the chip on its bus, from :meth:`~vbus.client.aio.bus.Bus.chip`; or a bus
+            with one chip.
         ready: how busy is waited for. ``"poll"`` reads the status before each access, as a
             driver on hardware does. ``"wait"`` lets the board wait: a whole packet is one
             message, which is several times faster.

@@ -33,6 +33,11 @@ async def until_ready(fd: int, write: bool, deadline: float) -> bool:
     return True
 
 
+async def pause(seconds: float) -> None:
+    """Let others go on for a while."""
+    await asyncio.sleep(seconds)
+
+
 async def opened(open_link: Callable[[str], T], where: str) -> T:
     """Open a link."""
     if where.startswith("zenoh:"):  # which waits for the network

@@ -1,6 +1,5 @@
 """The live screen of ``vbus demo``."""
 
-from collections import deque
 from typing import Final
 
 from rich.console import Group, RenderableType
@@ -12,6 +11,7 @@ from vbus.board.board import Board
 from vbus.chips.tables import Bit
 from vbus.client.demo import Demo, Gauge
 from vbus.signals import Observer
+from vbus.trace.latest_lines import LatestLines
 
 BAR: Final = 31
 """Characters of a bar; the middle one is zero."""
@@ -24,7 +24,7 @@ class Traffic(Observer):
 
     def __init__(self, demo: Demo) -> None:
         self._demo: Demo = demo
-        self._lines: deque[tuple[str, int]] = deque(maxlen=LINES)
+        self._lines: LatestLines = LatestLines(maxlen=LINES)
         self.cycles: int = 0
         self.polls: int = 0
 
@@ -32,17 +32,12 @@ class Traffic(Observer):
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
         """Take down one cycle."""
-        text = self._demo.explain(write, address, data)
         self.cycles += 1
-        if self._lines and self._lines[-1][0] == text:
-            self.polls += 1
-            self._lines[-1] = (text, self._lines[-1][1] + 1)
-        else:
-            self._lines.append((text, 1))
+        self.polls += self._lines.add(when, self._demo.explain(write, address, data))
 
     def lines(self) -> list[str]:
         """Return what there is to show, oldest first."""
-        return [f"{text}  x{count}" if count > 1 else text for text, count in self._lines]
+        return [line.counted("  ") for line in self._lines]
 
 
 def bar(value: float, full: float) -> Text:

@@ -9,8 +9,7 @@ from vbus.board import plugins, sections, units
 from vbus.board.cards import decodes
 from vbus.board.settings import allowed, quoted
 from vbus.options import Option
-from vbus.tools.generate.documents import fill
-from vbus.tools.generate.layout import ROOT
+from vbus.tools.generate.markdown import filled, table
 
 _SECTIONS: Final[dict[str, type[Struct]]] = {
     "board": sections.BoardSection,
@@ -34,22 +33,23 @@ _SECTIONS: Final[dict[str, type[Struct]]] = {
 
 def board_file() -> str:
     """Return the board-file page with its tables up to date."""
-    page = (ROOT / "docs" / "board-file.md").read_text()
-    for name, section in _SECTIONS.items():
-        page = fill(page, name, option_table(sections.rows(section)))
-    page = fill(page, "units", _units())
-    page = fill(page, "parts", _parts())
-    return fill(page, "models", _models())
+    tables = {name: option_table(sections.rows(section)) for name, section in _SECTIONS.items()}
+    tables |= {"units": _units(), "parts": _parts(), "models": _models()}
+    return filled("board-file", tables)
 
 
 def option_table(options: Iterable[Option]) -> list[str]:
     """Return a table of settings: key, value, default and meaning."""
-    rows = ["| key | value | default | meaning |", "|---|---|---|---|"]
-    for option in options:
-        clause = f" ({option.clause})" if option.clause else ""
-        cells = (f"`{option.name}`", _value(option), _default(option), f"{option.title}{clause}")
-        rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return rows if len(rows) > 2 else ["No keys of its own."]
+    rows = (
+        (
+            f"`{option.name}`",
+            _value(option),
+            _default(option),
+            f"{option.title} ({option.clause})" if option.clause else option.title,
+        )
+        for option in options
+    )
+    return table(("key", "value", "default", "meaning"), rows) or ["No keys of its own."]
 
 
 def _value(option: Option) -> str:
@@ -77,46 +77,30 @@ def _default(option: Option) -> str:
 
 
 def _units() -> list[str]:
-    rows = ["| quantity | example | units |", "|---|---|---|"]
-    for row in units.DIMENSIONS.values():
-        rows.append(f'| {row.title} | `"{row.example}"` | {row.names()} |')
-    return rows
+    rows = ((row.title, f'`"{row.example}"`', row.names()) for row in units.DIMENSIONS.values())
+    return table(("quantity", "example", "units"), rows)
+
+
+def _part(title: str, sentence: str, options: Iterable[Option]) -> list[str]:
+    return [f"### {title}", "", sentence, "", *option_table(options), ""]
 
 
 def _parts() -> list[str]:
     lines: list[str] = []
-    done: set[type] = set()
-    for name in plugins.names(plugins.CHIPS):
-        chip = plugins.chip_class(name)
-        if chip in done:
-            continue
-        done.add(chip)
+    for chip in dict.fromkeys(plugins.chip_class(name) for name in plugins.names(plugins.CHIPS)):
         axes = {0: "no axis", 1: "one axis"}.get(chip.AXES, f"{chip.AXES} axes")
         circuits = ", ".join(f"`{circuit}`" for circuit in decodes(chip))
-        lines += [
-            f"### {', '.join(chip.PARTS)}",
-            "",
-            f"Family `{chip.FAMILY}`, {axes}. Decode circuits of cards: {circuits}.",
-            "",
-            *option_table(chip.OPTIONS),
-            "",
-        ]
+        sentence = f"Family `{chip.FAMILY}`, {axes}. Decode circuits of cards: {circuits}."
+        lines += _part(", ".join(chip.PARTS), sentence, chip.OPTIONS)
     return lines[:-1]
 
 
 def _models() -> list[str]:
+    takes = {"drive": "servo command", "pulses": "step pulses", "phases": "phase commands"}
     lines: list[str] = []
     for name in plugins.names(plugins.PLANTS):
         plant = plugins.plant_class(name)
         summary = (plant.__doc__ or "").strip().partition("\n")[0]
-        takes = {"drive": "servo command", "pulses": "step pulses", "phases": "phase commands"}
         kinds = ", ".join(takes[kind] for kind in plant.TAKES)
-        lines += [
-            f"### {name}",
-            "",
-            f"{summary} Takes: {kinds}.",
-            "",
-            *option_table(plant.OPTIONS),
-            "",
-        ]
+        lines += _part(name, f"{summary} Takes: {kinds}.", plant.OPTIONS)
     return lines[:-1]

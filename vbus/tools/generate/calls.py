@@ -73,10 +73,10 @@ def calls(family: Family) -> str:
 
 
 def _note(row: Command, notes: Mapping[str, str]) -> str:
-    told = [notes.get(row.note, ""), _SCOPES.get(row.scope, "")]
+    parts = [notes.get(row.note, ""), _SCOPES.get(row.scope, "")]
     if row.buffered and not row.read:
-        told.append("Takes effect at an update.")
-    return " ".join(note for note in told if note)
+        parts.append("Takes effect at an update.")
+    return " ".join(note for note in parts if note)
 
 
 def _method(row: Command, note: str) -> list[str]:

@@ -14,6 +14,7 @@ from vbus.options import Option
 from vbus.signals import Rule
 from vbus.tools.generate.board_file import option_table
 from vbus.tools.generate.layout import folder_of, own_families
+from vbus.tools.generate.markdown import table
 
 _MADE: Final = "<!-- Made from {} by vbus.tools.generate; change {}. -->"
 _SCOPES: Final = {"c": "current axis", "g": "chip set", "i": "interrupting axis"}
@@ -33,7 +34,7 @@ def targets() -> list[tuple[str, Callable[[], str]]]:
 
 def page(family: Family) -> str:
     """Return the page of a chip family: what it has tables for."""
-    sheet = family.tables
+    datasheet = family.tables
     chip = plugins.chip_of(family)
     lines = [f"# {_title(family)}", "", _MADE.format("the tables of the chip", "the tables"), ""]
     lines += ["What `vbus` knows of this chip, from its own tables."]
@@ -52,20 +53,22 @@ def page(family: Family) -> str:
     parts = ", ".join(f"`{part}`" for part in chip.PARTS)
     lines += ["## Parts", "", f"{parts}: family `{family.name}`, {axes}.", ""]
     for head, rows in (
-        ("Bus addresses", _rows(("address", "how", "read", "write"), family.addresses)),
+        ("Bus addresses", table(("address", "how", "read", "write"), family.addresses)),
         ("Commands", family.commands and _commands(family.commands)),
         ("Registers", family.registers and _registers(family.registers)),
     ):
         lines += [f"## {head}", "", *rows, ""] if rows else []
-    lines += ["## Bits", ""] if family.bits else []
-    for title, name in family.bits:
-        lines += [f"### {title}", "", *_bits(getattr(sheet, name)), ""]
+    bits = [(title, getattr(datasheet, name)) for title, name in family.bits]
+    bits += [(f"{row.title} {row.low:02X}H", row.fields) for row in family.registers if row.fields]
+    lines += ["## Bits", ""] if bits else []
+    for title, fields in bits:
+        lines += [f"### {title}", "", *_bits(fields), ""]
     lines += ["## Pins", "", *_pins(chip.PINS), ""]
     tables = family.ac_tables
     if tables:
         lines += ["## AC limits", "", *_limits(family), ""]
     rules = _rules(family.rules, tables)
-    if len(rules) > 2:
+    if rules:
         lines += ["## Other rules" if tables else "## Rules", "", *rules, ""]
     lines += ["## Options in a board file", "", *option_table(chip.OPTIONS), ""]
     lines += _readings(chip.OPTIONS)
@@ -76,20 +79,6 @@ def page(family: Family) -> str:
 
 def _title(family: Family) -> str:
     return family.title or family.name
-
-
-def _rows(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
-    """Return a table, or nothing if it has no rows."""
-    found = _table(head, rows)
-    return found if len(found) > 2 else []
-
-
-def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
-    head = tuple(head)
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    for row in rows:
-        lines.append("| " + " | ".join(cell.replace("|", "\\|") or "–" for cell in row) + " |")
-    return lines
 
 
 def _commands(commands: Iterable[Command]) -> list[str]:
@@ -104,7 +93,7 @@ def _commands(commands: Iterable[Command]) -> list[str]:
         if scoped:
             cell.insert(3, _SCOPES.get(row.scope, ""))
         cells.append(cell)
-    return _table(head, cells)
+    return table(head, cells)
 
 
 def _data(row: Command) -> str:
@@ -117,34 +106,37 @@ def _data(row: Command) -> str:
 
 def _registers(registers: Iterable[Register]) -> list[str]:
     access = {"rw": "read, write", "r": "read", "w": "write"}
-    cells = []
-    for row in registers:
-        sense = "signed" if row.signed else "unsigned"
-        scale = f", 1/{1 << row.fraction}" if row.fraction else ""
-        cells.append(
-            (
-                f"`{row.name}`",
-                ", ".join(f"{address:02X}H" for address in row.addresses),
-                f"{row.bits} bits {sense}{scale}",
-                access[row.access],
-                f"{row.reset:0{row.bits // 4}X}H",
-                row.title,
-                row.clause,
-            )
+    cells = (
+        (
+            f"`{row.name}`",
+            ", ".join(f"{address:02X}H" for address in row.addresses),
+            f"{row.bits} bits {'signed' if row.signed else 'unsigned'}{_scale(row)}",
+            access[row.access],
+            row.counts,
+            f"{row.reset:0{row.bits // 4}X}H",
+            row.title,
+            row.clause,
         )
-    head = ("register", "addresses, high byte first", "value", "access", "reset", "meaning")
-    return _table((*head, "clause"), cells)
+        for row in registers
+    )
+    head = ("register", "addresses, high byte first", "value", "access", "counts", "reset")
+    return table((*head, "meaning", "clause"), cells)
+
+
+def _scale(row: Register) -> str:
+    scale = f"1/{1 << row.fraction} " if row.fraction else ""
+    return f", {scale}{row.unit}".rstrip() if scale or row.unit else ""
 
 
 def _bits(bits: Iterable[Bit]) -> list[str]:
-    return _table(
+    return table(
         ("bit", "name", "meaning"), ((str(bit.number), f"`{bit.name}`", bit.title) for bit in bits)
     )
 
 
 def _pins(pins: Iterable[PinRow]) -> list[str]:
     ways = {"in": "input", "out": "output", "io": "both ways", "od": "open drain"}
-    return _table(
+    return table(
         ("pin", "direction", "wires", "meaning"),
         ((f"`{pin.name}`", ways[pin.direction], str(pin.width), pin.title) for pin in pins),
     )
@@ -168,7 +160,7 @@ def _limits(family: Family) -> list[str]:
         " and judged. *Chip*: the chip promises it, and a host that looks or drives too early is"
         " told. *Kept*: the chip's own outputs keep it, and no host can break it.",
         "",
-        *_table(("rule", "row", "interval", *heads, "whose", "clause"), cells),
+        *table(("rule", "row", "interval", *heads, "whose", "clause"), cells),
     ]
     clocks = getattr(family.tables, "CLOCK_LIMITS", None)
     if clocks:
@@ -204,7 +196,7 @@ def _time(ps: int) -> str:
 
 def _rules(rules: Iterable[Rule], tables: Mapping[str, AcTable]) -> list[str]:
     ac = {rule.name for table in tables.values() for rule in table.rules.values()}
-    return _table(
+    return table(
         ("rule", "severity", "what is required", "clause"),
         ((f"`{r.name}`", r.severity, r.title, r.clause) for r in rules if r.name not in ac),
     )
@@ -224,8 +216,8 @@ def _silent(family: Family) -> list[str]:
     if notes is None or not notes.exists():
         return []
     place = f"{family.home.replace('.', '/')}/NOTES.md"
-    told = f"What was decided, in full: [`{place}`]({_beside(family)}/NOTES.md)."
-    return [told, "", *_notes(notes.read_text())]
+    sentence = f"What was decided, in full: [`{place}`]({_beside(family)}/NOTES.md)."
+    return [sentence, "", *_notes(notes.read_text())]
 
 
 def _beside(family: Family) -> str:
@@ -261,10 +253,10 @@ def clause_page(family: Family) -> str:
         " itself; *silicon* is decided by what real parts, or drivers that work with them, are"
         f" known to do. `vbus explain ID` also names the tests of a clause{notes}.",
         "",
-        *_table(("clause", "title", "kind"), rows),
+        *table(("clause", "title", "kind"), rows),
     ]
     for clause in clauses.values():
-        lines += ["", f"### {clause.name}", "", *_clause(clause, family.rules)]
+        lines += ["", f"## {clause.name}", "", *_clause(clause, family.rules)]
     return _linked("\n".join(lines) + "\n")
 
 

@@ -2,29 +2,31 @@
 
 from typing import Final
 
-from vbus.faults import table
 from vbus.faults.row import AXIS, COUNTED, LINK, ONCE, Fault
+from vbus.faults.table import faults as known_faults
 from vbus.tools.generate.board_file import option_table
-from vbus.tools.generate.documents import fill
-from vbus.tools.generate.layout import ROOT
+from vbus.tools.generate.markdown import filled, table
 
 _ENDS: Final = {ONCE: "over at once", COUNTED: "once, for a time, until cleared"}
 
 
 def faults() -> str:
     """Return the page with its tables up to date."""
-    page = (ROOT / "docs" / "faults.md").read_text()
-    known = table.faults().values()
-    for family in dict.fromkeys(fault.family for fault in known):
-        page = fill(page, family, _rows([fault for fault in known if fault.family == family]))
-    return page
+    families: dict[str, list[Fault]] = {}
+    for fault in known_faults().values():
+        families.setdefault(fault.family, []).append(fault)
+    return filled("faults", {name: _rows(family) for name, family in families.items()})
 
 
 def _rows(family: list[Fault]) -> list[str]:
-    rows = ["| fault | what happens | for | ends |", "|---|---|---|---|"]
-    for fault in family:
-        ends = _ENDS.get(fault.acts, "for a time, until cleared")
-        rows.append(f"| `{fault.name}` | {fault.title} | {_for(fault)} | {ends} |")
+    rows = table(
+        ("fault", "what happens", "for", "ends"),
+        (
+            (f"`{fault.name}`", fault.title, _for(fault),
+             _ENDS.get(fault.acts, "for a time, until cleared"))
+            for fault in family
+        ),
+    )  # fmt: skip
     for fault in family:
         if fault.parameters:
             rows += ["", f"`{fault.name}`:", "", *option_table(fault.parameters)]

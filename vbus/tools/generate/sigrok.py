@@ -144,10 +144,10 @@ def _tables(family: Family, packets: type[Decoder]) -> str:
     used = sorted(set(re.findall(r"\bds\.([A-Z][A-Z0-9_]*)", source)))
     path, rows = _source("vbus.chips.tables")
     rows = rows.replace("from vbus.signals import HIGH\n", "HIGH = 1\n")
-    sheet = family.tables
-    if sheet is not None:
-        path += f" and {sheet.__name__.replace('.', '/')}.py"
-    lines = [f"{name} = {_literal(getattr(sheet, name))}" for name in used]
+    datasheet = family.tables
+    if datasheet is not None:
+        path += f" and {datasheet.__name__.replace('.', '/')}.py"
+    lines = [f"{name} = {_literal(getattr(datasheet, name))}" for name in used]
     return _HEAD.format(path) + rows + "\n\n" + "\n".join(lines) + "\n"
 
 

@@ -9,15 +9,18 @@ from vbus.chips.clauses import clauses_of
 from vbus.chips.family import Family
 from vbus.tools.generate import (
     board_file,
+    c_interface,
     calls,
     chip_pages,
+    command_line,
     documents,
     faults,
     proofs,
+    registers,
     sigrok,
 )
+from vbus.tools.generate.blocking import blocking
 from vbus.tools.generate.layout import ROOT, folder_of, own_families
-from vbus.tools.generate.twins import blocking
 
 Target = tuple[str, Callable[[], str]]
 """A file's path in the source tree, and what makes its text."""
@@ -29,6 +32,8 @@ DOCUMENTS: Final[list[Target]] = [
     ("docs/add-a-chip.md", documents.add_a_chip),
     ("docs/board-file.md", board_file.board_file),
     ("docs/byte-protocol.md", documents.byte_protocol),
+    ("docs/c-client.md", c_interface.c_interface),
+    ("docs/command-line.md", command_line.command_line),
     ("docs/faults.md", faults.faults),
     ("docs/text-protocol.md", documents.text_protocol),
 ]
@@ -51,7 +56,19 @@ def client_targets(family: Family) -> list[Target]:
         (f"{made}/aio_calls.py", partial(calls.calls, family)),
         (f"{made}/calls.py", partial(_calls, family, f"{made}/calls.py")),
         *((f"{made}/{path.name}", partial(_host, path, made)) for path in sources),
+        *_numbers(family, made),
     ]
+
+
+def _numbers(family: Family, made: str) -> list[Target]:
+    """Return bits as numbers, and registers, if the rows say when each of them counts."""
+    found: list[Target] = []
+    counted = any(row.counts for row in family.registers)
+    if counted or family.bits:
+        found.append((f"{made}/bits.py", partial(registers.bits, family)))
+    if counted:
+        found.append((f"{made}/registers.py", partial(registers.registers, family)))
+    return found
 
 
 def _calls(family: Family, name: str) -> str:
@@ -69,11 +86,11 @@ def own_clients() -> list[Target]:
         found += client_targets(family)
         for world, module in (("aio/", "host"), ("", "generated.host")):
             path = f"vbus/client/{world}{family.name}.py"
-            found.append((path, partial(_door, family, f"{family.home}.{module}")))
+            found.append((path, partial(_reexport, family, f"{family.home}.{module}")))
     return found
 
 
-def _door(family: Family, module: str) -> str:
+def _reexport(family: Family, module: str) -> str:
     return (
         "# Made by vbus.tools.generate.\n"
         f'"""The client of the {family.title}."""\n\nfrom {module} import *  # noqa: F403\n'
@@ -93,22 +110,22 @@ def family_targets(family: Family) -> list[Target]:
     return [*client_targets(family), *pages, *sigrok.decoder_targets(family, f"{made}/sigrok")]
 
 
-def twins() -> list[Target]:
-    """Return the blocking twin of every asyncio source, made from the file as it is now."""
+def blocking_sources() -> list[Target]:
+    """Return the blocking counterpart of every asyncio source, made from the file as it is now."""
     sources = sorted(
         path
         for path in (_CLIENT / "aio").glob("*.py")
         if path.stem not in {"ready", "__init__", *(one.name for one in own_families())}
     )
-    return [(f"vbus/client/{path.name}", partial(_twin, path)) for path in sources]
+    return [(f"vbus/client/{path.name}", partial(_blocking, path)) for path in sources]
 
 
-def _twin(path: Path) -> str:
+def _blocking(path: Path) -> str:
     return blocking(path.read_text(), f"vbus/client/{path.name}")
 
 
 GROUPS: Final[dict[str, tuple[Callable[[], list[Target]], ...]]] = {
-    "clients": (own_clients, twins),
+    "clients": (own_clients, blocking_sources),
     "documents": (lambda: DOCUMENTS, chip_pages.targets),
     "proofs": (proofs.targets,),
     "sigrok": (sigrok.targets,),

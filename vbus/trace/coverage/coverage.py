@@ -7,7 +7,7 @@ from typing import Any, Final
 import msgspec
 
 from vbus.errors import VbusError
-from vbus.signals import Observer, Violation
+from vbus.signals import Violation
 from vbus.trace.coverage.tables import COUNTED, GROUPS, Item, Key, exercised, items
 from vbus.trace.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.trace.packets import Packet
@@ -145,7 +145,7 @@ def from_json(text: bytes, name: str) -> Coverage:
     return coverage
 
 
-class CoverageObserver(Observer):
+class CoverageObserver(BoardPackets):
     """Fills a :class:`Coverage` while it sees a board run, or a journal afterwards.
 
     Args:
@@ -160,9 +160,9 @@ class CoverageObserver(Observer):
         run: str,
         settings: Mapping[str, Settings] = NO_SETTINGS,
     ) -> None:
+        super().__init__(families, self._packet, settings)
         self.coverage: Coverage = Coverage([run], {family: {} for family in families.values()})
         self._families: dict[str, str] = families
-        self._packets: BoardPackets = BoardPackets(families, self._packet, settings)
         self._rules: dict[str, Key] = {
             item.name: item.key
             for family in set(families.values())
@@ -175,15 +175,9 @@ class CoverageObserver(Observer):
         for key in exercised(family, packet):
             self.coverage.add(family, key)
 
-    def bus_cycle(
-        self, when: int, host: str, chip: str, write: bool, address: int, data: int
-    ) -> None:
-        """Count what ends in one more bus cycle."""
-        self._packets.bus_cycle(when, host, chip, write, address, data)
-
     def violation(self, violation: Violation) -> None:
         """Count a broken rule."""
-        self._packets.violation(violation)
+        super().violation(violation)
         family = self._families.get(violation.chip)
         key = self._rules.get(violation.rule)
         if family is not None and key is not None:

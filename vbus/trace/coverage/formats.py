@@ -105,13 +105,9 @@ def _row(item: Item, count: int) -> str:
     )
 
 
-def _as_json(coverage: Coverage) -> str:
-    return coverage.to_json().decode()
-
-
 COVERAGE_FORMATS: Final[dict[str, Callable[[Coverage], str]]] = {
     ".txt": as_text,
-    ".json": _as_json,
+    ".json": lambda coverage: coverage.to_json().decode(),
     ".html": as_html,
 }
 """What writes a coverage, by the end of a file's name."""

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from vbus.signals import Observer, Rule, Violation
+from vbus.signals import Rule, Violation
 from vbus.trace.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.trace.findings.suppress import Suppression
 from vbus.trace.packets import Packet
 
-AROUND: Final = 20
+CONTEXT: Final = 20
 """Bus cycles shown on either side of a violation."""
 DETAILED: Final = 100
 """Violations of one rule by one chip that are kept whole; more are counted."""
@@ -48,7 +48,7 @@ class Finding:
     reason: str = ""
 
 
-class Report(Observer):
+class Report(BoardPackets):
     """Collects violations; let it see a board while it runs, or a journal afterwards.
 
     Args:
@@ -68,6 +68,7 @@ class Report(Observer):
         file: str = "",
         settings: Mapping[str, Settings] = NO_SETTINGS,
     ) -> None:
+        super().__init__(families, self._packet, settings)
         self.board: str = board
         self.file: str = file
         self.families: dict[str, str] = families
@@ -79,9 +80,8 @@ class Report(Observer):
         self.cycles: int = 0
         self.faults: list[tuple[int, str, str, str, str]] = []
         """Evidence of faults: instant, name, target, what happened, what it changed."""
-        self._ring: deque[Line] = deque(maxlen=AROUND)
+        self._ring: deque[Line] = deque(maxlen=CONTEXT)
         self._open: list[Finding] = []
-        self._packets: BoardPackets = BoardPackets(families, self._packet, settings)
         self._ended: list[str] = []
 
     def _packet(self, chip: str, packet: Packet) -> None:
@@ -93,7 +93,7 @@ class Report(Observer):
     ) -> None:
         """Take down a bus cycle."""
         self.cycles += 1
-        self._packets.bus_cycle(when, host, chip, write, address, data)
+        super().bus_cycle(when, host, chip, write, address, data)
         line = Line(when, f"{host} {chip} {'w' if write else 'r'} {address:X} {data:02X}")
         if self._ended:
             line.packets = self._ended
@@ -102,12 +102,12 @@ class Report(Observer):
         if self._open:
             for finding in self._open:
                 finding.after.append(line)
-            if len(self._open[0].after) > AROUND:
-                self._open = [f for f in self._open if len(f.after) <= AROUND]
+            if len(self._open[0].after) > CONTEXT:
+                self._open = [f for f in self._open if len(f.after) <= CONTEXT]
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation, with what came before it."""
-        self._packets.violation(violation)
+        super().violation(violation)
         key = (violation.chip, violation.rule)
         self.counts[key] = self.counts.get(key, 0) + 1
         reason = ""

@@ -3,6 +3,7 @@
 import operator
 import re
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any, Final
 
 from vbus.board.board import Board
@@ -56,22 +57,19 @@ def condition(
     if part in chip.pins:
         level = _number(text, wanted)
         return lambda looked: compare(looked.find_pin(place).value, level), False
-    told = chip.telemetry()
-    if part not in told:
+    telemetry = chip.telemetry()
+    if part not in telemetry:
         raise VbusError(
             f'"{text}": {chip_name} has no pin and no value "{part}"; its values are'
-            f" {', '.join(told)}; its pins {', '.join(chip.pins)}"
+            f" {', '.join(telemetry)}; its pins {', '.join(chip.pins)}"
         )
-    value: float | str = wanted if isinstance(told[part], str) else _number(text, wanted)
+    value: float | str = wanted if isinstance(telemetry[part], str) else _number(text, wanted)
     return lambda looked: compare(looked.chip(chip_name).telemetry()[part], value), False
 
 
 def _number(text: str, wanted: str) -> float:
-    try:
+    with suppress(ValueError):
         return int(wanted, 0)
-    except ValueError:
-        pass
-    try:
+    with suppress(ValueError):
         return float(wanted)
-    except ValueError:
-        raise VbusError(f'"{text}": {wanted} is no number') from None
+    raise VbusError(f'"{text}": {wanted} is no number')

@@ -43,7 +43,7 @@ class History:
         self._every: int = max(1, every)
         self._keep: int = max(2, keep)
         self._player: Player = Player(make())
-        self._marks: dict[int, tuple[Snapshot, list[int]]] = {}
+        self._snapshots: dict[int, tuple[Snapshot, list[int]]] = {}
         """Snapshots by position, with the journal's numbers of the sessions in them."""
 
     @property
@@ -94,13 +94,13 @@ class History:
                 played again.
         """
         start = 0
-        if stays and self._marks:
+        if stays and self._snapshots:
 
             def holds_at(place: int) -> bool:
                 self._go_back(place)
                 return self._holds(condition)
 
-            places = sorted(self._marks)
+            places = sorted(self._snapshots)
             first = bisect_left(places, True, key=holds_at)
             start = places[first - 1] if first else 0
         self._go_back(start)
@@ -121,20 +121,20 @@ class History:
     def _forward(self) -> None:
         self._player.play(self.entries[self.position])
         self.position += 1
-        if self.position % self._every == 0 and self.position not in self._marks:
+        if self.position % self._every == 0 and self.position not in self._snapshots:
             open_ports = [n for n, port in self._player.ports.items() if port in self.board.ports]
-            self._marks[self.position] = (snapshots.take(self.board), open_ports)
-            if len(self._marks) > self._keep:
+            self._snapshots[self.position] = (snapshots.take(self.board), open_ports)
+            if len(self._snapshots) > self._keep:
                 self._every *= 2
-                for place in [p for p in self._marks if p % self._every]:
-                    del self._marks[place]
+                for place in [p for p in self._snapshots if p % self._every]:
+                    del self._snapshots[place]
 
     def _go_back(self, position: int) -> None:
         """Load the nearest snapshot at or before ``position`` and play on to it."""
-        place = max((p for p in self._marks if p <= position), default=0)
+        place = max((p for p in self._snapshots if p <= position), default=0)
         self._player = Player(self._make())
         if place:
-            snapshot, numbers = self._marks[place]
+            snapshot, numbers = self._snapshots[place]
             for number, host in zip(numbers, snapshot.hosts, strict=True):
                 self._player.ports[number] = self.board.open_port(
                     host.label, host.chips, host.cycle_ps

@@ -3,7 +3,7 @@
 import hashlib
 import platform
 from collections.abc import Callable
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from vbus.board.board import STATE_HASH, Board
 from vbus.board.cards import Card
@@ -112,20 +112,21 @@ class Journal(Observer):
 
     def violation(self, violation: Violation) -> None:
         """Write a finding down."""
-        now = self.board.now
         v = violation
         row = [v.when, v.chip, v.rule, v.clause, v.severity, v.measured, v.limit, v.detail]
-        self.rows.other(CODE["violation"], row, now, now)
+        self._note("violation", row)
 
     def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
         """Write the evidence of a fault down."""
-        now = self.board.now
-        self.rows.other(CODE["fault"], [when, name, target, what, text], now, now)
+        self._note("fault", [when, name, target, what, text])
 
     def fault_order(self, order: str, values: list[object]) -> None:
         """Write down that a fault was armed or cleared by hand."""
+        self._note(order, values)
+
+    def _note(self, op: str, values: list[Any]) -> None:
         now = self.board.now
-        self.rows.other(CODE[order], values, now, now)
+        self.rows.other(CODE[op], values, now, now)
 
     def settled(self, now: int) -> None:
         """The board has caught up: write what there is."""
@@ -162,8 +163,6 @@ class Journal(Observer):
             return
         self.board.port_type = HostBus
         end = end_of(self.board)
-        now = self.board.now
-        count = self.entries + self.rows.pending
-        self.rows.other(CODE["end"], [count, *end], now, now)
+        self._note("end", [self.entries + self.rows.pending, *end])
         self.flush()
         self.board.listeners.remove(self)

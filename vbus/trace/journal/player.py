@@ -24,7 +24,7 @@ class Player:
         self.ports: dict[int, HostBus] = {}
         """Sessions by their number in the journal; also of those that have ended."""
 
-    def come(self, entry: Entry) -> None:
+    def run_to(self, entry: Entry) -> None:
         """Let time pass to the instant of an entry."""
         if entry.when > self.board.now:
             self.board.run_until(entry.when)
@@ -54,7 +54,7 @@ class Player:
     def play(self, entry: Entry) -> None:
         """Come to an entry and make its call; what only tells of findings is passed over."""
         if entry.op not in FINDINGS:
-            self.come(entry)
+            self.run_to(entry)
             self.call(entry)
 
 

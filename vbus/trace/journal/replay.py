@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import zip_longest
+from operator import attrgetter
 from typing import Any, Final
 
 from vbus.board.board import Board
@@ -16,7 +17,7 @@ from vbus.trace.journal.player import Player
 from vbus.trace.journal.view import Sessions, violation_of
 from vbus.trace.packets import Cycle, Decoder, Packet
 
-AHEAD: Final = 64
+LOOKAHEAD: Final = 64
 """Entries played on beyond a difference, to decode the whole packet it stands in."""
 
 
@@ -87,32 +88,25 @@ class _Findings(Observer):
                 number, was = recorded.popleft()
                 _, now = found.popleft()
                 if was != now:
-                    return _different(number, was, now)
+                    lines = line_of(was), line_of(now)
+                    return Divergence(number, was.when, "violation", chip, *lines, was.clause)
         return None
 
     def rest(self) -> Divergence | None:
         """Return the earliest violation that stands on one side only."""
         left = [
-            Divergence(number, v.when, "unconsumed", v.chip, told(v), "nothing", v.clause)
+            Divergence(number, v.when, "unconsumed", v.chip, line_of(v), "nothing", v.clause)
             for queue in self.recorded.values()
             for number, v in queue
         ] + [
-            Divergence(number, v.when, "missing", v.chip, "nothing", told(v), v.clause)
+            Divergence(number, v.when, "missing", v.chip, "nothing", line_of(v), v.clause)
             for queue in self.found.values()
             for number, v in queue
         ]
-        return min(left, key=_place, default=None)
+        return min(left, key=attrgetter("entry"), default=None)
 
 
-def _place(divergence: Divergence) -> int:
-    return divergence.entry
-
-
-def _different(number: int, was: Violation, now: Violation) -> Divergence:
-    return Divergence(number, was.when, "violation", was.chip, told(was), told(now), was.clause)
-
-
-def told(violation: Violation) -> str:
+def line_of(violation: Violation) -> str:
     """Return a violation in one line."""
     v = violation
     return f"{v.rule} at {v.when} ps, measured {v.measured}, limit {v.limit}: {v.detail}"
@@ -200,19 +194,21 @@ class Replay:
 
     def _end(self, entry: Entry) -> Divergence | None:
         """Compare the end: number of entries, violations, and the whole state."""
-        count, state, told, observations = entry.args
+        count, state, telemetry, observations = entry.args
         if count != entry.number:
             return Divergence(
                 entry.number, entry.when, "unconsumed", "the end", f"{count} entries before it",
                 f"{entry.number} entries before it",
             )  # fmt: skip
-        self._player.come(entry)
+        self._player.run_to(entry)
         self.board.catch_up()
         left = self._findings.compare() or self._findings.rest()
         if left is not None:
             return left
-        state_now, told_now, observations_now = end_of(self.board, version_of(state))
-        same = told_now == told and (bool(observations or observations_now) or state_now == state)
+        state_now, telemetry_now, observations_now = end_of(self.board, version_of(state))
+        same = telemetry_now == telemetry and (
+            bool(observations or observations_now) or state_now == state
+        )
         if not same:
             return Divergence(
                 entry.number, entry.when, "state", "the end", f"state hash {state}",
@@ -221,7 +217,7 @@ class Replay:
         return None
 
     def _entry(self, entry: Entry) -> Divergence | None:
-        self._player.come(entry)
+        self._player.run_to(entry)
         if self.board.now != entry.when:
             where = f"{self._sessions.host(entry)}: {entry.op}"
             return Divergence(
@@ -304,11 +300,11 @@ class Replay:
             self._side(chips, Cycle(entry.after, False, entry.args[0], data), f"{data:02X}H")
             for data in (entry.reply, reply)
         ]
-        for _ in range(AHEAD):
+        for _ in range(LOOKAHEAD):
             following = None if all(side.known() for side in sides) else next(self._entries, None)
             if following is None or following.op not in ("read", "write") or following.error:
                 break
-            self._player.come(following)
+            self._player.run_to(following)
             again, error = self._call(following)
             if self._sessions.chip(following) != chips or error:
                 continue

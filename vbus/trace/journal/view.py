@@ -15,9 +15,6 @@ class Session:
     chips: list[str]
     selected: str = ""
 
-    def __post_init__(self) -> None:
-        self.select(1)
-
     def select(self, mask: int) -> None:
         """Choose chips; their names are joined as in traces."""
         names = [name for bit, name in enumerate(self.chips) if mask >> bit & 1]
@@ -39,7 +36,8 @@ class Sessions:
         """Take an entry into account."""
         if entry.op == "open":
             label, chips, _ = entry.args
-            self.by_port[entry.port] = Session(label, list(chips))
+            self.by_port[entry.port] = session = Session(label, list(chips))
+            session.select(1)
         elif entry.op == "select" and not entry.error:
             self.by_port[entry.port].select(entry.args[0])
 

@@ -38,11 +38,9 @@ def read_sr(file: BinaryIO, name: str) -> Capture:
         metadata.read_string(text)
     except configparser.Error as error:
         raise CaptureError(f"{name}: its metadata make no sense: {error}") from None
-    for title in metadata.sections():
-        if "capturefile" in metadata[title]:
-            device = metadata[title]
-            break
-    else:
+    sections = (metadata[title] for title in metadata.sections())
+    device = next((section for section in sections if "capturefile" in section), None)
+    if device is None:
         raise CaptureError(f"{name}: there are no logic samples in it")
     hertz = frequency(device.get("samplerate", ""))
     unit = device.getint("unitsize", 0) if device.get("unitsize", "").isdigit() else 0

@@ -28,9 +28,7 @@ def read_vcd(file: BinaryIO, name: str) -> Capture:
     try:
         from vcd.reader import TokenKind, VCDParseError, tokenize
     except ImportError:
-        raise PluginError(
-            'VCD captures need pyvcd; install it with: pip install "vbus[wave]"'
-        ) from None
+        raise PluginError("VCD captures need pyvcd; install it with: pip install pyvcd") from None
     tokens = tokenize(cast(Any, file))
     channels: list[tuple[str, str]] = []
     bits: dict[str, tuple[int, int]] = {}
@@ -105,19 +103,14 @@ def _samples(
                     yield when, levels
                 when = token.time_change * scale // 1000
                 begun = False
-            elif kind is TokenKind.CHANGE_SCALAR:
-                place = bits.get(token.scalar_change.id_code)
-                value = token.scalar_change.value
+            elif kind in (TokenKind.CHANGE_SCALAR, TokenKind.CHANGE_VECTOR):
                 begun = True
-                if place is not None and value in ("0", "1"):
-                    levels = levels & ~(1 << place[0]) | int(value) << place[0]
-            elif kind is TokenKind.CHANGE_VECTOR:
-                place = bits.get(token.vector_change.id_code)
-                number = token.vector_change.value
-                begun = True
-                if place is not None and isinstance(number, int):
-                    mask = (1 << place[1]) - 1
-                    levels = levels & ~(mask << place[0]) | (number & mask) << place[0]
+                bit, width = bits.get(token.data.id_code, (0, 0))
+                value = token.data.value
+                number = int(value) if value in ("0", "1") else value
+                if isinstance(number, int):
+                    mask = (1 << width) - 1
+                    levels = levels & ~(mask << bit) | (number & mask) << bit
     except (VCDParseError, ValueError, UnicodeDecodeError) as error:
         raise CaptureError(f"{name}: damaged after {when} ps: {error}") from None
     if begun:

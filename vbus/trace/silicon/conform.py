@@ -19,8 +19,8 @@ from vbus.trace.silicon.channel_map import Wiring
 from vbus.trace.silicon.outputs import Difference, OutputWatch
 from vbus.trace.silicon.start import Start, watch_of
 
-AROUND: Final = 20
-"""Bus cycles shown on either side of a difference."""
+CONTEXT: Final = 20
+"""Bus cycles answers on either side of a difference."""
 KEPT: Final = 1000
 """Violations kept; more are counted."""
 
@@ -92,7 +92,7 @@ class Verdict:
 
 
 @dataclass(slots=True)
-class _Doubt:
+class _Candidate:
     """A read or an edge that differs, until it is certain what of.
 
     Attributes:
@@ -165,10 +165,10 @@ class Conform(Observer):
         self._watch: BusWatch = watch_of(chip)
         self._silicon: Decoder = decoder_of(chip.FAMILY, chip.settings)
         self._model: Decoder = decoder_of(chip.FAMILY, chip.settings)
-        self._recent: deque[Packet] = deque(maxlen=AROUND)
-        self._doubts: deque[_Doubt] = deque()
+        self._recent: deque[Packet] = deque(maxlen=CONTEXT)
+        self._candidates: deque[_Candidate] = deque()
         self._open: list[list[str]] = []
-        self._ring: deque[str] = deque(maxlen=AROUND)
+        self._ring: deque[str] = deque(maxlen=CONTEXT)
         self._polls: deque[tuple[int, int, int]] = deque()
         self._rules: dict[int, list[str]] = {}
         """Rules broken at the instant of the latest violation."""
@@ -176,7 +176,7 @@ class Conform(Observer):
         self._inputs: list[tuple[str, Pin]] = []
         """Inputs of the chip; those of the bus come first."""
         self._outputs: list[OutputWatch] = []
-        self._solder()
+        self._attach()
         self._data: Pin = Pin("capture", chip.bus_net)
         self._bus: _Bus = _Bus(chip.bus_net.value)
         chip.bus_net.observe(self._bus)
@@ -185,7 +185,7 @@ class Conform(Observer):
         self._levels: tuple[int, ...] = ()
         self._byte: int = 0
 
-    def _solder(self) -> None:
+    def _attach(self) -> None:
         chip, wiring = self._chip, self._wiring
         outputs = plugins.family(chip.FAMILY).outputs
         for row in chip.pin_rows:
@@ -264,7 +264,7 @@ class Conform(Observer):
         self._chip.advance()
         board.kernel.settle()
         # Neither the edge's instant nor the model's is exact: all of these may have been read.
-        shown = self._bus.since(max(self._reading, when - self._tolerance.slack))
+        answers = self._bus.since(max(self._reading, when - self._tolerance.slack))
         if watch.reading(levels):
             self._data.release()
             if not watch.reading(before):
@@ -277,28 +277,28 @@ class Conform(Observer):
             board.kernel.settle()
         if levels != before:
             for cycle in watch.edges(when, before, levels, old, byte):
-                self._cycle(cycle, shown, old, byte)
+                self._cycle(cycle, answers, old, byte)
         self._levels, self._byte = levels, byte
         for output in self._outputs:
             self._edge(output, output.compare(when, wiring.level(output.name, value)))
 
     # -- bus cycles ---------------------------------------------------------------------------
 
-    def _cycle(self, cycle: Cycle, shown: list[int], old: int, byte: int) -> None:
+    def _cycle(self, cycle: Cycle, answers: list[int], old: int, byte: int) -> None:
         """Compare a cycle. Of a read both the byte before its end and the one at it may count."""
         silicon = model = cycle
         if not cycle.write:
-            taken = next((value for value in (byte, old) if value in shown), old)
+            taken = next((value for value in (byte, old) if value in answers), old)
             silicon = Cycle(cycle.when, False, cycle.address, taken)
-            answer = taken if self._agrees(silicon, shown) else shown[-1]
-            self._remember(cycle, shown[-1])
+            answer = taken if self._agrees(silicon, answers) else answers[-1]
+            self._remember(cycle, answers[-1])
             model = Cycle(cycle.when, False, cycle.address, answer)
         text = f"{format_instant(cycle.when)} {self._chip.name} {silicon}"
         if silicon.data != model.data:
             text += f"  <- the model gives {model.data:02X}"
             where = f"read at address {cycle.address:X}H"
             bytes_ = f"{silicon.data:02X}H", f"{model.data:02X}H"
-            self._doubt(Mismatch(cycle.when, where, *bytes_), silicon, model)
+            self._suspect(Mismatch(cycle.when, where, *bytes_), silicon, model)
         elif self.verdict.mismatch is None:
             self.verdict.reads += not cycle.write
         if self.verdict.mismatch is None:
@@ -311,17 +311,17 @@ class Conform(Observer):
         self._ring.append(text)
         for after in self._open:
             after.append(text)
-        self._open = [after for after in self._open if len(after) <= AROUND]
+        self._open = [after for after in self._open if len(after) <= CONTEXT]
         for packet in packets:
-            self._judge(packet)
+            self._resolve(packet)
         self._decide()
 
-    def _agrees(self, cycle: Cycle, shown: list[int]) -> bool:
+    def _agrees(self, cycle: Cycle, answers: list[int]) -> bool:
         """Tell whether the model gives, or so long ago gave, what the silicon has given."""
-        if cycle.data in shown:
+        if cycle.data in answers:
             return True
         mask = self._tolerance.masks.get(cycle.address, 0)
-        if not (cycle.data ^ shown[-1]) & ~mask & 0xFF:
+        if not (cycle.data ^ answers[-1]) & ~mask & 0xFF:
             self.verdict.ignored += 1
             return True
         if cycle.address not in self._chip.FREE_READS:
@@ -339,46 +339,48 @@ class Conform(Observer):
         while polls and polls[0][0] < cycle.when - self._tolerance.slack:
             polls.popleft()
 
-    def _doubt(self, mismatch: Mismatch, silicon: Cycle | None, model: Cycle | None) -> _Doubt:
-        """Begin to doubt: what follows is noted with it."""
+    def _suspect(
+        self, mismatch: Mismatch, silicon: Cycle | None, model: Cycle | None
+    ) -> _Candidate:
+        """Note a candidate: what follows is noted with it."""
         mismatch.before.extend(self._ring)
         self._open.append(mismatch.after)
-        doubt = _Doubt(mismatch, silicon, model, self.verdict.cycles, self.verdict.reads)
-        self._doubts.append(doubt)
-        return doubt
+        candidate = _Candidate(mismatch, silicon, model, self.verdict.cycles, self.verdict.reads)
+        self._candidates.append(candidate)
+        return candidate
 
-    def _judge(self, packet: Packet) -> None:
-        """A packet is whole: settle the doubts about its bytes."""
-        for doubt in self._doubts:
-            if not doubt.settled and doubt.silicon in packet.cycles:
+    def _resolve(self, packet: Packet) -> None:
+        """A packet is whole: settle the candidates among its bytes."""
+        for candidate in self._candidates:
+            if not candidate.settled and candidate.silicon in packet.cycles:
                 if {packet.name, *packet.name.split()} & self._tolerance.names:
-                    doubt.settled = doubt.ignored = True
+                    candidate.settled = candidate.ignored = True
                     self.verdict.ignored += 1
                 else:
-                    self._settle(doubt, packet)
+                    self._settle(candidate, packet)
 
-    def _settle(self, doubt: _Doubt, packet: Packet | None = None) -> None:
-        """All is known of a doubt: tell the packet it is in, on either side."""
-        found = doubt.mismatch
-        other = next((p for p in reversed(self._recent) if doubt.model in p.cycles), None)
-        doubt.settled = True
+    def _settle(self, candidate: _Candidate, packet: Packet | None = None) -> None:
+        """All is known of a candidate: tell the packet it is in, on either side."""
+        found = candidate.mismatch
+        other = next((p for p in reversed(self._recent) if candidate.model in p.cycles), None)
+        candidate.settled = True
         found.model += f" in {other.text}" if other else ""
         if packet is not None:
             found.silicon += f" in {packet.text}"
             found.clause = packet.clause
 
     def _decide(self) -> None:
-        """Take the first doubt that has become certain, if none before it is open."""
-        while self._doubts and self.verdict.mismatch is None:
-            doubt = self._doubts[0]
-            if not doubt.settled and len(doubt.mismatch.after) <= AROUND:
+        """Take the first candidate that has become certain, if none before it is open."""
+        while self._candidates and self.verdict.mismatch is None:
+            candidate = self._candidates[0]
+            if not candidate.settled and len(candidate.mismatch.after) <= CONTEXT:
                 return
-            self._doubts.popleft()
-            if not doubt.settled:
-                self._settle(doubt)
-            if not doubt.ignored:
-                self.verdict.mismatch = doubt.mismatch
-                self.verdict.cycles, self.verdict.reads = doubt.cycles, doubt.reads
+            self._candidates.popleft()
+            if not candidate.settled:
+                self._settle(candidate)
+            if not candidate.ignored:
+                self.verdict.mismatch = candidate.mismatch
+                self.verdict.cycles, self.verdict.reads = candidate.cycles, candidate.reads
 
     # -- outputs, and the end -----------------------------------------------------------------
 
@@ -386,13 +388,13 @@ class Conform(Observer):
         """An output differs, unless an earlier byte has, or turns out to have."""
         if found is not None and self.verdict.mismatch is None:
             when, silicon, model = found
-            doubt = self._doubt(Mismatch(when, output.name, silicon, model), None, None)
-            doubt.settled = True
+            candidate = self._suspect(Mismatch(when, output.name, silicon, model), None, None)
+            candidate.settled = True
             self._decide()
 
     def _done(self) -> bool:
         found = self.verdict.mismatch
-        return found is not None and len(found.after) > AROUND
+        return found is not None and len(found.after) > CONTEXT
 
     def _finish(self, when: int) -> None:
         for output in self._outputs:
@@ -400,8 +402,8 @@ class Conform(Observer):
         packets = self._silicon.finish()
         self._recent.extend(self._model.finish())
         for packet in packets:
-            self._judge(packet)
-        for doubt in self._doubts:
-            if not doubt.settled:
-                self._settle(doubt)
+            self._resolve(packet)
+        for candidate in self._candidates:
+            if not candidate.settled:
+                self._settle(candidate)
         self._decide()

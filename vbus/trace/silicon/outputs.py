@@ -33,60 +33,60 @@ class OutputWatch(Observer):
         self._model: deque[tuple[int, int]] = deque()
         self._level: int = 0
         self._begun: int = 0
-        self._together: bool = False
-        self._over: bool = False
+        self._aligned: bool = False
+        self._ended: bool = False
 
     def begin(self, when: int, level: int, reset: bool) -> None:
         """Compare from now on; ``reset``: once a reset has brought both to the same level."""
         self._net.observe(self)
         self._level = level
         self._begun = when
-        self._together = not reset
+        self._aligned = not reset
         if not reset and level != self._net.value:
             # The silicon's edge to its present level is one the model has not made.
             self._silicon.append((when, level))
 
     def edge(self, when: int, net: str, level: int) -> None:
         """The model's output has moved."""
-        if self._together:
+        if self._aligned:
             self._model.append((when, level))
 
     def compare(self, now: int, level: int) -> Difference | None:
         """Take the silicon's level from ``now`` on; return the first edge without a partner."""
         moved, self._level = level != self._level, level
-        if not self._together:
+        if not self._aligned:
             if level == self._net.value:
-                self._together = True
+                self._aligned = True
             elif now - self._begun > RESET_OVER:
-                return self._apart(now, level)
+                return self._misaligned(now, level)
             return None
         if moved:
             self._silicon.append((now, level))
         return self._match(now - self._slack)
 
-    def _apart(self, now: int, level: int) -> Difference:
-        self._together = self._over = True
+    def _misaligned(self, now: int, level: int) -> Difference:
+        self._aligned = self._ended = True
         return (now, f"is {level} after the reset", f"is {self._net.value}")
 
     def _match(self, before: int) -> Difference | None:
         """Pair the edges; those older than ``before`` must have found theirs."""
         silicon, model = self._silicon, self._model
-        while silicon and model and not self._over:
+        while silicon and model and not self._ended:
             (at, level), (when, value) = silicon[0], model[0]
             if level == value and abs(at - when) <= self._slack:
                 silicon.popleft()
                 model.popleft()
             elif not self._drop_pulse(silicon) and not self._drop_pulse(model):
                 break
-        if self._over:
+        if self._ended:
             return None
         first = silicon[0][0] if silicon else before
         other = model[0][0] if model else before
         if min(first, other) >= before:
             return None
         if not self._drop_pulse(silicon) and not self._drop_pulse(model):
-            self._over = True
-            return min(first, other), self._told(silicon), self._told(model)
+            self._ended = True
+            return min(first, other), self._text(silicon), self._text(model)
         return None
 
     def _drop_pulse(self, edges: deque[tuple[int, int]]) -> bool:
@@ -98,7 +98,7 @@ class OutputWatch(Observer):
         return False
 
     @staticmethod
-    def _told(edges: deque[tuple[int, int]]) -> str:
+    def _text(edges: deque[tuple[int, int]]) -> str:
         if not edges:
             return "stays as it is"
         when, level = edges[0]
@@ -106,8 +106,8 @@ class OutputWatch(Observer):
 
     def finish(self, now: int) -> Difference | None:
         """The capture has ended: what is older than the slack must have found its partner."""
-        if not self._together:
+        if not self._aligned:
             if now - self._begun > RESET_OVER:
-                return self._apart(now, self._level)
+                return self._misaligned(now, self._level)
             return None
         return self._match(now - self._slack)

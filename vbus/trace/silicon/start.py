@@ -46,16 +46,16 @@ def watch_of(chip: Chip) -> BusWatch:
     return found()
 
 
-def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, wish: str | int) -> Start:
+def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, begin_at: str | int) -> Start:
     """Return where to begin.
 
     Args:
         samples: the capture.
         wiring: its channels.
         chip: the model.
-        wish: ``"reset"``: the first hardware reset or reset command; ``"start"``: the beginning,
-            where the chip is taken to have just been reset; ``"auto"``: the first reset if there
-            is one, else the beginning; or an instant (ps), where the same is taken.
+        begin_at: ``"reset"``: the first hardware reset or reset command; ``"start"``: the
+            beginning, where the chip is taken to have just been reset; ``"auto"``: the first reset
+            if there is one, else the beginning; or an instant (ps), where the same is taken.
 
     Raises:
         CaptureError: there is no such place.
@@ -66,24 +66,24 @@ def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, wish: str 
     held = 1
     cycles = 0
     begin = -1
-    """First sample before which the bus is idle, from the instant wished on."""
+    """First sample before which the bus is idle, from the instant asked for on."""
     skipped = 0
     after_last = 0
     idle = False
-    resets = wish in (AUTO, RESET)
+    resets = begin_at in (AUTO, RESET)
     known = pin in wiring.bits or pin in wiring.tied
     number = -1
     for number, (when, value) in enumerate(samples):
         levels = tuple([wiring.level(name, value) for name in watch.PINS])
-        if begin < 0 and (idle or number == 0) and (isinstance(wish, str) or when >= wish):
-            idle_here = idle or watch.idle(levels)
-            if idle_here:
-                begin, skipped = number, cycles
-                if not resets:
-                    break
-        if resets and known and not wiring.level(pin, value) and held:
+        idle = idle or (number == 0 and watch.idle(levels))
+        if begin < 0 and idle and (isinstance(begin_at, str) or when >= begin_at):
+            begin, skipped = number, cycles
+            if not resets:
+                break
+        level = wiring.level(pin, value) if known else 1
+        if resets and held and not level:
             return Start(number, cycles, f"from the hardware reset at {format_instant(when)}", True)
-        held = wiring.level(pin, value) if known else 1
+        held = level
         found = watch.change(when, levels, wiring.byte(value))
         for cycle in found:
             if resets and cycle.write and (cycle.address, cycle.data) == family.reset_write:
@@ -93,13 +93,13 @@ def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, wish: str 
         if found:
             after_last = number + 1
         idle = watch.idle(levels)
-    if wish == RESET:
+    if begin_at == RESET:
         raise CaptureError(
             "there is no reset in the capture: neither its pin nor its command."
             " With --from start, or an instant, the chip is taken to be as after a reset there"
         )
     if begin < 0:
         raise CaptureError("the bus is never idle from there on: nothing can be compared")
-    where = "its beginning" if isinstance(wish, str) else format_instant(wish)
+    where = "its beginning" if isinstance(begin_at, str) else format_instant(begin_at)
     return Start(begin, skipped, f"from {where}, where the chip is taken to be as after a reset",
                  False)  # fmt: skip

@@ -8,14 +8,14 @@ from typing import Final, TextIO
 from vbus.board.board import Board
 from vbus.errors import PluginError, VbusError
 from vbus.kernel import MS
-from vbus.signals import Observer, Violation
+from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.packets import Packet
 from vbus.trace.wave.signals import FULL, PROFILES, Signal, Value, signals_of, values_of
 from vbus.trace.wave.trigger import Trigger
 from vbus.trace.wave.vcd_file import VcdFile
 
-MOST: Final = 1_000_000
+RING: Final = 1_000_000
 """Changes kept while a trigger is waited for."""
 
 WAITING: Final = "waiting"
@@ -26,7 +26,7 @@ Change = tuple[int, Signal, Value]
 """Instant (ps), signal, new value."""
 
 
-class Wave(Observer):
+class Wave(BoardPackets):
     """Records a board from :meth:`start` to :meth:`stop`, or from a trigger for a while.
 
     A file that takes no more (a full disk, a closed pipe) ends the recording; the board goes on.
@@ -65,9 +65,9 @@ class Wave(Observer):
         try:
             import vcd  # noqa: F401
         except ImportError:
-            raise PluginError(
-                'waveforms need pyvcd; install it with: pip install "vbus[wave]"'
-            ) from None
+            raise PluginError("waveforms need pyvcd; install it with: pip install pyvcd") from None
+        families = {chip.name: chip.FAMILY for chip in board.chips}
+        super().__init__(families, self._packet, settings_for_decoders(board.chips))
         self.board: Board = board
         self.state: str = "new"
         self.error: str = ""
@@ -90,10 +90,6 @@ class Wave(Observer):
         self._latest: dict[Signal, Value] = {}
         self._pending: list[Change] = []
         self._ring: deque[Change] = deque()
-        families = {chip.name: chip.FAMILY for chip in board.chips}
-        self._packets: BoardPackets = BoardPackets(
-            families, self._packet, settings_for_decoders(board.chips)
-        )
         self._timer = board.kernel.timer(self._look, saved=False)
         self._cycle: int = 0
         """Instant of the latest bus cycle."""
@@ -170,7 +166,7 @@ class Wave(Observer):
     ) -> None:
         """Follow the packets."""
         self._cycle = when
-        self._packets.bus_cycle(when, host, chip, write, address, data)
+        super().bus_cycle(when, host, chip, write, address, data)
 
     def _packet(self, chip: str, packet: Packet) -> None:
         # A packet that was cut short is known to have ended only now.
@@ -178,7 +174,7 @@ class Wave(Observer):
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
-        self._packets.violation(violation)
+        super().violation(violation)
         signal = self._others.get(f"{violation.chip}.violation")
         self._note(violation.when, signal, violation.rule)
 
@@ -231,7 +227,7 @@ class Wave(Observer):
             return
         ring = self._ring
         ring.append(change)
-        while ring and (ring[0][0] < when - self._before or len(ring) > MOST):
+        while ring and (ring[0][0] < when - self._before or len(ring) > RING):
             _, old, kept = ring.popleft()
             self._values[old] = kept
         if self._trigger is not None and self._trigger.fires(signal, before, value):

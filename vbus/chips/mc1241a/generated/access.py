@@ -18,7 +18,8 @@ class Mc1241aPackets(Packets):
     """One chip set: the adapter's status byte, and packets with their checksums (PMD-PKT-1).
 
     Args:
-        cycles: the chip set on its bus, from :meth:`Bus.chip`; or a bus with one chip.
+        cycles: the chip set on its bus, from :meth:`~vbus.client.bus.Bus.chip`; or a bus
+            with one chip.
         ready: how HostRdy is waited for: ``"poll"`` or ``"wait"``.
         polls: status reads after which a busy chip set is given up.
         checked: read and compare the checksum of every packet (PMD-PKT-2).

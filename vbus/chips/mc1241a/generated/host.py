@@ -11,7 +11,7 @@ from vbus.errors import NotReadyError
 from vbus.protocols.quantities import format_instant, parse_duration
 
 PROFILES: Final = ("trap", "vel", "s_crv", "gear")
-"""Profile modes as their SET_PRFL_ commands call them."""
+"""Profile modes as their ``SET_PRFL_`` commands call them."""
 
 
 class Mc1241a(Mc1241aCalls):
@@ -52,16 +52,15 @@ class Mc1241a(Mc1241aCalls):
         Raises:
             ValueError: ``mode`` is none of these.
         """
-        if mode == "trap":
-            self.set_prfl_trap()
-        elif mode == "vel":
-            self.set_prfl_vel()
-        elif mode == "s_crv":
-            self.set_prfl_s_crv()
-        elif mode == "gear":
-            self.set_prfl_gear()
-        else:
+        choose = {
+            "trap": self.set_prfl_trap,
+            "vel": self.set_prfl_vel,
+            "s_crv": self.set_prfl_s_crv,
+            "gear": self.set_prfl_gear,
+        }
+        if mode not in choose:
             raise ValueError(f"profile {mode!r}: allowed are {', '.join(PROFILES)}")
+        choose[mode]()
 
     def load(
         self,
@@ -85,20 +84,17 @@ class Mc1241a(Mc1241aCalls):
             ratio: microsteps per encoder count, in 1/65536, of the gear.
             mtr_cmd: amplitude of the microstep waveforms, -32767 to 32767.
         """
-        if pos is not None:
-            self.set_pos(pos)
-        if vel is not None:
-            self.set_vel(vel)
-        if acc is not None:
-            self.set_acc(acc)
-        if max_acc is not None:
-            self.set_max_acc(max_acc)
-        if jerk is not None:
-            self.set_jerk(jerk)
-        if ratio is not None:
-            self.set_ratio(ratio)
-        if mtr_cmd is not None:
-            self.set_buf_mtr_cmd(mtr_cmd)
+        for value, load in (
+            (pos, self.set_pos),
+            (vel, self.set_vel),
+            (acc, self.set_acc),
+            (max_acc, self.set_max_acc),
+            (jerk, self.set_jerk),
+            (ratio, self.set_ratio),
+            (mtr_cmd, self.set_buf_mtr_cmd),
+        ):
+            if value is not None:
+                load(value)
 
     def wait_event(
         self, bits: int = MOTION_COMPLETE, longest: str = "60s", every: str = "1ms"

@@ -1,0 +1,160 @@
+#!/usr/bin/env python3
+"""What a release is made of; the workflow calls each step, and each runs on any machine.
+
+    release.py check v0.2.0       the tag is a version, and CHANGELOG.md has it with its date
+    release.py stamp v0.2.0       write the tag's version into vbus/version.py
+    release.py sdist dist         build the source distribution: all that git tracks, no more
+    release.py wheel dist         build a wheel for this Python (--pure: without the compiled core)
+    release.py try dist           install what lies there in a new environment, and run it
+    release.py notes v0.2.0       print what the changelog says of it
+
+Building needs ``build`` (pip install build); with --here it takes hatchling and mypy from this
+environment instead of fetching them.
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import tempfile
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+TAG = re.compile(r"v(\d+\.\d+\.\d+(?:(?:a|b|rc)\d+)?)")
+HEADING = re.compile(r"^## (\S+) \(([^)]+)\)$", re.MULTILINE)
+VERSION = re.compile(r'^__version__: Final = "([^"]+)"$', re.MULTILINE)
+MADE = frozenset({"PKG-INFO"})
+"""What a source distribution has besides what git tracks."""
+
+
+class Wrong(Exception):
+    """A release cannot be made so; the text says why."""
+
+
+def version_of(tag: str) -> str:
+    """Return the version a tag names."""
+    match = TAG.fullmatch(tag)
+    if match is None:
+        raise Wrong(f'"{tag}" is no tag of a release; write one like v1.2.3 or v1.2.3rc1')
+    return match[1]
+
+
+def notes(version: str, changelog: str) -> tuple[str, str]:
+    """Return the date of a version in the changelog, and what it says of it."""
+    headings = list(HEADING.finditer(changelog))
+    for place, heading in enumerate(headings):
+        if heading[1] == version:
+            end = headings[place + 1].start() if place + 1 < len(headings) else len(changelog)
+            return heading[2], changelog[heading.end() : end].strip()
+    known = ", ".join(heading[1] for heading in headings) or "none"
+    raise Wrong(f"CHANGELOG.md says nothing of {version}; it has {known}")
+
+
+def check(tag: str) -> str:
+    """Return the version of a tag that may be released."""
+    version = version_of(tag)
+    date, text = notes(version, (ROOT / "CHANGELOG.md").read_text())
+    if not re.fullmatch(r"\d{4}-\d{2}-\d{2}", date):
+        raise Wrong(f"CHANGELOG.md: {version} is ({date}); write its date, such as (2027-01-31)")
+    if not text:
+        raise Wrong(f"CHANGELOG.md says nothing below {version}")
+    return version
+
+
+def stamp(version: str, path: Path) -> None:
+    """Write a version into the file that has it."""
+    text, count = VERSION.subn(f'__version__: Final = "{version}"', path.read_text())
+    if count != 1:
+        raise Wrong(f"{path} has no line for the version")
+    path.write_text(text)
+
+
+def tracked() -> set[str]:
+    """Return the files git tracks."""
+    listed = run("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard")
+    return {name for name in listed.split("\0") if name and (ROOT / name).exists()}
+
+
+def compare(archive: Path) -> None:
+    """Compare a source distribution with what git tracks."""
+    with tarfile.open(archive) as file:
+        names = {name.partition("/")[2] for name in file.getnames()} - MADE
+    there = tracked()
+    told = [f"lacks {name}" for name in sorted(there - names)]
+    told += [f"has {name}, which git does not" for name in sorted(names - there)]
+    if told:
+        raise Wrong(f"{archive.name} " + "; ".join(told))
+
+
+def build(kind: str, target: Path, here: bool) -> Path:
+    """Build a distribution into a folder; return it."""
+    place = str(target.resolve())
+    if here:
+        run(sys.executable, "-m", "hatchling", "build", "-t", kind, "-d", place)
+    else:
+        run(sys.executable, "-m", "build", f"--{kind}", "--outdir", place, str(ROOT))
+    return max(target.glob("vbus-*"), key=lambda path: path.stat().st_mtime)
+
+
+def try_wheels(folder: Path) -> None:
+    """Install vbus from a folder in a new environment, and let a motor move."""
+    with tempfile.TemporaryDirectory() as place:
+        venv.create(place, with_pip=True)
+        python = Path(place) / "bin" / "python"
+        wheels = sorted(str(wheel) for wheel in folder.resolve().glob("vbus-*.whl"))
+        if not wheels:
+            raise Wrong(f"{folder} has no wheel")
+        run(str(python), "-m", "pip", "install", "--quiet", "--find-links", str(folder.resolve()),
+            wheels[0] if len(wheels) == 1 else "vbus")  # fmt: skip
+        vbus = str(Path(place) / "bin" / "vbus")
+        for command in (["--version"], ["demo", "lm629", "--json"]):
+            print(run(vbus, *command).strip())
+
+
+def run(*command: str) -> str:
+    """Run a command at the top of the tree; return what it prints."""
+    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    if done.returncode:
+        raise Wrong(f"{' '.join(command)}: exit code {done.returncode}\n{done.stdout}")
+    return done.stdout
+
+
+def main() -> int:
+    """Do one step."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("step", choices=["check", "stamp", "sdist", "wheel", "try", "notes"])
+    parser.add_argument("what", help="the tag, or the folder distributions are in")
+    parser.add_argument("--pure", action="store_true", help="a wheel without the compiled core")
+    parser.add_argument("--here", action="store_true", help="build with what is installed here")
+    given = parser.parse_args()
+    try:
+        if given.step == "check":
+            print(check(given.what))
+        elif given.step == "stamp":
+            stamp(version_of(given.what), ROOT / "vbus" / "version.py")
+        elif given.step == "notes":
+            print(notes(version_of(given.what), (ROOT / "CHANGELOG.md").read_text())[1])
+        elif given.step == "try":
+            try_wheels(Path(given.what))
+        else:
+            folder = Path(given.what)
+            folder.mkdir(parents=True, exist_ok=True)
+            if given.step == "wheel":
+                os.environ["VBUS_PURE" if given.pure else "VBUS_NEED_COMPILED"] = "1"
+            made = build(given.step, folder, given.here)
+            if given.step == "sdist":
+                compare(made)
+            print(made)
+    except Wrong as error:
+        print(f"release.py: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,216 @@
+"""Boards in the background: start, wait, logs, stop; and hosts that come before their board."""
+
+import asyncio
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.command import vbus
+from vbus import connect
+from vbus.client import aio
+from vbus.client.patience import starting
+from vbus.errors import TransportError
+from vbus.transports.runtime import NameLock
+
+LM629 = """
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+
+[[hosts]]
+transport = "pty:$VBUS_RUNTIME/x"
+"""
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Path:
+    path = tmp_path / "bench.toml"
+    path.write_text(LM629)
+    return path
+
+
+@pytest.fixture
+def detached(board: Path):  # type: ignore[no-untyped-def]
+    done = vbus("run", str(board), "--detach")
+    assert done.returncode == 0, done.stderr
+    yield done
+    vbus("stop", "bench")
+
+
+def test_a_board_is_ready_when_detach_returns(detached, runtime: Path) -> None:  # type: ignore[no-untyped-def]
+    lines = detached.stdout.splitlines()
+
+    assert lines[0].startswith("bench: realtime, process ")
+    assert lines[-1] == 'ready; "vbus stop bench" stops it'
+    with connect(f"pty:{runtime}/x") as bus:
+        assert bus.read(0) in (0x00, 0x84, 0xC4)
+    assert vbus("wait", "bench", "--timeout", "0").returncode == 0
+    assert vbus("logs", "bench").stdout.endswith("ready; Ctrl-C stops it\n")
+
+
+def test_it_has_left_terminal_session_and_input(detached) -> None:  # type: ignore[no-untyped-def]
+    process = int(detached.stdout.splitlines()[0].split()[-1])
+
+    assert os.getsid(process) == process
+    assert os.readlink(f"/proc/{process}/fd/0") == os.devnull
+
+
+def test_stop_returns_when_the_board_has_ended(board: Path, tmp_path: Path, runtime: Path) -> None:
+    journal = tmp_path / "run.vbj"
+    done = vbus("run", str(board), "--detach", "--journal", str(journal))
+    process = int(done.stdout.splitlines()[0].split()[-1])
+
+    assert vbus("stop", "bench").returncode == 0
+
+    state = Path(f"/proc/{process}/stat")
+    assert not state.exists() or state.read_text().split()[2] == "Z"
+    assert not (runtime / "x").is_symlink()
+    assert vbus("replay", str(journal)).returncode == 0
+    assert vbus("logs", "bench").stdout.startswith("bench: ")
+
+
+def test_a_board_that_cannot_start_says_why_with_its_own_code(detached, board: Path) -> None:  # type: ignore[no-untyped-def]
+    again = vbus("run", str(board), "--detach")
+
+    assert again.returncode == 4
+    assert 'a board called "bench" runs already' in again.stderr
+    assert vbus("logs", "bench").stdout.endswith("ready; Ctrl-C stops it\n"), "the other's"
+    board.write_text(LM629.replace("LM629N-8", "LM630"))
+    wrong = vbus("run", str(board), "--detach")
+    assert wrong.returncode == 3
+    assert "unknown part" in wrong.stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (["stop", "bench"], 'no board called "bench" runs; "vbus ls" shows which do'),
+        (["wait", "bench", "--timeout", "0"], 'no board called "bench" is ready within 0 s'),
+        (["logs", "bench"], 'no board called "bench" was started with "vbus run --detach"'),
+    ],
+)
+def test_a_board_that_does_not_run_is_one_exit_code(command: list[str], message: str) -> None:
+    done = vbus(*command)
+
+    assert (done.returncode, done.stdout) == (4, "")
+    assert done.stderr == f"vbus: {message}\n"
+
+
+def test_nodes_are_stopped_one_by_one_or_all(tmp_path: Path) -> None:
+    path = tmp_path / "two.toml"
+    path.write_text(
+        '[board]\ntime = "lockstep"\n[nodes.a]\n[nodes.b]\n'
+        + "".join(
+            f'[chips.{name}]\npart = "LM629N-8"\nclock = "8 MHz"\nplant = "none"\nnode = "{node}"\n'
+            for name, node in (("x", "a"), ("y", "b"))
+        )
+        + '[[hosts]]\ntransport = "pty:$VBUS_RUNTIME/x"\nchips = ["x"]\n'
+    )
+
+    done = vbus("run", str(path), "--detach")
+
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith('ready; "vbus stop two" stops it\n')
+    assert vbus("stop", "two").returncode == 0
+    assert vbus("ls").stdout == "no board is running\n"
+
+
+def test_systemd_is_told_once_that_the_board_is_ready(board: Path, tmp_path: Path) -> None:
+    place = tmp_path / "notify"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as told:
+        told.bind(str(place))
+        told.settimeout(30)
+        with subprocess.Popen(
+            [sys.executable, "-m", "vbus", "run", str(board)],
+            env={**os.environ, "NOTIFY_SOCKET": str(place)}, stdout=subprocess.DEVNULL,
+        ) as process:  # fmt: skip
+            assert told.recv(100).decode() == f"READY=1\nMAINPID={process.pid}\n"
+            process.terminate()
+        told.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            told.recv(100)
+
+
+# -- hosts that come first ------------------------------------------------------------------------
+
+
+def test_a_host_may_come_before_its_board(board: Path, runtime: Path) -> None:
+    found = []
+    host = threading.Thread(
+        target=lambda: found.append(connect(f"pty:{runtime}/x", wait="30 s").read(0))
+    )
+    host.start()
+    vbus("run", str(board), "--detach")
+    host.join()
+    vbus("stop", "bench")
+
+    assert found[0] in (0x00, 0x84, 0xC4)
+
+
+def test_a_host_gives_up_in_time(runtime: Path) -> None:
+    with pytest.raises(TransportError, match="no such name; is the board running"):
+        connect(f"pty:{runtime}/x", wait="50 ms")
+    with pytest.raises(TransportError, match="no such name; is the board running"):
+        asyncio.run(aio.connect(f"unix:{runtime}/x", wait="50 ms"))
+    with pytest.raises(ValueError, match="no duration"):
+        connect(f"pty:{runtime}/x", wait="soon")
+
+
+def test_a_board_that_has_begun_to_start_is_waited_for(runtime: Path) -> None:
+    name = runtime / "x"
+    assert not starting(f"pty:{name}")
+    lock = NameLock(name)
+    lock.take()
+
+    assert starting(f"pty:{name}")
+    assert starting(str(name))
+    assert not starting("tcp:127.0.0.1:5000")
+    name.touch()
+    assert not starting(f"pty:{name}"), "it is there"
+    name.unlink()
+    lock.give_back()
+    assert not starting(f"pty:{name}")
+
+
+def test_a_runtime_directory_that_is_not_set_is_the_same_for_board_and_host(
+    board: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("VBUS_RUNTIME")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    vbus("run", str(board), "--detach")
+
+    with connect("pty:$VBUS_RUNTIME/x") as bus:
+        assert bus.link.where == f"pty:{tmp_path}/vbus/x"
+    assert vbus("stop", "bench").returncode == 0
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_a_host_in_c_may_come_before_its_board(board: Path, runtime: Path, tmp_path: Path) -> None:
+    source = tmp_path / "host.c"
+    source.write_text(
+        '#include "vbus.h"\n#include <stdio.h>\n#include <stdlib.h>\n'
+        "int main(int count, char **arguments)\n{\n    struct vbus bus;\n"
+        "    int error = vbus_open_wait(&bus, arguments[1], atoi(arguments[2]));\n"
+        '    (void)count;\n    puts(error < 0 ? vbus_strerror(error) : "open");\n'
+        "    fflush(stdout);\n    vbus_close(&bus);\n    return 0;\n}\n"
+    )
+    program = str(tmp_path / "host")
+    flags = vbus("cflags").stdout.split()
+    subprocess.run(["cc", "-Wall", "-Werror", "-o", program, str(source), *flags], check=True)
+
+    late = subprocess.run([program, f"pty:{runtime}/x", "20"], capture_output=True, text=True)
+    with subprocess.Popen(
+        [program, f"pty:{runtime}/x", "30000"], stdout=subprocess.PIPE, text=True
+    ) as host:
+        vbus("run", str(board), "--detach")
+        assert host.communicate()[0] == "open\n"
+    vbus("stop", "bench")
+
+    assert late.stdout.startswith("a system call failed")

@@ -1,0 +1,128 @@
+"""A release: what its script refuses, a complete source distribution, files that a forge reads."""
+
+import importlib.util
+import io
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+CHANGELOG = "# Changelog\n\n## 0.3.0 (unreleased)\n\nNew.\n\n## 0.2.0 (2026-12-01)\n\nA.\n\n* B\n\n"
+MACHINE_READ = {
+    "vendor.github-workflows": ".github/workflows/*.yml",
+    "vendor.github-issue-forms": ".github/ISSUE_TEMPLATE/[!c]*.yml",
+    "vendor.github-issue-config": ".github/ISSUE_TEMPLATE/config.yml",
+    "vendor.citation-file-format": "CITATION.cff",
+}
+
+
+@pytest.fixture
+def release(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("release", ROOT / "release" / "release.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_tag_is_a_version_that_the_changelog_has_with_its_date(
+    release: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(release, "ROOT", tmp_path)
+    (tmp_path / "CHANGELOG.md").write_text(CHANGELOG)
+
+    assert release.check("v0.2.0") == "0.2.0"
+    assert release.notes("0.2.0", CHANGELOG) == ("2026-12-01", "A.\n\n* B")
+    for tag, reason in {
+        "0.2.0": "is no tag of a release",
+        "v0.2": "is no tag of a release",
+        "v0.3.0": "0.3.0 is (unreleased); write its date",
+        "v0.4.0": "says nothing of 0.4.0; it has 0.3.0, 0.2.0",
+    }.items():
+        with pytest.raises(release.Wrong, match=reason.replace("(", r"\(").replace(")", r"\)")):
+            release.check(tag)
+
+
+def test_the_version_of_the_tag_is_the_one_of_the_package(
+    release: ModuleType, tmp_path: Path
+) -> None:
+    file = tmp_path / "version.py"
+    file.write_text((ROOT / "vbus" / "version.py").read_text())
+
+    release.stamp("9.8.7rc1", file)
+
+    names: dict[str, str] = {}
+    exec(file.read_text(), names)
+    assert names["__version__"] == "9.8.7rc1"
+    assert "version" not in tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def test_the_changelog_speaks_of_the_version_this_is(release: ModuleType) -> None:
+    from vbus.version import __version__
+
+    assert release.notes(__version__, (ROOT / "CHANGELOG.md").read_text())[1]
+
+
+def test_the_source_distribution_has_all_that_git_tracks(tmp_path: Path) -> None:
+    if not (ROOT / ".git").exists():
+        pytest.skip("needs a clone: git tells what belongs to it")
+
+    done = subprocess.run(
+        [sys.executable, ROOT / "release" / "release.py", "sdist", tmp_path, "--here"],
+        cwd=ROOT, capture_output=True, text=True,
+    )  # fmt: skip
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.strip().endswith(".tar.gz")
+
+
+def test_a_source_distribution_that_lacks_a_file_is_refused(
+    release: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    archive = tmp_path / "vbus-1.tar.gz"
+    with tarfile.open(archive, "w:gz") as file:
+        for name in ("vbus-1/a.py", "vbus-1/PKG-INFO", "vbus-1/c.log"):
+            file.addfile(tarfile.TarInfo(name), io.BytesIO())
+    monkeypatch.setattr(release, "tracked", lambda: {"a.py", "b.py"})
+
+    with pytest.raises(release.Wrong, match=r"lacks b\.py; has c\.log, which git does not"):
+        release.compare(archive)
+
+
+@pytest.mark.parametrize(("schema", "pattern"), MACHINE_READ.items(), ids=MACHINE_READ)
+def test_what_a_forge_reads_is_valid(schema: str, pattern: str) -> None:
+    files = sorted(ROOT.glob(pattern))
+    assert files
+
+    done = subprocess.run(
+        [sys.executable, "-m", "check_jsonschema", "--builtin-schema", schema, *files],
+        capture_output=True, text=True,
+    )  # fmt: skip
+
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_workflows_call_steps_the_script_has(release: ModuleType) -> None:
+    text = "".join(path.read_text() for path in (ROOT / ".github" / "workflows").glob("*.yml"))
+    steps = set(re.findall(r"release\.py (\w+)", text))
+
+    assert steps == {"check", "stamp", "sdist", "wheel", "try", "notes"}
+    for step in steps:
+        assert f"release.py {step} " in (release.__doc__ or "")
+
+
+def test_wheels_are_made_for_every_python_that_is_tested() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["cibuildwheel"]
+    workflow = (ROOT / ".github" / "workflows" / "ci.yml").read_text()
+
+    for build in settings["build"].split():
+        number = build.removeprefix("cp3").removesuffix("-*")
+        assert f'"3.{number}"' in workflow
+    assert settings["environment"] == {"VBUS_NEED_COMPILED": "1"}

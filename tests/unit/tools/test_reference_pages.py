@@ -1,0 +1,63 @@
+"""Pages of the command line, the C client and the ledgers, made from what they are about."""
+
+import re
+
+import click
+import pytest
+
+from vbus.board import plugins
+from vbus.chips.clauses import clauses_of, proofs_of
+from vbus.tools.cli import cli
+from vbus.tools.generate.c_interface import HEADER, c_interface
+from vbus.tools.generate.command_line import command_line
+from vbus.tools.generate.layout import ROOT
+from vbus.tools.generate.ledger import ledger
+
+
+def test_every_command_is_on_the_page_with_every_option() -> None:
+    page = command_line()
+    context = click.Context(cli)
+
+    for name in cli.list_commands(context):
+        command = cli.get_command(context, name)
+        assert command is not None
+        section = page.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
+        assert f"vbus {name} " in section
+        for option in command.params:
+            if isinstance(option, click.Option):
+                assert max(option.opts, key=len) in section, (name, option.name)
+    assert "### fault arm\n" in page
+    assert "\b" not in page
+    assert "| 3 | the board file is wrong |" in page
+
+
+def test_every_function_of_the_header_is_on_its_page() -> None:
+    page = c_interface()
+    functions = re.findall(r"\b(vbus_\w+)\(", (ROOT / HEADER).read_text())
+
+    assert "vbus_wait_event" in functions
+    for function in functions:
+        assert f"{function}(" in page
+    assert "extern" not in page
+
+
+@pytest.mark.parametrize("name", ["lm628", "mcp1200", "mc1241a"])
+def test_a_ledger_has_every_clause_with_its_kind_and_its_tests(name: str) -> None:
+    family = plugins.family(name)
+    page = ledger(family)
+
+    for clause in clauses_of(family.home).values():
+        link = f"[{clause.name}]({name}-clauses.md#{clause.name.lower()})"
+        (row,) = (line for line in page.splitlines() if line.startswith(f"| {link} |"))
+        assert f"| {clause.kind} |" in row
+        for test in proofs_of(family.home).get(clause.name, []):
+            assert f"`{test.removeprefix('tests/')}`" in row
+        assert clause.tested == ("| open: " not in row)
+
+
+def test_a_ledger_counts_the_mutants_that_tests_of_a_clause_kill() -> None:
+    page = ledger(plugins.family("lm628"))
+    touched = [line for line in page.splitlines() if re.search(r" \| [1-9]\d* \|$", line)]
+
+    assert f"{len(touched)} clauses have one that their tests find" in page
+    assert touched

@@ -1,0 +1,325 @@
+"""What happens inside at which clock cycle: writes, resets, samples, counts, plant periods."""
+
+from typing import ClassVar
+
+from mypy_extensions import i64
+
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.blocks import CONTROL, HELD, NO_REQUEST, STANDING, Blocks, Report
+from vbus.chips.mcp1200.command import Command
+from vbus.chips.mcp1200.control_loop import IDLE
+from vbus.chips.mcp1200.host_registers import HostRegisters
+from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
+from vbus.chips.mcp1200.timer import FAR
+from vbus.kernel import Clock
+from vbus.options import Value
+from vbus.state import Names
+
+
+class Axis(Blocks):
+    """Everything inside that has its instant, as a clock cycle, worked off in order.
+
+    At one cycle the order is: position counter (encoder, breakpoint, index), written bytes
+    becoming visible, end of a reset, results of a sample, start of a sample, breakpoint routine,
+    next period of the plant.
+
+    The plant runs in periods that end where its drive can change: at each sample start and at
+    each end of BUSY. In idle mode a motor command the host writes reaches the pins at once and
+    the plant with its next period (NOTES 5).
+
+    Args:
+        clock: the CLK input.
+        settings: the chip's board file keys.
+        report: files a violation.
+    """
+
+    STATE: ClassVar[Names] = (
+        "state", "released", "_request", "writes: part", "_aiming: bool", "_at_reset", "_at_sample",
+        "_at_results", "_at_routine", "counter: part", "registers: part", "loop: part",
+        "timer: part", "encoder: part", "drive: part", "stepper: part", "pwm: part",
+        "breakpoint: part", "host: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = (
+        "_clock", "_report", "_stall_clk", "encoder_pins", "rest", "side",
+    )  # fmt: skip
+    DERIVED: ClassVar[Names] = ("_target",)
+
+    def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
+        super().__init__(clock, settings, report)
+        self.host: HostRegisters
+        self.side: SidePins
+        self.encoder_pins: EncoderPins
+        self._stall_clk: int = int(settings["io_stall_clk"])
+        self._target: i64 = 0
+
+    def attach(self, side: SidePins, encoder_pins: EncoderPins) -> None:
+        """Take the inputs beside the host bus."""
+        self.side = side
+        self.encoder_pins = encoder_pins
+        self.host = HostRegisters(self, side, encoder_pins)
+
+    # -- order --------------------------------------------------------------------------------
+
+    def next(self) -> int:
+        """Cycle of the next thing due inside, written bytes included."""
+        return min(self._next_own(), self.writes.due)
+
+    def _next_own(self) -> i64:
+        # Two at a time: a compiled core makes comparisons of these.
+        first = min(self._at_reset, min(self._at_results, self._at_sample))
+        return min(min(first, self._at_routine), min(self.encoder.end, self._next_count()))
+
+    def _next_count(self) -> i64:
+        """When the position counter has something to do."""
+        return min(self.encoder.at, min(self.encoder_pins.at, self.counter.at_match))
+
+    def next_output(self) -> int:
+        """A cycle not later than the next change of an output other than Pulse and Sign."""
+        due = min(self._next_count(), self._at_reset, self._at_results, self._at_routine)
+        due = min(due, self.writes.due)
+        awake = self.state == CONTROL or self._request != NO_REQUEST or self.breakpoint.armed
+        if awake:
+            due = min(due, self._at_sample)
+        if self.encoder.plant is not None and (awake or not self.drive.at_rest()):
+            due = min(due, self.encoder.end)
+        return due
+
+    def resting(self) -> bool:
+        """Whether samples repeat themselves and nothing else is due."""
+        due = min(min(self._next_count(), self.writes.due), min(self._at_reset, self._at_routine))
+        if due != FAR or self._request != NO_REQUEST or self.breakpoint.waiting:
+            return False
+        return self.rest.lasts(self.state == CONTROL, self.timer.running and self.side.sync == 1)
+
+    def run(self, target: i64) -> None:
+        """Work off everything due by then."""
+        self._target = target
+        writes = self.writes
+        while True:
+            cycle = self._next_own()
+            first = writes.due
+            if first <= target and first <= cycle:
+                if first < cycle or self._next_count() > cycle:
+                    self._take_write(first)
+                    continue
+            if cycle > target:
+                return
+            if self._next_count() <= cycle:
+                self._count(cycle)
+            elif self._at_reset == cycle:
+                self._end_reset(cycle)
+            elif self._at_results == cycle:
+                self._results(cycle)
+            elif self._at_sample == cycle:
+                self._sample(cycle)
+            elif self._at_routine == cycle:
+                self._routine(cycle)
+            else:
+                self._next_period(cycle)
+
+    def _count(self, cycle: i64) -> None:
+        """The position counter comes to something worth a look."""
+        self.rest.disturb()
+        if self.encoder.at == cycle:
+            self.counter.edge(cycle)
+            self.side.look(cycle)
+        elif self.encoder_pins.at <= cycle:
+            self.encoder_pins.settle(cycle)
+        else:
+            self.counter.match()
+            self.counter.replan(cycle)
+
+    # -- what the bus does --------------------------------------------------------------------
+
+    def write(self, cycle: int, address: int, data: int) -> None:
+        """A byte has been written in ``cycle``; it is visible some clocks later (MCP-BUS-5)."""
+        if self.state != HELD:
+            self.writes.add(cycle, address, data)
+
+    def stall(self) -> bool:
+        """An access costs the core a clock or more, if the board says so (MCP-BUS-11).
+
+        Returns:
+            Whether what is due inside has moved.
+        """
+        if self._stall_clk and self._at_results != FAR:
+            self._at_results += self._stall_clk
+            return True
+        return False
+
+    def _take_write(self, cycle: i64) -> None:
+        address, data = self.writes.take()
+        self.rest.disturb()
+        before = self.counter.equal(cycle)
+        self.pwm.roll(cycle - 1)
+        self.host.write(self.host.map(address), data, cycle)
+        self.counter.look_equal(before, cycle)
+
+    # -- reset --------------------------------------------------------------------------------
+
+    def hold(self, cycle: int) -> None:
+        """Hard reset: everything as after power-on, until it is released (MCP-RST-1 to 3)."""
+        self.state = HELD
+        self.registers.reset()
+        self.stepper.clear(cycle)
+        self.loop.soft_reset()
+        self.loop.command = Command()
+        self.registers.flag = 0
+        self.registers.mode = 0
+        self.loop.point = 0
+        self.loop.velocity_point = 0
+        self.encoder.swap(False, cycle)
+        self.counter.preset(0, cycle)
+        self.breakpoint.clear()
+        self.host.clear()
+        self.encoder_pins.configure(cycle)
+        self.writes.clear()
+        self._stop()
+        self._at_reset = FAR
+        self.released = -1
+        self.counter.replan(cycle)
+
+    def release(self, cycle: int) -> None:
+        """/RESET has risen: Pulse is high for one clock, a soft reset follows (MCP-RST-1)."""
+        if self.state == HELD:
+            self.released = cycle
+            self.pwm.restart(cycle)
+            self._begin_reset(cycle)
+
+    def finish_reset(self, cycle: int) -> None:
+        """The reset is over at once: a board that starts after it."""
+        self.released = -1
+        self._end_reset(cycle)
+
+    def _end_reset(self, cycle: int) -> None:
+        self._at_reset = FAR
+        self.pwm.roll(cycle - 1)
+        self.loop.soft_reset()
+        self.counter.preset(0, cycle)
+        self.state = STANDING
+        self.host.clear_errors()
+        if self.side.sync:
+            self.start_timer(cycle)
+        self.counter.replan(cycle)
+
+    # -- samples ------------------------------------------------------------------------------
+
+    def _sample(self, cycle: i64) -> None:
+        """The sample timer is at zero: a sample starts."""
+        if self._at_results != FAR:
+            # The one before is not finished (MCP-SMP-4).
+            self.registers.fault(ds.TIMER_OK)
+            self._enter_idle(cycle)
+        self.start_timer(cycle)
+        cycle = self._skip(cycle)
+        position = self.counter.position(cycle)
+        request, self._request = self._request, NO_REQUEST
+        if self.state == CONTROL:
+            if request == ds.SOFT_RESET_CODE:
+                self._begin_reset(cycle)
+                return
+            if request == ds.IDLE_CODE:
+                self._enter_idle(cycle)
+            elif request == ds.CONTROL_CODE:
+                self.loop.halted = False
+        elif request == ds.CONTROL_CODE:
+            self._enter_control(cycle, position)
+        if self.state == CONTROL:
+            self._begin_control_sample(cycle, position, request == ds.HALT_CODE)
+        if self.state == STANDING:
+            self.loop.idle_sample(position)
+        self._at_routine = cycle + ds.BREAK_ROUTINE_CLK if self.breakpoint.sample() else FAR
+        if self.state == STANDING and self.side.sync == 0:
+            self.hold_timer()
+
+    def _enter_control(self, cycle: int, position: int) -> None:
+        self.state = CONTROL
+        self.loop.enter_control(position)
+        self._aiming = False
+        self.rest.disturb()
+        self._look_for_stall(cycle)
+
+    def _begin_control_sample(self, cycle: i64, position: i64, halt: bool) -> None:
+        work = self.loop.begin(position, self.side.limit == 0, self.side.stop == 0, halt)
+        if work == IDLE:
+            self._enter_idle(cycle)
+            return
+        self._at_results = cycle + work
+        self._look_for_stall(cycle)
+        if self.loop.abrupt:
+            self.stepper.stop(cycle)
+
+    def _look_for_stall(self, cycle: i64) -> None:
+        """The stall check compares steps and counts at a sample's start (MCP-STP-4)."""
+        counts = self.encoder.count(cycle) + self.encoder.external
+        self.loop.stall.look(self.stepper.sent(cycle), counts)
+
+    def _enter_idle(self, cycle: int) -> None:
+        self._at_results = FAR
+        self._aiming = False
+        self.state = STANDING
+        self.pwm.roll(cycle - 1)
+        self.stepper.stop(cycle)
+        self.loop.enter_idle()
+        self.counter.replan(cycle)
+
+    def _results(self, cycle: i64) -> None:
+        """BUSY ends: the sample's results appear (MCP-SMP-5)."""
+        self._at_results = FAR
+        loop = self.loop
+        self.pwm.roll(cycle - 1)
+        loop.finish()
+        self._aiming = True
+        if loop.goal_step:
+            self._report(ds.GOAL_STEP, loop.goal_step, 127, "", self._clock.ps(cycle))
+        if self.registers.step_mode:
+            period = self.timer.period
+            self.stepper.batch(cycle, loop.steps, period)
+            if self.stepper.overrun(period):
+                most = period // self.stepper.width
+                self._report(ds.STEP_OVERRUN, abs(int(loop.steps)), most, "", self._clock.ps(cycle))
+            self.counter.replan(cycle, cycle - 1)
+        self.rest.note()
+
+    def _routine(self, cycle: int) -> None:
+        """The breakpoint routine of the sample (MCP-BRK-2, 3)."""
+        self._at_routine = FAR
+        self.rest.disturb()
+        before = self.counter.equal(cycle)
+        if self.breakpoint.routine():
+            self.registers.status |= ds.BREAKPOINT_OK
+        self.counter.look_equal(before, cycle)
+
+    def _skip(self, cycle: i64) -> i64:
+        """Pass over samples that would change nothing; return the one to compute."""
+        control = self.state == CONTROL
+        if self._request != NO_REQUEST or self.breakpoint.sample():
+            return cycle
+        if not self.rest.possible(cycle, control):
+            return cycle
+        last = min(self._target, min(self._next_count(), self.writes.due) - 1)
+        period = self.timer.period
+        passed = (last - cycle) // period * period
+        if passed > 0:
+            cycle += passed
+            self.start_timer(cycle)
+            self.encoder.skip(passed)
+        return cycle
+
+    def _next_period(self, cycle: i64) -> None:
+        """The plant's period is over: run it to the next instant its drive may change."""
+        end: i64 = self._at_reset
+        if cycle < self._at_sample < end:
+            end = self._at_sample
+        if self._at_results < end:
+            end = self._at_results
+        if end == FAR:
+            end = cycle + self.timer.period
+        self.drive.period(cycle, end, self._aiming, self.loop.following.aim())
+        self.counter.plan()
+
+    # -- state --------------------------------------------------------------------------------
+
+    def after_load(self) -> None:
+        """A sample may differ from the one before."""
+        self.rest.disturb()

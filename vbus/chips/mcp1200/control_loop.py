@@ -1,0 +1,399 @@
+"""The chip's program: what it computes in a sample of control mode."""
+
+from typing import ClassVar, Final
+
+from mypy_extensions import i64
+
+from vbus.bits import wrap_word
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.command import (
+    Command,
+    IntegralVelocity,
+    PositionInterpolation,
+    VelocityInterpolation,
+)
+from vbus.chips.mcp1200.faults import Faults
+from vbus.chips.mcp1200.filters import LeadFilter, PidFilter
+from vbus.chips.mcp1200.following import Following
+from vbus.chips.mcp1200.output import dac_code, pwm_command
+from vbus.chips.mcp1200.profiles import SCurveMove, Trapezoid, stop
+from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
+from vbus.chips.mcp1200.stepper import StallCheck
+from vbus.chips.mcp1200.timer import work_clocks
+from vbus.state import Names
+
+IDLE: Final = -1
+"""Answer of :meth:`ControlLoop.begin`: the sample ends in idle mode."""
+
+
+class ControlLoop:
+    """What the chip computes once per control sample, in the order of MCP-SMP-5.
+
+    A sample has two ends. :meth:`begin` looks at registers and position as they are at its
+    start; :meth:`finish` computes from those, and all results appear together when the
+    chip ceases to be busy. What the host writes in between is seen by the next sample.
+
+    Args:
+        registers: the registers.
+        clip: a unipolar DAC port gives zero of a negative motor command, not its magnitude.
+
+    Attributes:
+        mode: flag of the control mode of this sample (F0, F3, F4, F5), 0 for position control.
+        mc: motor command before any limit, in 1/16 of an R08 step.
+        halted: the host has halted motion; position control holds until R05 = 03 (MCP-MOD-7).
+        abrupt: this sample makes the present place the command position.
+        steps: command change of the sample, for step mode.
+        goal_step: by how much a velocity command changed too far, else 0.
+        last_position: actual position at the sample before.
+        point: R2B-R29 as they were when R29 was last written (MCP-INT-2).
+        velocity_point: R23-R25 as they were when R25 was last written.
+        command_written: the host has written the command position during this sample.
+        increment_written: the host has written R0B during this sample.
+    """
+
+    STATE: ClassVar[Names] = (
+        "mode", "mc", "halted: bool", "abrupt: bool", "steps", "goal_step", "last_position",
+        "point", "velocity_point", "command_written: bool", "increment_written: bool",
+        "image: bytes", "_position", "_action", "_last_mode", "_dropped", "_entering: bool",
+        "_stopping: bool", "_sampled_point", "_sampled_velocity", "command: part",
+        "trapezoid: part", "scurve: part", "velocity: part", "interpolation: part", "ramps: part",
+        "following: part", "lead: part", "pid: part", "stall: part", "faults: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_clip", "registers")
+
+    def __init__(self, registers: RegisterFile, clip: bool) -> None:
+        self.registers: RegisterFile = registers
+        self._clip: bool = clip
+        self.command: Command = Command()
+        self.trapezoid: Trapezoid = Trapezoid()
+        self.scurve: SCurveMove = SCurveMove()
+        self.velocity: IntegralVelocity = IntegralVelocity()
+        self.interpolation: PositionInterpolation = PositionInterpolation()
+        self.ramps: VelocityInterpolation = VelocityInterpolation()
+        self.following: Following = Following()
+        self.lead: LeadFilter = LeadFilter()
+        self.pid: PidFilter = PidFilter()
+        self.stall: StallCheck = StallCheck()
+        self.faults: Faults = Faults()
+        self.mode: i64 = 0
+        self.mc: i64 = 0
+        self.halted: bool = False
+        self.abrupt: bool = False
+        self.steps: i64 = 0
+        self.goal_step: i64 = 0
+        self.last_position: i64 = 0
+        self.point: i64 = 0
+        self.velocity_point: i64 = 0
+        self.command_written: bool = False
+        self.increment_written: bool = False
+        self._position: i64 = 0
+        self._action: i64 = 0
+        self._last_mode: i64 = 0
+        self._dropped: i64 = 0
+        self._entering: bool = False
+        self._stopping: bool = False
+        self._sampled_point: i64 = 0
+        self._sampled_velocity: i64 = 0
+
+    # -- modes --------------------------------------------------------------------------------
+
+    def enter_idle(self) -> None:
+        """Motor off, old samples forgotten (MCP-MOD-2)."""
+        registers = self.registers
+        registers.mode = ds.IDLE_CODE
+        registers.flag = registers.flag & ~ds.F2 | ds.F1
+        registers.status &= ~ds.BUSY
+        registers.outputs_off()
+        # Old samples are forgotten (MCP-FLT-5).
+        self.lead = LeadFilter()
+        self.pid = PidFilter()
+        self.stall.clear()
+        self.faults.clear()
+        self.command.rest()
+        registers.phase = 0
+        registers.interpolator_count = 0
+        self.halted = False
+        self.mc = 0
+        self._last_mode = 0
+        self._stopping = False
+
+    def soft_reset(self) -> None:
+        """Load what a soft reset loads, then idle (MCP-RST-4)."""
+        self.registers.reset(*ds.SOFT_RESET)
+        self.command.position = 0
+        self.following.clear()
+        self.last_position = 0
+        self._dropped = 0
+        self.enter_idle()
+
+    def enter_control(self, position: i64) -> None:
+        """The control loop closes at the command position as it is (MCP-MOD-6)."""
+        registers = self.registers
+        registers.mode = ds.CONTROL_CODE
+        registers.flag &= ~ds.F1
+        self.halted = False
+        self._dropped = 0
+        # What happened in idle mode has its flag; only control mode acts on it (MCP-EXC-1).
+        self.faults.clear()
+        self.following.begin(position if registers.step_mode else registers.command_position)
+
+    def drop(self, flags: int) -> None:
+        """The host has cleared mode flags: a mode set again before a sample begins anew."""
+        self._dropped |= flags
+
+    # -- a sample -----------------------------------------------------------------------------
+
+    def begin(self, position: i64, limit_low: bool, stop_low: bool, halt: bool) -> i64:
+        """Begin a sample: exceptions and mode (steps 1 and 3 of MCP-SMP-5).
+
+        Args:
+            position: actual position.
+            limit_low: /LIMIT is low.
+            stop_low: /STOP is low.
+            halt: the host has asked to halt motion.
+
+        Returns:
+            Clocks the core will be busy, or :data:`IDLE`.
+        """
+        registers = self.registers
+        action = self.faults.action(registers, limit_low, stop_low)
+        if action == ds.GO_IDLE:
+            return IDLE
+        registers.sample()
+        if halt:
+            self.halted = True
+            action = ds.ABRUPT
+        flags = registers.flag
+        if self.halted or action == ds.ABRUPT:
+            flags = 0
+        mode: i64
+        if flags & ds.F0:
+            mode = ds.F0
+        elif flags & ds.F4:
+            mode = ds.F4
+        elif flags & ds.F3:
+            mode = ds.F3
+        else:
+            mode = flags & ds.F5
+            if mode and action == ds.REPORT and self.faults.stands(registers):
+                action = ds.DECELERATE
+        self._action = action
+        self._position = position
+        self._entering = mode != self._last_mode or self._dropped & mode != 0
+        # The velocity is carried into another mode, not into one that begins anew (NOTES 7).
+        if self._last_mode == 0 or self._dropped & self._last_mode & mode:
+            self.command.velocity = 0
+            self.command.fraction = 0
+        self._dropped = 0
+        self._sampled_point = self.point
+        self._sampled_velocity = self.velocity_point
+        self.command_written = False
+        self.increment_written = False
+        self.mode = mode
+        stands = mode == 0 or mode == ds.F3
+        self.abrupt = action == ds.ABRUPT or (action == ds.DECELERATE and stands)
+        registers.status |= ds.BUSY
+        return work_clocks(registers, mode)
+
+    def idle_sample(self, position: i64) -> None:
+        """A sample of idle mode: of all results only In-position is shown (MCP-STA-4)."""
+        self.last_position = position
+        registers = self.registers
+        registers.status &= ~ds.IN_POSITION
+        if self.following.near(registers, position):
+            registers.status |= ds.IN_POSITION
+
+    def finish(self) -> None:
+        """Compute the sample and show its results."""
+        registers = self.registers
+        sampled = registers.sampled
+        position = self._position
+        step_mode = sampled.config & ds.STEP_MODE
+        cleared = self._profile(sampled)
+        registers.flag &= ~cleared
+        self._last_mode = self.mode & ~cleared
+
+        registers.actual_velocity = wrap_word(position - self.last_position, 0x8000)
+        self.last_position = position
+
+        following = self.following
+        if self.abrupt and step_mode:
+            following.begin(self.command.position)
+        self.steps = following.step(sampled, self.command.position, position)
+        if step_mode:
+            too_large = self.stall.stalled(sampled)
+        else:
+            too_large = following.too_large
+        if too_large:
+            registers.fault(ds.ERROR_OK)
+            self.faults.error = True
+
+        if not step_mode:
+            self._drive(sampled, following.error)
+        self._show(following)
+
+    def _profile(self, sampled: SampledRegisters) -> i64:
+        """Move the command position; return the flags to clear."""
+        command = self.command
+        mode = self.mode
+        if (mode == 0 or self._entering) and command.position != sampled.command_position:
+            # The host has put it there: a whole count.
+            command.position = sampled.command_position
+            command.fraction = 0
+        self.goal_step = 0
+        cleared: i64 = 0
+        if self.abrupt:
+            command.rest()
+            command.position = self._position
+            self._stopping = False
+            if self._action == ds.ABRUPT:
+                cleared = ds.MODE_FLAGS
+            elif mode == ds.F3:
+                self.interpolation.hold(sampled.final_position)
+        elif mode == ds.F0:
+            cleared = self._point_to_point(sampled)
+        elif mode == ds.F4:
+            self._interpolate_velocity(sampled)
+        elif mode == ds.F3:
+            self._interpolate_position(sampled)
+        elif mode == ds.F5:
+            self._run_at_velocity(sampled)
+        else:
+            self._hold_position(sampled)
+            return 0
+        self.registers.command_position = command.position
+        return cleared
+
+    def _hold_position(self, sampled: SampledRegisters) -> None:
+        command = self.command
+        command.rest()
+        increment = sampled.command_increment
+        if increment == 0:
+            return
+        command.position = wrap_word(command.position + increment, 0x800000)
+        if not self.command_written:
+            self.registers.command_position = command.position
+        if not self.increment_written:
+            self.registers.command_increment = 0
+
+    def _point_to_point(self, sampled: SampledRegisters) -> i64:
+        command = self.command
+        command.left = 0
+        if self._entering:
+            self._stopping = False
+            command.phase = 0
+            self.trapezoid.begun = False
+            self.scurve.begun = False
+        if self._action == ds.DECELERATE and not self._stopping:
+            self._begin_stop(sampled)
+        over: i64 = 0
+        if not self._stopping:
+            # R01 bit 4 may change under way: the other generator begins anew (NOTES 38).
+            if sampled.feature & ds.S_CURVE:
+                self.trapezoid.begun = False
+                over = self.scurve.step(command, sampled)
+            else:
+                self.scurve.begun = False
+                over = self.trapezoid.step(command, sampled)
+            if over < 0:
+                self._begin_stop(sampled)
+        if self._stopping:
+            over = int(stop(command, sampled.accel))
+        command.moving = over <= 0
+        if over > 0:
+            self._stopping = False
+            command.phase = 0
+            command.fraction = 0
+            return ds.F0
+        return 0
+
+    def _begin_stop(self, sampled: SampledRegisters) -> None:
+        self._stopping = True
+        self.command.decel_position = self.command.position
+        if sampled.feature & ds.S_CURVE:
+            self.command.fraction = 0
+
+    def _interpolate_position(self, sampled: SampledRegisters) -> None:
+        if self._entering:
+            self.interpolation.hold(sampled.final_position)
+        busy = sampled.capture_control & ds.INTERPOLATOR_BUSY != 0
+        point = self._sampled_point if busy and not self._entering else sampled.final_position
+        if self.interpolation.step(self.command, sampled, busy or self._entering, point):
+            self.registers.capture_control &= ~ds.INTERPOLATOR_BUSY
+
+    def _interpolate_velocity(self, sampled: SampledRegisters) -> None:
+        ramps = self.ramps
+        if self._entering:
+            ramps.hold(self.command.velocity)
+        busy = sampled.capture_control & ds.INTERPOLATOR_BUSY != 0
+        goal = self._sampled_velocity if busy and not self._entering else sampled.velocity
+        fresh = busy or self._entering
+        if self._action == ds.DECELERATE:
+            self.registers.velocity = 0
+            self.velocity_point = 0
+            ramps.slow_down(self.command, sampled)
+            fresh = False
+            goal = 0
+        if ramps.step(self.command, sampled, fresh, goal):
+            self.registers.capture_control &= ~ds.INTERPOLATOR_BUSY
+
+    def _run_at_velocity(self, sampled: SampledRegisters) -> None:
+        command = self.command
+        command.left = 0
+        command.phase = 0
+        if self._entering:
+            self.velocity.begun = False
+        goal = sampled.velocity_goal
+        if self._action == ds.DECELERATE:
+            goal = 0
+            self.velocity.begun = False  # a goal of the chip's own, not the host's
+            if sampled.accel == 0:
+                command.velocity = 0
+            if sampled.feature & ds.HIGH_RESOLUTION:
+                self.registers.velocity = 0
+            else:
+                self.registers.velocity_command = 0
+        self.goal_step = self.velocity.step(command, sampled, goal)
+
+    def _drive(self, sampled: SampledRegisters, error: i64) -> None:
+        """Steps 8 and 9: filter and outputs."""
+        if sampled.feature & ds.PID:
+            velocity = self.command.velocity
+            if self.mode == 0:
+                velocity = sampled.feed_forward
+            self.mc = self.pid.step(sampled, error, velocity)
+        else:
+            self.mc = self.lead.step(sampled, error)
+        code = dac_code(sampled, self.mc, error, self._clip)
+        pwm = pwm_command(sampled, self.mc, error)
+        self.registers.drive(code, pwm)
+
+    def _show(self, following: Following) -> None:
+        command = self.command
+        registers = self.registers
+        registers.mode = ds.HALT_CODE if self.halted else ds.CONTROL_CODE
+        registers.phase = command.phase
+        registers.interpolator_count = command.left & 0xFF
+        registers.accel_delta = command.accel_delta & 0xFFFFFF
+        registers.decel_position = command.decel_position
+        registers.position_error = following.error
+        flags = registers.flag & ~ds.F2
+        # A profile flag set during this sample is in motion from then on (NOTES 3).
+        if command.moving or (flags & ds.F0 and not self.halted):
+            flags |= ds.F2
+        registers.flag = flags
+        status = registers.status & ~(ds.BUSY | ds.IN_POSITION)
+        if following.in_position:
+            status |= ds.IN_POSITION
+        registers.status = status
+
+    # -- state --------------------------------------------------------------------------------
+
+    @property
+    def image(self) -> bytes:
+        """The bytes of the registers as they were when the last sample began."""
+        return self.registers.sampled.image
+
+    @image.setter
+    def image(self, image: bytes) -> None:
+        self.registers.sampled.image = image

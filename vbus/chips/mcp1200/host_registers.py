@@ -1,0 +1,215 @@
+"""The register map as the bus sees it: one byte at a time, with the manual's latches."""
+
+from typing import ClassVar, Final
+
+from mypy_extensions import i64
+
+from vbus.bits import sign_extend
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.blocks import Blocks
+from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
+from vbus.chips.mcp1200.registers import RegisterFile
+from vbus.state import Names
+
+_STORED_CAPTURE_BITS: Final = (
+    ds.BUSY_ON_PROF | ds.INDEX_RISING | ds.INDEX_CAPTURE | ds.TRIG_INPUT | ds.TRIG_CAPTURE
+)
+_CAPTURE_LATCHES: Final = ds.INDEX_LATCH | ds.TRIG_LATCH
+_COMMAND_MSB, _COMMAND_CSB, _COMMAND_LSB = ds.REGISTERS["COMMAND_POSITION"].addresses
+_ACTUAL_MSB, _ACTUAL_CSB, _ACTUAL_LSB = ds.REGISTERS["ACTUAL_POSITION"].addresses
+_PRESET_LSB: Final = ds.REGISTERS["PRESET_POSITION"].low
+_FINAL_LSB: Final = ds.REGISTERS["FINAL_POSITION"].low
+_VELOCITY_LSB: Final = ds.REGISTERS["VELOCITY"].low
+
+
+class HostRegisters:
+    """What reading and writing a byte does: the methods that the rows of the table name.
+
+    Args:
+        blocks: whose registers.
+        side: the inputs that registers guard and show.
+        encoder_pins: the filter that R1A sets.
+    """
+
+    STATE: ClassVar[Names] = ("_held_msb", "_held_csb", "_noted: set[i64]")
+    WIRING: ClassVar[Names] = ("_blocks", "_encoder_pins", "_registers", "_side")
+
+    def __init__(self, blocks: Blocks, side: SidePins, encoder_pins: EncoderPins) -> None:
+        self._blocks: Blocks = blocks
+        self._side: SidePins = side
+        self._encoder_pins: EncoderPins = encoder_pins
+        self._registers: RegisterFile = blocks.registers
+        self._held_msb: int = 0
+        self._held_csb: int = 0
+        self._noted: set[int] = set()
+
+    def map(self, address: int) -> int:
+        """Register a bus address selects: 6 bits of it, or 7 (MCP-BUS-9)."""
+        return address & (0x7F if self._registers.config & ds.EXTENDED else 0x3F)
+
+    def clear(self) -> None:
+        """Forget held bytes: a hard reset."""
+        self._held_msb = 0
+        self._held_csb = 0
+
+    def read(self, address: int, cycle: int) -> int:
+        """Return the byte at ``address``; nothing changes."""
+        hook = _READS.get(address)
+        if hook is None:
+            return self._registers.byte(address)
+        byte: int = hook(self, address, cycle)
+        return byte
+
+    def taken(self, address: int, cycle: int) -> None:
+        """The byte has been latched for the host: reading R14 latches R13 and R12."""
+        if address == _ACTUAL_LSB:
+            self._registers.actual_position = self._blocks.counter.position(cycle)
+        elif address not in _WRITES:
+            self._note(address, -1)
+
+    def write(self, address: int, data: int, cycle: int) -> None:
+        """Take the byte ``data``; it is visible from ``cycle`` on."""
+        hook = _WRITES.get(address)
+        if hook is None:
+            self._note(address, cycle)
+        else:
+            hook(self, address, data, cycle)
+
+    def _note(self, address: int, cycle: int) -> None:
+        if address not in self._noted:
+            self._noted.add(address)
+            self._blocks.report(
+                ds.RESERVED, cycle, address, f"address {address:02X}H is not in the register table"
+            )
+
+    # -- what rows name -----------------------------------------------------------------------
+
+    def read_sample_timer(self, address: int, cycle: int) -> int:
+        """R0F reads the counter, not what it is loaded with (MCP-REG-14)."""
+        return self._blocks.timer.count(cycle)
+
+    def read_actual_position(self, address: int, cycle: int) -> int:
+        """R14 reads the counter, R13 and R12 what was latched then (MCP-REG-16)."""
+        if address == _ACTUAL_LSB:
+            return self._blocks.counter.position(cycle) & 0xFF
+        return self._registers.byte(address)
+
+    def store(self, address: int, data: int, cycle: int) -> None:
+        """A plain register."""
+        self._registers.put(address, data)
+
+    def ignore(self, address: int, data: int, cycle: int) -> None:
+        """A register that cannot be written."""
+
+    def write_flag(self, address: int, data: int, cycle: int) -> None:
+        """One flag by number, set or cleared (MCP-FLG-1, 2)."""
+        registers = self._registers
+        flag = 1 << (data & 7)
+        if not flag & ds.MODE_FLAGS:
+            return
+        if data & 8:
+            registers.flag |= flag
+            # F2 acknowledges a profile at once, so that a host may wait for it to fall (NOTES 3).
+            if flag == ds.F0 and not registers.flag & ds.F1 and self._blocks.controlling():
+                registers.flag |= ds.F2
+        else:
+            registers.flag &= ~flag
+            self._blocks.loop.drop(flag)
+
+    def write_config(self, address: int, data: int, cycle: int) -> None:
+        """The position stays when the counter's source changes (MCP-STP-1)."""
+        counter = self._blocks.counter
+        here = counter.position(cycle)
+        changed = (self._registers.config ^ data) & ds.STEP_MODE
+        self._registers.config = data
+        if changed:
+            counter.preset(here, cycle)
+
+    def write_capture_control(self, address: int, data: int, cycle: int) -> None:
+        """Latches can be cleared only, the busy bit not at all (MCP-CAP-2)."""
+        registers = self._registers
+        kept = registers.capture_control & (ds.INTERPOLATOR_BUSY | data & _CAPTURE_LATCHES)
+        registers.capture_control = data & _STORED_CAPTURE_BITS | kept
+
+    def write_mode(self, address: int, data: int, cycle: int) -> None:
+        """MCP-MOD-1."""
+        self._blocks.request(min(data, 3), cycle)
+
+    def write_status(self, address: int, data: int, cycle: int) -> None:
+        """Any byte clears the errors (MCP-STA-2)."""
+        self.clear_errors()
+
+    def clear_errors(self) -> None:
+        """Error flags off, except of a pin that is still low (MCP-STA-2)."""
+        flags = ds.ERROR_FLAGS
+        if self._side.limit == 0:
+            flags &= ~ds.LIMIT_OK
+        if self._side.stop == 0:
+            flags &= ~ds.STOP_OK
+        self._registers.status = self._registers.status & ~ds.ERROR_FLAGS | flags
+
+    def write_output(self, address: int, data: int, cycle: int) -> None:
+        """A motor command of the host's (MCP-MOD-3, 4)."""
+        self._registers.put(address, data)
+        self._side.guard()
+
+    def write_output_low(self, address: int, data: int, cycle: int) -> None:
+        """Its low four bits."""
+        self.write_output(address, data & 0xF0, cycle)
+
+    def write_command_increment(self, address: int, data: int, cycle: int) -> None:
+        """One written while BUSY is high counts in the next sample (NOTES 2)."""
+        self._registers.put(address, data)
+        self._blocks.loop.increment_written = True
+
+    def write_command_position(self, address: int, data: int, cycle: int) -> None:
+        """The last byte loads all three (MCP-REG-13)."""
+        if address == _COMMAND_MSB:
+            self._held_msb = data
+        elif address == _COMMAND_CSB:
+            self._held_csb = data
+        else:
+            value = self._held_msb << 16 | self._held_csb << 8 | data
+            self._registers.command_position = sign_extend(value, 24)
+            self._blocks.loop.command_written = True
+
+    def write_actual_position(self, address: int, data: int, cycle: int) -> None:
+        """Any byte written to R13 clears the counter (MCP-REG-16)."""
+        if address == _ACTUAL_CSB:
+            self._blocks.counter.preset(0, cycle)
+
+    def write_preset_position(self, address: int, data: int, cycle: int) -> None:
+        """The last byte presets the counter (MCP-REG-17)."""
+        self._registers.put(address, data)
+        if address == _PRESET_LSB:
+            self._blocks.counter.preset(self._registers.preset_position, cycle)
+
+    def write_encoder_pwm(self, address: int, data: int, cycle: int) -> None:
+        """Encoder filter, and whether the channels are swapped (MCP-ENC-1)."""
+        if (self._registers.encoder_pwm ^ data) & ds.SWAP_AB:
+            self._blocks.encoder.swap(bool(data & ds.SWAP_AB), cycle)
+        self._registers.put(address, data)
+        self._encoder_pins.configure(cycle)
+
+    def write_final_position(self, address: int, data: int, cycle: int) -> None:
+        """The last byte is a point for the interpolation (MCP-INT-2)."""
+        self._registers.put(address, data)
+        if address == _FINAL_LSB:
+            self._blocks.loop.point = self._registers.final_position
+            self._load(ds.F4)
+
+    def write_velocity(self, address: int, data: int, cycle: int) -> None:
+        """The last byte is a velocity for the interpolation (MCP-INT-2)."""
+        self._registers.put(address, data)
+        if address == _VELOCITY_LSB:
+            self._blocks.loop.velocity_point = self._registers.velocity
+            self._load(ds.F3)
+
+    def _load(self, other: i64) -> None:
+        """The interpolator is busy, unless the other interpolation runs (NOTES 12)."""
+        if not self._registers.flag & other:
+            self._registers.capture_control |= ds.INTERPOLATOR_BUSY
+
+
+_READS: Final = ds.REGISTERS.find_hooks("on_read", HostRegisters)
+_WRITES: Final = ds.REGISTERS.find_hooks("on_write", HostRegisters, "store", "ignore")

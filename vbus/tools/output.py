@@ -1,0 +1,81 @@
+"""What verbs have in common: what they print, the files they read and write, their options."""
+
+import json
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import click
+
+from vbus.errors import VbusError
+
+no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
+
+
+def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+    """Return what an option gives as a duration in ps; None stays None."""
+    from vbus.protocols.quantities import parse_duration
+
+    try:
+        return value if value is None else parse_duration(value)
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from None
+
+
+def show(as_json: bool, value: Any, lines: Iterable[str], indent: int | None = None) -> None:
+    """Print a value as JSON, or else the lines that say the same."""
+    for line in [json.dumps(value, indent=indent)] if as_json else lines:
+        click.echo(line)
+
+
+def complain(sentence: str) -> None:
+    """Print a sentence on standard error."""
+    click.echo(f"vbus: {sentence}", err=True)
+
+
+@contextmanager
+def reading(path: Path, kind: type[VbusError] = VbusError) -> Iterator[BinaryIO]:
+    """Open a file to read.
+
+    Raises:
+        VbusError: it cannot be opened; of this kind.
+    """
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise kind(f"{path}: cannot be read: {error.strerror}") from error
+    with file:
+        yield file
+
+
+def write_file(path: Path, data: bytes) -> None:
+    """Write a file.
+
+    Raises:
+        VbusError: it cannot be written.
+    """
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+@contextmanager
+def bar(
+    what: str, size: int, place: Callable[[], int], quiet: bool
+) -> Iterator[Callable[[], None]]:
+    """Show a bar on standard error, if that is a terminal and ``quiet`` is not set.
+
+    Gives what moves it to ``place()`` of ``size``.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task(what, total=size)
+        yield lambda: shown.update(task, completed=place())
