@@ -14,10 +14,12 @@ from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
+from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server
-from vbus.server.serving import links_of
+from vbus.server.serving import links_of, metrics_of
 from vbus.signals import Observer, Violation
 from vbus.tools import ending, preload
+from vbus.tools.outcome import Outcome
 from vbus.tools.transcript import Transcript
 
 
@@ -76,7 +78,8 @@ def run_on_board(
     """Run a program on a board that lives as long as the program; return its exit code.
 
     The program's link is a socket of its own; it is in ``$VBUS_LINK``. The file's other hosts are
-    served as well. What was broken is told at the end, on stderr.
+    served as well. What was broken is told at the end, on stderr; if the file asks for records, so
+    is where they are and what became of each axis.
 
     Args:
         file: the board.
@@ -91,9 +94,14 @@ def run_on_board(
         TransportError: a link cannot be opened.
         VbusError: the program cannot be started, or the transcript cannot be written.
     """
+    address = metrics_of(file)
     board = build(file, source)
     findings = Findings()
     board.listen(findings)
+    files = _files(file, transcript)
+    outcome = Outcome(board) if _files(file, None) else None
+    if outcome is not None:
+        board.observe(outcome)
     with ExitStack() as stack:
         folder = stack.enter_context(private_runtime())
         link = f"unix:{folder / 'host.sock'}"
@@ -115,20 +123,54 @@ def run_on_board(
         mine = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
-        server = Server(board, [mine, *others], file.board.stall)
-        code = asyncio.run(_run_beside(server, command(link), environment, note))
+        server = Server(board, [mine, *others], file.board.stall, _say, address)
+        recording = Recording(board, source.text, file.path, _say)
+        stack.callback(recording.close)
+        recording.open(file.record, file.waves)
+        code = asyncio.run(_run_beside(server, recording, command(link), environment, note))
+        if outcome is not None:
+            outcome.look()
         if written is not None:
             written.flush()
-    for line in findings.lines() if summary else ():
-        click.echo(f"vbus: {line}", err=True)
+    lines = findings.lines()
+    if outcome is not None:
+        lines = [*(f"{what}: {path}" for what, path in files), *lines, *outcome.lines()]
+    for line in lines if summary else ():
+        _say(line)
     return code
 
 
+def _say(sentence: str) -> None:
+    click.echo(f"vbus: {sentence}", err=True)
+
+
+def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:
+    """Return what a run leaves behind: what each file is, and where."""
+    record = file.record
+    named = [
+        ("transcript", transcript or ""),
+        ("journal", record.journal),
+        ("report", record.report),
+        ("coverage", record.coverage),
+        *(("wave", wave.file) for wave in file.waves),
+    ]
+    return [(what, path) for what, path in named if path]
+
+
 async def _run_beside(
-    server: Server, command: list[str], environment: dict[str, str], note: Path
+    server: Server,
+    recording: Recording,
+    command: list[str],
+    environment: dict[str, str],
+    note: Path,
 ) -> int:
     """Serve while ``command`` runs."""
-    server.start(asyncio.get_running_loop())
+    loop = asyncio.get_running_loop()
+    server.start(loop)
+    recording.start(loop)
+    counted = server.statistics()["metrics"]
+    if counted:
+        _say(f"metrics: {counted}")
     try:
         code = await run_program(command, environment, note)
         server.board.catch_up()
