@@ -205,9 +205,6 @@ def test_records_are_for_a_board_of_its_own() -> None:
 
 
 def test_metrics_are_served_while_the_program_runs(board: Path) -> None:
-    script = "import urllib.request, sys; print(urllib.request.urlopen(sys.argv[1]).status)"
-    done = vbus(
-        "exec", "--board", board, "--metrics", "127.0.0.1:0", "--", sys.executable, "-c", script,
-        "http://127.0.0.1:1",
-    )  # fmt: skip
-    assert "vbus: metrics: " in done.stderr
+    done = vbus("exec", "--board", board, "--metrics", "127.0.0.1:0", "--", "true")
+    assert done.returncode == 0
+    assert done.stderr.startswith("vbus: metrics: http://127.0.0.1:")
