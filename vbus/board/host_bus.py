@@ -127,7 +127,7 @@ class HostBus(HostPort):
             self.pins.line_names(),
             self.pins.output_names(),
             self.pins.side_names(),
-            ["claim", "events", "leases", FORESEEING, "lines", "polled_at", "sync"],
+            ["claim", "events", "leases", FORESEEING, "lines", "pass", "polled_at", "sync"],
             wiring(self.pin_map, self.chips, self.pins),
             self._card.text() if self._card is not None else "",
             self._program(),
