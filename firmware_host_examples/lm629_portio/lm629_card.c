@@ -8,6 +8,7 @@
 #define STT 0x01
 #define UDF 0x04
 #define RDRP 0x0A
+#define MSKI 0x1C
 #define RSTI 0x1D
 #define LFIL 0x1E
 #define LTRJ 0x1F
@@ -105,6 +106,11 @@ uint8_t lm629_status(struct lm629 *card)
 int lm629_clear_flags(struct lm629 *card, uint8_t flags)
 {
     return command(card, RSTI) || put_word(card, (uint16_t)~flags) ? LM629_E_BUSY : LM629_OK;
+}
+
+int lm629_interrupt_by(struct lm629 *card, uint8_t flags)
+{
+    return command(card, MSKI) || put_word(card, flags) ? LM629_E_BUSY : LM629_OK;
 }
 
 int lm629_load_filter(struct lm629 *card, const struct lm629_filter *filter)

@@ -35,6 +35,10 @@ struct lm629_filter {
 int lm629_open(struct lm629 *card, unsigned short base);
 uint8_t lm629_status(struct lm629 *card);
 int lm629_clear_flags(struct lm629 *card, uint8_t flags);
+
+/* Which flags interrupt from now on. */
+int lm629_interrupt_by(struct lm629 *card, uint8_t flags);
+
 int lm629_load_filter(struct lm629 *card, const struct lm629_filter *filter);
 
 /* 1/65536 counts per sample (and sample), and counts. */

@@ -169,3 +169,42 @@ def test_the_summary_of_broken_rules_can_be_left_out(board: Path) -> None:
     quiet = vbus("exec", "--board", board, "--no-summary", *program)
     assert "vbus: error: x: " in told.stderr
     assert (told.returncode, quiet.returncode, quiet.stderr) == (0, 0, "")
+
+
+RECORDED = BOARD.replace("[chips.x]", "{record}\n[chips.x]")
+FILES = ("journal", "report", "coverage", "wave")
+
+
+@pytest.mark.parametrize("way", ["options", "board file"])
+def test_one_command_leaves_everything_behind(board: Path, tmp_path: Path, way: str) -> None:
+    """And the journal replays to the same end."""
+    names = {"journal": "run.vbj", "report": "run.json", "coverage": "run.txt", "wave": "run.vcd"}
+    paths = {what: tmp_path / name for what, name in names.items()}
+    given: list[str | Path] = []
+    record = ""
+    if way == "options":
+        given = [word for what in FILES for word in (f"--{what}", paths[what])]
+    else:
+        kept = "".join(f'{what} = "{paths[what]}"\n' for what in FILES[:3])
+        record = f'[record]\n{kept}[waves.all]\nfile = "{paths["wave"]}"\n'
+    board.write_text(RECORDED.format(record=record))
+    done = vbus("exec", "--board", board, *given, "--", sys.executable, "-c", HELLO)
+    assert (done.returncode, done.stdout) == (0, "00\n")
+    lines = done.stderr.splitlines()
+    assert lines[:4] == [f"vbus: {what}: {paths[what]}" for what in FILES]
+    assert any(line.startswith("vbus: error: x: lm628.") for line in lines)
+    assert lines[-1] == "vbus: x: ended at 0 counts, did not move"
+    assert all(path.stat().st_size > 0 for path in paths.values())
+    assert vbus("replay", paths["journal"]).returncode == 0
+
+
+def test_records_are_for_a_board_of_its_own() -> None:
+    done = vbus("exec", "--link", "unix:/nowhere", "--wave", "x.vcd", "--", "true")
+    assert done.returncode == 2
+    assert "--wave goes with --board" in done.stderr
+
+
+def test_metrics_are_served_while_the_program_runs(board: Path) -> None:
+    done = vbus("exec", "--board", board, "--metrics", "127.0.0.1:0", "--", "true")
+    assert done.returncode == 0
+    assert done.stderr.startswith("vbus: metrics: http://127.0.0.1:")

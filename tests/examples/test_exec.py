@@ -89,3 +89,40 @@ def test_the_address_sanitizer_finds_what_it_should_and_nothing_else(
     )
     assert done.returncode != 0
     assert "heap-buffer-overflow" in done.stderr
+
+
+WAITS = {
+    "thread": ("board.toml", "3 interrupts"),
+    "signal": ("signal.toml", "each sleep ended by the signal"),
+    "timer": ("board.toml", "looked more than nine times"),
+}
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved", "realtime"])
+@pytest.mark.parametrize("name", WAITS)
+def test_ten_runs_of_a_driver_that_waits_are_the_same(
+    tmp_path: Path, name: str, policy: str
+) -> None:
+    """In real time what they print is, but not when the cycles come."""
+    folder = EXAMPLES / "lm629_interrupts"
+    done = subprocess.run(
+        [require("cc"), "-std=gnu99", "-O2", "-Wall", "-Wextra", "-Werror", "-I../lm629_portio",
+         "-o", str(tmp_path / name), f"{name}.c", "axis.c", "../lm629_portio/lm629_card.c",
+         "-lpthread"],
+        cwd=folder, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    board, last = WAITS[name]
+    text = (folder / board).read_text().replace('"lockstep"', f'"{policy}"')
+    (tmp_path / "board.toml").write_text(text)
+    transcripts = set()
+    for _ in range(10):
+        done = subprocess.run(
+            vbus("exec", "--board", str(tmp_path / "board.toml"), "--transcript",
+                 str(tmp_path / "bus.txt"), "--", str(tmp_path / name)),
+            capture_output=True, text=True, timeout=60,
+        )  # fmt: skip
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout == expected("lm629_interrupts") + last + "\n"
+        transcripts.add((tmp_path / "bus.txt").read_text())
+    assert len(transcripts) == 1 or policy == "realtime"

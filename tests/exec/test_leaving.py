@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -106,3 +107,64 @@ def test_a_shells_redirection_from_the_device_reaches_the_card(
     )
     done = execute(tmp_path, LOCKSTEP, "bash", "-c", script)
     assert said(done) == [" 5d"]
+
+
+# -- the end ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("time", ["lockstep", "realtime"])
+@pytest.mark.parametrize("how", ["polls", "threads", "deadlock", "spins", "pauses"])
+def test_a_signal_always_ends_it(
+    programs: Programs, tmp_path: Path, number: int, time: str, how: str
+) -> None:
+    (tmp_path / "board.toml").write_text(REGISTERS.format(time=time, card=PORTS))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vbus", "exec", "--board", str(tmp_path / "board.toml"), "--",
+         str(programs("ends", 64)), how],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert process.stdout.readline() == "up\n"
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=30)
+    assert (process.returncode, errors) == (128 + number, "")
+
+
+@pytest.mark.parametrize("link", [False, True], ids=["a board of its own", "a running board"])
+@pytest.mark.parametrize("how", ["stubborn", "handler"])
+def test_what_does_not_end_is_killed_and_it_is_said_what_it_did(
+    programs: Programs, tmp_path: Path, how: str, link: bool
+) -> None:
+    with running(tmp_path, LOCKSTEP) if link else nullcontext():
+        (tmp_path / "board.toml").write_text(LOCKSTEP)
+        where = ["--link", f"unix:{tmp_path}/x.sock"] if link else ["--board", "board.toml"]
+        process = subprocess.Popen(
+            [sys.executable, "-m", "vbus", "exec", *where, "--", str(programs("ends", 64)), how],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+        )  # fmt: skip
+        assert process.stdout is not None
+        assert process.stdout.readline() == "up\n"
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=30)
+    assert process.returncode == 128 + signal.SIGKILL
+    lines = errors.splitlines()
+    assert lines[0] == ("vbus exec: SIGTERM has not ended the program within 0.7 s; it is killed")
+    assert lines[1].startswith("vbus exec: ends64 (process ")
+    assert "sleeps in the kernel" in lines[1]
+
+
+def test_a_wild_pointer_is_called_one(programs: Programs, tmp_path: Path) -> None:
+    done = execute(tmp_path, LOCKSTEP, programs("ends", 64), "wild")
+    assert (done.returncode, done.stdout) == (128 + signal.SIGSEGV, "up\n")
+    assert "at an address no program can have (not canonical)" in done.stderr
+    assert "privileged" not in done.stderr
+    assert "the library was not asked" not in done.stderr
+
+
+def test_a_program_that_blocks_the_trap_by_a_system_call_is_told_why_it_died(
+    programs: Programs, bits: int, tmp_path: Path
+) -> None:
+    done = execute(tmp_path, LOCKSTEP, programs("ends", bits), "raw")
+    assert (done.returncode, done.stdout) == (128 + signal.SIGSEGV, "up\n")
+    assert "the program died of SIGSEGV and the library was not asked" in done.stderr

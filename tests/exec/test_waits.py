@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.exec.conftest import PROGRAMS, compile_c
-from tests.exec.test_programs import PORTS, REGISTERS, execute, running, said
+from tests.exec.test_programs import PORTS, REGISTERS, SERVO, execute, running, said
 from vbus.tools.preload import library
 
 
@@ -109,3 +109,90 @@ def test_a_wait_beyond_the_end_of_time_ends_the_program_clearly(
     done = execute(tmp_path, board, programs("meets", bits), "sleep", "too-long")
     assert (done.returncode, done.stdout) == (1, "")
     assert "beyond the end of chip time, which is 106 days after its start" in done.stderr
+
+
+# Each wait of the page "Bring your driver": what it gives when its time is over (None: it has
+# none), and when the interrupt's signal comes. POSIX has some go on after the handler.
+EACH = {
+    "nanosleep": ("0 -", "-1 EINTR"),
+    "clock_nanosleep": ("0 -", "-1 EINTR"),
+    "clock_nanosleep until": ("0 -", "-1 EINTR"),
+    "usleep": ("0 -", "-1 EINTR"),
+    "sleep": ("0 -", "-1 EINTR"),
+    "thrd_sleep": ("0 -", "-1 EINTR"),
+    "select": ("0 -", "-1 EINTR"),
+    "select of nothing": ("0 -", "-1 EINTR"),
+    "pselect": ("0 -", "-1 EINTR"),
+    "poll": ("0 -", "-1 EINTR"),
+    "ppoll": ("0 -", "-1 EINTR"),
+    "epoll_wait": ("0 -", "-1 EINTR"),
+    "epoll_pwait": ("0 -", "-1 EINTR"),
+    "read of a pipe": (None, "-1 EINTR"),
+    "sigtimedwait": ("-1 EAGAIN", "29 -"),
+    "sigwaitinfo": (None, "29 -"),
+    "sigwait": (None, "29 -"),
+    "signalfd": (None, "29 -"),
+    "poll of a signalfd": ("0 -", "1 -"),
+    "pause": (None, "-1 EINTR"),
+    "sigsuspend": (None, "-1 EINTR"),
+    "futex": ("-1 ETIMEDOUT", "-1 EINTR"),
+    "sem_timedwait": ("-1 ETIMEDOUT", "-1 EINTR"),
+    "sem_clockwait": ("-1 ETIMEDOUT", "-1 EINTR"),
+    "pthread_cond_timedwait": ("-1 ETIMEDOUT", "-1 ETIMEDOUT"),
+    "pthread_mutex_timedlock": ("-1 ETIMEDOUT", "-1 ETIMEDOUT"),
+    "pthread_rwlock_timedrdlock": ("-1 ETIMEDOUT", "-1 ETIMEDOUT"),
+    "pthread_timedjoin_np": ("-1 ETIMEDOUT", "-1 ETIMEDOUT"),
+    "mq_timedreceive": ("-1 ETIMEDOUT", "-1 EINTR"),
+    "mq_timedsend": ("-1 ETIMEDOUT", "-1 EINTR"),
+    "semtimedop": ("-1 EAGAIN", "-1 EINTR"),
+    "setitimer": ("-1 EINTR", "-1 EINTR"),
+    "alarm": ("-1 EINTR", "-1 EINTR"),
+    "timer_create": ("-1 EINTR", "-1 EINTR"),
+    "timer with a thread": ("0 -", "-1 EINTR"),
+    "timerfd": ("1 -", "-1 EINTR"),
+}
+TAKEN = {"sigtimedwait", "sigwaitinfo", "sigwait", "signalfd", "poll of a signalfd"}
+"""Those that take the signal themselves: no handler runs."""
+BY_SIGNAL = {"setitimer", "alarm", "timer_create"}
+"""Those whose time ends with a signal."""
+
+
+def each(program: Path, folder: Path, policy: str, how: str, names: list[str]) -> list[str]:
+    board = SERVO.format(time=policy, card='signal = "SIGIO"')
+    quoted = " ".join(f"'{name}'" for name in names)
+    script = f'for name in {quoted}; do {program} "$name" {how}; done'
+    done = execute(folder, board, "sh", "-c", script, options=("--no-summary",))
+    assert done.stderr == ""
+    return done.stdout.splitlines()
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved", "realtime"])
+def test_each_wait_ends_by_chip_time(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path, policy: str
+) -> None:
+    names = [name for name, (ends, _) in EACH.items() if ends is not None]
+    lines = each(programs("each_wait", bits), tmp_path, policy, "time", names)
+    for name, line in zip(names, lines, strict=True):
+        ms = 1000.0 if name in ("sleep", "alarm") else 20.0
+        said, took = line.removesuffix(" ms").rsplit(", ", 1)
+        assert f"{name}: {said}" == f"{name}: {EACH[name][0]}, signals {int(name in BY_SIGNAL)}"
+        assert float(took) == ms if policy != "realtime" else float(took) >= ms, name
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved", "realtime"])
+def test_each_wait_is_ended_by_the_interrupts_signal(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path, policy: str
+) -> None:
+    lines = each(programs("each_wait", bits), tmp_path, policy, "signal", list(EACH))
+    assert dict(zip(EACH, lines, strict=True)) == {
+        name: f"{ended}, signals {int(name not in TAKEN)}, at once"
+        for name, (_, ended) in EACH.items()
+    }
+
+
+def test_the_page_has_every_wait() -> None:
+    page = Path("docs/bring-your-driver.md").read_text()
+    table = page[page.index("### Waits") :]
+    names = {name.removesuffix(" until").split(" of ")[-1].split(" with ")[0] for name in EACH}
+    names = names - {"nothing", "a pipe", "a signalfd", "timer"}
+    assert [name for name in sorted(names) if f"`{name}`" not in table] == []

@@ -55,6 +55,11 @@ def test_the_methods_rows_name_are_found_by_address() -> None:
     assert found == {1: Hooks.store, 2: Hooks.store, 3: Hooks.start}
 
 
+def test_a_method_for_a_loaded_register_is_that_of_its_last_byte() -> None:
+    rows = RegisterMap(16, Register("A", (2, 1, 0), on_loaded="start"), Register("B", (3,)))
+    assert rows.find_hooks("on_loaded", Hooks) == {0: Hooks.start}
+
+
 @pytest.mark.parametrize("name", ["strat", "no_method"])
 def test_a_row_that_names_no_method_is_refused(name: str) -> None:
     rows = RegisterMap(16, Register("A", (0,), on_read=name))

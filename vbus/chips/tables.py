@@ -90,6 +90,7 @@ class Command:
         buffered: the value takes effect at an update.
         signed: the (single) value is two's complement.
         fraction: fraction bits of the value.
+        unit: what the value counts.
     """
 
     name: str
@@ -109,6 +110,7 @@ class Command:
     buffered: bool = False
     signed: bool = False
     fraction: int = 0
+    unit: str = ""
 
 
 class CommandTable:
@@ -182,6 +184,7 @@ class Register:
         fields: its bits by name.
         on_read: method of the chip that gives its bytes; "": they are read as they stand.
         on_write: method of the chip that takes its bytes; "": they are stored.
+        on_loaded: method of the chip that is told when its least significant byte has been stored.
     """
 
     name: str
@@ -197,6 +200,7 @@ class Register:
     fields: tuple[Bit, ...] = ()
     on_read: str = ""
     on_write: str = ""
+    on_loaded: str = ""
 
     @property
     def bits(self) -> int:
@@ -244,10 +248,10 @@ class RegisterMap:
     def find_hooks(
         self, role: str, owner: type, plain: str = "", read_only: str = ""
     ) -> dict[int, Callable[..., Any]]:
-        """Return the methods of ``owner`` that rows name, by the addresses of their bytes.
+        """Return the methods of ``owner`` that rows name, by address of the bytes they are for.
 
         Args:
-            role: which name of a row: ``"on_read"`` or ``"on_write"``.
+            role: which name of a row: ``"on_read"``, ``"on_write"`` or ``"on_loaded"``.
             owner: class of the methods.
             plain: method of rows that name none; "": none.
             read_only: the same for rows that cannot be written.
@@ -262,5 +266,6 @@ class RegisterMap:
                 method = getattr(owner, name, None)
                 if not callable(method):
                     raise ValueError(f"{row.name}: there is no method {name!r}")
-                found.update(dict.fromkeys(row.addresses, method))
+                addresses = row.addresses[-1:] if role == "on_loaded" else row.addresses
+                found.update(dict.fromkeys(addresses, method))
         return found

@@ -958,6 +958,21 @@ int vbus_sync(struct vbus *bus, uint32_t *outputs, uint64_t *edge)
     return error;
 }
 
+int vbus_pass(struct vbus *bus, uint64_t longest, uint32_t *outputs, uint64_t *passed)
+{
+    unsigned char request[9], body[12];
+    int error;
+
+    with_u64(request, VBUS_PASS, longest);
+    bus->passing += longest;
+    error = ask(bus, request, 9, VBUS_TAG_PASS, body, 12);
+    if (error == 0 && outputs != NULL)
+        *outputs = (uint32_t)number_of(body, 4);
+    if (error == 0 && passed != NULL)
+        *passed = number_of(body + 4, 8);
+    return error;
+}
+
 int vbus_events(struct vbus *bus, uint32_t mask)
 {
     unsigned char request[5];

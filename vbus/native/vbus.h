@@ -55,6 +55,7 @@ extern "C" {
 #define VBUS_SYNC 0x53
 #define VBUS_POLLED 0x54
 #define VBUS_POLLED_AT 0x55
+#define VBUS_PASS 0x56
 #define VBUS_EVENTS 0x60
 #define VBUS_LEASES 0x61
 
@@ -70,6 +71,7 @@ extern "C" {
 #define VBUS_TAG_SAMPLE 'P'
 #define VBUS_TAG_NOW 'T'
 #define VBUS_TAG_SYNC 'S'
+#define VBUS_TAG_PASS 'W'
 #define VBUS_TAG_EVENT 'I'
 #define VBUS_TAG_REFUSED 'X'
 
@@ -218,6 +220,10 @@ int vbus_now(struct vbus *bus, uint64_t *instant);
 /* Bring the chips up to the host's time; output lines, and an instant before which none moves
  * (or VBUS_NO_EDGE). Either pointer may be NULL. */
 int vbus_sync(struct vbus *bus, uint32_t *outputs, uint64_t *edge);
+
+/* Let time pass until an edge of a line of vbus_events, at most `longest`; output lines, and how much
+ * has passed. Either pointer may be NULL. */
+int vbus_pass(struct vbus *bus, uint64_t longest, uint32_t *outputs, uint64_t *passed);
 
 /* A fence: when it returns `number` (0 to 255), everything before it is done. */
 int vbus_echo(struct vbus *bus, unsigned number);

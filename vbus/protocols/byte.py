@@ -1,7 +1,7 @@
 """The byte protocol: one byte says what is asked, replies come back in the same order."""
 
 from collections.abc import Callable
-from struct import unpack_from
+from struct import pack, unpack_from
 from typing import ClassVar, Final
 
 from vbus.kernel.kernel import NEVER
@@ -54,7 +54,7 @@ class ByteProtocol(Protocol):
         self._watching: bool = False
         self._leasing: int = 0
         self._partial: bytearray = bytearray()
-        """What a READS or WRITES has done that had to stop in between."""
+        """What a READS, WRITES or PASS has done that had to stop in between."""
         self._handlers: list[Callable[[bytes, int], bool]] = [
             self._handler(code) for code in range(256)
         ]
@@ -332,6 +332,33 @@ class ByteProtocol(Protocol):
         outputs, edge = self.port.sync()
         self.out += b"S" + (outputs & _U32).to_bytes(4, "big")
         self.out += (NO_EDGE if edge >= NEVER else edge).to_bytes(8, "big")
+        return True
+
+    def _do_pass(self, data: bytes, start: int) -> bool:
+        port = self.port
+        slaved = port.info().policy == "slaved"
+        longest = _u64(data, start)
+        begun, now, step = -1, 0, 0
+        if self._partial:  # resumed in the middle of a step
+            begun, now, step = unpack_from(">QQQ", self._partial)
+        while True:
+            if step:
+                self._partial[:] = pack(">QQQ", begun, now, step)
+                if slaved:
+                    port.at(now + step)
+                elif not port.delay(step):
+                    return False
+                now += step
+            outputs, edge = port.sync()
+            self._partial.clear()
+            if begun < 0:
+                begun = now = port.now()
+            mark = len(self.out)
+            self.report_events()
+            if len(self.out) > mark or now - begun >= longest:
+                break
+            step = min(max(edge - now, 1), longest - (now - begun))
+        self.out += b"W" + (outputs & _U32).to_bytes(4, "big") + (now - begun).to_bytes(8, "big")
         return True
 
     def _do_polled(self, data: bytes, start: int) -> bool:

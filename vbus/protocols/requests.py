@@ -211,6 +211,7 @@ REPLIES: Final = {
         Reply("P", _layout("d:u8 outputs:u32"), "D0-D7 as they stand, and the output lines"),
         Reply("T", _layout("instant:u64"), "chip time"),
         Reply("S", _layout("outputs:u32 instant:u64"), "output lines; no edge before the instant"),
+        Reply("W", _layout("outputs:u32 passed:u64"), "output lines; how much time has passed"),
         Reply("I", _layout("outputs:u32 instant:u64"), "event: output lines after an edge, when"),
         Reply("X", _layout("code:u8 number:u16"), "refused: why, and which request"),
     )
@@ -277,6 +278,13 @@ REQUESTS: Final = RequestTable(
         0x55,
         "as POLLED, on slaved boards: a poll at the first instant, one more each step (u32) later",
         _layout("a:u8 first:u64 steps:bytes8"),
+    ),
+    Request(
+        "PASS",
+        0x56,
+        "let time pass until an edge of a line of EVENTS, at most this long",
+        _layout("longest:u64"),
+        "W",
     ),
     Request(
         "EVENTS", 0x60, "report each edge of these output lines from now on", _layout("mask:u32")

@@ -83,16 +83,32 @@ def serve(
         SnapshotError: the snapshot is none, or is of another board.
     """
     file, source = read_board_file(path)
-    wanted = dict(record or {})
+    file = recorded(file, record or {}, metrics)
+    serve_read(file, source, rate, on_ready, report, snapshot)
+
+
+def recorded(file: BoardFile, record: Mapping[str, object], metrics: str) -> BoardFile:
+    """Return a board file with what a command line wants recorded; see :func:`serve`."""
+    wanted = dict(record)
     waves = file.waves
     if "wave" in wanted:
         waves = (*waves, WaveSection(name="command line", file=str(wanted.pop("wave"))))
-    recorded = msgspec.structs.replace(file.record, **wanted)
-    file = msgspec.structs.replace(file, record=recorded, waves=waves)
-    if metrics:
-        counted = msgspec.structs.replace(file.metrics, listen=metrics)
-        file = msgspec.structs.replace(file, metrics=counted)
-    serve_read(file, source, rate, on_ready, report, snapshot)
+    records = msgspec.structs.replace(file.record, **wanted)
+    counted = msgspec.structs.replace(file.metrics, listen=metrics or file.metrics.listen)
+    return msgspec.structs.replace(file, record=records, waves=waves, metrics=counted)
+
+
+def metrics_of(file: BoardFile) -> tuple[str, int] | None:
+    """Return where a board file has its numbers read, if anywhere.
+
+    Raises:
+        ConfigError: that is no address.
+    """
+    counted = file.metrics
+    try:
+        return metrics_address(counted.listen, counted.remote) if counted.listen else None
+    except ValueError as error:
+        raise ConfigError(f"{file.path}: metrics: {error}") from None
 
 
 def serve_read(

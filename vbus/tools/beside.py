@@ -5,7 +5,7 @@ import os
 import signal
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import click
@@ -14,10 +14,12 @@ from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
+from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server
-from vbus.server.serving import links_of
+from vbus.server.serving import links_of, metrics_of
 from vbus.signals import Observer, Violation
-from vbus.tools import preload
+from vbus.tools import ending, preload
+from vbus.tools.outcome import Outcome
 from vbus.tools.transcript import Transcript
 
 
@@ -76,7 +78,8 @@ def run_on_board(
     """Run a program on a board that lives as long as the program; return its exit code.
 
     The program's link is a socket of its own; it is in ``$VBUS_LINK``. The file's other hosts are
-    served as well. What was broken is told at the end, on stderr.
+    served as well. What was broken is told at the end, on stderr; if the file asks for records, so
+    is where they are and what became of each axis.
 
     Args:
         file: the board.
@@ -91,11 +94,18 @@ def run_on_board(
         TransportError: a link cannot be opened.
         VbusError: the program cannot be started, or the transcript cannot be written.
     """
+    address = metrics_of(file)
     board = build(file, source)
     findings = Findings()
     board.listen(findings)
+    files = _files(file, transcript)
+    outcome = Outcome(board) if _files(file, None) else None
+    if outcome is not None:
+        board.observe(outcome)
     with ExitStack() as stack:
-        link = f"unix:{stack.enter_context(private_runtime()) / 'host.sock'}"
+        folder = stack.enter_context(private_runtime())
+        link = f"unix:{folder / 'host.sock'}"
+        note = folder / "fault"
         written: Transcript | None = None
         if transcript is not None:
             try:
@@ -107,44 +117,100 @@ def run_on_board(
         environment = {"VBUS_LINK": link}
         if card is not None:
             port = board.open_port("program", host.chips or None, host.cycle, card)
-            environment = preload.environment(port.info(), link)
+            environment = preload.environment(port.info(), link, note)
             port.close()
             preload.warn_of(command(link)[0])
         mine = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
-        server = Server(board, [mine, *others], file.board.stall)
-        code = asyncio.run(_run_beside(server, command(link), environment))
+        server = Server(board, [mine, *others], file.board.stall, _say, address)
+        recording = Recording(board, source.text, file.path, _say)
+        stack.callback(recording.close)
+        recording.open(file.record, file.waves)
+        code = asyncio.run(_run_beside(server, recording, command(link), environment, note))
+        if outcome is not None:
+            outcome.look()
         if written is not None:
             written.flush()
-    for line in findings.lines() if summary else ():
-        click.echo(f"vbus: {line}", err=True)
+    lines = findings.lines()
+    if outcome is not None:
+        lines = [*(f"{what}: {path}" for what, path in files), *lines, *outcome.lines()]
+    for line in lines if summary else ():
+        _say(line)
     return code
 
 
-async def _run_beside(server: Server, command: list[str], environment: dict[str, str]) -> int:
-    """Serve while ``command`` runs; a command that died of a signal gives 128 + its number."""
+def _say(sentence: str) -> None:
+    click.echo(f"vbus: {sentence}", err=True)
+
+
+def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:
+    """Return what a run leaves behind: what each file is, and where."""
+    record = file.record
+    named = [
+        ("transcript", transcript or ""),
+        ("journal", record.journal),
+        ("report", record.report),
+        ("coverage", record.coverage),
+        *(("wave", wave.file) for wave in file.waves),
+    ]
+    return [(what, path) for what, path in named if path]
+
+
+async def _run_beside(
+    server: Server,
+    recording: Recording,
+    command: list[str],
+    environment: dict[str, str],
+    note: Path,
+) -> int:
+    """Serve while ``command`` runs."""
     loop = asyncio.get_running_loop()
-    running: list[asyncio.subprocess.Process] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, _pass_on, running, number)
     server.start(loop)
+    recording.start(loop)
+    counted = server.statistics()["metrics"]
+    if counted:
+        _say(f"metrics: {counted}")
     try:
-        try:
-            process = await asyncio.create_subprocess_exec(
-                *command, env={**os.environ, **environment}
-            )
-        except OSError as error:
-            raise VbusError(f"{command[0]}: {error.strerror}") from error
-        running.append(process)
-        code = await process.wait()
+        code = await run_program(command, environment, note)
         server.board.catch_up()
     finally:
         server.stop()
+    return code
+
+
+async def run_program(command: list[str], environment: dict[str, str], note: Path) -> int:
+    """Run ``command`` and return its exit code; if it died of a signal, 128 + its number.
+
+    SIGINT and SIGTERM are passed on, and end it in any case.
+
+    Args:
+        command: program and arguments.
+        environment: variables on top of those of this process.
+        note: the file the library makes when the program ends by a fault of its own.
+
+    Raises:
+        VbusError: it cannot be started.
+    """
+    loop = asyncio.get_running_loop()
+    asked: list[asyncio.TimerHandle] = []
+
+    def pass_on(number: int) -> None:
+        """Not by the process object, which would take the exit code from who waits for it."""
+        with suppress(ProcessLookupError):
+            os.kill(process.pid, number)
+        if not asked:
+            asked.append(loop.call_later(ending.PATIENCE, ending.end, process.pid, number))
+
+    try:
+        process = await asyncio.create_subprocess_exec(*command, env={**os.environ, **environment})
+    except OSError as error:
+        raise VbusError(f"{command[0]}: {error.strerror}") from error
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, pass_on, number)
+    code = await process.wait()
+    for handle in asked:
+        handle.cancel()
+    if "VBUS_EXEC" in environment:
+        ending.explain(code, note)
     return code if code >= 0 else 128 - code
-
-
-def _pass_on(running: list[asyncio.subprocess.Process], number: int) -> None:
-    for process in running:
-        if process.returncode is None:
-            process.send_signal(number)

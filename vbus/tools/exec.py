@@ -12,6 +12,12 @@ import click
 @click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware; mmcu=atmega328p,f=16000000.")
 @click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
 @click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
+@click.option("--journal", metavar="FILE", help="Write every call of every host to FILE.")
+@click.option("--report", metavar="FILE", help="Write violations: .txt, .json, .xml or .sarif.")
+@click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
+@click.option("--coverage", metavar="FILE", help="Write what is exercised: .txt, .json, .html.")
+@click.option("--wave", metavar="FILE", help="Write a waveform of everything to FILE (VCD).")
+@click.option("--metrics", metavar="HOST:PORT", help="Numbers for Prometheus; port 0: a free one.")
 @click.option(
     "--summary/--no-summary",
     default=True,
@@ -27,8 +33,10 @@ def command(
     transcript: str | None,
     summary: bool,
     program: tuple[str, ...],
+    metrics: str | None,
+    **records: str | None,
 ) -> int:
-    r"""Run a program on a board of its own; the exit code is the program's.
+    """Run a program on a board of its own; the exit code is the program's.
 
     \b
     vbus exec --board board.toml -- ./host          finds the board's link in $VBUS_LINK
@@ -44,11 +52,14 @@ def command(
             "name either a board file with --board or a link with --link, or a running board with"
             " --join"
         )
-    if board is None and transcript is not None:
-        raise click.UsageError(
-            "--transcript goes with --board; a running board keeps its cycles if it was started"
-            " with vbus run --journal"
-        )
+    wanted = {key: value for key, value in records.items() if value is not None}
+    given = {"transcript": transcript, "metrics": metrics, **wanted}
+    for option, value in given.items():
+        if board is None and value is not None:
+            raise click.UsageError(
+                f"--{option} goes with --board; a running board keeps its records if it was"
+                " started with such options of vbus run"
+            )
     if join is not None:
         from vbus.tools.joining import link_of
 
@@ -59,45 +70,54 @@ def command(
         if len(program) != 1:
             raise click.UsageError("--avr takes one firmware file and no arguments")
         try:
-            return run_avr(avr, program[0], board, link, pinmap, transcript, summary)
+            return run_avr(
+                avr, program[0], board, link, pinmap, transcript, summary, wanted, metrics or ""
+            )
         except ValueError as error:
             raise click.BadParameter(str(error), param_hint="--avr") from None
     if board is None:
         assert link is not None
         return _join(link, list(program))
-    return _run(board, pinmap, transcript, summary, list(program))
+    return _run(board, pinmap, transcript, summary, list(program), wanted, metrics or "")
 
 
 def _join(link: str, program: list[str]) -> int:
     """Run a program on a board that runs already."""
-    import os
-    import subprocess
+    import asyncio
+    from pathlib import Path
+    from tempfile import TemporaryDirectory
 
     from vbus.client import connect
-    from vbus.errors import VbusError
+    from vbus.tools.beside import run_program
     from vbus.tools.preload import environment, warn_of
 
     with connect(link) as bus:
         info = bus.info
-    variables = environment(info, link) if info.card else {"VBUS_LINK": link}
-    if info.card:
-        warn_of(program[0])
-    try:
-        code = subprocess.run(program, env={**os.environ, **variables}).returncode
-    except OSError as error:
-        raise VbusError(f"{program[0]}: {error.strerror}") from error
-    return code if code >= 0 else 128 - code
+    with TemporaryDirectory(prefix="vbus-") as folder:
+        note = Path(folder) / "fault"
+        variables = environment(info, link, note) if info.card else {"VBUS_LINK": link}
+        if info.card:
+            warn_of(program[0])
+        return asyncio.run(run_program(program, variables, note))
 
 
 def _run(
-    board: str, pinmap: str | None, transcript: str | None, summary: bool, program: list[str]
+    board: str,
+    pinmap: str | None,
+    transcript: str | None,
+    summary: bool,
+    program: list[str],
+    record: dict[str, str],
+    metrics: str,
 ) -> int:
     from vbus.board.config import read_board_file
     from vbus.board.sections import HostSection
     from vbus.errors import ConfigError
+    from vbus.server.serving import recorded
     from vbus.tools.beside import run_on_board
 
     file, source = read_board_file(board)
+    file = recorded(file, record, metrics)
     if pinmap is not None and all(section.name != pinmap for section in file.pinmaps):
         raise ConfigError(f"{board}: there is no [pinmaps.{pinmap}]")
     wanted = [host for host in file.hosts if pinmap is None or host.pinmap == pinmap]

@@ -4,6 +4,7 @@ import hashlib
 import os
 import shutil
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -12,6 +13,7 @@ from vbus.board.sections import BoardFile, HostSection
 from vbus.board.settings import listed, suggestion
 from vbus.errors import ConfigError, VbusError
 from vbus.native import include_dir
+from vbus.server.serving import recorded
 from vbus.tools.beside import run_on_board
 
 KEYS: Final = {
@@ -112,6 +114,8 @@ def run_avr(
     pinmap: str | None = None,
     transcript: str | None = None,
     summary: bool = True,
+    record: Mapping[str, object] | None = None,
+    metrics: str = "",
 ) -> int:
     """Run firmware on a board of its own, or on one that runs already; return its exit code.
 
@@ -123,6 +127,8 @@ def run_avr(
         pinmap: which pin map of the board file; else its only one.
         transcript: file that takes the bus cycles (with ``board`` only).
         summary: whether the rules that were broken are told (with ``board`` only).
+        record: replaces keys of the file's ``[record]`` (with ``board`` only).
+        metrics: replaces ``listen`` of its ``[metrics]`` (with ``board`` only).
 
     Raises:
         ValueError: the specification is wrong, or neither or both of board and link are given.
@@ -137,6 +143,7 @@ def run_avr(
         return subprocess.run(command).returncode
     assert board is not None
     file, source = read_board_file(board)
+    file = recorded(file, record or {}, metrics)
     program = simulator()
     return run_on_board(
         file,

@@ -16,7 +16,8 @@ from vbus.protocols.port import PortInfo
 NAME: Final = "libvbus-exec.so"
 _SOURCES: Final = (
     "x86.c", "x86_two.c", "x86_wide.c", "client.c", "card.c", "trap.c", "files.c",
-    "descriptors.c", "programs.c", "clock.c", "running.c", "threads.c", "timers.c", "time64.c",
+    "descriptors.c", "programs.c", "turns.c", "signals.c", "spin.c", "clock.c", "threads.c",
+    "queues.c", "timers.c", "listen.c", "calls.c", "time64.c",
 )  # fmt: skip
 _FLAGS: Final = (
     "-shared", "-fPIC", "-std=gnu11", "-O2", "-mno-red-zone", "-fvisibility=hidden",
@@ -102,8 +103,10 @@ def _build(folder: Path) -> None:
     (folder / "built").touch()
 
 
-def environment(info: PortInfo, where: str) -> dict[str, str]:
+def environment(info: PortInfo, where: str, note: Path | None = None) -> dict[str, str]:
     """Return the variables with which a program finds the card behind link ``where``.
+
+    The library makes the file ``note`` when the program ends by a fault of its own.
 
     Raises:
         ConfigError: the link has no card.
@@ -112,7 +115,8 @@ def environment(info: PortInfo, where: str) -> dict[str, str]:
     if not info.card:
         raise ConfigError(f"{where}: this link has no card; name one as card of its host")
     cycles = ",".join(str(chip.cycle_ps) for chip in info.chips)
-    told = f"policy={info.policy};cycles={cycles};{info.program};card={_sorted(info.card)}"
+    told = f"policy={info.policy};cycles={cycles};{info.program};"
+    told += f"note={note or ''};card={_sorted(info.card)}"
     loaded = [library(), *filter(None, [os.environ.get("LD_PRELOAD")])]
     variables = {"VBUS_LINK": where, "VBUS_EXEC": told, "LD_PRELOAD": ":".join(loaded)}
     if "memory=1" in info.program and "GLIBC_TUNABLES" not in os.environ:

@@ -92,6 +92,7 @@ class Command:
         buffered: the value takes effect at an update.
         signed: the (single) value is two's complement.
         fraction: fraction bits of the value.
+        unit: what the value counts.
     """
 
     name: str
@@ -111,6 +112,7 @@ class Command:
     buffered: bool = False
     signed: bool = False
     fraction: int = 0
+    unit: str = ""
 
 
 class CommandTable:
@@ -184,6 +186,7 @@ class Register:
         fields: its bits by name.
         on_read: method of the chip that gives its bytes; "": they are read as they stand.
         on_write: method of the chip that takes its bytes; "": they are stored.
+        on_loaded: method of the chip that is told when its least significant byte has been stored.
     """
 
     name: str
@@ -199,6 +202,7 @@ class Register:
     fields: tuple[Bit, ...] = ()
     on_read: str = ""
     on_write: str = ""
+    on_loaded: str = ""
 
     @property
     def bits(self) -> int:
@@ -246,10 +250,10 @@ class RegisterMap:
     def find_hooks(
         self, role: str, owner: type, plain: str = "", read_only: str = ""
     ) -> dict[int, Callable[..., Any]]:
-        """Return the methods of ``owner`` that rows name, by the addresses of their bytes.
+        """Return the methods of ``owner`` that rows name, by address of the bytes they are for.
 
         Args:
-            role: which name of a row: ``"on_read"`` or ``"on_write"``.
+            role: which name of a row: ``"on_read"``, ``"on_write"`` or ``"on_loaded"``.
             owner: class of the methods.
             plain: method of rows that name none; "": none.
             read_only: the same for rows that cannot be written.
@@ -264,92 +268,93 @@ class RegisterMap:
                 method = getattr(owner, name, None)
                 if not callable(method):
                     raise ValueError(f"{row.name}: there is no method {name!r}")
-                found.update(dict.fromkeys(row.addresses, method))
+                addresses = row.addresses[-1:] if role == "on_loaded" else row.addresses
+                found.update(dict.fromkeys(addresses, method))
         return found
 
 
 AXIS_SHIFT = 12
 COMMANDS = CommandTable(
-    Command(name='SET_1', code=1, write=0, read=1, up_to=0, clause='PMD-CMD-1', title='Set current axis # to 1', note='', scope='', hook='select', parameter='', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_2', code=2, write=0, read=1, up_to=0, clause='PMD-CMD-2', title='Set current axis # to 2', note='', scope='', hook='select', parameter='', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_I', code=8, write=0, read=1, up_to=0, clause='PMD-CMD-3', title='Set current axis # to the interrupting axis', note='', scope='i', hook='select_interrupting', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_PRFL_S_CRV', code=11, write=0, read=0, up_to=0, clause='PMD-CMD-4', title='Set profile mode to S-curve', note='', scope='c', hook='set_profile', parameter='', value=2, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_PRFL_TRAP', code=9, write=0, read=0, up_to=0, clause='PMD-CMD-5', title='Set profile mode to trapezoidal point to point', note='', scope='c', hook='set_profile', parameter='', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_PRFL_VEL', code=10, write=0, read=0, up_to=0, clause='PMD-CMD-6', title='Set profile mode to velocity-contouring', note='', scope='c', hook='set_profile', parameter='', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_PRFL_GEAR', code=12, write=0, read=0, up_to=0, clause='PMD-CMD-7', title='Set profile mode to electronic gear', note='', scope='c', hook='set_profile', parameter='', value=3, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_POS', code=16, write=2, read=0, up_to=0, clause='PMD-CMD-8', title='Set command position', note='', scope='c', hook='set_position', parameter='', value=None, bits=31, least=0, buffered=True, signed=True, fraction=0),
-    Command(name='SET_VEL', code=17, write=2, read=0, up_to=0, clause='PMD-CMD-9', title='Set command velocity', note='', scope='c', hook='', parameter='buffer.velocity', value=None, bits=30, least=0, buffered=True, signed=False, fraction=16),
-    Command(name='SET_ACC', code=18, write=2, read=0, up_to=0, clause='PMD-CMD-10', title='Set command acceleration', note='', scope='c', hook='', parameter='buffer.acceleration', value=None, bits=32, least=0, buffered=True, signed=True, fraction=16),
-    Command(name='SET_MAX_ACC', code=21, write=1, read=0, up_to=0, clause='PMD-CMD-11', title='Set max acceleration (S-curve profile only)', note='', scope='c', hook='', parameter='buffer.max_acceleration', value=None, bits=15, least=0, buffered=True, signed=False, fraction=16),
-    Command(name='SET_JERK', code=19, write=2, read=0, up_to=0, clause='PMD-CMD-12', title='Set command jerk', note='', scope='c', hook='', parameter='buffer.jerk', value=None, bits=31, least=0, buffered=True, signed=False, fraction=32),
-    Command(name='SET_RATIO', code=20, write=2, read=0, up_to=0, clause='PMD-CMD-13', title='Set command electronic gear ratio', note='', scope='c', hook='', parameter='buffer.ratio', value=None, bits=32, least=0, buffered=True, signed=True, fraction=16),
-    Command(name='SET_START_VEL', code=106, write=2, read=0, up_to=0, clause='PMD-CMD-14', title='Set starting velocity', note='', scope='c', hook='set_start_velocity', parameter='', value=None, bits=30, least=0, buffered=False, signed=False, fraction=16),
-    Command(name='STOP', code=70, write=0, read=0, up_to=0, clause='PMD-CMD-15', title='Abruptly stop current axis motion', note='', scope='c', hook='', parameter='buffer.stop', value=1, bits=0, least=0, buffered=True, signed=False, fraction=0),
-    Command(name='SMOOTH_STOP', code=78, write=0, read=0, up_to=0, clause='PMD-CMD-16', title='Smoothly stop current axis motion', note='', scope='c', hook='', parameter='buffer.smooth_stop', value=1, bits=0, least=0, buffered=True, signed=False, fraction=0),
-    Command(name='SYNCH_PRFL', code=71, write=0, read=0, up_to=0, clause='PMD-CMD-17', title='Set target position to actual position', note='', scope='c', hook='', parameter='buffer.synch', value=1, bits=0, least=0, buffered=True, signed=False, fraction=0),
-    Command(name='GET_POS', code=74, write=0, read=2, up_to=0, clause='PMD-CMD-18', title='Get command position', note='', scope='c', hook='', parameter='buffer.position', value=None, bits=0, least=0, buffered=True, signed=True, fraction=0),
-    Command(name='GET_VEL', code=75, write=0, read=2, up_to=0, clause='PMD-CMD-19', title='Get command velocity', note='', scope='c', hook='', parameter='buffer.velocity', value=None, bits=0, least=0, buffered=True, signed=False, fraction=16),
-    Command(name='GET_ACC', code=76, write=0, read=2, up_to=0, clause='PMD-CMD-20', title='Get command acceleration', note='', scope='c', hook='', parameter='buffer.acceleration', value=None, bits=0, least=0, buffered=True, signed=True, fraction=16),
-    Command(name='GET_MAX_ACC', code=79, write=0, read=1, up_to=0, clause='PMD-CMD-21', title='Get max acceleration (S-curve profile only)', note='', scope='c', hook='', parameter='buffer.max_acceleration', value=None, bits=0, least=0, buffered=True, signed=False, fraction=16),
-    Command(name='GET_JERK', code=88, write=0, read=2, up_to=0, clause='PMD-CMD-22', title='Get command jerk', note='', scope='c', hook='', parameter='buffer.jerk', value=None, bits=0, least=0, buffered=True, signed=False, fraction=32),
-    Command(name='GET_RATIO', code=89, write=0, read=2, up_to=0, clause='PMD-CMD-23', title='Get command electronic gear ratio', note='', scope='c', hook='', parameter='buffer.ratio', value=None, bits=0, least=0, buffered=True, signed=True, fraction=16),
-    Command(name='GET_START_VEL', code=107, write=0, read=2, up_to=0, clause='PMD-CMD-24', title='Get starting velocity', note='', scope='c', hook='', parameter='start_velocity', value=None, bits=0, least=0, buffered=False, signed=False, fraction=16),
-    Command(name='GET_TRGT_POS', code=29, write=0, read=2, up_to=0, clause='PMD-CMD-25', title='Get current target position', note='', scope='c', hook='', parameter='profile.target_position', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='GET_TRGT_VEL', code=30, write=0, read=2, up_to=0, clause='PMD-CMD-26', title='Get current target velocity', note='', scope='c', hook='', parameter='profile.target_velocity', value=None, bits=0, least=0, buffered=False, signed=True, fraction=16),
-    Command(name='SET_TIME_BRK', code=23, write=0, read=0, up_to=0, clause='PMD-CMD-27', title='Set breakpoint mode to time', note='', scope='c', hook='', parameter='breakpoint_mode', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_POS_BRK', code=24, write=0, read=0, up_to=0, clause='PMD-CMD-28', title='Set breakpoint mode to positive target position', note='', scope='c', hook='', parameter='breakpoint_mode', value=2, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_NEG_BRK', code=25, write=0, read=0, up_to=0, clause='PMD-CMD-29', title='Set breakpoint mode to negative target position', note='', scope='c', hook='', parameter='breakpoint_mode', value=3, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_ACTL_POS_BRK', code=27, write=0, read=0, up_to=0, clause='PMD-CMD-30', title='Set breakpoint mode to positive actual position', note='', scope='c', hook='', parameter='breakpoint_mode', value=4, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_ACTL_NEG_BRK', code=28, write=0, read=0, up_to=0, clause='PMD-CMD-31', title='Set breakpoint mode to negative actual position', note='', scope='c', hook='', parameter='breakpoint_mode', value=5, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_MTN_CMPLT_BRK', code=53, write=0, read=0, up_to=0, clause='PMD-CMD-32', title='Set breakpoint mode to motion complete', note='', scope='c', hook='', parameter='breakpoint_mode', value=6, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_EXT_BRK', code=94, write=0, read=0, up_to=0, clause='PMD-CMD-33', title='Set breakpoint mode to external', note='', scope='c', hook='', parameter='breakpoint_mode', value=7, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_BRK_OFF', code=109, write=0, read=0, up_to=0, clause='PMD-CMD-34', title='Set breakpoint mode off', note='', scope='c', hook='', parameter='breakpoint_mode', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_BRK_PNT', code=22, write=2, read=0, up_to=0, clause='PMD-CMD-35', title='Set breakpoint comparison value', note='', scope='c', hook='', parameter='breakpoint_value', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='UPDATE', code=26, write=0, read=0, up_to=0, clause='PMD-CMD-36', title='Immediate parameter update', note='', scope='c', hook='request_update', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='MULTI_UPDATE', code=91, write=1, read=0, up_to=0, clause='PMD-CMD-37', title='Multiple axis immediate parameter update', note='', scope='g', hook='update_several', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_AUTO_UPDATE_ON', code=92, write=0, read=0, up_to=0, clause='PMD-CMD-38', title='Set automatic profile update on', note='', scope='c', hook='', parameter='auto_update', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_AUTO_UPDATE_OFF', code=93, write=0, read=0, up_to=0, clause='PMD-CMD-39', title='Set automatic profile update off', note='', scope='c', hook='', parameter='auto_update', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_BRK_PNT', code=87, write=0, read=2, up_to=0, clause='PMD-CMD-40', title='Get breakpoint comparison value', note='', scope='c', hook='', parameter='breakpoint_value', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='SET_INTRPT_MASK', code=47, write=1, read=0, up_to=0, clause='PMD-CMD-41', title='Set interrupt mask', note='', scope='c', hook='', parameter='interrupt_mask', value=None, bits=8, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_INTRPT', code=48, write=0, read=1, up_to=0, clause='PMD-CMD-42', title='Get status of interrupting axis', note='', scope='i', hook='interrupting_status', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='RST_INTRPT', code=50, write=1, read=0, up_to=0, clause='PMD-CMD-43', title='Reset interrupting events', note='', scope='i', hook='reset_interrupt', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_INTRPT_MASK', code=86, write=0, read=1, up_to=0, clause='PMD-CMD-44', title='Get interrupt mask', note='', scope='c', hook='', parameter='interrupt_mask', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='CLR_STATUS', code=51, write=0, read=0, up_to=0, clause='PMD-CMD-45', title='Reset status of current axis', note='', scope='c', hook='clear_events', parameter='', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='RST_STATUS', code=52, write=1, read=0, up_to=0, clause='PMD-CMD-46', title='Reset events for current axis', note='', scope='c', hook='clear_events', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_STATUS', code=49, write=0, read=1, up_to=0, clause='PMD-CMD-47', title='Get axis status word', note='', scope='c', hook='', parameter='status', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_MODE', code=72, write=0, read=1, up_to=0, clause='PMD-CMD-48', title='Get axis mode word', note='', scope='c', hook='', parameter='mode', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_ACTL_POS', code=55, write=0, read=2, up_to=0, clause='PMD-CMD-49', title='Get current actual axis location', note='', scope='c', hook='', parameter='encoder.actual', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='SET_CAPT_INDEX', code=100, write=0, read=0, up_to=0, clause='PMD-CMD-50', title='Set index signal as position capture trigger', note='', scope='c', hook='set_capture', parameter='', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_CAPT_HOME', code=101, write=0, read=0, up_to=0, clause='PMD-CMD-51', title='Set home signal as position capture trigger', note='', scope='c', hook='set_capture', parameter='', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_CAPT', code=54, write=0, read=2, up_to=0, clause='PMD-CMD-52', title='Get current axis position capture location', note='', scope='c', hook='captured', parameter='', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='SET_STEP_RATIO', code=104, write=1, read=0, up_to=0, clause='PMD-CMD-53', title='Set number of encoder counts per step', note='', scope='c', hook='set_step_ratio', parameter='', value=None, bits=15, least=0, buffered=False, signed=False, fraction=8),
-    Command(name='GET_STEP_RATIO', code=111, write=0, read=1, up_to=0, clause='PMD-CMD-54', title='Get number of encoder counts per step', note='', scope='c', hook='', parameter='step_ratio', value=None, bits=0, least=0, buffered=False, signed=False, fraction=8),
-    Command(name='SET_AUTO_STOP_ON', code=69, write=0, read=0, up_to=0, clause='PMD-CMD-55', title='Set auto stop on motion error mode on', note='', scope='c', hook='', parameter='auto_stop', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_AUTO_STOP_OFF', code=68, write=0, read=0, up_to=0, clause='PMD-CMD-56', title='Set auto stop on motion error mode off', note='', scope='c', hook='', parameter='auto_stop', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_POS_ERR', code=41, write=1, read=0, up_to=0, clause='PMD-CMD-57', title='Set maximum position error limit', note='', scope='c', hook='', parameter='position_error_limit', value=None, bits=15, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_POS_ERR', code=85, write=0, read=1, up_to=0, clause='PMD-CMD-58', title='Get maximum position error limit', note='', scope='c', hook='', parameter='position_error_limit', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_ACTL_POS_ERR', code=96, write=0, read=1, up_to=0, clause='PMD-CMD-59', title='Get actual position error', note='', scope='c', hook='', parameter='position_error', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='SET_OUTPUT_PWM', code=60, write=0, read=0, up_to=0, clause='PMD-CMD-60', title='Set motor output mode to PWM', note='', scope='g', hook='', parameter='output_mode', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_OUTPUT_DAC16', code=59, write=0, read=0, up_to=0, clause='PMD-CMD-61', title='Set motor output mode to 16-bit DAC', note='', scope='g', hook='', parameter='output_mode', value=2, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='MTR_ON', code=67, write=0, read=0, up_to=0, clause='PMD-CMD-62', title='Enable profile generator', note='', scope='c', hook='enable', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='MTR_OFF', code=66, write=0, read=0, up_to=0, clause='PMD-CMD-63', title='Disable profile generator', note='', scope='c', hook='disable', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_MTR_CMD', code=98, write=1, read=0, up_to=0, clause='PMD-CMD-64', title='Write direct value to motor output', note='', scope='c', hook='set_motor_command', parameter='', value=None, bits=16, least=-32767, buffered=False, signed=True, fraction=0),
-    Command(name='GET_MTR_CMD', code=58, write=0, read=1, up_to=0, clause='PMD-CMD-65', title='Read motor output command', note='', scope='c', hook='', parameter='active.motor_command', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='SET_BUF_MTR_CMD', code=119, write=1, read=0, up_to=0, clause='PMD-CMD-66', title='Write double buffered motor command output', note='', scope='c', hook='set_buffered_motor_command', parameter='', value=None, bits=16, least=-32767, buffered=True, signed=True, fraction=0),
-    Command(name='GET_BUF_MTR_CMD', code=105, write=0, read=1, up_to=0, clause='PMD-CMD-67', title='Get double buffered motor command value', note='', scope='c', hook='', parameter='buffer.motor_command', value=None, bits=0, least=0, buffered=True, signed=True, fraction=0),
-    Command(name='GET_OUTPUT_MODE', code=110, write=0, read=1, up_to=0, clause='PMD-CMD-68', title='Get current output mode', note='', scope='g', hook='', parameter='output_mode', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_ACTL_POS', code=77, write=2, read=0, up_to=0, clause='PMD-CMD-69', title='Set axis position', note='', scope='c', hook='set_actual_position', parameter='', value=None, bits=31, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='SET_LMT_SENSE', code=102, write=1, read=0, up_to=0, clause='PMD-CMD-70', title='Set limit switch bit sense', note='', scope='g', hook='', parameter='limit_sense', value=None, bits=4, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_LMT_SWTCH', code=103, write=0, read=1, up_to=0, clause='PMD-CMD-71', title='Get state of limit switches', note='', scope='g', hook='limit_switches', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='LMTS_ON', code=112, write=0, read=0, up_to=0, clause='PMD-CMD-72', title='Set limit switch sensing on', note='', scope='g', hook='set_sensing', parameter='', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='LMTS_OFF', code=113, write=0, read=0, up_to=0, clause='PMD-CMD-73', title='Set limit switch sensing off', note='', scope='g', hook='set_sensing', parameter='', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_HOME', code=5, write=0, read=1, up_to=0, clause='PMD-CMD-74', title='Get state of home switches', note='', scope='g', hook='home_switches', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='RESET', code=57, write=0, read=0, up_to=0, clause='PMD-CMD-75', title='Reset chipset', note='', scope='g', hook='reset', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_VRSN', code=108, write=0, read=1, up_to=0, clause='PMD-CMD-76', title='Get chipset software version information', note='', scope='g', hook='version', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_TIME', code=62, write=0, read=2, up_to=0, clause='PMD-CMD-77', title='Get current chip set time (# cycles)', note='', scope='g', hook='', parameter='time', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_PHASE_2', code=116, write=0, read=0, up_to=0, clause='PMD-CMD-78', title='Set waveform to 2-phase', note='', scope='c', hook='set_phases', parameter='', value=2, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SET_PHASE_3', code=115, write=0, read=0, up_to=0, clause='PMD-CMD-79', title='Set waveform to 3-phase', note='', scope='c', hook='set_phases', parameter='', value=3, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='GET_PHASE_INFO', code=127, write=0, read=1, up_to=0, clause='PMD-CMD-80', title='Get commutation flags set by host', note='', scope='c', hook='', parameter='stepper.phase_info', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
+    Command(name='SET_1', code=1, write=0, read=1, up_to=0, clause='PMD-CMD-1', title='Set current axis # to 1', note='', scope='', hook='select', parameter='', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_2', code=2, write=0, read=1, up_to=0, clause='PMD-CMD-2', title='Set current axis # to 2', note='', scope='', hook='select', parameter='', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_I', code=8, write=0, read=1, up_to=0, clause='PMD-CMD-3', title='Set current axis # to the interrupting axis', note='', scope='i', hook='select_interrupting', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_PRFL_S_CRV', code=11, write=0, read=0, up_to=0, clause='PMD-CMD-4', title='Set profile mode to S-curve', note='', scope='c', hook='set_profile', parameter='', value=2, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_PRFL_TRAP', code=9, write=0, read=0, up_to=0, clause='PMD-CMD-5', title='Set profile mode to trapezoidal point to point', note='', scope='c', hook='set_profile', parameter='', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_PRFL_VEL', code=10, write=0, read=0, up_to=0, clause='PMD-CMD-6', title='Set profile mode to velocity-contouring', note='', scope='c', hook='set_profile', parameter='', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_PRFL_GEAR', code=12, write=0, read=0, up_to=0, clause='PMD-CMD-7', title='Set profile mode to electronic gear', note='', scope='c', hook='set_profile', parameter='', value=3, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_POS', code=16, write=2, read=0, up_to=0, clause='PMD-CMD-8', title='Set command position', note='', scope='c', hook='set_position', parameter='', value=None, bits=31, least=0, buffered=True, signed=True, fraction=0, unit='ustep'),
+    Command(name='SET_VEL', code=17, write=2, read=0, up_to=0, clause='PMD-CMD-9', title='Set command velocity', note='', scope='c', hook='', parameter='buffer.velocity', value=None, bits=30, least=0, buffered=True, signed=False, fraction=16, unit='ustep/cycle'),
+    Command(name='SET_ACC', code=18, write=2, read=0, up_to=0, clause='PMD-CMD-10', title='Set command acceleration', note='', scope='c', hook='', parameter='buffer.acceleration', value=None, bits=32, least=0, buffered=True, signed=True, fraction=16, unit='ustep/cycle/cycle'),
+    Command(name='SET_MAX_ACC', code=21, write=1, read=0, up_to=0, clause='PMD-CMD-11', title='Set max acceleration (S-curve profile only)', note='', scope='c', hook='', parameter='buffer.max_acceleration', value=None, bits=15, least=0, buffered=True, signed=False, fraction=16, unit='ustep/cycle/cycle'),
+    Command(name='SET_JERK', code=19, write=2, read=0, up_to=0, clause='PMD-CMD-12', title='Set command jerk', note='', scope='c', hook='', parameter='buffer.jerk', value=None, bits=31, least=0, buffered=True, signed=False, fraction=32, unit='ustep/cycle/cycle/cycle'),
+    Command(name='SET_RATIO', code=20, write=2, read=0, up_to=0, clause='PMD-CMD-13', title='Set command electronic gear ratio', note='', scope='c', hook='', parameter='buffer.ratio', value=None, bits=32, least=0, buffered=True, signed=True, fraction=16, unit='ustep/cnt'),
+    Command(name='SET_START_VEL', code=106, write=2, read=0, up_to=0, clause='PMD-CMD-14', title='Set starting velocity', note='', scope='c', hook='set_start_velocity', parameter='', value=None, bits=30, least=0, buffered=False, signed=False, fraction=16, unit='ustep/cycle'),
+    Command(name='STOP', code=70, write=0, read=0, up_to=0, clause='PMD-CMD-15', title='Abruptly stop current axis motion', note='', scope='c', hook='', parameter='buffer.stop', value=1, bits=0, least=0, buffered=True, signed=False, fraction=0, unit=''),
+    Command(name='SMOOTH_STOP', code=78, write=0, read=0, up_to=0, clause='PMD-CMD-16', title='Smoothly stop current axis motion', note='', scope='c', hook='', parameter='buffer.smooth_stop', value=1, bits=0, least=0, buffered=True, signed=False, fraction=0, unit=''),
+    Command(name='SYNCH_PRFL', code=71, write=0, read=0, up_to=0, clause='PMD-CMD-17', title='Set target position to actual position', note='', scope='c', hook='', parameter='buffer.synch', value=1, bits=0, least=0, buffered=True, signed=False, fraction=0, unit=''),
+    Command(name='GET_POS', code=74, write=0, read=2, up_to=0, clause='PMD-CMD-18', title='Get command position', note='', scope='c', hook='', parameter='buffer.position', value=None, bits=0, least=0, buffered=True, signed=True, fraction=0, unit='ustep'),
+    Command(name='GET_VEL', code=75, write=0, read=2, up_to=0, clause='PMD-CMD-19', title='Get command velocity', note='', scope='c', hook='', parameter='buffer.velocity', value=None, bits=0, least=0, buffered=True, signed=False, fraction=16, unit='ustep/cycle'),
+    Command(name='GET_ACC', code=76, write=0, read=2, up_to=0, clause='PMD-CMD-20', title='Get command acceleration', note='', scope='c', hook='', parameter='buffer.acceleration', value=None, bits=0, least=0, buffered=True, signed=True, fraction=16, unit='ustep/cycle/cycle'),
+    Command(name='GET_MAX_ACC', code=79, write=0, read=1, up_to=0, clause='PMD-CMD-21', title='Get max acceleration (S-curve profile only)', note='', scope='c', hook='', parameter='buffer.max_acceleration', value=None, bits=0, least=0, buffered=True, signed=False, fraction=16, unit='ustep/cycle/cycle'),
+    Command(name='GET_JERK', code=88, write=0, read=2, up_to=0, clause='PMD-CMD-22', title='Get command jerk', note='', scope='c', hook='', parameter='buffer.jerk', value=None, bits=0, least=0, buffered=True, signed=False, fraction=32, unit='ustep/cycle/cycle/cycle'),
+    Command(name='GET_RATIO', code=89, write=0, read=2, up_to=0, clause='PMD-CMD-23', title='Get command electronic gear ratio', note='', scope='c', hook='', parameter='buffer.ratio', value=None, bits=0, least=0, buffered=True, signed=True, fraction=16, unit='ustep/cnt'),
+    Command(name='GET_START_VEL', code=107, write=0, read=2, up_to=0, clause='PMD-CMD-24', title='Get starting velocity', note='', scope='c', hook='', parameter='start_velocity', value=None, bits=0, least=0, buffered=False, signed=False, fraction=16, unit='ustep/cycle'),
+    Command(name='GET_TRGT_POS', code=29, write=0, read=2, up_to=0, clause='PMD-CMD-25', title='Get current target position', note='', scope='c', hook='', parameter='profile.target_position', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit='ustep'),
+    Command(name='GET_TRGT_VEL', code=30, write=0, read=2, up_to=0, clause='PMD-CMD-26', title='Get current target velocity', note='', scope='c', hook='', parameter='profile.target_velocity', value=None, bits=0, least=0, buffered=False, signed=True, fraction=16, unit='ustep/cycle'),
+    Command(name='SET_TIME_BRK', code=23, write=0, read=0, up_to=0, clause='PMD-CMD-27', title='Set breakpoint mode to time', note='', scope='c', hook='', parameter='breakpoint_mode', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_POS_BRK', code=24, write=0, read=0, up_to=0, clause='PMD-CMD-28', title='Set breakpoint mode to positive target position', note='', scope='c', hook='', parameter='breakpoint_mode', value=2, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_NEG_BRK', code=25, write=0, read=0, up_to=0, clause='PMD-CMD-29', title='Set breakpoint mode to negative target position', note='', scope='c', hook='', parameter='breakpoint_mode', value=3, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_ACTL_POS_BRK', code=27, write=0, read=0, up_to=0, clause='PMD-CMD-30', title='Set breakpoint mode to positive actual position', note='', scope='c', hook='', parameter='breakpoint_mode', value=4, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_ACTL_NEG_BRK', code=28, write=0, read=0, up_to=0, clause='PMD-CMD-31', title='Set breakpoint mode to negative actual position', note='', scope='c', hook='', parameter='breakpoint_mode', value=5, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_MTN_CMPLT_BRK', code=53, write=0, read=0, up_to=0, clause='PMD-CMD-32', title='Set breakpoint mode to motion complete', note='', scope='c', hook='', parameter='breakpoint_mode', value=6, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_EXT_BRK', code=94, write=0, read=0, up_to=0, clause='PMD-CMD-33', title='Set breakpoint mode to external', note='', scope='c', hook='', parameter='breakpoint_mode', value=7, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_BRK_OFF', code=109, write=0, read=0, up_to=0, clause='PMD-CMD-34', title='Set breakpoint mode off', note='', scope='c', hook='', parameter='breakpoint_mode', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_BRK_PNT', code=22, write=2, read=0, up_to=0, clause='PMD-CMD-35', title='Set breakpoint comparison value', note='', scope='c', hook='', parameter='breakpoint_value', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit=''),
+    Command(name='UPDATE', code=26, write=0, read=0, up_to=0, clause='PMD-CMD-36', title='Immediate parameter update', note='', scope='c', hook='request_update', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='MULTI_UPDATE', code=91, write=1, read=0, up_to=0, clause='PMD-CMD-37', title='Multiple axis immediate parameter update', note='', scope='g', hook='update_several', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_AUTO_UPDATE_ON', code=92, write=0, read=0, up_to=0, clause='PMD-CMD-38', title='Set automatic profile update on', note='', scope='c', hook='', parameter='auto_update', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_AUTO_UPDATE_OFF', code=93, write=0, read=0, up_to=0, clause='PMD-CMD-39', title='Set automatic profile update off', note='', scope='c', hook='', parameter='auto_update', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='GET_BRK_PNT', code=87, write=0, read=2, up_to=0, clause='PMD-CMD-40', title='Get breakpoint comparison value', note='', scope='c', hook='', parameter='breakpoint_value', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit=''),
+    Command(name='SET_INTRPT_MASK', code=47, write=1, read=0, up_to=0, clause='PMD-CMD-41', title='Set interrupt mask', note='', scope='c', hook='', parameter='interrupt_mask', value=None, bits=8, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='GET_INTRPT', code=48, write=0, read=1, up_to=0, clause='PMD-CMD-42', title='Get status of interrupting axis', note='', scope='i', hook='interrupting_status', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='RST_INTRPT', code=50, write=1, read=0, up_to=0, clause='PMD-CMD-43', title='Reset interrupting events', note='', scope='i', hook='reset_interrupt', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='GET_INTRPT_MASK', code=86, write=0, read=1, up_to=0, clause='PMD-CMD-44', title='Get interrupt mask', note='', scope='c', hook='', parameter='interrupt_mask', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='CLR_STATUS', code=51, write=0, read=0, up_to=0, clause='PMD-CMD-45', title='Reset status of current axis', note='', scope='c', hook='clear_events', parameter='', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='RST_STATUS', code=52, write=1, read=0, up_to=0, clause='PMD-CMD-46', title='Reset events for current axis', note='', scope='c', hook='clear_events', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='GET_STATUS', code=49, write=0, read=1, up_to=0, clause='PMD-CMD-47', title='Get axis status word', note='', scope='c', hook='', parameter='status', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='GET_MODE', code=72, write=0, read=1, up_to=0, clause='PMD-CMD-48', title='Get axis mode word', note='', scope='c', hook='', parameter='mode', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='GET_ACTL_POS', code=55, write=0, read=2, up_to=0, clause='PMD-CMD-49', title='Get current actual axis location', note='', scope='c', hook='', parameter='encoder.actual', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit='cnt'),
+    Command(name='SET_CAPT_INDEX', code=100, write=0, read=0, up_to=0, clause='PMD-CMD-50', title='Set index signal as position capture trigger', note='', scope='c', hook='set_capture', parameter='', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_CAPT_HOME', code=101, write=0, read=0, up_to=0, clause='PMD-CMD-51', title='Set home signal as position capture trigger', note='', scope='c', hook='set_capture', parameter='', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='GET_CAPT', code=54, write=0, read=2, up_to=0, clause='PMD-CMD-52', title='Get current axis position capture location', note='', scope='c', hook='captured', parameter='', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit='cnt'),
+    Command(name='SET_STEP_RATIO', code=104, write=1, read=0, up_to=0, clause='PMD-CMD-53', title='Set number of encoder counts per step', note='', scope='c', hook='set_step_ratio', parameter='', value=None, bits=15, least=0, buffered=False, signed=False, fraction=8, unit='cnt/ustep'),
+    Command(name='GET_STEP_RATIO', code=111, write=0, read=1, up_to=0, clause='PMD-CMD-54', title='Get number of encoder counts per step', note='', scope='c', hook='', parameter='step_ratio', value=None, bits=0, least=0, buffered=False, signed=False, fraction=8, unit='cnt/ustep'),
+    Command(name='SET_AUTO_STOP_ON', code=69, write=0, read=0, up_to=0, clause='PMD-CMD-55', title='Set auto stop on motion error mode on', note='', scope='c', hook='', parameter='auto_stop', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_AUTO_STOP_OFF', code=68, write=0, read=0, up_to=0, clause='PMD-CMD-56', title='Set auto stop on motion error mode off', note='', scope='c', hook='', parameter='auto_stop', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_POS_ERR', code=41, write=1, read=0, up_to=0, clause='PMD-CMD-57', title='Set maximum position error limit', note='', scope='c', hook='', parameter='position_error_limit', value=None, bits=15, least=0, buffered=False, signed=False, fraction=0, unit='cnt'),
+    Command(name='GET_POS_ERR', code=85, write=0, read=1, up_to=0, clause='PMD-CMD-58', title='Get maximum position error limit', note='', scope='c', hook='', parameter='position_error_limit', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit='cnt'),
+    Command(name='GET_ACTL_POS_ERR', code=96, write=0, read=1, up_to=0, clause='PMD-CMD-59', title='Get actual position error', note='', scope='c', hook='', parameter='position_error', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit='cnt'),
+    Command(name='SET_OUTPUT_PWM', code=60, write=0, read=0, up_to=0, clause='PMD-CMD-60', title='Set motor output mode to PWM', note='', scope='g', hook='', parameter='output_mode', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_OUTPUT_DAC16', code=59, write=0, read=0, up_to=0, clause='PMD-CMD-61', title='Set motor output mode to 16-bit DAC', note='', scope='g', hook='', parameter='output_mode', value=2, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='MTR_ON', code=67, write=0, read=0, up_to=0, clause='PMD-CMD-62', title='Enable profile generator', note='', scope='c', hook='enable', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='MTR_OFF', code=66, write=0, read=0, up_to=0, clause='PMD-CMD-63', title='Disable profile generator', note='', scope='c', hook='disable', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_MTR_CMD', code=98, write=1, read=0, up_to=0, clause='PMD-CMD-64', title='Write direct value to motor output', note='', scope='c', hook='set_motor_command', parameter='', value=None, bits=16, least=-32767, buffered=False, signed=True, fraction=0, unit=''),
+    Command(name='GET_MTR_CMD', code=58, write=0, read=1, up_to=0, clause='PMD-CMD-65', title='Read motor output command', note='', scope='c', hook='', parameter='active.motor_command', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit=''),
+    Command(name='SET_BUF_MTR_CMD', code=119, write=1, read=0, up_to=0, clause='PMD-CMD-66', title='Write double buffered motor command output', note='', scope='c', hook='set_buffered_motor_command', parameter='', value=None, bits=16, least=-32767, buffered=True, signed=True, fraction=0, unit=''),
+    Command(name='GET_BUF_MTR_CMD', code=105, write=0, read=1, up_to=0, clause='PMD-CMD-67', title='Get double buffered motor command value', note='', scope='c', hook='', parameter='buffer.motor_command', value=None, bits=0, least=0, buffered=True, signed=True, fraction=0, unit=''),
+    Command(name='GET_OUTPUT_MODE', code=110, write=0, read=1, up_to=0, clause='PMD-CMD-68', title='Get current output mode', note='', scope='g', hook='', parameter='output_mode', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_ACTL_POS', code=77, write=2, read=0, up_to=0, clause='PMD-CMD-69', title='Set axis position', note='', scope='c', hook='set_actual_position', parameter='', value=None, bits=31, least=0, buffered=False, signed=True, fraction=0, unit=''),
+    Command(name='SET_LMT_SENSE', code=102, write=1, read=0, up_to=0, clause='PMD-CMD-70', title='Set limit switch bit sense', note='', scope='g', hook='', parameter='limit_sense', value=None, bits=4, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='GET_LMT_SWTCH', code=103, write=0, read=1, up_to=0, clause='PMD-CMD-71', title='Get state of limit switches', note='', scope='g', hook='limit_switches', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='LMTS_ON', code=112, write=0, read=0, up_to=0, clause='PMD-CMD-72', title='Set limit switch sensing on', note='', scope='g', hook='set_sensing', parameter='', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='LMTS_OFF', code=113, write=0, read=0, up_to=0, clause='PMD-CMD-73', title='Set limit switch sensing off', note='', scope='g', hook='set_sensing', parameter='', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='GET_HOME', code=5, write=0, read=1, up_to=0, clause='PMD-CMD-74', title='Get state of home switches', note='', scope='g', hook='home_switches', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='RESET', code=57, write=0, read=0, up_to=0, clause='PMD-CMD-75', title='Reset chipset', note='', scope='g', hook='reset', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='GET_VRSN', code=108, write=0, read=1, up_to=0, clause='PMD-CMD-76', title='Get chipset software version information', note='', scope='g', hook='version', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='GET_TIME', code=62, write=0, read=2, up_to=0, clause='PMD-CMD-77', title='Get current chip set time (# cycles)', note='', scope='g', hook='', parameter='time', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit='cycles'),
+    Command(name='SET_PHASE_2', code=116, write=0, read=0, up_to=0, clause='PMD-CMD-78', title='Set waveform to 2-phase', note='', scope='c', hook='set_phases', parameter='', value=2, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SET_PHASE_3', code=115, write=0, read=0, up_to=0, clause='PMD-CMD-79', title='Set waveform to 3-phase', note='', scope='c', hook='set_phases', parameter='', value=3, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='GET_PHASE_INFO', code=127, write=0, read=1, up_to=0, clause='PMD-CMD-80', title='Get commutation flags set by host', note='', scope='c', hook='', parameter='stepper.phase_info', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
 )
 COMMAND_PORT = 1
 DATA_PORT = 0
@@ -361,6 +366,7 @@ MODE_BITS = (Bit(number=7, name='auto stop', title='a motion error turns the mot
 OUTPUT_DAC16 = 2
 OUTPUT_PWM = 0
 PHASE_SHIFT = 13
+PROFILES = ('trapezoidal', 'velocity', 'S-curve', 'gear')
 PROFILE_SHIFT = 11
 RESERVED_CODE = 73
 RESET_PORT = 2

@@ -92,6 +92,7 @@ class Command:
         buffered: the value takes effect at an update.
         signed: the (single) value is two's complement.
         fraction: fraction bits of the value.
+        unit: what the value counts.
     """
 
     name: str
@@ -111,6 +112,7 @@ class Command:
     buffered: bool = False
     signed: bool = False
     fraction: int = 0
+    unit: str = ""
 
 
 class CommandTable:
@@ -184,6 +186,7 @@ class Register:
         fields: its bits by name.
         on_read: method of the chip that gives its bytes; "": they are read as they stand.
         on_write: method of the chip that takes its bytes; "": they are stored.
+        on_loaded: method of the chip that is told when its least significant byte has been stored.
     """
 
     name: str
@@ -199,6 +202,7 @@ class Register:
     fields: tuple[Bit, ...] = ()
     on_read: str = ""
     on_write: str = ""
+    on_loaded: str = ""
 
     @property
     def bits(self) -> int:
@@ -246,10 +250,10 @@ class RegisterMap:
     def find_hooks(
         self, role: str, owner: type, plain: str = "", read_only: str = ""
     ) -> dict[int, Callable[..., Any]]:
-        """Return the methods of ``owner`` that rows name, by the addresses of their bytes.
+        """Return the methods of ``owner`` that rows name, by address of the bytes they are for.
 
         Args:
-            role: which name of a row: ``"on_read"`` or ``"on_write"``.
+            role: which name of a row: ``"on_read"``, ``"on_write"`` or ``"on_loaded"``.
             owner: class of the methods.
             plain: method of rows that name none; "": none.
             read_only: the same for rows that cannot be written.
@@ -264,7 +268,8 @@ class RegisterMap:
                 method = getattr(owner, name, None)
                 if not callable(method):
                     raise ValueError(f"{row.name}: there is no method {name!r}")
-                found.update(dict.fromkeys(row.addresses, method))
+                addresses = row.addresses[-1:] if role == "on_loaded" else row.addresses
+                found.update(dict.fromkeys(addresses, method))
         return found
 
 
@@ -276,56 +281,56 @@ FAMILY = 'mcp1200'
 MODES = ('soft reset', 'idle', 'halt motion', 'control')
 REGISTERS = RegisterMap(
     128,
-    Register(name='FLAG', addresses=(0,), reset=2, access='rw', signed=False, fraction=0, clause='MCP-REG-1', title='Flag Register', unit='', counts='as the last sample left it', fields=(Bit(number=0, name='F0', title='Trapezoid/S-curve Profile'), Bit(number=1, name='F1', title='IDLE Flag'), Bit(number=2, name='F2', title='IN-MOTION Flag'), Bit(number=3, name='F3', title='Position Interpolation Control'), Bit(number=4, name='F4', title='Velocity Interpolation Control'), Bit(number=5, name='F5', title='Integral Velocity Profile')), on_read='', on_write='write_flag'),
-    Register(name='FEATURE', addresses=(1,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-2', title='Feature Control Register', unit='', counts='with the next sample', fields=(Bit(number=2, name='UNIPOLAR', title='Unipolar Select'), Bit(number=3, name='PID', title='Filter Select (0 = Lead, 1 = PID)'), Bit(number=4, name='S_CURVE', title='Profile Mode Select (0 = Trapezoid, 1 = S-Curve)'), Bit(number=5, name='HIGH_RESOLUTION', title='High-Resolution Velocity'), Bit(number=6, name='DIAGNOSTIC_PWM', title='Position Error sent to PWM'), Bit(number=7, name='DIAGNOSTIC_DAC', title='Position Error sent to DAC')), on_read='', on_write=''),
-    Register(name='CONFIG', addresses=(2,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-3', title='Advanced Configuration Register', unit='', counts='at once', fields=(Bit(number=0, name='EXTENDED', title='Extended Addressing'), Bit(number=1, name='STEP_MODE', title='Step Mode Enable'), Bit(number=2, name='STEP_LOW', title='Step Output Polarity (1 = low pulse)'), Bit(number=4, name='BREAK_ENABLE', title='Breakpoint Feature Enable'), Bit(number=5, name='BREAK_REPEAT', title='Breakpoint Mode (1 = Repeat)'), Bit(number=6, name='SIGN_INHIBIT', title='PWM Sign Reversal Inhibit'), Bit(number=7, name='PWM_BIAS', title='PWM Bias (1 = 50% Duty Cycle)')), on_read='', on_write='write_config'),
-    Register(name='CAPTURE_CONTROL', addresses=(3,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-4', title='Capture Control Register', unit='', counts='at once', fields=(Bit(number=0, name='TRIG_LATCH', title='TRIG Latch Output / Clear'), Bit(number=1, name='TRIG_CAPTURE', title='TRIG Input Capture Enable'), Bit(number=2, name='TRIG_INPUT', title='TRIG_IO Pin Direction (1 = Input)'), Bit(number=3, name='INDEX_LATCH', title='INDEX Latch Output / Clear'), Bit(number=4, name='INDEX_CAPTURE', title='INDEX Input Capture Enable'), Bit(number=5, name='INDEX_RISING', title='INDEX Pin Polarity (1 = Rising Edge)'), Bit(number=6, name='BUSY_ON_PROF', title='Interp. Busy Status on PROF pin'), Bit(number=7, name='INTERPOLATOR_BUSY', title='Interp. Busy Status')), on_read='', on_write='write_capture_control'),
-    Register(name='EXCEPTION', addresses=(4,), reset=9, access='rw', signed=False, fraction=0, clause='MCP-REG-5', title='Exception Handling Register', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='MODE', addresses=(5,), reset=1, access='rw', signed=False, fraction=0, clause='MCP-REG-6', title='Mode Brancher', unit='', counts='as the last sample left it', fields=(), on_read='', on_write='write_mode'),
-    Register(name='PHASE', addresses=(6,), reset=0, access='r', signed=False, fraction=0, clause='MCP-REG-7', title='Profile Phase Status', unit='', counts='as the last sample left it', fields=(), on_read='', on_write=''),
-    Register(name='STATUS', addresses=(7,), reset=248, access='rw', signed=False, fraction=0, clause='MCP-REG-8', title='Status Register', unit='', counts='as the last sample left it', fields=(Bit(number=0, name='BUSY', title='BUSY pin state'), Bit(number=1, name='DIRECTION', title='Motor Direction at Last Fault (1 = Reverse)'), Bit(number=2, name='IN_POSITION', title='In-Position Flag'), Bit(number=3, name='TIMER_OK', title='Sample Timer Error (active low)'), Bit(number=4, name='ERROR_OK', title='Maximum Error Fault (active low)'), Bit(number=5, name='BREAKPOINT_OK', title='Breakpoint Flag (active low)'), Bit(number=6, name='STOP_OK', title='Stop Error (active low)'), Bit(number=7, name='LIMIT_OK', title='Limit Error (active low)')), on_read='', on_write='write_status'),
-    Register(name='MOTOR_COMMAND', addresses=(8,), reset=128, access='rw', signed=False, fraction=0, clause='MCP-REG-9', title='Motor Command Port (MSB)', unit='1/256 of full scale', counts='as the last sample left it', fields=(), on_read='', on_write='write_output'),
-    Register(name='PWM_COMMAND', addresses=(9,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-10', title='PWM Command Port', unit='% of full scale', counts='as the last sample left it', fields=(), on_read='', on_write='write_output'),
-    Register(name='DAC_OFFSET', addresses=(10,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-11', title='Motor Command DAC Offset', unit='1/4096 of full scale', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='COMMAND_INCREMENT', addresses=(11,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-12', title='Command Position Increment', unit='count', counts='with the next sample', fields=(), on_read='', on_write='write_command_increment'),
-    Register(name='COMMAND_POSITION', addresses=(12, 13, 14), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-13', title='Command Position', unit='count', counts='as the last sample left it', fields=(), on_read='', on_write='write_command_position'),
-    Register(name='SAMPLE_TIMER', addresses=(15,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-14', title='Sample Timer', unit='pre-scalar period', counts='with the next sample', fields=(), on_read='read_sample_timer', on_write=''),
-    Register(name='PRESCALER', addresses=(16, 17), reset=63, access='rw', signed=False, fraction=0, clause='MCP-REG-15', title='Sample Timer Pre-scalar', unit='clk', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='ACTUAL_POSITION', addresses=(18, 19, 20), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-16', title='Read Actual Position', unit='count', counts='at once', fields=(), on_read='read_actual_position', on_write='write_actual_position'),
-    Register(name='PRESET_POSITION', addresses=(21, 22, 23), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-17', title='Preset Actual Position', unit='count', counts='at once', fields=(), on_read='', on_write='write_preset_position'),
-    Register(name='INTERPOLATOR_PRESET', addresses=(24,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-18', title='Interpolator Counter Preset', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='INTERPOLATOR_COUNT', addresses=(25,), reset=0, access='r', signed=False, fraction=0, clause='MCP-REG-19', title='Interpolator Counter Value', unit='sample', counts='as the last sample left it', fields=(), on_read='', on_write=''),
-    Register(name='ENCODER_PWM', addresses=(26,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-20', title='Encoder Filter Clock / PWM Resolution', unit='', counts='at once', fields=(), on_read='', on_write='write_encoder_pwm'),
-    Register(name='STEP_WIDTH', addresses=(27,), reset=15, access='rw', signed=False, fraction=0, clause='MCP-REG-21', title='Stepper Pulse Width', unit='clk', counts='at once', fields=(), on_read='', on_write=''),
-    Register(name='ENCODER_RATIO', addresses=(28, 29), reset=0, access='rw', signed=False, fraction=8, clause='MCP-REG-22', title='Encoder / Stepper Ratio', unit='count/step', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='LEAD_ZERO', addresses=(32,), reset=229, access='rw', signed=False, fraction=0, clause='MCP-REG-23', title='Lead Filter Zero', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='LEAD_POLE', addresses=(33,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-23', title='Lead Filter Pole', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='LEAD_GAIN', addresses=(34,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-23', title='Lead Filter Gain', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='VELOCITY', addresses=(35, 36, 37), reset=0, access='rw', signed=True, fraction=8, clause='MCP-REG-24', title='High Resolution Velocity', unit='count/sample', counts='with the next sample', fields=(), on_read='', on_write='write_velocity'),
-    Register(name='ACCELERATION', addresses=(39, 38), reset=0, access='rw', signed=False, fraction=8, clause='MCP-REG-25', title='Acceleration', unit='count/sample²', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='PROFILE_VELOCITY', addresses=(40,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-26', title='Profile Velocity (Low Res)', unit='count/sample', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='FINAL_POSITION', addresses=(43, 42, 41), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-27', title='Final Position', unit='count', counts='with the next sample', fields=(), on_read='', on_write='write_final_position'),
-    Register(name='POSITION_ERROR', addresses=(45, 44), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-28', title='Position Error', unit='count', counts='as the last sample left it', fields=(), on_read='', on_write=''),
-    Register(name='CAPTURE', addresses=(48, 47, 46), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-29', title='Capture Count', unit='count', counts='at once', fields=(), on_read='', on_write=''),
-    Register(name='ACCEL_DELTA', addresses=(51, 50, 49), reset=0, access='r', signed=False, fraction=0, clause='MCP-REG-30', title='Accel. Delta Position', unit='count', counts='as the last sample left it', fields=(), on_read='', on_write=''),
-    Register(name='ACTUAL_VELOCITY', addresses=(53, 52), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-31', title='Actual Velocity', unit='count/sample', counts='as the last sample left it', fields=(), on_read='', on_write=''),
-    Register(name='DECEL_POSITION', addresses=(59, 58, 57), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-32', title='Deceleration Position', unit='count', counts='as the last sample left it', fields=(), on_read='', on_write=''),
-    Register(name='VELOCITY_COMMAND', addresses=(60,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-33', title='Velocity Command', unit='count/sample', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='BREAKPOINT', addresses=(63, 62, 61), reset=8388608, access='rw', signed=True, fraction=0, clause='MCP-REG-34', title='Break-point Position', unit='count', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='BACKLASH', addresses=(68,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-35', title='Backlash', unit='count', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='DEADBAND', addresses=(69,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-36', title='Deadband', unit='count', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='FORCED_EXCEPTION', addresses=(70,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-37', title='Forced Exception Register', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='MAX_ERROR', addresses=(74, 73), reset=65535, access='rw', signed=False, fraction=0, clause='MCP-REG-38', title='Maximum Error', unit='count', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='SATURATION', addresses=(75,), reset=240, access='rw', signed=False, fraction=0, clause='MCP-REG-39', title='Saturation Foldback Setting', unit='1/256 of full scale', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='MOTOR_COMMAND_LOW', addresses=(76,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-40', title='Motor Command Port (extended)', unit='', counts='as the last sample left it', fields=(), on_read='', on_write='write_output_low'),
-    Register(name='PWM_FRACTION', addresses=(77,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-41', title='PWM Command Port (extended)', unit='', counts='as the last sample left it', fields=(), on_read='', on_write='write_output_low'),
-    Register(name='JERK', addresses=(85, 84), reset=0, access='rw', signed=False, fraction=16, clause='MCP-REG-42', title='Jerk', unit='count/sample³', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='FEED_FORWARD', addresses=(87, 86), reset=0, access='rw', signed=True, fraction=8, clause='MCP-REG-43', title='Command Feed-forward', unit='count/sample', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='KP', addresses=(97,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-44', title='Proportional Gain, Kp', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='KI', addresses=(98,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-44', title='Integral Gain, Ki', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='KD', addresses=(99,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-44', title='Derivative Gain, Kd', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='DERIVATIVE_SPAN', addresses=(100,), reset=1, access='rw', signed=False, fraction=0, clause='MCP-REG-45', title='Derivative Span', unit='sample', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='INTEGRAL_LIMIT', addresses=(102, 101), reset=32767, access='rw', signed=False, fraction=0, clause='MCP-REG-46', title='Integral Limit', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='KA', addresses=(105,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-47', title='Accel Feed-forward, Kaff', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
-    Register(name='KV', addresses=(106,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-47', title='Velocity Feed-forward, Kvff', unit='', counts='with the next sample', fields=(), on_read='', on_write=''),
+    Register(name='FLAG', addresses=(0,), reset=2, access='rw', signed=False, fraction=0, clause='MCP-REG-1', title='Flag Register', unit='', counts='as the last sample left it', fields=(Bit(number=0, name='F0', title='Trapezoid/S-curve Profile'), Bit(number=1, name='F1', title='IDLE Flag'), Bit(number=2, name='F2', title='IN-MOTION Flag'), Bit(number=3, name='F3', title='Position Interpolation Control'), Bit(number=4, name='F4', title='Velocity Interpolation Control'), Bit(number=5, name='F5', title='Integral Velocity Profile')), on_read='', on_write='write_flag', on_loaded=''),
+    Register(name='FEATURE', addresses=(1,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-2', title='Feature Control Register', unit='', counts='with the next sample', fields=(Bit(number=2, name='UNIPOLAR', title='Unipolar Select'), Bit(number=3, name='PID', title='Filter Select (0 = Lead, 1 = PID)'), Bit(number=4, name='S_CURVE', title='Profile Mode Select (0 = Trapezoid, 1 = S-Curve)'), Bit(number=5, name='HIGH_RESOLUTION', title='High-Resolution Velocity'), Bit(number=6, name='DIAGNOSTIC_PWM', title='Position Error sent to PWM'), Bit(number=7, name='DIAGNOSTIC_DAC', title='Position Error sent to DAC')), on_read='', on_write='', on_loaded=''),
+    Register(name='CONFIG', addresses=(2,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-3', title='Advanced Configuration Register', unit='', counts='at once', fields=(Bit(number=0, name='EXTENDED', title='Extended Addressing'), Bit(number=1, name='STEP_MODE', title='Step Mode Enable'), Bit(number=2, name='STEP_LOW', title='Step Output Polarity (1 = low pulse)'), Bit(number=4, name='BREAK_ENABLE', title='Breakpoint Feature Enable'), Bit(number=5, name='BREAK_REPEAT', title='Breakpoint Mode (1 = Repeat)'), Bit(number=6, name='SIGN_INHIBIT', title='PWM Sign Reversal Inhibit'), Bit(number=7, name='PWM_BIAS', title='PWM Bias (1 = 50% Duty Cycle)')), on_read='', on_write='write_config', on_loaded=''),
+    Register(name='CAPTURE_CONTROL', addresses=(3,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-4', title='Capture Control Register', unit='', counts='at once', fields=(Bit(number=0, name='TRIG_LATCH', title='TRIG Latch Output / Clear'), Bit(number=1, name='TRIG_CAPTURE', title='TRIG Input Capture Enable'), Bit(number=2, name='TRIG_INPUT', title='TRIG_IO Pin Direction (1 = Input)'), Bit(number=3, name='INDEX_LATCH', title='INDEX Latch Output / Clear'), Bit(number=4, name='INDEX_CAPTURE', title='INDEX Input Capture Enable'), Bit(number=5, name='INDEX_RISING', title='INDEX Pin Polarity (1 = Rising Edge)'), Bit(number=6, name='BUSY_ON_PROF', title='Interp. Busy Status on PROF pin'), Bit(number=7, name='INTERPOLATOR_BUSY', title='Interp. Busy Status')), on_read='', on_write='write_capture_control', on_loaded=''),
+    Register(name='EXCEPTION', addresses=(4,), reset=9, access='rw', signed=False, fraction=0, clause='MCP-REG-5', title='Exception Handling Register', unit='', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='MODE', addresses=(5,), reset=1, access='rw', signed=False, fraction=0, clause='MCP-REG-6', title='Mode Brancher', unit='', counts='as the last sample left it', fields=(), on_read='', on_write='write_mode', on_loaded=''),
+    Register(name='PHASE', addresses=(6,), reset=0, access='r', signed=False, fraction=0, clause='MCP-REG-7', title='Profile Phase Status', unit='', counts='as the last sample left it', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='STATUS', addresses=(7,), reset=248, access='rw', signed=False, fraction=0, clause='MCP-REG-8', title='Status Register', unit='', counts='as the last sample left it', fields=(Bit(number=0, name='BUSY', title='BUSY pin state'), Bit(number=1, name='DIRECTION', title='Motor Direction at Last Fault (1 = Reverse)'), Bit(number=2, name='IN_POSITION', title='In-Position Flag'), Bit(number=3, name='TIMER_OK', title='Sample Timer Error (active low)'), Bit(number=4, name='ERROR_OK', title='Maximum Error Fault (active low)'), Bit(number=5, name='BREAKPOINT_OK', title='Breakpoint Flag (active low)'), Bit(number=6, name='STOP_OK', title='Stop Error (active low)'), Bit(number=7, name='LIMIT_OK', title='Limit Error (active low)')), on_read='', on_write='write_status', on_loaded=''),
+    Register(name='MOTOR_COMMAND', addresses=(8,), reset=128, access='rw', signed=False, fraction=0, clause='MCP-REG-9', title='Motor Command Port (MSB)', unit='1/256 of full scale', counts='as the last sample left it', fields=(), on_read='', on_write='', on_loaded='guard_outputs'),
+    Register(name='PWM_COMMAND', addresses=(9,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-10', title='PWM Command Port', unit='% of full scale', counts='as the last sample left it', fields=(), on_read='', on_write='', on_loaded='guard_outputs'),
+    Register(name='DAC_OFFSET', addresses=(10,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-11', title='Motor Command DAC Offset', unit='1/4096 of full scale', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='COMMAND_INCREMENT', addresses=(11,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-12', title='Command Position Increment', unit='count', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded='load_command_increment'),
+    Register(name='COMMAND_POSITION', addresses=(12, 13, 14), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-13', title='Command Position', unit='count', counts='as the last sample left it', fields=(), on_read='', on_write='write_command_position', on_loaded=''),
+    Register(name='SAMPLE_TIMER', addresses=(15,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-14', title='Sample Timer', unit='pre-scalar period', counts='with the next sample', fields=(), on_read='read_sample_timer', on_write='', on_loaded=''),
+    Register(name='PRESCALER', addresses=(16, 17), reset=63, access='rw', signed=False, fraction=0, clause='MCP-REG-15', title='Sample Timer Pre-scalar', unit='clk', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='ACTUAL_POSITION', addresses=(18, 19, 20), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-16', title='Read Actual Position', unit='count', counts='at once', fields=(), on_read='read_actual_position', on_write='write_actual_position', on_loaded=''),
+    Register(name='PRESET_POSITION', addresses=(21, 22, 23), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-17', title='Preset Actual Position', unit='count', counts='at once', fields=(), on_read='', on_write='', on_loaded='preset_position'),
+    Register(name='INTERPOLATOR_PRESET', addresses=(24,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-18', title='Interpolator Counter Preset', unit='', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='INTERPOLATOR_COUNT', addresses=(25,), reset=0, access='r', signed=False, fraction=0, clause='MCP-REG-19', title='Interpolator Counter Value', unit='sample', counts='as the last sample left it', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='ENCODER_PWM', addresses=(26,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-20', title='Encoder Filter Clock / PWM Resolution', unit='', counts='at once', fields=(), on_read='', on_write='write_encoder_pwm', on_loaded=''),
+    Register(name='STEP_WIDTH', addresses=(27,), reset=15, access='rw', signed=False, fraction=0, clause='MCP-REG-21', title='Stepper Pulse Width', unit='clk', counts='at once', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='ENCODER_RATIO', addresses=(28, 29), reset=0, access='rw', signed=False, fraction=8, clause='MCP-REG-22', title='Encoder / Stepper Ratio', unit='count/step', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='LEAD_ZERO', addresses=(32,), reset=229, access='rw', signed=False, fraction=0, clause='MCP-REG-23', title='Lead Filter Zero', unit='', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='LEAD_POLE', addresses=(33,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-23', title='Lead Filter Pole', unit='', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='LEAD_GAIN', addresses=(34,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-23', title='Lead Filter Gain', unit='', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='VELOCITY', addresses=(35, 36, 37), reset=0, access='rw', signed=True, fraction=8, clause='MCP-REG-24', title='High Resolution Velocity', unit='count/sample', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded='load_velocity'),
+    Register(name='ACCELERATION', addresses=(39, 38), reset=0, access='rw', signed=False, fraction=8, clause='MCP-REG-25', title='Acceleration', unit='count/sample²', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='PROFILE_VELOCITY', addresses=(40,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-26', title='Profile Velocity (Low Res)', unit='count/sample', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='FINAL_POSITION', addresses=(43, 42, 41), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-27', title='Final Position', unit='count', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded='load_final_position'),
+    Register(name='POSITION_ERROR', addresses=(45, 44), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-28', title='Position Error', unit='count', counts='as the last sample left it', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='CAPTURE', addresses=(48, 47, 46), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-29', title='Capture Count', unit='count', counts='at once', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='ACCEL_DELTA', addresses=(51, 50, 49), reset=0, access='r', signed=False, fraction=0, clause='MCP-REG-30', title='Accel. Delta Position', unit='count', counts='as the last sample left it', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='ACTUAL_VELOCITY', addresses=(53, 52), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-31', title='Actual Velocity', unit='count/sample', counts='as the last sample left it', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='DECEL_POSITION', addresses=(59, 58, 57), reset=0, access='r', signed=True, fraction=0, clause='MCP-REG-32', title='Deceleration Position', unit='count', counts='as the last sample left it', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='VELOCITY_COMMAND', addresses=(60,), reset=0, access='rw', signed=True, fraction=0, clause='MCP-REG-33', title='Velocity Command', unit='count/sample', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='BREAKPOINT', addresses=(63, 62, 61), reset=8388608, access='rw', signed=True, fraction=0, clause='MCP-REG-34', title='Break-point Position', unit='count', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='BACKLASH', addresses=(68,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-35', title='Backlash', unit='count', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='DEADBAND', addresses=(69,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-36', title='Deadband', unit='count', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='FORCED_EXCEPTION', addresses=(70,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-37', title='Forced Exception Register', unit='', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='MAX_ERROR', addresses=(74, 73), reset=65535, access='rw', signed=False, fraction=0, clause='MCP-REG-38', title='Maximum Error', unit='count', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='SATURATION', addresses=(75,), reset=240, access='rw', signed=False, fraction=0, clause='MCP-REG-39', title='Saturation Foldback Setting', unit='1/256 of full scale', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='MOTOR_COMMAND_LOW', addresses=(76,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-40', title='Motor Command Port (extended)', unit='', counts='as the last sample left it', fields=(), on_read='', on_write='write_output_low', on_loaded=''),
+    Register(name='PWM_FRACTION', addresses=(77,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-41', title='PWM Command Port (extended)', unit='', counts='as the last sample left it', fields=(), on_read='', on_write='write_output_low', on_loaded=''),
+    Register(name='JERK', addresses=(85, 84), reset=0, access='rw', signed=False, fraction=16, clause='MCP-REG-42', title='Jerk', unit='count/sample³', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='FEED_FORWARD', addresses=(87, 86), reset=0, access='rw', signed=True, fraction=8, clause='MCP-REG-43', title='Command Feed-forward', unit='count/sample', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='KP', addresses=(97,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-44', title='Proportional Gain, Kp', unit='', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='KI', addresses=(98,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-44', title='Integral Gain, Ki', unit='', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='KD', addresses=(99,), reset=64, access='rw', signed=False, fraction=0, clause='MCP-REG-44', title='Derivative Gain, Kd', unit='', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='DERIVATIVE_SPAN', addresses=(100,), reset=1, access='rw', signed=False, fraction=0, clause='MCP-REG-45', title='Derivative Span', unit='sample', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='INTEGRAL_LIMIT', addresses=(102, 101), reset=32767, access='rw', signed=False, fraction=0, clause='MCP-REG-46', title='Integral Limit', unit='', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='KA', addresses=(105,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-47', title='Accel Feed-forward, Kaff', unit='', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
+    Register(name='KV', addresses=(106,), reset=0, access='rw', signed=False, fraction=0, clause='MCP-REG-47', title='Velocity Feed-forward, Kvff', unit='', counts='with the next sample', fields=(), on_read='', on_write='', on_loaded=''),
 )

@@ -49,6 +49,12 @@ def say(wire: ByteProtocol, text: str) -> str:
         ("50 00000000000f4240", "", [("delay", US)]),
         ("51 00000000000f4240 52", "54 00000000000f4240", [("at", US)]),
         ("53", "53 00000000 00000000004c4b40", [("sync",)]),
+        (
+            "56 00000000004c4b40",
+            "57 00000000 00000000004c4b40",
+            [("sync",), ("at", 5 * US), ("sync",)],
+        ),
+        ("56 0000000000000000", "57 00000000 0000000000000000", [("sync",)]),
         ("60 00000001", "", [("events", 1)]),
     ],
 )
@@ -113,6 +119,16 @@ def test_wait_tells_when_the_chip_is_still_busy(wire: ByteProtocol) -> None:
     assert say(wire, "34 ffffffffffffffff") == "5201" + (16 * US).to_bytes(8, "big").hex()
 
 
+def test_pass_ends_at_an_edge_of_a_watched_line(wire: ByteProtocol, port: FakePort) -> None:
+    assert say(wire, "60 00000001") == ""
+    port.edge(1)
+    port.edge(0)
+    assert say(wire, "56 00000000004c4b40") == (
+        "49000000010000000000000000" + "49000000000000000000000000" + "5700000000" + "00" * 8
+    )
+    assert say(wire, "56 00000000000f4240") == "5700000000" + "00000000000f4240"
+
+
 def test_sync_says_all_ones_when_no_edge_is_in_sight(wire: ByteProtocol, port: FakePort) -> None:
     port.outputs = 2
     assert say(wire, "53") == "5300000002ffffffffffffffff"
@@ -144,7 +160,7 @@ def test_an_at_beyond_the_end_of_time_is_refused(wire: ByteProtocol, when: int) 
 
 @pytest.mark.parametrize(
     ("request_bytes", "code"),
-    [("00", 1), ("06", 1), ("56", 1), ("62", 1), ("ff", 1), ("32 00 00", 4), ("33 00 00", 4),
+    [("00", 1), ("06", 1), ("57", 1), ("62", 1), ("ff", 1), ("32 00 00", 4), ("33 00 00", 4),
      ("01 00", 5), ("55 00 0000000000000000 03 000000", 4)],
 )  # fmt: skip
 def test_after_a_request_of_unknown_length_every_byte_is_refused_alike(

@@ -43,6 +43,7 @@ from vbus.protocols.requests import (
         ("SYNC", (), "53"),
         ("POLLED", (1, 0x0102), "54010102"),
         ("POLLED_AT", (1, 5, b"\0\0\1\2"), "5501" + "0000000000000005" + "0400000102"),
+        ("PASS", (1,), "560000000000000001"),
         ("EVENTS", (0x80000001,), "6080000001"),
         ("LEASES", (1,), "6101"),
     ],
@@ -54,7 +55,7 @@ def test_a_request_has_the_bytes_the_protocol_says(
 
 
 def test_the_table_has_no_other_requests() -> None:
-    assert len(list(REQUESTS)) == 26
+    assert len(list(REQUESTS)) == 27
 
 
 def test_every_request_has_one_handler_and_every_handler_a_request() -> None:

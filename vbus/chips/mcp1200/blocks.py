@@ -10,7 +10,7 @@ from vbus.chips.mcp1200.control_loop import ControlLoop
 from vbus.chips.mcp1200.counter import Breakpoint, PositionCounter
 from vbus.chips.mcp1200.drive import PlantDrive
 from vbus.chips.mcp1200.encoder import Encoder
-from vbus.chips.mcp1200.output import Pwm
+from vbus.chips.mcp1200.motor_command import Pwm
 from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.rest import Rest
 from vbus.chips.mcp1200.stepper import Stepper

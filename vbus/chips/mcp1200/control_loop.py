@@ -15,7 +15,7 @@ from vbus.chips.mcp1200.command import (
 from vbus.chips.mcp1200.faults import Faults
 from vbus.chips.mcp1200.filters import LeadFilter, PidFilter
 from vbus.chips.mcp1200.following import Following
-from vbus.chips.mcp1200.output import dac_code, pwm_command
+from vbus.chips.mcp1200.motor_command import dac_code, pwm_command
 from vbus.chips.mcp1200.profiles import SCurveMove, Trapezoid, stop
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.stepper import StallCheck

@@ -15,11 +15,8 @@ _STORED_CAPTURE_BITS: Final = (
     ds.BUSY_ON_PROF | ds.INDEX_RISING | ds.INDEX_CAPTURE | ds.TRIG_INPUT | ds.TRIG_CAPTURE
 )
 _CAPTURE_LATCHES: Final = ds.INDEX_LATCH | ds.TRIG_LATCH
-_COMMAND_MSB, _COMMAND_CSB, _COMMAND_LSB = ds.REGISTERS["COMMAND_POSITION"].addresses
-_ACTUAL_MSB, _ACTUAL_CSB, _ACTUAL_LSB = ds.REGISTERS["ACTUAL_POSITION"].addresses
-_PRESET_LSB: Final = ds.REGISTERS["PRESET_POSITION"].low
-_FINAL_LSB: Final = ds.REGISTERS["FINAL_POSITION"].low
-_VELOCITY_LSB: Final = ds.REGISTERS["VELOCITY"].low
+_COMMAND_MSB, _COMMAND_CSB = ds.REGISTERS["COMMAND_POSITION"].addresses[:2]
+_ACTUAL_CSB, _ACTUAL_LSB = ds.REGISTERS["ACTUAL_POSITION"].addresses[1:]
 
 
 class HostRegisters:
@@ -95,8 +92,11 @@ class HostRegisters:
         return self._registers.byte(address)
 
     def store(self, address: int, data: int, cycle: int) -> None:
-        """A plain register."""
+        """A byte of storage; with the last one some registers take effect."""
         self._registers.put(address, data)
+        loaded = _LOADED.get(address)
+        if loaded is not None:
+            loaded(self, cycle)
 
     def ignore(self, address: int, data: int, cycle: int) -> None:
         """A register that cannot be written."""
@@ -148,18 +148,17 @@ class HostRegisters:
             flags &= ~ds.STOP_OK
         self._registers.status = self._registers.status & ~ds.ERROR_FLAGS | flags
 
-    def write_output(self, address: int, data: int, cycle: int) -> None:
+    def guard_outputs(self, cycle: int) -> None:
         """A motor command of the host's (MCP-MOD-3, 4)."""
-        self._registers.put(address, data)
         self._side.guard()
 
     def write_output_low(self, address: int, data: int, cycle: int) -> None:
         """Its low four bits."""
-        self.write_output(address, data & 0xF0, cycle)
+        self._registers.put(address, data & 0xF0)
+        self._side.guard()
 
-    def write_command_increment(self, address: int, data: int, cycle: int) -> None:
+    def load_command_increment(self, cycle: int) -> None:
         """One written while BUSY is high counts in the next sample (NOTES 2)."""
-        self._registers.put(address, data)
         self._blocks.loop.increment_written = True
 
     def write_command_position(self, address: int, data: int, cycle: int) -> None:
@@ -178,11 +177,9 @@ class HostRegisters:
         if address == _ACTUAL_CSB:
             self._blocks.counter.preset(0, cycle)
 
-    def write_preset_position(self, address: int, data: int, cycle: int) -> None:
-        """The last byte presets the counter (MCP-REG-17)."""
-        self._registers.put(address, data)
-        if address == _PRESET_LSB:
-            self._blocks.counter.preset(self._registers.preset_position, cycle)
+    def preset_position(self, cycle: int) -> None:
+        """The counter is preset (MCP-REG-17)."""
+        self._blocks.counter.preset(self._registers.preset_position, cycle)
 
     def write_encoder_pwm(self, address: int, data: int, cycle: int) -> None:
         """Encoder filter, and whether the channels are swapped (MCP-ENC-1)."""
@@ -191,19 +188,15 @@ class HostRegisters:
         self._registers.put(address, data)
         self._encoder_pins.configure(cycle)
 
-    def write_final_position(self, address: int, data: int, cycle: int) -> None:
-        """The last byte is a point for the interpolation (MCP-INT-2)."""
-        self._registers.put(address, data)
-        if address == _FINAL_LSB:
-            self._blocks.loop.point = self._registers.final_position
-            self._load(ds.F4)
+    def load_final_position(self, cycle: int) -> None:
+        """A point for the interpolation is there (MCP-INT-2)."""
+        self._blocks.loop.point = self._registers.final_position
+        self._load(ds.F4)
 
-    def write_velocity(self, address: int, data: int, cycle: int) -> None:
-        """The last byte is a velocity for the interpolation (MCP-INT-2)."""
-        self._registers.put(address, data)
-        if address == _VELOCITY_LSB:
-            self._blocks.loop.velocity_point = self._registers.velocity
-            self._load(ds.F3)
+    def load_velocity(self, cycle: int) -> None:
+        """A velocity for the interpolation is there (MCP-INT-2)."""
+        self._blocks.loop.velocity_point = self._registers.velocity
+        self._load(ds.F3)
 
     def _load(self, other: i64) -> None:
         """The interpolator is busy, unless the other interpolation runs (NOTES 12)."""
@@ -213,3 +206,4 @@ class HostRegisters:
 
 _READS: Final = ds.REGISTERS.find_hooks("on_read", HostRegisters)
 _WRITES: Final = ds.REGISTERS.find_hooks("on_write", HostRegisters, "store", "ignore")
+_LOADED: Final = ds.REGISTERS.find_hooks("on_loaded", HostRegisters)

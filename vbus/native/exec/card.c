@@ -3,11 +3,15 @@
 #include "card.h"
 
 #include "../vbus.h"
+#include "clock.h"
+#include "files.h"
+#include "listen.h"
+#include "signals.h"
 #include "sys.h"
+#include "timers.h"
 #include "trap.h"
+#include "turns.h"
 
-#include <dlfcn.h>
-#include <sched.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <sys/resource.h>
@@ -20,6 +24,7 @@
 #define LAST_TRIES 1000 /* another thread may be in the middle of a cycle */
 #define PS_PER_NS 1000u
 #define FLOATING 0xFF
+#define STEP_PS UINT64_C(10000000000) /* between looks where nothing is in sight */
 
 struct port {
     uintptr_t address;
@@ -42,7 +47,9 @@ static uint64_t owed;     /* of that, what the board has not been told (lockstep
 static uint64_t board_at; /* what the board's clock showed when ours showed 0 (slaved) */
 static uint64_t begun_ps;
 static int watching, line_active;
-static uint32_t interrupts, raised;
+static volatile uint32_t interrupts;
+static uint32_t noticed;   /* interrupts the program has been told of */
+static uint64_t quiet_until; /* virtual time (ps) before which the line does not move by itself */
 static uintptr_t current_ip;
 static volatile int lock;
 
@@ -95,6 +102,17 @@ _Noreturn void card_end(int code)
 {
     for (;;)
         syscall(SYS_exit_group, code);
+}
+
+static char note[128]; /* the file that takes the word */
+
+void card_note(void)
+{
+    int fd = note[0] == '\0' ? -1
+                             : (int)syscall(SYS_openat, AT_FDCWD, note, O_CREAT | O_WRONLY, 0600);
+
+    if (fd >= 0)
+        sys_close(fd);
 }
 
 void card_say_place(const char *before, uintptr_t ip, const char *after)
@@ -229,6 +247,9 @@ void card_read_settings(void)
     card.line = setting(text, "line") != NULL ? (int)number_setting(text, "line") : -1;
     card.active_low = number_setting(text, "low") != 0;
     card.signal = (int)number_setting(text, "signal");
+    next = setting(text, "note");
+    if (next != NULL && strcspn(next, ";") < sizeof note)
+        memcpy(note, next, strcspn(next, ";"));
     clock_step = number_setting(text, "step");
     next = setting(text, "cycles");
     for (turn = 0; turn < MOST_CHIPS && next != NULL; turn++) {
@@ -242,29 +263,19 @@ void card_read_settings(void)
 
 /* --- the session ------------------------------------------------------------------------------ */
 
-static volatile int inside;       /* threads that use the card, or are about to */
-static volatile unsigned entries; /* how often one began to */
-
-unsigned card_entries(int *now)
+void card_enter(void)
 {
-    *now = inside;
-    return entries;
-}
-
-void card_enter(sigset_t *before)
-{
-    sys_block(before);
-    __atomic_add_fetch(&inside, 1, __ATOMIC_ACQUIRE);
-    __atomic_add_fetch(&entries, 1, __ATOMIC_ACQUIRE);
+    turns_enter();
     while (__atomic_exchange_n(&lock, 1, __ATOMIC_ACQUIRE))
-        sched_yield();
+        syscall(SYS_sched_yield);
 }
 
-void card_leave(const sigset_t *before)
+void card_leave(void)
 {
     __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
-    __atomic_sub_fetch(&inside, 1, __ATOMIC_RELEASE);
-    sys_restore(before);
+    card_notice();
+    turns_offer();
+    turns_leave();
 }
 
 static void on_event(void *context, uint32_t outputs, uint64_t instant)
@@ -320,7 +331,7 @@ static void open_card(void)
         board_at = now - begun_ps;
         owed = elapsed - begun_ps;
         begun_ps = elapsed;
-        trap_last_words();
+        signals_last_words();
     }
     if (watching || card.signal) {
         watching = 0;
@@ -334,7 +345,7 @@ void card_forget(void)
         sys_close(bus.fd);
     open_session = 0;
     begun_ps = elapsed;
-    inside = 0; /* the other threads are not here */
+    quiet_until = 0;
     __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
 }
 
@@ -355,18 +366,25 @@ int card_descriptor(void)
 
 void card_step_aside(int fd)
 {
-    sigset_t before;
     int other;
 
     if (!card_owns(fd))
         return;
-    card_enter(&before);
+    card_enter();
     other = (int)syscall(SYS_fcntl, fd, F_DUPFD_CLOEXEC, fd + 1);
     if (other < 0)
         other = (int)syscall(SYS_fcntl, fd, F_DUPFD_CLOEXEC, 3);
     if (other >= 0)
         bus.fd = other;
-    card_leave(&before);
+    card_leave();
+}
+
+void card_check(void)
+{
+    struct pollfd link = {bus.fd, POLLIN | POLLRDHUP, 0};
+
+    if (open_session && sys_poll(&link, 1, 0) > 0 && link.revents & (POLLHUP | POLLRDHUP))
+        must(VBUS_E_CLOSED);
 }
 
 void card_send(void)
@@ -387,7 +405,7 @@ void card_send_last(void)
             __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
             break;
         }
-        sched_yield();
+        syscall(SYS_sched_yield);
     }
     sys_restore(&before);
 }
@@ -456,6 +474,7 @@ void card_load(uintptr_t address, unsigned char *data, unsigned size, uintptr_t 
         data[place] = (unsigned char)(byte | port->floating);
     }
     current_ip = 0;
+    quiet_until = 0;
     if (answers == 0)
         unanswered(address, size, 0, ip);
 }
@@ -477,9 +496,10 @@ void card_store(uintptr_t address, const unsigned char *data, unsigned size, uin
     }
     if (answers == 0)
         unanswered(address, size, 1, ip);
-    else if (!card.virtual_time || (watching && card.signal))
+    else if (!card.virtual_time || watching)
         must(vbus_echo(&bus, 0)); /* it has happened then: a delay loop may count from here */
     current_ip = 0;
+    quiet_until = 0;
 }
 
 /* --- time ------------------------------------------------------------------------------------- */
@@ -490,9 +510,11 @@ static volatile int begun;
 
 void card_begin_time(void)
 {
-    if (!begun)
-        card_set_clocks();
+    if (begun)
+        return;
+    card_set_clocks();
     begun = 1;
+    timers_begin();
 }
 
 int card_time_begun(void)
@@ -516,30 +538,74 @@ uint64_t card_elapsed(void)
     return elapsed / PS_PER_NS;
 }
 
+/* Bring the chips up to now, and learn of interrupts and when the next may come. */
+static void look_at_line(void)
+{
+    uint64_t edge, now = 0;
+
+    open_card();
+    tell_time();
+    must(vbus_sync(&bus, NULL, &edge));
+    if (slaved)
+        now = board_at + elapsed;
+    else if (edge != VBUS_NO_EDGE)
+        must(vbus_now(&bus, &now));
+    quiet_until = edge == VBUS_NO_EDGE ? UINT64_MAX : elapsed + (edge > now ? edge - now : PS_PER_NS);
+}
+
+void card_refresh(void)
+{
+    if (!watching || !card.virtual_time || elapsed < quiet_until)
+        return;
+    card_enter();
+    look_at_line();
+    card_leave();
+}
+
 uint64_t card_look(void)
 {
     spend(clock_step);
+    if (watching && card.virtual_time && elapsed >= quiet_until)
+        look_at_line();
     return elapsed / PS_PER_NS;
 }
 
-uint64_t card_pass(uint64_t duration)
+void card_pass(uint64_t duration)
 {
-    uint64_t left = duration < END_OF_TIME / PS_PER_NS ? duration * PS_PER_NS : END_OF_TIME;
+    spend(duration < END_OF_TIME / PS_PER_NS ? duration * PS_PER_NS : END_OF_TIME);
+    if (watching && card.virtual_time && elapsed >= quiet_until)
+        look_at_line();
+}
 
-    if (!card.signal || !open_session) {
-        spend(left);
+int card_leap(int64_t longest, int heeds)
+{
+    uint64_t step = longest == FOR_EVER ? STEP_PS : END_OF_TIME, passed;
+
+    heeds = heeds && watching;
+    if (!heeds && longest == FOR_EVER)
         return 0;
+    if (longest < (int64_t)(END_OF_TIME / PS_PER_NS))
+        step = (uint64_t)longest * PS_PER_NS;
+    __atomic_store_n(&lock, 1, __ATOMIC_RELAXED);
+    if (!heeds) {
+        card_pass((uint64_t)longest);
+    } else if (noticed == interrupts) {
+        if (elapsed >= quiet_until)
+            look_at_line();
+        if (longest == FOR_EVER && quiet_until == UINT64_MAX) {
+            step = 0; /* the line does not move unless the program does something */
+        } else if (noticed == interrupts) {
+            tell_time();
+            must(vbus_pass(&bus, step, NULL, &passed));
+            spend(passed);
+            owed = 0; /* the board knows */
+            quiet_until = elapsed;
+        }
     }
-    while (left > 0) {
-        uint64_t before = elapsed;
-        uint32_t seen = card_interrupts();
-
-        card_approach_interrupt(left / PS_PER_NS + 1);
-        left -= elapsed - before < left ? elapsed - before : left;
-        if (card_interrupts() != seen)
-            return left / PS_PER_NS;
-    }
-    return 0;
+    card_send();
+    __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
+    card_notice();
+    return step > 0;
 }
 
 /* --- interrupts ------------------------------------------------------------------------------- */
@@ -551,6 +617,10 @@ void card_watch(void)
     if (card.line < 0 || watching)
         return;
     watching = 1;
+    if (!card.virtual_time) {
+        listen_begin();
+        return;
+    }
     if (!open_session) {
         open_card();
         return;
@@ -562,48 +632,36 @@ void card_watch(void)
         interrupts++;
 }
 
-uint32_t card_interrupts(void)
+void card_interrupt(void)
 {
-    open_card();
-    tell_time();
-    must(vbus_sync(&bus, NULL, NULL));
-    return interrupts;
+    __atomic_add_fetch(&interrupts, 1, __ATOMIC_SEQ_CST);
 }
 
-void card_approach_interrupt(uint64_t longest)
+uint32_t card_interrupts(void)
 {
-    uint64_t edge, now = 0, step = longest * PS_PER_NS;
-
-    open_card();
-    tell_time();
-    must(vbus_sync(&bus, NULL, &edge));
-    if (slaved)
-        now = board_at + elapsed;
-    else
-        must(vbus_now(&bus, &now));
-    if (edge <= now)
-        step = PS_PER_NS;
-    else if (edge - now < step)
-        step = edge - now;
-    spend(step);
+    return interrupts;
 }
 
 void card_rearm(void)
 {
-    card_interrupts();
-    if (line_active)
-        interrupts++;
+    uint32_t outputs;
+
+    open_card();
+    tell_time();
+    must(vbus_sync(&bus, &outputs, NULL));
+    if ((int)(outputs >> card.line & 1) != card.active_low)
+        card_interrupt();
 }
 
-int card_due(void)
+void card_notice(void)
 {
-    return card.signal && raised != interrupts;
-}
+    union sigval none = {0};
 
-void card_raise(void)
-{
-    while (card.signal && raised != interrupts) {
-        raised++;
-        syscall(SYS_tgkill, getpid(), syscall(SYS_gettid), card.signal);
+    timers_fire();
+    while (noticed != interrupts) {
+        noticed++;
+        files_interrupt();
+        if (card.signal)
+            signals_send(card.signal, SI_KERNEL, none);
     }
 }

@@ -7,7 +7,6 @@
 #ifndef VBUS_EXEC_CARD_H
 #define VBUS_EXEC_CARD_H
 
-#include <signal.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -26,12 +25,15 @@ extern struct card_settings card;
 
 void card_read_settings(void);
 
-void card_enter(sigset_t *before);
-void card_leave(const sigset_t *before);
+void card_enter(void);
+void card_leave(void);
 
 /* Cycles on successive addresses. `ip` and `what` are for messages. */
 void card_load(uintptr_t address, unsigned char *data, unsigned size, uintptr_t ip);
 void card_store(uintptr_t address, const unsigned char *data, unsigned size, uintptr_t ip);
+
+/* Whether the board is still there; if not the program ends. */
+void card_check(void);
 
 /* Send what is kept back. */
 void card_send(void);
@@ -44,9 +46,6 @@ void card_forget(void);
 
 /* Whether this process has touched the card. */
 int card_in_use(void);
-
-/* How often a thread has begun to use it; and how many do `now`. */
-unsigned card_entries(int *now);
 
 /* Whether `fd` is the session's descriptor; and which that is, or -1. */
 int card_owns(int fd);
@@ -70,34 +69,39 @@ uint64_t card_look(void);
 /* The same without a look's cost: for comparing only. */
 uint64_t card_elapsed(void);
 
-/* Let time pass (ns); returns what is left because an interrupt came, or 0. */
-uint64_t card_pass(uint64_t duration);
+/* Let time pass (ns), whatever comes meanwhile. */
+void card_pass(uint64_t duration);
+
+/* Let time pass while no thread can go on: at most `longest` (ns), and, if anybody heeds it, until an
+ * interrupt may come. 0: nothing is to be waited for. */
+int card_leap(int64_t longest, int heeds);
 
 /* --- interrupts ------------------------------------------------------------------------------- */
 
 /* Watch the interrupt line from now on. */
 void card_watch(void);
 
-/* Interrupts so far, after bringing the chips up to now. */
-uint32_t card_interrupts(void);
+/* Learn of interrupts that the time which has passed has brought. */
+void card_refresh(void);
 
-/* Let time pass until an interrupt may come, at most `longest` (ns). */
-void card_approach_interrupt(uint64_t longest);
+/* Interrupts so far; and one more. */
+uint32_t card_interrupts(void);
+void card_interrupt(void);
 
 /* An interrupt that still stands counts again. */
 void card_rearm(void);
 
-/* Whether the signal is still to be sent. */
-int card_due(void);
-
-/* Send the signal for interrupts that have come; call after card_leave. */
-void card_raise(void);
+/* Tell the program of interrupts that have come and of timers that have expired. */
+void card_notice(void);
 
 /* --- messages --------------------------------------------------------------------------------- */
 
 /* Write "vbus exec: ..." to stderr; %x takes a uintptr_t, %s a string, %d an int. */
 void card_say(const char *format, ...);
 _Noreturn void card_end(int code);
+
+/* Leave word to vbus exec that the program's end by a fault is its own. */
+void card_note(void);
 
 /* Say where an instruction stands: "0x401136 (program+0x1136)". */
 void card_say_place(const char *before, uintptr_t ip, const char *after);

@@ -7,20 +7,14 @@
 #include "card.h"
 #include "clock.h"
 #include "files.h"
+#include "signals.h"
 #include "sys.h"
 #include "trap.h"
 
-#include <dlfcn.h>
 #include <errno.h>
 #include <pthread.h>
 #include <sys/select.h>
 #include <sys/time.h>
-
-
-#define REAL(name)                                                                                 \
-    static __typeof__(&name) real;                                                                 \
-    if (real == NULL)                                                                              \
-        *(void **)&real = dlsym(RTLD_NEXT, #name)
 
 static int (*clock_behind)(clockid_t, struct timespec *);
 
@@ -81,38 +75,27 @@ void card_set_clocks(void)
 
 int64_t clock_look(clockid_t clock)
 {
-    sigset_t before;
     uint64_t now;
 
-    card_enter(&before);
+    card_enter();
     now = card_look();
-    card_leave(&before);
+    card_leave();
     return base_of(clock) + (int64_t)now;
 }
 
-/* Let time pass; what is left if an interrupt's signal came. */
-uint64_t clock_pass(uint64_t duration)
+int64_t clock_compare(clockid_t clock)
 {
-    sigset_t before;
-    uint64_t left;
+    struct timespec now;
 
-    card_enter(&before);
-    left = card_pass(duration);
-    card_send();
-    card_leave(&before);
-    card_raise();
-    return left;
+    if (clock_is_ours(clock))
+        return base_of(clock) + (int64_t)card_elapsed();
+    sys_clock_gettime(clock, &now);
+    return ns_of(&now);
 }
 
-static void split(int64_t ns, struct timespec *when)
+int clock_waits(void)
 {
-    when->tv_sec = (time_t)(ns / NS);
-    when->tv_nsec = (long)(ns % NS);
-}
-
-static int64_t join(const struct timespec *when)
-{
-    return (int64_t)when->tv_sec * NS + when->tv_nsec;
+    return clock_follows() || turns_many();
 }
 
 /* --- clocks ----------------------------------------------------------------------------------- */
@@ -122,7 +105,7 @@ PUBLIC int clock_gettime(clockid_t clock, struct timespec *when)
     REAL(clock_gettime);
     if (!clock_is_ours(clock))
         return real(clock, when);
-    split(clock_look(clock), when);
+    split_ns(clock_look(clock), when);
     return 0;
 }
 
@@ -133,7 +116,7 @@ PUBLIC int gettimeofday(struct timeval *restrict when, void *restrict zone)
 
     if (!clock_follows())
         return real(when, zone);
-    split(clock_look(CLOCK_REALTIME), &now);
+    split_ns(clock_look(CLOCK_REALTIME), &now);
     when->tv_sec = now.tv_sec;
     when->tv_usec = now.tv_nsec / 1000;
     return 0;
@@ -152,189 +135,35 @@ PUBLIC time_t time(time_t *when)
     return now;
 }
 
+PUBLIC int timespec_get(struct timespec *when, int base)
+{
+    if (base != TIME_UTC)
+        return 0;
+    clock_gettime(CLOCK_REALTIME, when);
+    return base;
+}
+
 /* --- sleeps ----------------------------------------------------------------------------------- */
 
-PUBLIC int nanosleep(const struct timespec *wanted, struct timespec *rest)
+/* Wait until an instant of turns_now: what is left if a signal came. */
+static int64_t sleep_until(int64_t until)
 {
-    uint64_t left;
-    REAL(nanosleep);
+    struct wait wait = {.until = until};
+    int64_t left = 0;
 
-    if (!clock_follows())
-        return real(wanted, rest);
-    if (wanted->tv_sec < 0 || wanted->tv_nsec < 0 || wanted->tv_nsec >= (long)NS) {
-        errno = EINVAL;
-        return -1;
+    pthread_testcancel();
+    turns_enter();
+    while (turns_wait(&wait) == INTERRUPTED && turns_interrupt() != GO_ON) {
+        left = until - turns_now();
+        break;
     }
-    left = clock_pass((uint64_t)join(wanted));
-    if (left == 0)
-        return 0;
-    if (rest != NULL)
-        split((int64_t)left, rest);
-    errno = EINTR;
-    return -1;
+    turns_leave();
+    return left > 0 ? left : 0;
 }
 
-PUBLIC int clock_nanosleep(clockid_t clock, int flags, const struct timespec *wanted,
-                           struct timespec *rest)
+static int64_t sleep_for(int64_t ns)
 {
-    int64_t left;
-    REAL(clock_nanosleep);
-
-    if (!clock_is_ours(clock))
-        return real(clock, flags, wanted, rest);
-    if (wanted->tv_sec < 0 || wanted->tv_nsec < 0 || wanted->tv_nsec >= (long)NS)
-        return EINVAL;
-    left = join(wanted) - (flags & TIMER_ABSTIME ? clock_look(clock) : 0);
-    left = left > 0 ? (int64_t)clock_pass((uint64_t)left) : 0;
-    if (left > 0 && rest != NULL && !(flags & TIMER_ABSTIME))
-        split(left, rest);
-    return left > 0 ? EINTR : 0;
-}
-
-PUBLIC int usleep(useconds_t us)
-{
-    REAL(usleep);
-    if (!clock_follows())
-        return real(us);
-    if (clock_pass((uint64_t)us * 1000) == 0)
-        return 0;
-    errno = EINTR;
-    return -1;
-}
-
-PUBLIC unsigned sleep(unsigned seconds)
-{
-    REAL(sleep);
-    return clock_follows() ? (unsigned)((clock_pass((uint64_t)seconds * NS) + NS / 2) / NS) : real(seconds);
-}
-
-/* --- waiting for descriptors ------------------------------------------------------------------ */
-
-/* Real time offers nothing to wait for on the device: look once a millisecond. */
-static int64_t nap(int64_t ns)
-{
-    struct timespec before, after;
-
-    sys_clock_gettime(CLOCK_MONOTONIC, &before);
-    sys_poll(NULL, 0, GRACE_MS);
-    sys_clock_gettime(CLOCK_MONOTONIC, &after);
-    if (ns < 0)
-        return ns;
-    ns -= join(&after) - join(&before);
-    return ns > 0 ? ns : 0;
-}
-
-static int has_uio(const struct pollfd *set, nfds_t count)
-{
-    nfds_t turn;
-
-    for (turn = 0; card.present && turn < count; turn++)
-        if (files_uio(set[turn].fd))
-            return 1;
-    return 0;
-}
-
-static int selects_uio(int count, const fd_set *in)
-{
-    int fd;
-
-    for (fd = 0; card.present && in != NULL && fd < count && fd < FD_SETSIZE; fd++)
-        if (FD_ISSET(fd, in) && files_uio(fd))
-            return 1;
-    return 0;
-}
-
-/* Wait until descriptors are ready or `ns` of the chips' time have passed (negative: for ever). */
-static int poll_until(struct pollfd *set, nfds_t count, int64_t ns)
-{
-    nfds_t turn, uio = 0, others = 0;
-    struct patience patience;
-
-    patience_begin(&patience, ns);
-    for (turn = 0; turn < count; turn++) {
-        if (files_uio(set[turn].fd))
-            uio++;
-        else if (set[turn].fd >= 0)
-            others++;
-    }
-    for (;;) {
-        int found = 0;
-
-        timers_fire();
-        for (turn = 0; turn < count; turn++) { /* what stands for the device is always readable */
-            if (files_uio(set[turn].fd))
-                set[turn].fd = ~set[turn].fd;
-        }
-        found = sys_poll(set, count, uio > 0 || ns == 0 ? 0
-                                     : ns < 0 && timers_next() < 0 ? -1
-                                     : others == 0 ? 0 : GRACE_MS);
-        for (turn = 0; turn < count; turn++) {
-            if (set[turn].fd < -1 && files_uio(~set[turn].fd)) {
-                set[turn].fd = ~set[turn].fd;
-                set[turn].revents = 0;
-                if (set[turn].events & POLLIN && files_uio_ready()) {
-                    set[turn].revents = POLLIN;
-                    found = found < 0 ? 1 : found + 1;
-                }
-            }
-        }
-        if (found != 0 || ns == 0)
-            return found;
-        if (uio == 0) {
-            int64_t timer = timers_next();
-
-            if (ns < 0 && timer < 0)
-                continue;
-            if (others > 0 && !patience_over(&patience)) {
-                ns = patience.left;
-                continue;
-            }
-            ns = patience.left;
-            if (ns == 0)
-                continue; /* a last look */
-            if (timer >= 0 && (ns < 0 || timer < ns)) {
-                if (clock_pass((uint64_t)timer) == 0) {
-                    ns = ns < 0 ? ns : ns - timer;
-                    patience_begin(&patience, ns);
-                    continue;
-                }
-            } else if (clock_pass((uint64_t)ns) == 0) {
-                return 0;
-            }
-            errno = EINTR;
-            return -1;
-        }
-        if (!card.virtual_time) {
-            ns = nap(ns);
-        } else {
-            int64_t before = clock_look(CLOCK_MONOTONIC), step = ns < 0 || ns > 10000000 ? 10000000 : ns;
-            sigset_t mask;
-
-            card_enter(&mask);
-            card_approach_interrupt((uint64_t)step);
-            card_leave(&mask);
-            if (ns > 0) {
-                ns -= clock_look(CLOCK_MONOTONIC) - before;
-                ns = ns < 0 ? 0 : ns;
-            }
-        }
-    }
-}
-
-PUBLIC int poll(struct pollfd *set, nfds_t count, int timeout_ms)
-{
-    REAL(poll);
-    if (!clock_follows() && !has_uio(set, count))
-        return real(set, count, timeout_ms);
-    return poll_until(set, count, timeout_ms < 0 ? -1 : (int64_t)timeout_ms * 1000000);
-}
-
-PUBLIC int __poll_chk(struct pollfd *set, nfds_t count, int timeout_ms, size_t room);
-PUBLIC int __poll_chk(struct pollfd *set, nfds_t count, int timeout_ms, size_t room)
-{
-    if (room / sizeof *set < count)
-        __builtin_trap();
-    return poll(set, count, timeout_ms);
+    return sleep_until(turns_now() + ns);
 }
 
 static int refused(const struct timespec *time)
@@ -345,26 +174,137 @@ static int refused(const struct timespec *time)
     return -1;
 }
 
-PUBLIC int ppoll(struct pollfd *set, nfds_t count, const struct timespec *timeout,
-                 const sigset_t *mask)
+PUBLIC int clock_nanosleep(clockid_t clock, int flags, const struct timespec *wanted,
+                           struct timespec *rest)
 {
-    sigset_t before;
-    int found;
-    REAL(ppoll);
+    int64_t left;
+    REAL(clock_nanosleep);
 
-    if (!clock_follows() && !has_uio(set, count))
-        return real(set, count, timeout, mask);
-    if (refused(timeout))
-        return -1;
-    if (mask != NULL)
-        pthread_sigmask(SIG_SETMASK, mask, &before);
-    found = poll_until(set, count, timeout == NULL ? -1 : join(timeout));
-    if (mask != NULL)
-        pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (!clock_waits() || (clock_follows() && !clock_is_ours(clock)))
+        return real(clock, flags, wanted, rest);
+    if (refused(wanted))
+        return EINVAL;
+    left = ns_of(wanted) - (flags & TIMER_ABSTIME ? clock_look(clock) : 0);
+    left = sleep_for(left);
+    if (left > 0 && rest != NULL && !(flags & TIMER_ABSTIME))
+        split_ns(left, rest);
+    return left > 0 ? EINTR : 0;
+}
+
+PUBLIC int nanosleep(const struct timespec *wanted, struct timespec *rest)
+{
+    int error;
+    REAL(nanosleep);
+
+    if (!clock_waits())
+        return real(wanted, rest);
+    error = clock_nanosleep(CLOCK_MONOTONIC, 0, wanted, rest);
+    if (error == 0)
+        return 0;
+    errno = error;
+    return -1;
+}
+
+PUBLIC int usleep(useconds_t us)
+{
+    struct timespec wanted;
+
+    split_ns((int64_t)us * 1000, &wanted);
+    return nanosleep(&wanted, NULL);
+}
+
+PUBLIC unsigned sleep(unsigned seconds)
+{
+    struct timespec rest;
+    REAL(sleep);
+
+    if (!clock_waits())
+        return real(seconds);
+    split_ns(sleep_for((int64_t)seconds * NS), &rest);
+    return (unsigned)rest.tv_sec + (rest.tv_nsec >= NS / 2);
+}
+
+/* --- waiting for descriptors ------------------------------------------------------------------ */
+
+int clock_poll(struct pollfd *set, nfds_t count, int64_t ns, const sigset_t *mask)
+{
+    struct wait wait = {.set = set, .count = count, .until = FOR_EVER};
+    int found;
+
+    pthread_testcancel();
+    card_refresh();
+    if (ns == 0 && mask == NULL) {
+        turns_yield();
+        return sys_poll(set, count, 0);
+    }
+    turns_enter();
+    if (ns >= 0)
+        wait.until = turns_now() + ns;
+    for (;;) {
+        enum after after;
+        enum ending ending = signals_wait(mask, &wait, &after);
+
+        found = sys_poll(set, count, 0);
+        if (found != 0 || ending == LATE)
+            break;
+        if (after != GO_ON) {
+            errno = EINTR;
+            found = -1;
+            break;
+        }
+    }
+    turns_leave();
     return found;
 }
 
-static int select_until(int count, fd_set *in, fd_set *out, fd_set *except, int64_t ns)
+int clock_await(int fd, short events)
+{
+    struct pollfd set = {fd, events, 0};
+    struct wait wait = {.set = &set, .count = 1, .until = FOR_EVER};
+    int result = 0;
+
+    if (!clock_waits() || sys_poll(&set, 1, 0) != 0 || fcntl(fd, F_GETFL) & O_NONBLOCK)
+        return 0;
+    pthread_testcancel();
+    turns_enter();
+    while (result == 0 && turns_wait(&wait) != FOUND)
+        if (turns_interrupt() == FAIL) {
+            errno = EINTR;
+            result = -1;
+        }
+    turns_leave();
+    return result;
+}
+
+PUBLIC int poll(struct pollfd *set, nfds_t count, int timeout_ms)
+{
+    REAL(poll);
+    if (!clock_waits())
+        return real(set, count, timeout_ms);
+    return clock_poll(set, count, timeout_ms < 0 ? -1 : (int64_t)timeout_ms * 1000000, NULL);
+}
+
+PUBLIC int __poll_chk(struct pollfd *set, nfds_t count, int timeout_ms, size_t room);
+PUBLIC int __poll_chk(struct pollfd *set, nfds_t count, int timeout_ms, size_t room)
+{
+    if (room / sizeof *set < count)
+        __builtin_trap();
+    return poll(set, count, timeout_ms);
+}
+
+PUBLIC int ppoll(struct pollfd *set, nfds_t count, const struct timespec *timeout,
+                 const sigset_t *mask)
+{
+    REAL(ppoll);
+    if (!clock_waits())
+        return real(set, count, timeout, mask);
+    if (refused(timeout))
+        return -1;
+    return clock_poll(set, count, timeout == NULL ? -1 : ns_of(timeout), mask);
+}
+
+static int select_until(int count, fd_set *in, fd_set *out, fd_set *except, int64_t ns,
+                        const sigset_t *mask)
 {
     struct pollfd set[FD_SETSIZE];
     nfds_t used = 0, turn;
@@ -382,7 +322,7 @@ static int select_until(int count, fd_set *in, fd_set *out, fd_set *except, int6
             set[used++].revents = 0;
         }
     }
-    found = poll_until(set, used, ns);
+    found = clock_poll(set, used, ns, mask);
     if (found < 0)
         return found;
     for (turn = 0; turn < used; turn++) {
@@ -421,13 +361,13 @@ PUBLIC int select(int count, fd_set *in, fd_set *out, fd_set *except, struct tim
     int found;
     REAL(select);
 
-    if (!clock_follows() && !selects_uio(count, in))
+    if (!clock_waits())
         return real(count, in, out, except, timeout);
     if (timeout != NULL && (timeout->tv_sec < 0 || timeout->tv_usec < 0)) {
         errno = EINVAL;
         return -1;
     }
-    found = select_until(count, in, out, except, ns);
+    found = select_until(count, in, out, except, ns, NULL);
     if (timeout != NULL && found == 0)
         timeout->tv_sec = 0, timeout->tv_usec = 0; /* as Linux does */
     return found;
@@ -436,69 +376,10 @@ PUBLIC int select(int count, fd_set *in, fd_set *out, fd_set *except, struct tim
 PUBLIC int pselect(int count, fd_set *in, fd_set *out, fd_set *except,
                    const struct timespec *timeout, const sigset_t *mask)
 {
-    sigset_t before;
-    int found;
     REAL(pselect);
-
-    if (!clock_follows() && !selects_uio(count, in))
+    if (!clock_waits())
         return real(count, in, out, except, timeout, mask);
     if (refused(timeout))
         return -1;
-    if (mask != NULL)
-        pthread_sigmask(SIG_SETMASK, mask, &before);
-    found = select_until(count, in, out, except, timeout == NULL ? -1 : join(timeout));
-    if (mask != NULL)
-        pthread_sigmask(SIG_SETMASK, &before, NULL);
-    return found;
-}
-
-/* --- waiting for a signal --------------------------------------------------------------------- */
-
-/* Let time pass until the interrupt's signal is on its way; the program's other signals count too. */
-static void pass_to_interrupt(void)
-{
-    uint32_t seen;
-    sigset_t before, waiting;
-
-    card_enter(&before);
-    seen = card_interrupts();
-    while (!card_due() && card_interrupts() == seen) {
-        if (card.virtual_time)
-            card_approach_interrupt(10000000);
-        else
-            sys_poll(NULL, 0, GRACE_MS);
-        sigemptyset(&waiting);
-        if (sigpending(&waiting) == 0 && !sigisemptyset(&waiting))
-            break;
-    }
-    card_leave(&before);
-}
-
-PUBLIC int sigsuspend(const sigset_t *mask)
-{
-    sigset_t copy = *mask, all, before;
-    int result, code;
-    REAL(sigsuspend);
-
-    if (card.present)
-        sigdelset(&copy, SIGSEGV);
-    if (!card_in_use() || card.signal == 0 || sigismember(mask, card.signal))
-        return real(&copy);
-    sigfillset(&all);
-    pthread_sigmask(SIG_BLOCK, &all, &before);
-    pass_to_interrupt();
-    card_raise(); /* pending until the mask lets it through */
-    result = real(&copy);
-    code = errno;
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    errno = code;
-    return result;
-}
-
-PUBLIC int pause(void)
-{
-    sigset_t mask;
-
-    pthread_sigmask(SIG_BLOCK, NULL, &mask);
-    return sigsuspend(&mask);
+    return select_until(count, in, out, except, timeout == NULL ? -1 : ns_of(timeout), mask);
 }

@@ -2,48 +2,41 @@
 #ifndef VBUS_EXEC_CLOCK_H
 #define VBUS_EXEC_CLOCK_H
 
+#include "turns.h"
+
 #include <stdint.h>
 #include <time.h>
 
-#define NS 1000000000u
-#define GRACE_MS 1 /* of wall time, for what other processes and threads send */
+#define NS 1000000000
+
+static inline int64_t ns_of(const struct timespec *when)
+{
+    int64_t seconds = when->tv_sec;
+
+    return seconds > FOR_EVER / 2 / NS ? FOR_EVER / 2 : seconds * NS + when->tv_nsec;
+}
+
+static inline void split_ns(int64_t ns, struct timespec *when)
+{
+    when->tv_sec = (time_t)(ns / NS);
+    when->tv_nsec = (long)(ns % NS);
+}
 
 /* Whether time is virtual; and whether this clock then follows it. */
 int clock_follows(void);
 int clock_is_ours(clockid_t clock);
 
-/* What such a clock shows (ns). */
+/* What a clock shows (ns); and the same for comparing, which costs nothing. */
 int64_t clock_look(clockid_t clock);
+int64_t clock_compare(clockid_t clock);
 
-/* Let time pass (ns); what is left if an interrupt's signal came. */
-uint64_t clock_pass(uint64_t duration);
+/* Whether waits are ours: time is virtual, or another thread wants its turn. */
+int clock_waits(void);
 
-/* --- waits that another thread may satisfy (running.c) ------------------------------------------ */
+/* Wait for descriptors at most `ns` (negative: for ever), with `mask` unless NULL; as ppoll answers. */
+int clock_poll(struct pollfd *set, nfds_t count, int64_t ns, const sigset_t *mask);
 
-/* A wait of at most `left` (ns; negative: for ever) that looks once in GRACE_MS of wall time. */
-struct patience {
-    int64_t left, waited;
-    int asleep;
-    uint64_t seen;
-};
-
-void patience_begin(struct patience *patience, int64_t longest);
-
-/* After such a look in vain: whether nobody will satisfy it any more, or others have worked for so
- * long in wall time as it may take (for ever: a second). What they let pass is taken from `left`. */
-int patience_over(struct patience *patience);
-
-/* --- timer descriptors (timers.c) -------------------------------------------------------------- */
-
-/* Nanoseconds until the next expiry, or -1. */
-int64_t timers_next(void);
-
-/* Make descriptors of timers that have expired readable. */
-void timers_fire(void);
-
-/* Whether `fd` is a timer; let time pass until it has expired: 0, or -1 if a signal came first. */
-int timers_has(int fd);
-int timers_wait(int fd);
-void timers_closed(unsigned first, unsigned last);
+/* Wait until `fd` can be read or written, for a call that will do it: 0, or -1 if it shall fail. */
+int clock_await(int fd, short events);
 
 #endif

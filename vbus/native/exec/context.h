@@ -29,7 +29,7 @@ static const int context_order[X86_REGISTERS] = {REG_EAX, REG_ECX, REG_EDX, REG_
 #define FX_YMM 576
 #define MAGIC 0x46505853u
 
-static void context_get_wide(unsigned char *fpu, struct x86 *cpu)
+static inline void context_get_wide(unsigned char *fpu, struct x86 *cpu)
 {
     unsigned char *fx = fpu;
     uint32_t magic;
@@ -51,7 +51,7 @@ static void context_get_wide(unsigned char *fpu, struct x86 *cpu)
     }
 }
 
-static void context_get(const ucontext_t *context, struct x86 *cpu)
+static inline void context_get(const ucontext_t *context, struct x86 *cpu)
 {
     unsigned turn;
 
@@ -62,7 +62,7 @@ static void context_get(const ucontext_t *context, struct x86 *cpu)
     context_get_wide((unsigned char *)context->uc_mcontext.fpregs, cpu);
 }
 
-static void context_put(ucontext_t *context, const struct x86 *cpu)
+static inline void context_put(ucontext_t *context, const struct x86 *cpu)
 {
     unsigned turn;
 

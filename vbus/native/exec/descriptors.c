@@ -4,10 +4,10 @@
 #define _GNU_SOURCE
 #include "card.h"
 #include "files.h"
+#include "listen.h"
 #include "sys.h"
 #include "trap.h"
 
-#include <dlfcn.h>
 #include <errno.h>
 #include <stdarg.h>
 #include <sys/resource.h>
@@ -17,15 +17,10 @@
 #endif
 #define ONLY_ON_EXEC 4 /* CLOSE_RANGE_CLOEXEC */
 
-#define REAL(name)                                                                                 \
-    static __typeof__(&name) real;                                                                 \
-    if (real == NULL)                                                                              \
-        *(void **)&real = dlsym(RTLD_NEXT, #name)
-
 PUBLIC int close(int fd)
 {
     REAL(close);
-    if (card_owns(fd)) { /* programs that close everything they may have inherited */
+    if (card_owns(fd) || listen_owns(fd)) { /* programs that close everything they may have inherited */
         errno = EBADF;
         return -1;
     }

@@ -6,15 +6,18 @@
 
 #include "card.h"
 #include "clock.h"
+#include "listen.h"
+#include "spin.h"
 #include "sys.h"
+#include "timers.h"
 #include "trap.h"
+#include "turns.h"
 
-#include <dlfcn.h>
 #include <errno.h>
 #include <pthread.h>
-#include <sched.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <sys/eventfd.h>
 #include <sys/mman.h>
 #include <sys/uio.h>
 
@@ -25,19 +28,15 @@
 #define PAGE 4096u
 
 #define INHERITED 64 /* descriptors looked at when a program starts */
+#define UIO_MARK 63
 
 enum kind { NONE, PORTS, MEMORY, UIO };
 
-static const char *const device_names[] = {"", "vbus-port", "vbus-mem", "vbus-uio0"};
+static const char *const device_names[] = {"", "vbus-port", "vbus-mem"};
 
 static unsigned char kinds[MOST_FILES];
-static uint32_t uio_seen;
-
-/* The next definition of a function behind ours. */
-#define REAL(name)                                                                                 \
-    static __typeof__(&name) real;                                                                 \
-    if (real == NULL)                                                                              \
-        *(void **)&real = dlsym(RTLD_NEXT, #name)
+static uint32_t uio_seen[MOST_FILES];
+static volatile int uio_last = -1;
 
 static enum kind kind_of(int fd)
 {
@@ -57,35 +56,39 @@ static enum kind kind_of_path(const char *path)
 
 static void begin(void)
 {
-    sigset_t before;
-
     if (!card.virtual_time)
         return;
-    card_enter(&before);
+    card_enter();
     card_begin_time();
-    card_leave(&before);
+    card_leave();
 }
 
 static void adopt_device(int fd, enum kind kind)
 {
-    sigset_t before;
-
-    kinds[fd] = (unsigned char)kind;
     begin();
     if (kind == UIO && card.line >= 0) {
-        card_enter(&before);
+        uio_seen[fd] = card_interrupts();
+        card_enter();
         card_watch();
-        uio_seen = 0;
-        card_leave(&before);
+        card_leave();
+        if (uio_last < fd)
+            uio_last = fd;
     }
+    kinds[fd] = (unsigned char)kind;
+    files_interrupt();
 }
 
 /* A descriptor of the program's own stands for the device: it has a position, can be copied and
- * closed, and means nothing to anybody else. */
+ * closed, and means nothing to anybody else. That of interrupts is an event counter, so that every
+ * way to wait works; the signal it would send is a mark that is inherited. */
 static int open_device(enum kind kind, int flags)
 {
-    int fd = (int)syscall(SYS_memfd_create, device_names[kind], flags & O_CLOEXEC ? 1 : 0);
+    int fd;
 
+    if (kind == UIO)
+        fd = eventfd(0, flags & O_CLOEXEC ? EFD_CLOEXEC : 0);
+    else
+        fd = (int)syscall(SYS_memfd_create, device_names[kind], flags & O_CLOEXEC ? 1 : 0);
     if (fd < 0)
         return -1;
     if (fd >= MOST_FILES) {
@@ -93,6 +96,8 @@ static int open_device(enum kind kind, int flags)
         errno = EMFILE;
         return -1;
     }
+    if (kind == UIO)
+        syscall(SYS_fcntl, fd, F_SETSIG, UIO_MARK);
     if (flags & O_NONBLOCK)
         fcntl(fd, F_SETFL, O_NONBLOCK);
     adopt_device(fd, kind);
@@ -165,21 +170,19 @@ static ssize_t move(enum kind kind, unsigned char *into, const unsigned char *fr
 {
     uintptr_t ip = (uintptr_t)__builtin_return_address(0);
     size_t turn;
-    sigset_t before;
 
     if (kind == PORTS && place >= 0x10000)
         return 0;
     if (kind == PORTS && size > 0x10000 - place)
         size = (size_t)(0x10000 - place);
-    card_enter(&before);
+    card_enter();
     for (turn = 0; turn < size; turn++) {
         if (into != NULL)
             card_load((uintptr_t)place + turn, into + turn, 1, ip);
         else
             card_store((uintptr_t)place + turn, from + turn, 1, ip);
     }
-    card_leave(&before);
-    card_raise();
+    card_leave();
     return (ssize_t)size;
 }
 
@@ -193,49 +196,51 @@ static ssize_t move_here(int fd, unsigned char *into, const unsigned char *from,
     return done;
 }
 
-/* Whether an interrupt has come that has not been read. */
-static int uio_ready(uint32_t *count)
+/* What has come and has not been read makes the descriptor readable. */
+void files_interrupt(void)
 {
-    sigset_t before;
+    static const uint64_t one = 1;
+    uint32_t count = card_interrupts();
+    int fd;
 
-    card_enter(&before);
-    *count = card_interrupts();
-    card_leave(&before);
-    return *count != uio_seen;
+    for (fd = 0; fd <= uio_last; fd++)
+        if (kinds[fd] == UIO && uio_seen[fd] != count)
+            sys_write(fd, &one, sizeof one);
 }
 
-static void uio_wait(uint64_t longest_ns)
+int files_inner(const struct pollfd *set, nfds_t count)
 {
-    sigset_t before;
+    nfds_t turn;
 
-    if (!card.virtual_time) {
-        sys_poll(NULL, 0, 1);
-        return;
-    }
-    card_enter(&before);
-    card_approach_interrupt(longest_ns);
-    card_leave(&before);
-    sched_yield();
+    for (turn = 0; turn < count; turn++)
+        if (set[turn].fd >= 0 && kind_of(set[turn].fd) != UIO && !timers_has(set[turn].fd))
+            return 0;
+    return 1;
 }
-
-#define UIO_STEP 10000000u /* ns of chip time between looks where nothing is in sight */
 
 static ssize_t read_uio(int fd, void *data, size_t size)
 {
+    struct pollfd full = {fd, POLLIN, 0};
+    uint64_t told;
     uint32_t count;
 
     if (size != 4 || card.line < 0) {
         errno = card.line < 0 ? EIO : EINVAL;
         return -1;
     }
-    while (!uio_ready(&count)) {
+    card_refresh();
+    while (sys_poll(&full, 1, 0) == 0) {
         if (fcntl(fd, F_GETFL) & O_NONBLOCK) {
             errno = EAGAIN;
             return -1;
         }
-        uio_wait(UIO_STEP);
+        if (clock_waits() ? clock_await(fd, POLLIN) < 0 : poll(&full, 1, -1) < 0)
+            return -1;
     }
-    uio_seen = count;
+    turns_enter();
+    sys_read(fd, &told, sizeof told);
+    count = uio_seen[fd] = card_interrupts();
+    turns_leave();
     memcpy(data, &count, 4);
     return 4;
 }
@@ -243,7 +248,6 @@ static ssize_t read_uio(int fd, void *data, size_t size)
 static ssize_t write_uio(const void *data, size_t size)
 {
     uint32_t on;
-    sigset_t before;
 
     if (size != 4) {
         errno = EINVAL;
@@ -251,32 +255,19 @@ static ssize_t write_uio(const void *data, size_t size)
     }
     memcpy(&on, data, 4);
     if (on && card.line >= 0) {
-        card_enter(&before);
+        card_enter();
         card_rearm();
-        card_leave(&before);
+        card_leave();
+        files_interrupt();
     }
     return 4;
-}
-
-int files_uio(int fd)
-{
-    return kind_of(fd) == UIO && card.line >= 0;
-}
-
-int files_uio_ready(void)
-{
-    uint32_t count;
-
-    return uio_ready(&count);
 }
 
 PUBLIC ssize_t read(int fd, void *data, size_t size)
 {
     REAL(read);
-    if (timers_has(fd) && timers_wait(fd) < 0)
-        return -1;
     switch (kind_of(fd)) {
-    case NONE: return real(fd, data, size);
+    case NONE: return clock_await(fd, POLLIN) < 0 ? -1 : real(fd, data, size);
     case UIO: return read_uio(fd, data, size);
     default: return move_here(fd, data, NULL, size);
     }
@@ -286,7 +277,7 @@ PUBLIC ssize_t write(int fd, const void *data, size_t size)
 {
     REAL(write);
     switch (kind_of(fd)) {
-    case NONE: return real(fd, data, size);
+    case NONE: return clock_await(fd, POLLOUT) < 0 ? -1 : real(fd, data, size);
     case UIO: return write_uio(data, size);
     default: return move_here(fd, NULL, data, size);
     }
@@ -338,7 +329,7 @@ PUBLIC ssize_t __pread64_chk(int fd, void *data, size_t size, off64_t place, siz
         ssize_t all = 0;                                                                           \
         int turn;                                                                                  \
         REAL(name);                                                                                \
-        if (kind_of(fd) == NONE && !timers_has(fd))                                                \
+        if (kind_of(fd) == NONE && !clock_waits())                                                \
             return real(fd, parts, count);                                                         \
         for (turn = 0; turn < count; turn++) {                                                     \
             ssize_t done = one(fd, parts[turn].iov_base, parts[turn].iov_len);                     \
@@ -428,6 +419,10 @@ int files_copied(int from, int to)
 {
     if (to >= 0 && to < MOST_FILES)
         kinds[to] = (unsigned char)kind_of(from);
+    if (to >= 0 && to < MOST_FILES && kinds[to] == UIO) {
+        uio_seen[to] = uio_seen[from];
+        uio_last = uio_last < to ? to : uio_last;
+    }
     return to;
 }
 
@@ -446,7 +441,10 @@ static void inherit_devices(void)
             link[14] = link[15], link[15] = '\0';
         if (syscall(SYS_readlinkat, AT_FDCWD, link, path, sizeof path - 1) <= 0)
             continue;
-        for (kind = PORTS; kind <= UIO; kind++)
+        if (strcmp(path, "anon_inode:[eventfd]") == 0
+            && syscall(SYS_fcntl, fd, F_GETSIG) == UIO_MARK)
+            adopt_device(fd, UIO);
+        for (kind = PORTS; kind <= MEMORY; kind++)
             if (strncmp(path, "/memfd:", 7) == 0
                 && strncmp(path + 7, device_names[kind], strlen(device_names[kind])) == 0)
                 adopt_device(fd, (enum kind)kind);
@@ -513,30 +511,25 @@ PUBLIC int iopl(int level)
 
 /* --- fork, start and end ---------------------------------------------------------------------- */
 
-static sigset_t mask_before_fork;
-
 static void before_fork(void)
 {
-    sigset_t before;
-
-    card_enter(&before);
+    card_enter();
     card_send();
-    mask_before_fork = before;
 }
 
 static void after_fork_in_parent(void)
 {
-    sigset_t mask = mask_before_fork;
-
-    card_leave(&mask);
+    card_leave();
 }
 
 static void after_fork_in_child(void)
 {
-    sigset_t mask = mask_before_fork;
-
+    turns_alone();
     card_forget();
-    sys_restore(&mask);
+    listen_forget();
+    timers_forget();
+    spin_forget();
+    turns_leave();
 }
 
 __attribute__((constructor(101))) static void start(void)
@@ -545,6 +538,7 @@ __attribute__((constructor(101))) static void start(void)
     if (!card.present)
         return;
     sys_find_clock();
+    turns_start();
     trap_install();
     inherit_devices();
     pthread_atfork(before_fork, after_fork_in_parent, after_fork_in_child);
@@ -561,11 +555,9 @@ __attribute__((constructor(101))) static void start(void)
 
 __attribute__((destructor)) static void finish(void)
 {
-    sigset_t before;
-
-    card_enter(&before);
+    card_enter();
     card_send();
-    card_leave(&before);
+    card_leave();
 }
 
 /* What is sent late would be lost by those who leave at once. */

@@ -2,9 +2,13 @@
 #ifndef VBUS_EXEC_FILES_H
 #define VBUS_EXEC_FILES_H
 
-/* Whether a descriptor is /dev/uio0 with an interrupt, and whether one has come. */
-int files_uio(int fd);
-int files_uio_ready(void);
+#include <poll.h>
+
+/* An interrupt has come: whoever waits for it can read. */
+void files_interrupt(void);
+
+/* Whether nothing but interrupts and virtual time makes these descriptors ready. */
+int files_inner(const struct pollfd *set, nfds_t count);
 
 /* Descriptors have been closed, or one copied (returns `to`). */
 void files_closed(unsigned first, unsigned last);

@@ -5,28 +5,21 @@
 #include "card.h"
 #include "sys.h"
 #include "trap.h"
+#include "turns.h"
 
 #include <alloca.h>
-#include <dlfcn.h>
 #include <spawn.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 
-#define REAL(name)                                                                                 \
-    static __typeof__(&name) real;                                                                 \
-    if (real == NULL)                                                                              \
-        *(void **)&real = dlsym(RTLD_NEXT, #name)
-
 static void send_first(void)
 {
-    sigset_t before;
-
     if (!card_in_use())
         return;
-    card_enter(&before);
+    card_enter();
     card_send();
-    card_leave(&before);
+    card_leave();
 }
 
 PUBLIC int execve(const char *path, char *const arguments[], char *const variables[])
@@ -131,9 +124,25 @@ PUBLIC int posix_spawnp(pid_t *restrict child, const char *restrict file,
 
 PUBLIC int system(const char *command)
 {
+    int result;
     REAL(system);
+
     send_first();
-    return real(command);
+    turns_go_out();
+    result = real(command);
+    turns_come_back();
+    return result;
+}
+
+PUBLIC int pclose(FILE *stream)
+{
+    int result;
+    REAL(pclose);
+
+    turns_go_out();
+    result = real(stream);
+    turns_come_back();
+    return result;
 }
 
 PUBLIC FILE *popen(const char *command, const char *mode)

@@ -1,9 +1,10 @@
-/* sys.h - system calls that pass by the functions this library puts in their place.
- * License: Apache-2.0.
+/* sys.h - system calls and functions of the C library that pass by those this library puts in their
+ * place. License: Apache-2.0.
  */
 #ifndef VBUS_EXEC_SYS_H
 #define VBUS_EXEC_SYS_H
 
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
@@ -12,6 +13,16 @@
 #include <sys/syscall.h>
 #include <time.h>
 #include <unistd.h>
+
+/* The next definition of a function behind ours, as `real`. */
+#define REAL(name)                                                                                 \
+    static __typeof__(&name) real;                                                                 \
+    if (real == NULL)                                                                              \
+        *(void **)&real = dlsym(RTLD_NEXT, #name)
+
+/* The C library's syscall; ours is in calls.c. */
+extern long (*sys_call)(long number, ...);
+#define syscall(...) sys_call(__VA_ARGS__)
 
 static inline int sys_open(const char *path, int flags)
 {

@@ -6,10 +6,11 @@
 
 #include "card.h"
 #include "context.h"
+#include "signals.h"
 #include "sys.h"
+#include "turns.h"
 #include "x86.h"
 
-#include <dlfcn.h>
 #include <errno.h>
 #include <sys/mman.h>
 
@@ -96,7 +97,6 @@ int trap_covers(uintptr_t address, unsigned size)
 void *trap_map(void *address, size_t size, int flags, uintptr_t at_card)
 {
     long result;
-    sigset_t before;
 
     flags = (flags & (MAP_FIXED | MAP_FIXED_NOREPLACE)) | MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE;
 #if X86_BITS == 64
@@ -106,33 +106,32 @@ void *trap_map(void *address, size_t size, int flags, uintptr_t at_card)
 #endif
     if (result == -1)
         return MAP_FAILED;
-    card_enter(&before);
+    card_enter();
     if (window_count < MOST_WINDOWS) {
         windows[window_count].start = (uintptr_t)result;
         windows[window_count].size = (size + 4095) & ~(size_t)4095;
         windows[window_count].card = at_card;
         window_count++;
     }
-    card_leave(&before);
+    card_leave();
     return (void *)result;
 }
 
 void trap_unmap(void *address, size_t size)
 {
     uintptr_t start = (uintptr_t)address;
-    sigset_t before;
     unsigned turn;
 
     if (window_count == 0)
         return;
-    card_enter(&before);
+    card_enter();
     for (turn = 0; turn < window_count; turn++)
         if (windows[turn].start >= start && windows[turn].start < start + size) {
             windows[turn] = windows[window_count - 1];
             window_count--;
             turn--;
         }
-    card_leave(&before);
+    card_leave();
 }
 
 /* --- what the decoder calls ------------------------------------------------------------------- */
@@ -189,8 +188,6 @@ static const struct x86_bus bus = {trap_covers, load, store, may, in, out};
 
 /* --- the handler ------------------------------------------------------------------------------ */
 
-static int (*real_sigaction)(int, const struct sigaction *, struct sigaction *);
-
 static void say_bytes(uintptr_t ip)
 {
     static const char digits[] = "0123456789ABCDEF";
@@ -217,6 +214,30 @@ static _Noreturn void refuse(uintptr_t ip, uintptr_t address)
     card_end(1);
 }
 
+/* Whether the instruction is one that needs a privilege: in, out, cli, sti, hlt and the like. */
+static int privileged(uintptr_t ip)
+{
+    const unsigned char *code = (const unsigned char *)ip;
+
+    for (;; code++) {
+        switch (*code) {
+        case 0x26: case 0x2E: case 0x36: case 0x3E: case 0x64: case 0x65: case 0x66: case 0x67:
+        case 0xF0: case 0xF2: case 0xF3:
+            continue;
+        case 0x6C: case 0x6D: case 0x6E: case 0x6F: case 0xE4: case 0xE5: case 0xE6: case 0xE7:
+        case 0xEC: case 0xED: case 0xEE: case 0xEF: case 0xF4: case 0xFA: case 0xFB:
+            return 1;
+        case 0x0F: /* lgdt, clts, invd, moves of control registers, wrmsr, rdmsr ... */
+            return code[1] <= 0x09 || (code[1] >= 0x20 && code[1] <= 0x23)
+                   || (code[1] >= 0x30 && code[1] <= 0x33);
+        default:
+            if (X86_BITS == 64 && (*code & 0xF0) == 0x40)
+                continue;
+            return 0;
+        }
+    }
+}
+
 /* It is the program's own fault, in both senses. */
 static void pass_on(int number, siginfo_t *info, void *data, uintptr_t ip)
 {
@@ -227,16 +248,20 @@ static void pass_on(int number, siginfo_t *info, void *data, uintptr_t ip)
 
     if ((action.sa_flags & SA_SIGINFO) == 0
         && (action.sa_handler == SIG_DFL || action.sa_handler == SIG_IGN)) {
-        if (info->si_code == SI_KERNEL)
+        if (info->si_code == SI_KERNEL && !privileged(ip))
+            card_say("the program faults: at an address no program can have (not canonical), or one"
+                     " that is not aligned for the instruction");
+        else if (info->si_code == SI_KERNEL)
             card_say("the program faults: a privileged instruction, or a port for which it has not"
                      " called ioperm or iopl");
         else
             card_say("the program faults at address 0x%x", (uintptr_t)info->si_addr);
         card_say_place("by the", ip, "");
         card_send_last();
+        card_note();
         action.sa_handler = SIG_DFL;
         action.sa_flags = 0;
-        real_sigaction(SIGSEGV, &action, NULL);
+        signals_real(SIGSEGV, &action, NULL);
         return; /* it faults again and ends as it would have without us */
     }
     if (action.sa_flags & (int)SA_RESETHAND)
@@ -259,11 +284,11 @@ static void raise_division(ucontext_t *context, uintptr_t ip)
     struct sigaction action;
     siginfo_t info;
 
-    if (real_sigaction(SIGFPE, NULL, &action) == 0
+    if (signals_real(SIGFPE, NULL, &action) == 0
         && (action.sa_handler == SIG_IGN || sigismember(&context->uc_sigmask, SIGFPE) == 1)) {
         memset(&action, 0, sizeof action);
         action.sa_handler = SIG_DFL; /* it cannot be put off */
-        real_sigaction(SIGFPE, &action, NULL);
+        signals_real(SIGFPE, &action, NULL);
         sigdelset(&context->uc_sigmask, SIGFPE);
     }
     memset(&info, 0, sizeof info);
@@ -275,39 +300,38 @@ static void raise_division(ucontext_t *context, uintptr_t ip)
 
 static void on_fault(int number, siginfo_t *info, void *data)
 {
-    int saved = errno, result = X86_FOREIGN;
+    int saved = errno, result = X86_FOREIGN, ends = 0;
     uintptr_t address = (uintptr_t)info->si_addr;
     int by_window = info->si_code == SEGV_ACCERR && trap_covers(address, 1);
+    ucontext_t *context = data;
+    struct guest *self;
     struct x86 cpu;
-    sigset_t before;
 
     context_get(data, &cpu);
     if (by_window || info->si_code == SI_KERNEL) {
-        card_enter(&before); /* signals are blocked already: this is for other threads */
+        card_enter(); /* the kernel has blocked signals meanwhile */
+        self = turns_self();
+        self->trapped = &context->uc_sigmask;
         trapped_ip = cpu.ip;
         result = x86_step(&cpu, &bus);
         trapped_ip = 0;
-        card_leave(&before);
+        card_leave();
+        self->trapped = NULL;
+        ends = self->cancelled && self->asynchronous;
     }
-    if (result == X86_DONE) {
+    if (result == X86_DONE)
         context_put(data, &cpu);
-        card_raise();
-    } else if (result == X86_DIVISION) {
+    else if (result == X86_DIVISION)
         raise_division(data, cpu.ip);
-    } else if (by_window) {
+    else if (by_window)
         refuse(cpu.ip, address);
-    } else {
+    else
         pass_on(number, info, data, cpu.ip);
+    if (ends) {
+        sys_restore(&context->uc_sigmask);
+        pthread_testcancel();
     }
     errno = saved;
-}
-
-/* --- signals of the program ------------------------------------------------------------------- */
-
-static void find_real(void)
-{
-    if (real_sigaction == NULL)
-        *(void **)&real_sigaction = dlsym(RTLD_NEXT, "sigaction");
 }
 
 void trap_install(void)
@@ -315,149 +339,23 @@ void trap_install(void)
     struct sigaction action;
     sigset_t mask;
 
-    find_real();
     memset(&action, 0, sizeof action);
     action.sa_sigaction = on_fault;
     action.sa_flags = SA_SIGINFO | SA_ONSTACK | SA_RESTART;
-    sigfillset(&action.sa_mask);
-    real_sigaction(SIGSEGV, &action, &theirs);
+    memset(&action.sa_mask, 0xFF, sizeof action.sa_mask); /* the C library's own too */
+    signals_real(SIGSEGV, &action, &theirs);
     sigemptyset(&mask);
     sigaddset(&mask, SIGSEGV);
     syscall(SYS_rt_sigprocmask, SIG_UNBLOCK, &mask, NULL, 8);
 }
 
-/* --- signals that end the program ------------------------------------------------------------- */
-
-static unsigned char ours[65]; /* where the program has the default action, and we a handler */
-
-static int ends_by_default(int number)
+int trap_action(const struct sigaction *action, struct sigaction *before)
 {
-    switch (number) {
-    case SIGKILL: case SIGSTOP: case SIGTSTP: case SIGTTIN: case SIGTTOU: case SIGCHLD:
-    case SIGCONT: case SIGURG: case SIGWINCH: case SIGSEGV:
-    case 32: case 33: /* the C library's own */
-        return 0;
-    default:
-        return number > 0 && number < 65;
-    }
-}
+    struct sigaction old = theirs;
 
-static void on_end(int number, siginfo_t *info, void *data)
-{
-    int by_instruction = info->si_code > 0 && info->si_code != SI_KERNEL
-                         && (number == SIGFPE || number == SIGILL || number == SIGBUS);
-    struct sigaction action;
-
-    (void)data;
-    card_send_last();
-    memset(&action, 0, sizeof action);
-    action.sa_handler = SIG_DFL;
-    real_sigaction(number, &action, NULL);
-    if (!by_instruction) /* else it comes again by itself, at the right place */
-        syscall(SYS_tgkill, getpid(), syscall(SYS_gettid), number);
-}
-
-static int take_over(int number)
-{
-    struct sigaction action;
-
-    memset(&action, 0, sizeof action);
-    action.sa_sigaction = on_end;
-    action.sa_flags = SA_SIGINFO | SA_ONSTACK | SA_RESTART;
-    sigfillset(&action.sa_mask);
-    sigdelset(&action.sa_mask, SIGSEGV);
-    ours[number] = 1;
-    return real_sigaction(number, &action, NULL);
-}
-
-void trap_last_words(void)
-{
-    int number;
-
-    find_real();
-    for (number = 1; number < 65; number++) {
-        struct sigaction now;
-
-        if (ends_by_default(number) && !ours[number] && real_sigaction(number, NULL, &now) == 0
-            && !(now.sa_flags & SA_SIGINFO) && now.sa_handler == SIG_DFL)
-            take_over(number);
-    }
-}
-
-/* Trapped instructions need the signal even where the program has none blocked but this. */
-static const sigset_t *without(const sigset_t *set, sigset_t *copy)
-{
-    if (set == NULL || !card.present)
-        return set;
-    *copy = *set;
-    sigdelset(copy, SIGSEGV);
-    return copy;
-}
-
-PUBLIC int sigaction(int number, const struct sigaction *action, struct sigaction *before)
-{
-    struct sigaction copy;
-    int ended, result;
-
-    find_real();
-    if (!card.present)
-        return real_sigaction(number, action, before);
-    if (number == SIGSEGV) {
-        struct sigaction old = theirs;
-
-        if (action != NULL)
-            theirs = *action;
-        if (before != NULL)
-            *before = old;
-        return 0;
-    }
-    ended = number > 0 && number < 65 && ours[number];
-    if (action == NULL) {
-        result = real_sigaction(number, NULL, before);
-    } else if (card_in_use() && card.virtual_time && ends_by_default(number)
-               && !(action->sa_flags & SA_SIGINFO) && action->sa_handler == SIG_DFL) {
-        result = before == NULL ? 0 : real_sigaction(number, NULL, before);
-        take_over(number);
-    } else {
-        copy = *action;
-        sigdelset(&copy.sa_mask, SIGSEGV);
-        result = real_sigaction(number, &copy, before);
-        if (result == 0 && number > 0 && number < 65)
-            ours[number] = 0;
-    }
-    if (result == 0 && ended && before != NULL) {
-        memset(before, 0, sizeof *before);
-        before->sa_handler = SIG_DFL;
-    }
-    return result;
-}
-
-PUBLIC sighandler_t signal(int number, sighandler_t handler)
-{
-    struct sigaction action, before;
-
-    memset(&action, 0, sizeof action);
-    action.sa_handler = handler;
-    action.sa_flags = SA_RESTART;
-    return sigaction(number, &action, &before) < 0 ? SIG_ERR : before.sa_handler;
-}
-
-PUBLIC int sigprocmask(int how, const sigset_t *set, sigset_t *before)
-{
-    static int (*real)(int, const sigset_t *, sigset_t *);
-    sigset_t copy;
-
-    if (real == NULL)
-        *(void **)&real = dlsym(RTLD_NEXT, "sigprocmask");
-    return real(how, how == SIG_UNBLOCK ? set : without(set, &copy), before);
-}
-
-PUBLIC int pthread_sigmask(int how, const sigset_t *set, sigset_t *before)
-{
-    static int (*real)(int, const sigset_t *, sigset_t *);
-    sigset_t copy;
-
-    if (real == NULL)
-        *(void **)&real = dlsym(RTLD_NEXT, "pthread_sigmask");
-    return real(how, how == SIG_UNBLOCK ? set : without(set, &copy), before);
+    if (action != NULL)
+        theirs = *action;
+    if (before != NULL)
+        *before = old;
+    return 0;
 }

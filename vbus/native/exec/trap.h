@@ -2,16 +2,15 @@
 #ifndef VBUS_EXEC_TRAP_H
 #define VBUS_EXEC_TRAP_H
 
+#include <signal.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #define PUBLIC __attribute__((visibility("default")))
 
-/* Handle SIGSEGV from now on. */
+/* Handle SIGSEGV from now on; and what the program wants done at its own. */
 void trap_install(void);
-
-/* From now on signals that end the program by default let it send what it has kept back first. */
-void trap_last_words(void);
+int trap_action(const struct sigaction *action, struct sigaction *before);
 
 /* What ioperm and iopl ask for: 0, or -1 and errno. */
 int trap_allow(unsigned long from, unsigned long count, int on);

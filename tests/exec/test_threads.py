@@ -1,0 +1,126 @@
+"""Programs with threads: where time is virtual one runs at a time, and every run is the same."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.exec.conftest import compile_c
+from tests.exec.test_programs import PORTS, REGISTERS, SERVO, execute, said
+
+Programs = Callable[[str, int], Path]
+
+# What the main thread prints, by what it does meanwhile; the interrupt comes 58.26 ms after STT.
+SERVED = {
+    "poll": (58367, 58227, 58623, 217),
+    "clock": (58367, 58227, 58623, 217),
+    "sleep": (58619, 195, 58937, 1),
+    "condition": (58360, 0, 58616, 0),
+    "semaphore": (58360, 0, 58616, 0),
+}
+
+
+def served(work: str, later: int = 0) -> list[str]:
+    """Return the program's lines; `later`: the thread takes its turn that much later."""
+    first, polls, second, more = SERVED[work]
+    return [
+        "100 inb took 101 us",
+        "interrupt 1, status 04",
+        f"move 1 after {first + later} us, {polls + later} polls",
+        "interrupt 2, status 04",
+        f"move 2 after {second + later} us, {more} polls",
+        "ended 1",
+    ]
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved"])
+@pytest.mark.parametrize("work", SERVED)
+def test_an_interrupt_reaches_its_thread_at_the_same_cycle_of_the_other(
+    programs: Programs, tmp_path: Path, policy: str, work: str
+) -> None:
+    done = execute(
+        tmp_path, SERVO.format(time=policy, card=""), programs("threads", 64), "read", work
+    )
+    assert said(done) == served(work)
+
+
+@pytest.mark.parametrize("how", ["poll", "select", "epoll"])
+def test_a_thread_that_waits_for_an_interrupt_costs_the_other_no_chip_time(
+    programs: Programs, bits: int, tmp_path: Path, how: str
+) -> None:
+    """A hundred cycles of 1 us, and a look at the clock."""
+    board = SERVO.format(time="lockstep", card="")
+    assert said(execute(tmp_path, board, programs("threads", bits), "nobody")) == [
+        "100 inb took 101 us"
+    ]
+    assert said(execute(tmp_path, board, programs("threads", bits), how, "poll")) == served(
+        "poll", later=1
+    )
+
+
+def test_runs_with_threads_are_the_same_under_load_and_on_one_core(
+    programs: Programs, tmp_path: Path
+) -> None:
+    """Four at once, two of them on one processor."""
+    (tmp_path / "board.toml").write_text(SERVO.format(time="lockstep", card=""))
+    runs = []
+    for number in range(4):
+        pin = ["taskset", "-c", str(min(os.sched_getaffinity(0)))] if number < 2 else []
+        runs.append(
+            subprocess.Popen(
+                [*pin, sys.executable, "-m", "vbus", "exec", "--board",
+                 str(tmp_path / "board.toml"), "--transcript", str(tmp_path / f"{number}.txt"),
+                 "--", str(programs("threads", 64)), "read", "poll"],
+                stdout=subprocess.PIPE, text=True,
+            )
+        )  # fmt: skip
+    assert [run.communicate(timeout=120)[0].splitlines() for run in runs] == [served("poll")] * 4
+    transcripts = {(tmp_path / f"{number}.txt").read_text() for number in range(4)}
+    assert len(transcripts) == 1
+
+
+def test_a_thread_that_spins_on_memory_is_named_and_sees_what_it_waits_for(
+    programs: Programs, bits: int, tmp_path: Path
+) -> None:
+    """It stands aside while others run: the instants are those of one that waits."""
+    board = SERVO.format(time="lockstep", card="")
+    done = execute(tmp_path, board, programs("threads", bits), "read", "spin")
+    assert done.stdout.splitlines() == served("condition")
+    assert done.stderr.count("vbus exec: thread 1 waits for memory to change") == 1
+    assert "it is at the instruction at 0x" in done.stderr
+    assert "/threads" in done.stderr
+
+
+def test_a_loop_that_works_is_named_when_it_keeps_others_waiting(tmp_path: Path) -> None:
+    (tmp_path / "works.c").write_text(
+        "#include <pthread.h>\n#include <sys/io.h>\n#include <time.h>\n#include <unistd.h>\n"
+        "static void *waits(void *data) { usleep(1000); return data; }\n"
+        "int main(void)\n{\n    volatile unsigned long turn = 0;\n    pthread_t thread;\n"
+        "    iopl(3);\n    inb(0x320);\n    pthread_create(&thread, NULL, waits, NULL);\n"
+        "    while (clock() < 3 * CLOCKS_PER_SEC / 2)\n        turn++;\n"
+        "    return pthread_join(thread, NULL);\n}\n"
+    )
+    program = compile_c(tmp_path / "works", "-O1", tmp_path / "works.c")
+    done = execute(tmp_path, REGISTERS.format(time="lockstep", card=PORTS), program)
+    assert (done.returncode, done.stdout) == (0, "")
+    assert "thread 1 has worked for a second of processor time" in done.stderr
+    assert "no other thread has a turn" in done.stderr
+
+
+SYNCHRONISED = [
+    "mutex 20000 of 20000", "order abcabcabc", "barrier 1 serial of 3", "once 1",
+    "rwlock 2 readers, then 1 writer", "c11 3", "timed join 110, then 0", "cancelled 1 in sleep",
+    "cancelled 1 in condition", "cancelled 1 in access", "left by exit 5", "semaphores 3",
+    "futex 0", "spinlock 2000", "detached 1",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved", "realtime"])
+def test_what_threads_wait_for_of_each_other_works(
+    programs: Programs, bits: int, tmp_path: Path, policy: str
+) -> None:
+    done = execute(tmp_path, REGISTERS.format(time=policy, card=PORTS), programs("meetings", bits))
+    assert said(done) == SYNCHRONISED

@@ -1,0 +1,174 @@
+/* spin.c - a thread that waits by looking at memory, where time is virtual. License: Apache-2.0.
+ *
+ * `while (!flag);` gives nothing away: neither another thread nor an interrupt could ever set the flag.
+ * So the processor time of the program ticks, and each tick looks at the thread that has the turn. If
+ * all its registers are the same whenever it is at the same instruction, it does nothing but wait for
+ * memory. It is named, and from then on others run and time passes until one of them has done
+ * something; then it looks again.
+ */
+#define _GNU_SOURCE
+#include "spin.h"
+
+#include "card.h"
+#include "context.h"
+#include "signals.h"
+#include "sys.h"
+#include "trap.h"
+#include "turns.h"
+
+#include <errno.h>
+
+#define TICK_NS 20000000  /* of processor time */
+#define LOOK_NS 100000    /* of real time, for one that is known to spin */
+#define PLACES 24         /* instructions of such a loop */
+#define PROOF 20          /* ticks that find it where it was */
+#define WORK 50           /* ticks without a sign of life, after which it is named anyhow */
+
+static struct place {
+    uintptr_t ip, sum;
+} places[PLACES];
+
+static unsigned known, ticks, again;
+static int changing, said_work, proven, watching;
+static unsigned seen;
+static timer_t soon;
+
+static uintptr_t sum_of(const ucontext_t *context)
+{
+    uintptr_t sum = (uintptr_t)context->uc_mcontext.gregs[REG_EFL];
+    unsigned turn;
+
+    for (turn = 0; turn < X86_REGISTERS; turn++)
+        sum = (sum << 5 | sum >> (8 * sizeof sum - 5))
+              ^ (uintptr_t)context->uc_mcontext.gregs[context_order[turn]];
+    return sum;
+}
+
+static void start_again(unsigned now)
+{
+    seen = now;
+    known = ticks = again = 0;
+    changing = 0;
+    proven = 0;
+}
+
+/* Whether it has been here with these registers; note it if not. */
+static int was_here(uintptr_t ip, uintptr_t sum)
+{
+    unsigned turn;
+
+    for (turn = 0; turn < known; turn++)
+        if (places[turn].ip == ip) {
+            changing |= places[turn].sum != sum;
+            return places[turn].sum == sum;
+        }
+    if (known == PLACES)
+        changing = 1;
+    else
+        places[known++] = (struct place){ip, sum};
+    return 0;
+}
+
+static void say(uintptr_t ip, const char *what, const char *after)
+{
+    static uintptr_t said[8];
+    static unsigned count;
+    unsigned turn;
+
+    for (turn = 0; turn < count; turn++)
+        if (said[turn] == (ip & ~(uintptr_t)63))
+            return;
+    if (count == 8)
+        return;
+    said[count++] = ip & ~(uintptr_t)63;
+    card_say("thread %d %s", (int)turns_self()->number, what);
+    card_say_place("it is at the", ip, "");
+    card_say("%s", after);
+}
+
+/* Until another thread has done something or a signal has come, this one would see nothing new. */
+static void stand_by(struct guest *self, ucontext_t *context)
+{
+    static const struct itimerspec shortly = {{0, 0}, {0, LOOK_NS}};
+    struct wait wait = {.until = FOR_EVER, .spins = 1};
+    int (*set)(timer_t, int, const struct itimerspec *, struct itimerspec *);
+
+    self->inside++;
+    self->trapped = &context->uc_sigmask;
+    turns_wait(&wait);
+    self->trapped = NULL;
+    self->inside--;
+    seen = turns_entries();
+    *(void **)&set = dlsym(RTLD_NEXT, "timer_settime");
+    set(soon, 0, &shortly, NULL);
+}
+
+static void on_tick(int number, siginfo_t *info, void *data)
+{
+    struct guest *self = turns_self(), *holder = turns_holder();
+    ucontext_t *context = data;
+    uintptr_t ip = (uintptr_t)context->uc_mcontext.gregs[CONTEXT_IP];
+    unsigned now = turns_entries();
+    int saved = errno, here;
+
+    if (holder != NULL && holder != self && info->si_code == SI_TIMER)
+        syscall(SYS_tgkill, getpid(), holder->tid, number);
+    if (holder == NULL || holder != self || self->inside > 0 || self->trapped != NULL) {
+        errno = saved;
+        return;
+    }
+    if (now != seen)
+        start_again(now);
+    here = was_here(ip, sum_of(context));
+    ticks++;
+    again += (unsigned)here;
+    if (!changing && here && (proven || again >= PROOF)) {
+        proven = 1;
+        say(ip, "waits for memory to change",
+            "chip time would stand still for ever, so other threads go on and time passes until one"
+            " of them has done something; let the loop look at a clock or sleep instead");
+        stand_by(self, context);
+    } else if (changing && ticks >= WORK && !said_work) {
+        said_work = 1;
+        say(ip, "has worked for a second of processor time",
+            "meanwhile chip time stands still and no other thread has a turn: that comes with an"
+            " access to the card, a wait or a look at a clock");
+    }
+    errno = saved;
+}
+
+void spin_watch(void)
+{
+    static const struct itimerspec ticking = {{0, TICK_NS}, {0, TICK_NS}};
+    int (*create)(clockid_t, struct sigevent *, timer_t *);
+    int (*set)(timer_t, int, const struct itimerspec *, struct itimerspec *);
+    struct sigaction action;
+    struct sigevent event;
+    timer_t timer;
+
+    if (watching || !turns_on())
+        return;
+    watching = 1;
+    memset(&action, 0, sizeof action);
+    action.sa_sigaction = on_tick;
+    action.sa_flags = SA_SIGINFO | SA_RESTART | SA_ONSTACK;
+    sigfillset(&action.sa_mask);
+    sigdelset(&action.sa_mask, SIGSEGV);
+    signals_real(SPIN_SIGNAL, &action, NULL);
+    memset(&event, 0, sizeof event);
+    event.sigev_notify = SIGEV_SIGNAL;
+    event.sigev_signo = SPIN_SIGNAL;
+    *(void **)&create = dlsym(RTLD_NEXT, "timer_create");
+    *(void **)&set = dlsym(RTLD_NEXT, "timer_settime");
+    if (create(CLOCK_MONOTONIC, &event, &soon) == 0
+        && create(CLOCK_PROCESS_CPUTIME_ID, &event, &timer) == 0)
+        set(timer, 0, &ticking, NULL);
+}
+
+void spin_forget(void)
+{
+    if (watching) {
+        watching = 0;
+        spin_watch();
+    }
+}

@@ -1,0 +1,118 @@
+"""What became of each axis in a run: for the summary of ``vbus exec``."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from vbus.board.board import Board
+from vbus.kernel import MS
+from vbus.signals import Observer
+
+_POSITIONS: Final = ("real", "actual")
+_DRIVES: Final = ("drive", "command")
+_REVERSALS: Final = 6
+"""Turns to and fro after which an axis is said to oscillate."""
+_NOISE: Final = 2
+"""Counts that are no turn."""
+_IDLE: Final = 10
+"""Looks in a row at a profile that runs and a motor command of 0."""
+
+
+@dataclass(slots=True)
+class _Course:
+    """Where an axis has been.
+
+    Attributes:
+        first: position at the first look.
+        last: at the last one.
+        least: the least position.
+        most: the greatest.
+        turn: where it turned last, or was furthest since.
+        rising: whether it moves up; None before it has moved.
+        reversals: how often it has turned.
+        desired: the profile's position at the last look.
+        idle: looks in a row that found the profile running and no drive.
+        idled: whether they were enough to be told.
+    """
+
+    first: float
+    last: float
+    least: float
+    most: float
+    turn: float
+    rising: bool | None = None
+    reversals: int = 0
+    desired: float | None = None
+    idle: int = 0
+    idled: bool = False
+
+    def look(self, position: float, desired: float | None, drive: float | None) -> None:
+        """Take the axis as it is now."""
+        self.last = position
+        self.least = min(self.least, position)
+        self.most = max(self.most, position)
+        if self.rising is None:
+            if abs(position - self.turn) > _NOISE:
+                self.rising, self.turn = position > self.turn, position
+        elif (position > self.turn) == self.rising:
+            self.turn = position
+        elif abs(position - self.turn) > _NOISE:
+            self.rising, self.turn = not self.rising, position
+            self.reversals += 1
+        runs = None not in (desired, self.desired) and desired != self.desired
+        self.idle = self.idle + 1 if runs and drive == 0 else 0
+        self.idled |= self.idle >= _IDLE
+        self.desired = desired
+
+    def sentence(self) -> str:
+        """Return what became of it."""
+        parts = [f"ended at {self.last:g} counts"]
+        if self.least == self.most:
+            parts.append("did not move")
+        else:
+            parts.append(f"moved between {self.least:g} and {self.most:g}")
+        if self.idled:
+            parts.append("its profile ran while the motor command was 0")
+        if self.reversals >= _REVERSALS:
+            parts.append(f"oscillated ({self.reversals} reversals)")
+        return ", ".join(parts)
+
+
+class Outcome(Observer):
+    """Looks at the axes of a board once in a millisecond, at bus cycles.
+
+    Args:
+        board: the board.
+    """
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._courses: dict[str, _Course] = {}
+        self._next = 0
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Look, if it is time."""
+        if when >= self._next:
+            self._next = when + MS
+            self.look()
+
+    def look(self) -> None:
+        """Look at every axis."""
+        for chip in self._board.chips:
+            values = chip.telemetry()
+            for name, value in values.items():
+                key, _, number = name.partition(" ")
+                if key not in _POSITIONS or not isinstance(value, int | float):
+                    continue
+                suffix = f" {number}" if number else ""
+                axis = f"{chip.name}.{number}" if number else chip.name
+                drives = (values.get(drive + suffix) for drive in _DRIVES)
+                drive = next((one for one in drives if isinstance(one, int | float)), None)
+                desired = values.get(f"desired{suffix}")
+                course = self._courses.setdefault(axis, _Course(value, value, value, value, value))
+                course.look(value, desired if isinstance(desired, int | float) else None, drive)
+
+    def lines(self) -> list[str]:
+        """Return a sentence for each axis."""
+        return [f"{axis}: {course.sentence()}" for axis, course in self._courses.items()]
