@@ -36,7 +36,7 @@ def command(
     metrics: str | None,
     **records: str | None,
 ) -> int:
-    r"""Run a program on a board of its own; the exit code is the program's.
+    """Run a program on a board of its own; the exit code is the program's.
 
     \b
     vbus exec --board board.toml -- ./host          finds the board's link in $VBUS_LINK

@@ -91,7 +91,7 @@ def info(file: Path, as_json: bool, board_file: bool) -> None:
 @click.option("--save", "keep", type=click.Path(path_type=Path), metavar="FILE",
               help="Write a snapshot of the board just before it to FILE.")  # fmt: skip
 def bisect(journal: Path, condition: str, keep: Path | None) -> int:
-    r"""Find the first call of a JOURNAL after which CONDITION holds.
+    """Find the first call of a JOURNAL after which CONDITION holds.
 
     \b
     CONDITION is the name of a rule         lm628.busy-write
