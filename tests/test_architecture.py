@@ -66,6 +66,7 @@ ROLES = {
     "bus": "trace",
     "packets": "trace",
     "coverage": "trace",
+    "compatible": "trace",
     "upsets": "faults",
     "host": "client",
     "access": "client",

@@ -1,5 +1,6 @@
 """The runtime directory, where whatever runs leaves its names."""
 
+import fcntl
 import os
 import stat
 import tempfile
@@ -34,6 +35,22 @@ def lock_of(name: Path) -> Path:
     It holds the number of the process and the name of its board, a line each.
     """
     return name.parent / f".{name.name}.lock"
+
+
+def lock_state(name: Path) -> tuple[bool, str]:
+    """Return whether the process lives that made ``name``, and what its lock holds.
+
+    Raises:
+        OSError: nobody has locked it, or others may not look.
+    """
+    lock = os.open(lock_of(name), os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True, os.read(lock, 4096).decode("utf-8", "replace")
+    finally:
+        os.close(lock)
+    return False, ""
 
 
 def expanded(path: str) -> str:

@@ -16,6 +16,7 @@ from vbus import connect
 from vbus.client import aio
 from vbus.client.patience import starting
 from vbus.errors import TransportError
+from vbus.transports.activation import handed_over
 from vbus.transports.runtime import NameLock
 
 LM629 = """
@@ -214,3 +215,44 @@ def test_a_host_in_c_may_come_before_its_board(board: Path, runtime: Path, tmp_p
     vbus("stop", "bench")
 
     assert late.stdout.startswith("a system call failed")
+
+
+# -- systemd's sockets ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["unix", "tcp"])
+def test_a_host_may_connect_to_a_socket_that_systemd_has_opened(
+    kind: str, board: Path, tmp_path: Path
+) -> None:
+    family = socket.AF_UNIX if kind == "unix" else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as opened:
+        opened.bind(str(tmp_path / "x.sock") if kind == "unix" else ("127.0.0.1", 0))
+        opened.listen()
+        name = opened.getsockname()
+        link = f"unix:{name}" if kind == "unix" else f"tcp:127.0.0.1:{name[1]}"
+        board.write_text(LM629.replace("pty:$VBUS_RUNTIME/x", link))
+        with socket.socket(family, socket.SOCK_STREAM) as host:
+            host.settimeout(60)
+            host.connect(name)
+            host.sendall(b"\x02\x07")  # ECHO, before there is a board
+            script = f'exec 3<&{opened.fileno()}; LISTEN_FDS=1 LISTEN_PID=$$ exec "$@"'
+            with subprocess.Popen(
+                ["bash", "-c", script, "bash", sys.executable, "-m", "vbus", "run", str(board)],
+                pass_fds=[opened.fileno()], stdout=subprocess.DEVNULL,
+            ) as process:  # fmt: skip
+                assert host.recv(2) == b"E\x07"
+                process.terminate()
+        if kind == "unix":
+            assert Path(name).exists(), "the name is systemd's"
+
+
+def test_what_was_handed_to_another_process_is_left_alone(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("LISTEN_FDS", "1")
+    monkeypatch.setenv("LISTEN_PID", str(os.getpid() + 1))
+    assert handed_over(socket.AF_UNIX, str(tmp_path / "x")) is None
+    monkeypatch.setenv("LISTEN_PID", str(os.getpid()))
+    assert handed_over(socket.AF_UNIX, str(tmp_path / "x")) is None
+    monkeypatch.setenv("LISTEN_FDS", "many")
+    assert handed_over(socket.AF_UNIX, str(tmp_path / "x")) is None

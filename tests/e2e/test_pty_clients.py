@@ -1,5 +1,6 @@
 """Who has a terminal open: several at a time, one right after the other, gone in the middle."""
 
+import errno
 import os
 import select
 import subprocess
@@ -15,6 +16,7 @@ from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, open_raw, read_exactly, toy_board, wait_for_sessions
 from vbus.server.registry import ask, status_path
 from vbus.server.server import Server
+from vbus.transports.linux import OpenWatch
 from vbus.transports.pty import PtyTransport, _Terminal
 
 ECHO = b"\x02"
@@ -199,3 +201,19 @@ def test_an_idle_terminal_does_not_wake_the_server(runtime: Path) -> None:
         selector = loop._selector  # type: ignore[attr-defined]
         watched = [key.fd for key in selector.get_map().values()]
         assert select.select(watched, [], [], 0)[0] == []
+
+
+def test_without_a_watch_clients_come_and_go_all_the_same(
+    runtime: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(path: str) -> OpenWatch:
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    monkeypatch.setattr("vbus.transports.pty.OpenWatch", refused)
+    with served(toy_board(), PTY) as server:
+        for number in (1, 2):
+            fd = open_raw(runtime / "x")
+            os.write(fd, ECHO + bytes((number,)))
+            assert read_exactly(fd, 2) == b"E" + bytes((number,))
+            os.close(fd)
+            wait_for_sessions(server, 0)

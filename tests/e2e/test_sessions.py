@@ -4,6 +4,7 @@ import logging
 import os
 import socket
 import threading
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -118,6 +119,20 @@ def test_a_bug_in_a_protocol_ends_that_session_and_says_so(
 
 def broken_method(self: ByteProtocol, data: bytes = b"") -> None:
     raise RuntimeError("a bug")
+
+
+def test_a_host_that_waits_costs_one_descriptor(runtime: Path) -> None:
+    with served(toy_board(), UNIX) as server, ExitStack() as closing:
+        links = [closing.enter_context(connect(runtime / "x")) for _ in range(20)]
+        wait_for_sessions(server, 20)
+        links[0].sendall(b"\x04")
+        assert links[0].recv(2) == b"C\x01"
+        before = len(os.listdir("/proc/self/fd"))
+        for link in links[1:]:
+            link.sendall(b"\x04")
+        sessions = server._hosts[0].sessions
+        until(lambda: sum(session.port.held for session in sessions) == 19, "all others wait")
+        assert len(os.listdir("/proc/self/fd")) == before
 
 
 class Stumbling(Observer):

@@ -2,6 +2,7 @@
 
 import heapq
 import random
+import re
 from contextlib import suppress
 
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.nodes.four_chips import BOARD, scenario
+from vbus import state
 from vbus.board.config import read_board_text
 from vbus.errors import NodeMismatchError, SnapshotError
 from vbus.kernel import NEVER, US
@@ -349,3 +351,32 @@ def test_traces_are_merged_by_instant_then_node_then_sequence() -> None:
 def test_the_whole_trace_is_that_of_the_nodes_merged(machine: Machine) -> None:
     assert machine.trace_hash() == trace_hash(machine.nodes)
     assert machine.trace_hash() != trace_hash(machine.nodes[::-1])
+
+
+def test_every_attribute_of_a_node_is_state_wiring_or_derived() -> None:
+    conductor = conductor_of(FILE, SOURCE, "b", played(8))
+    node = conductor.node
+    for part in (node, conductor.participant, node.trace, *node.orders, *node.wire_ends):
+        assert state.undeclared(part) == set(), part
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"number": "1"}, "node a.number: wants an integer of 64 bits, not '1'"),
+        ({"wire_ends": ()}, "node a.wire_ends: wants "),
+        ({"trace": None}, "node a.trace: wants the fields of NodeTrace by name, not None"),
+        ({"more": 1}, "node a.more: is no field of Node"),
+        ({"board": None}, "this is no saved board"),
+    ],
+)
+def test_a_bad_state_of_a_node_is_named_and_changes_nothing(
+    change: dict[str, object], text: str
+) -> None:
+    made = Machine(FILE, SOURCE, played(8))
+    made.run()
+    node = made.conductors[0].node
+    before = node.save()
+    with pytest.raises(SnapshotError, match=re.escape(text)):
+        node.load({**before, "number": 7, **change})
+    assert state.differences(node.save(), before) == []

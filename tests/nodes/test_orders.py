@@ -2,6 +2,7 @@
 
 import pytest
 
+from vbus import state
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.kernel import US
@@ -147,7 +148,7 @@ def test_orders_that_wait_are_part_of_the_state() -> None:
     second = load_board_text(BOARD)
     restored = Orders(second, "host")
     second.load(first.save())
-    restored.load(orders.save())
+    state.load(restored, state.save(orders))
     found = Seen()
     second.observe(found)
     second.run_until(300 * US)

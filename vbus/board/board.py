@@ -41,7 +41,7 @@ class Board(Circuit):
     """
 
     STATE: ClassVar[Names] = (
-        "levels: list[i64]", "wires: parts", "ports: parts",
+        "levels: list[i64]", "ports: parts", "wires: list[(i64, i64, i64, i64)]",
         "tail: list[(i64, i64, str, i64), ...]", "kernel: part", "chips: parts",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
@@ -120,7 +120,7 @@ class Board(Circuit):
     def end_leases(self) -> None:
         """Somebody is about to touch the board: what was promised to hosts comes true first."""
         for port in self.ports:
-            port.end_lease()
+            port.leases.end()
 
     # -- trace --------------------------------------------------------------------------------
 
@@ -145,10 +145,19 @@ class Board(Circuit):
     # -- state --------------------------------------------------------------------------------
 
     @property
-    def wires(self) -> list[Net]:
+    def pin_nets(self) -> list[Net]:
         """The nets at the chips' pins."""
-        nets = {id(pin.net): pin.net for chip in self.chips for pin in chip.pins.values()}
-        return list(nets.values())
+        return list(dict.fromkeys([pin.net for chip in self.chips for pin in chip.pins.values()]))
+
+    @property
+    def wires(self) -> list[tuple[int, ...]]:
+        """The level of each net at the chips' pins, and its history."""
+        return [(net.value, *net.history) for net in self.pin_nets]
+
+    @wires.setter
+    def wires(self, wires: list[tuple[int, ...]]) -> None:
+        for net, row in zip(self.pin_nets, wires, strict=True):
+            net.value, net.previous, net.changed_at, net.let_go_at = row
 
     @property
     def levels(self) -> list[int]:
@@ -164,11 +173,11 @@ class Board(Circuit):
     @property
     def tail(self) -> list[tuple[int, int, str, int]]:
         """The hold edges of strobes that are still to come: instant, host, pin, level."""
-        return self.player.tail([port._pins for port in self.ports])
+        return self.player.tail([port.pins for port in self.ports])
 
     @tail.setter
     def tail(self, tail: list[tuple[int, int, str, int]]) -> None:
-        self.player.set_tail(tail, [port._pins for port in self.ports])
+        self.player.set_tail(tail, [port.pins for port in self.ports])
 
     @property
     def parts(self) -> list[tuple[str, str]]:
@@ -180,7 +189,7 @@ class Board(Circuit):
         self.catch_up()
         saved: Saved = {**save(self), "parts": tuple(self.parts)}
         if self._faults is not None and self._faults.all():
-            saved["faults"] = self._faults.save()
+            saved["faults"] = save(self._faults)
         return saved
 
     def load(self, saved: Any) -> None:

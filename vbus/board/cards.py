@@ -1,6 +1,7 @@
 """Card adapters: how addresses on a plug-in card select a chip and its ports."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 from vbus.chips.base import Chip
 from vbus.chips.tables import CardRow
@@ -24,55 +25,44 @@ def addresses(chip: Chip | type[Chip]) -> set[int]:
     return found
 
 
+@dataclass(slots=True)
 class Card:
     """Address decoding of a card, as data.
 
-    Args:
+    Attributes:
         name: for messages.
         base: address of the card's first port.
-        rows: offset from ``base`` to (number of the chip in its session, address at that chip),
-            for reads, and for writes too unless ``writes`` has them.
-        writes: the same for writes, where a port does not do the same in both directions.
-        floating: data bits that nobody drives when an offset is read; they are read as 1.
+        reads: offset from ``base`` to (number of the chip in its session, address at that chip).
+        writes: the same for writes: a port need not do the same in both directions.
+        unconnected: data bits that nobody drives when an offset is read; they are read as 1.
+        memory: whether programs find it among memory addresses, not I/O ports.
+        fixed: where a program expects the memory page of the first port without mapping it, or 0.
+        big_endian: whether the byte at the lowest address of a wide access is the most
+            significant one.
+        interrupt: the output, ``"chip.pin"``, that interrupts a program; low if its name has a /
+            or ~.
+        signal: number of the signal an interrupt sends to a program, or 0.
     """
 
-    __slots__ = (
-        "_floating", "_reads", "_writes", "base", "big_endian", "fixed", "interrupt", "memory",
-        "name", "signal",
-    )  # fmt: skip
-
-    def __init__(
-        self,
-        name: str,
-        base: int,
-        rows: Mapping[int, tuple[int, int]],
-        writes: Mapping[int, tuple[int, int]] | None = None,
-        floating: Mapping[int, int] | None = None,
-    ) -> None:
-        self.name: str = name
-        self.base: int = base
-        self._reads: dict[int, tuple[int, int]] = dict(rows)
-        self._writes: dict[int, tuple[int, int]] = dict(rows if writes is None else writes)
-        self._floating: dict[int, int] = dict(floating or {})
-        self.memory: bool = False
-        """Whether programs find it among memory addresses, not I/O ports."""
-        self.fixed: int = 0
-        """Where a program expects the memory page of the first port without mapping it, or 0."""
-        self.big_endian: bool = False
-        """Whether the byte at the lowest address of a wide access is the most significant one."""
-        self.interrupt: str = ""
-        """The output, ``"chip.pin"``, that interrupts a program; low if its name has a / or ~."""
-        self.signal: int = 0
-        """Number of the signal an interrupt sends to a program, or 0."""
+    name: str
+    base: int
+    reads: Mapping[int, tuple[int, int]]
+    writes: Mapping[int, tuple[int, int]]
+    unconnected: Mapping[int, int] = field(default_factory=dict)
+    memory: bool = False
+    fixed: int = 0
+    big_endian: bool = False
+    interrupt: str = ""
+    signal: int = 0
 
     def decode(self, address: int, write: bool = False) -> tuple[int, int] | None:
         """Return (chip number, chip address) behind ``address``; None if nobody answers."""
-        rows = self._writes if write else self._reads
+        rows = self.writes if write else self.reads
         return rows.get(address - self.base)
 
     def floating(self, address: int) -> int:
         """Return the data bits that nobody drives when ``address`` is read."""
-        return self._floating.get(address - self.base, 0)
+        return self.unconnected.get(address - self.base, 0)
 
     def text(self) -> str:
         """Return the table as HELLO tells it: ``r340=0.1`` and ``w340=0.1``, in hexadecimal.
@@ -81,9 +71,9 @@ class Card:
         are the data bits nobody drives.
         """
         entries = []
-        for letter, rows in (("r", self._reads), ("w", self._writes)):
+        for letter, rows in (("r", self.reads), ("w", self.writes)):
             for offset, (chip, address) in sorted(rows.items()):
-                bits = self._floating.get(offset, 0) if letter == "r" else 0
+                bits = self.unconnected.get(offset, 0) if letter == "r" else 0
                 floating = f"/{bits:02X}" if bits else ""
                 entries.append(f"{letter}{self.base + offset:X}={chip:X}.{address:X}{floating}")
         return " ".join(entries)
@@ -102,7 +92,7 @@ class Card:
 
     def offsets(self) -> list[int]:
         """Return every decoded offset, in rising order."""
-        return sorted({*self._reads, *self._writes})
+        return sorted({*self.reads, *self.writes})
 
 
 def card_of_rows(

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path as FilePath
 from typing import Any, Final, TypeVar
 
@@ -16,7 +16,7 @@ from vbus.board.source import BoardFileError, Problem, Source
 from vbus.board.toml_lines import Path
 from vbus.errors import PluginError
 from vbus.faults.table import faults
-from vbus.options import Option, Value
+from vbus.options import Option
 from vbus.signals.axis import SWITCHES
 
 _Section = TypeVar("_Section", bound=sections.Section)
@@ -106,18 +106,18 @@ class _Reader:
             path=self._source.file,
             board=self._board(),
             violations=dict(self._violations()),
-            chips=tuple(self._chips()),
-            plants=tuple(self._plants()),
+            chips=self._all("chips", self._chip),
+            plants=self._all("plants", self._plant),
             nets=tuple(self._nets()),
-            buses=tuple(self._plain("buses", sections.BusSection)),
-            cards=tuple(self._cards()),
-            pinmaps=tuple(self._pin_maps()),
+            buses=self._plain("buses", sections.BusSection),
+            cards=self._all("cards", self._card),
+            pinmaps=self._all("pinmaps", self._pin_map),
             hosts=tuple(self._hosts()),
-            record=self._record(),
-            waves=tuple(self._plain("waves", sections.WaveSection)),
-            nodes=tuple(self._plain("nodes", sections.NodeSection)),
+            record=self._single("record", sections.RecordSection),
+            waves=self._plain("waves", sections.WaveSection),
+            nodes=self._plain("nodes", sections.NodeSection),
             zenoh=self.zenoh(),
-            metrics=self._metrics(),
+            metrics=self._single("metrics", sections.MetricsSection),
             faults=tuple(self._faults()),
         )
         known = {kind: list(self._table((kind,), self._data) or ()) for kind in _NAMED}
@@ -181,14 +181,9 @@ class _Reader:
             self._source.fail((*path, key) if key else path, message)
 
         checked = check_table(plain, [*single, *own, *placeholders], complain)
-        fields: dict[str, object] = dict(extra)
-        settings: dict[str, Value] = {}
         mine = {row.name for row in single}
-        for key, value in checked.items():
-            if key in mine:
-                fields[key] = value
-            else:
-                settings[key] = value
+        fields: dict[str, object] = {**extra, **{k: v for k, v in checked.items() if k in mine}}
+        settings = {key: value for key, value in checked.items() if key not in mine}
         if settings:
             fields["settings"] = settings
         for row in options:
@@ -219,17 +214,49 @@ class _Reader:
         self._source.fail(path, f'found {quoted(value)}; write a list of names, such as ["x"]')
         return None
 
-    def _plain(self, kind: str, section: type[_Section]) -> Iterator[_Section]:
-        for name, table in self._named(kind):
-            read = self._keys(section, table, (kind, name), name=name)
-            if read is not None:
-                yield read
+    def _all(
+        self, kind: str, read: Callable[[str, dict[str, Any]], _Section | None]
+    ) -> tuple[_Section, ...]:
+        """Return what could be read of the tables ``[kind.NAME]``."""
+        found = [read(name, table) for name, table in self._named(kind)]
+        return tuple(one for one in found if one is not None)
+
+    def _plain(self, kind: str, section: type[_Section]) -> tuple[_Section, ...]:
+        """Read tables ``[kind.NAME]`` that have keys alone."""
+        return self._all(
+            kind, lambda name, table: self._keys(section, table, (kind, name), name=name)
+        )
+
+    def _single(
+        self, kind: str, section: type[_Section], nested: tuple[str, ...] = (), **extra: object
+    ) -> _Section:
+        """Read the one table ``[kind]``; an absent or a wrong one has the defaults."""
+        table = self._table((kind,), self._data) or {}
+        return self._keys(section, table, (kind,), (), nested, **extra) or section()
+
+    def _tables(self, path: Path, value: object) -> Iterator[tuple[Path, dict[str, Any] | None]]:
+        """Give the tables of a list, each with its path; None in the place of what is none."""
+        if not isinstance(value, list):
+            self._source.fail(path, f"found {quoted(value)}; this is a list of tables")
+            return
+        for place, table in enumerate(value):
+            if isinstance(table, dict):
+                yield (*path, place), table
+            else:
+                self._source.fail((*path, place), f"found {quoted(table)}; this is a table")
+                yield (*path, place), None
+
+    def _array(self, section: type[_Section], path: Path, value: object) -> list[_Section | None]:
+        """Read a list of tables; one that cannot be read leaves None in its place."""
+        return [
+            None if table is None else self._keys(section, table, where)
+            for where, table in self._tables(path, value)
+        ]
 
     # -- sections -----------------------------------------------------------------------------
 
     def _board(self) -> sections.BoardSection:
-        table = self._table(("board",), self._data) or {}
-        read = self._keys(sections.BoardSection, table, ("board",)) or sections.BoardSection()
+        read = self._single("board", sections.BoardSection)
         if not read.name:
             return msgspec.structs.replace(read, name=FilePath(self._source.file).stem)
         if not _NAME.fullmatch(read.name):
@@ -240,27 +267,15 @@ class _Reader:
             )
         return read
 
-    def _record(self) -> sections.RecordSection:
-        table = self._table(("record",), self._data) or {}
-        read = self._keys(sections.RecordSection, table, ("record",))
-        return read or sections.RecordSection()
-
-    def _metrics(self) -> sections.MetricsSection:
-        table = self._table(("metrics",), self._data) or {}
-        read = self._keys(sections.MetricsSection, table, ("metrics",))
-        return read or sections.MetricsSection()
-
     def zenoh(self) -> sections.ZenohSection:
         """Read ``[zenoh]``."""
-        path = ("zenoh",)
-        table = self._table(path, self._data) or {}
-        extra: dict[str, object] = {}
-        if "allow" in table:
-            rights = self._table((*path, "allow"), table) or {}
-            lists = {name: self._names((*path, "allow", name), rights[name]) for name in rights}
-            extra["allow"] = {name: keys or () for name, keys in lists.items()}
-        read = self._keys(sections.ZenohSection, table, path, (), ("allow",), **extra)
-        return read or sections.ZenohSection()
+        table = self._table(("zenoh",), self._data) or {}
+        if "allow" not in table:
+            return self._single("zenoh", sections.ZenohSection)
+        path = ("zenoh", "allow")
+        rights = self._table(path, table) or {}
+        allow = {name: self._names((*path, name), keys) or () for name, keys in rights.items()}
+        return self._single("zenoh", sections.ZenohSection, ("allow",), allow=allow)
 
     def _violations(self) -> Iterator[tuple[str, str]]:
         """Give rule or family and level; an unquoted dotted rule arrives as a table in a table."""
@@ -279,59 +294,42 @@ class _Reader:
                 hint = suggestion(str(value), sections.LEVELS)
                 self._source.fail(path, f"found {quoted(value)}; {hint}allowed are {levels}")
 
-    def _chips(self) -> Iterator[sections.ChipSection]:
-        for name, table in self._named("chips"):
-            path = ("chips", name)
-            options: tuple[Option, ...] | None = ()
-            part = table.get("part")
-            if isinstance(part, str):
-                options = self._options(path, "part", part)
-            if options is not None:
-                read = self._keys(sections.ChipSection, table, path, options, name=name)
-                if read is not None:
-                    yield read
+    def _chip(self, name: str, table: dict[str, Any]) -> sections.ChipSection | None:
+        path = ("chips", name)
+        options = self._options(path, "part", table)
+        return None if options is None else self._keys(
+            sections.ChipSection, table, path, options, name=name
+        )  # fmt: skip
 
-    def _options(self, path: Path, key: str, value: str) -> tuple[Option, ...] | None:
-        """Return the settings of a part or model; None if nobody knows it."""
+    def _options(self, path: Path, key: str, table: Mapping[str, Any]) -> tuple[Option, ...] | None:
+        """Return the settings of the part or model a table names; None if nobody knows it."""
+        named = table.get(key)
+        find = plugins.chip_class if key == "part" else plugins.plant_class
         try:
-            if key == "part":
-                return plugins.chip_class(value).OPTIONS
-            return plugins.plant_class(value).OPTIONS
+            return find(named).OPTIONS if isinstance(named, str) else ()
         except PluginError as error:
             self._source.fail((*path, key), str(error))
             return None
 
-    def _plants(self) -> Iterator[sections.PlantSection]:
-        for name, table in self._named("plants"):
-            path = ("plants", name)
-            options: tuple[Option, ...] | None = ()
-            model = table.get("model")
-            if isinstance(model, str):
-                options = self._options(path, "model", model)
-            if options is None:
-                continue
-            switches = {}
-            section = self._table((*path, "switches"), table) or {}
-            for switch in section:
-                where = (*path, "switches", switch)
-                if switch not in SWITCHES:
-                    hint = suggestion(switch, SWITCHES)
-                    self._source.fail(where, f"unknown switch; {hint}known are {listed(SWITCHES)}")
-                keys = self._table(where, section)
-                if keys is not None:
-                    switches[switch] = self._keys(sections.SwitchSection, keys, where)
-            extra = {key: value for key, value in switches.items() if value is not None}
-            read = self._keys(
-                sections.PlantSection,
-                table,
-                path,
-                options,
-                ("switches",),
-                name=name,
-                switches=extra,
-            )
+    def _plant(self, name: str, table: dict[str, Any]) -> sections.PlantSection | None:
+        path = ("plants", name)
+        options = self._options(path, "model", table)
+        if options is None:
+            return None
+        switches = {}
+        section = self._table((*path, "switches"), table) or {}
+        for switch in section:
+            where = (*path, "switches", switch)
+            if switch not in SWITCHES:
+                hint = suggestion(switch, SWITCHES)
+                self._source.fail(where, f"unknown switch; {hint}known are {listed(SWITCHES)}")
+            keys = self._table(where, section)
+            read = None if keys is None else self._keys(sections.SwitchSection, keys, where)
             if read is not None:
-                yield read
+                switches[switch] = read
+        return self._keys(
+            sections.PlantSection, table, path, options, ("switches",), name=name, switches=switches
+        )
 
     def _nets(self) -> Iterator[sections.NetSection]:
         section = self._table(("nets",), self._data) or {}
@@ -346,49 +344,24 @@ class _Reader:
                 if pins is not None:
                     yield sections.NetSection(name=name, pins=pins)
 
-    def _array(self, section: type[_Section], path: Path, value: object) -> list[_Section | None]:
-        """Read a list of tables; one that cannot be read leaves None in its place."""
-        if not isinstance(value, list):
-            self._source.fail(path, f"found {quoted(value)}; this is a list of tables")
-            return []
-        read: list[_Section | None] = []
-        for place, table in enumerate(value):
-            where: Path = (*path, place)
-            if isinstance(table, dict):
-                read.append(self._keys(section, table, where))
-            else:
-                self._source.fail(where, f"found {quoted(table)}; this is a table")
-                read.append(None)
-        return read
+    def _card(self, name: str, table: dict[str, Any]) -> sections.CardSection | None:
+        path = ("cards", name)
+        rows = table.get("ports", [])
+        ports = self._array(sections.CardPortSection, (*path, "ports"), rows)
+        known = tuple(port or sections.NO_PORT for port in ports)
+        read = self._keys(sections.CardSection, table, path, (), ("ports",), name=name, ports=known)
+        return read if isinstance(rows, list) else None
 
-    def _cards(self) -> Iterator[sections.CardSection]:
-        for name, table in self._named("cards"):
-            path = ("cards", name)
-            rows = table.get("ports", [])
-            ports = self._array(sections.CardPortSection, (*path, "ports"), rows)
-            known = tuple(port or sections.NO_PORT for port in ports)
-            read = self._keys(
-                sections.CardSection, table, path, (), ("ports",), name=name, ports=known
-            )
-            if read is not None and isinstance(rows, list):
-                yield read
-
-    def _pin_maps(self) -> Iterator[sections.PinMapSection]:
-        for name, table in self._named("pinmaps"):
-            path = ("pinmaps", name)
-            wires: dict[str, tuple[str, ...]] = {}
-            pins = self._table((*path, "pins"), table) or {}
-            for bit, value in pins.items():
-                targets = self._names(
-                    (*path, "pins", bit), [value] if isinstance(value, str) else value
-                )
-                if targets is not None:
-                    wires[bit] = targets
-            read = self._keys(
-                sections.PinMapSection, table, path, (), ("pins",), name=name, pins=wires
-            )
-            if read is not None and len(wires) == len(pins):
-                yield read
+    def _pin_map(self, name: str, table: dict[str, Any]) -> sections.PinMapSection | None:
+        path = ("pinmaps", name)
+        pins = self._table((*path, "pins"), table) or {}
+        wires = {
+            bit: self._names((*path, "pins", bit), [value] if isinstance(value, str) else value)
+            for bit, value in pins.items()
+        }
+        whole = {bit: targets for bit, targets in wires.items() if targets is not None}
+        read = self._keys(sections.PinMapSection, table, path, (), ("pins",), name=name, pins=whole)
+        return read if len(whole) == len(pins) else None
 
     def _hosts(self) -> Iterator[sections.HostSection]:
         hosts = self._array(sections.HostSection, ("hosts",), self._data.get("hosts", []))
@@ -396,14 +369,9 @@ class _Reader:
 
     def _faults(self) -> Iterator[sections.FaultSection]:
         value = self._data.get("faults", [])
-        if not isinstance(value, list):
-            self._source.fail(("faults",), f"found {quoted(value)}; this is a list of tables")
-            return
         known = faults() if value else {}
-        for place, table in enumerate(value):
-            where: Path = ("faults", place)
-            if not isinstance(table, dict):
-                self._source.fail(where, f"found {quoted(table)}; this is a table")
+        for where, table in self._tables(("faults",), value):
+            if table is None:
                 continue
             name = table.get("fault", "")
             row = known.get(name) if isinstance(name, str) else None

@@ -1,23 +1,29 @@
 """One host's hold on a board: bus cycles, strobes, pins and time."""
 
+from collections.abc import Callable
 from typing import ClassVar, Final
 
 from mypy_extensions import i64, mypyc_attr
 
 from vbus.board.cards import Card
 from vbus.board.circuit import Circuit
-from vbus.board.host_reach import HostReach
+from vbus.board.host_clock import HostClock
+from vbus.board.host_leases import HostLeases
+from vbus.board.host_pins import HostPins
+from vbus.board.host_polls import HostPolls
+from vbus.board.host_selection import Selection
+from vbus.board.pin_maps import PinMap, wiring
 from vbus.board.strobe_watch import SETTLE_EVERY, StrobeWatch
 from vbus.chips.base import Chip
-from vbus.kernel import NEVER, US
+from vbus.kernel import NEVER, US, Kernel
 from vbus.protocols import codes
-from vbus.protocols.port import PortError
-from vbus.signals import Z
+from vbus.protocols.port import ChipInfo, HostPort, PortError, PortInfo
+from vbus.protocols.requests import FORESEEING
 from vbus.state import Names
 
-FLOATING: Final = 0xFF
-LONGEST_LEASE: Final = 100_000 * US
-"""How far ahead a lease reaches at most: a host that polls for ever is heard of now and then."""
+LOCKSTEP_CYCLE: Final = US
+"""Default duration of a whole bus cycle where time moves only by cycles: an ISA bus, a fast MCU.
+Drivers that give up after some thirty polls must see the busy time pass (decision 7)."""
 
 
 class Hosts:
@@ -36,7 +42,7 @@ class Hosts:
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class HostBus(HostReach):
+class HostBus(HostPort):
     """The port a board gives to one session; see :class:`~vbus.protocols.port.HostPort`.
 
     **A whole cycle** has its latching edge at the host's instant: the host's own time stamp
@@ -51,14 +57,24 @@ class HostBus(HostReach):
         chips: what the session may select, in order.
         cycle_ps: cost of a whole cycle; 0: 1 us, or the chip's minimum in real time.
         card: address decoding, if the host speaks card addresses.
+
+    Attributes:
+        clock: when the host's next cycle happens.
+        selection: the chips of following cycles.
+        pins: what the host has soldered to the chips' nets.
+        leases: what it may know of polls to come.
+        strobes: the bus cycles it makes by strobes.
+        polls: the polls it has answered from leases.
     """
 
     STATE: ClassVar[Names] = (
-        "mask", "_stamp", "_last_at", "_timed: bool", "_target", "_polls",
-        "claimed: list[str, ...]", "_pins: part", "strobes: part",
+        "selection: part", "clock: part", "polls: part", "claimed: list[str, ...]", "pins: part",
+        "strobes: part",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_hosts", "every_cycle")
-    DERIVED: ClassVar[Names] = ("_claimed", "_leased_until")
+    WIRING: ClassVar[Names] = (
+        "_card", "_hosts", "_kernel", "board", "chips", "cycle_ps", "held",
+        "hold_until", "label", "leases", "on_events", "on_resume", "pin_map",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -69,49 +85,109 @@ class HostBus(HostReach):
         cycle_ps: int,
         card: Card | None,
     ) -> None:
-        super().__init__(board, label, chips, cycle_ps, card)
+        self.board: Circuit = board
+        self.label: str = label
+        self.chips: list[Chip] = chips
+        self.cycle_ps: int = cycle_ps
+        self.pin_map: PinMap | None = None
+        self.held = False
+        self.hold_until = 0
+        self.on_resume: Callable[[], None] | None = None
+        self.on_events: Callable[[], None] | None = None
         self._hosts: Hosts = hosts
-        self.every_cycle: bool = False
-        """Whether each poll of POLLED must be run, though nobody could tell: for a journal."""
-        self._leased_until: int = 0
-        self._claimed: list[str] = []
+        self._card: Card | None = card
+        self._kernel: Kernel = board.kernel
+        realtime = board.policy == "realtime"
+        self.selection: Selection = Selection(
+            chips, [cycle_ps or (chip.cycle_ps if realtime else LOCKSTEP_CYCLE) for chip in chips]
+        )
+        self.clock: HostClock = HostClock(board, self)
+        self.pins: HostPins = HostPins(board.kernel, label, chips, self._edge_seen)
+        self.leases: HostLeases = HostLeases(board, self.selection, self.pins)
         self.strobes: StrobeWatch = StrobeWatch(board, label, chips)
+        self.polls: HostPolls = HostPolls(board, self, self.selection, self.clock)
+
+    def _edge_seen(self) -> None:
+        if self.on_events is not None:
+            self.on_events()
+
+    # -- what the host is connected to --------------------------------------------------------
+
+    def info(self) -> PortInfo:
+        """Return what HELLO tells."""
+        board = self.board
+        return PortInfo(
+            board.name,
+            board.policy,
+            board.rate if board.policy == "realtime" else 0.0,
+            [
+                ChipInfo(chip.name, chip.part, chip.FAMILY, chip.ADDRESS_BITS, cycle)
+                for chip, cycle in zip(self.chips, self.selection.cycles, strict=True)
+            ],
+            self.pins.line_names(),
+            self.pins.output_names(),
+            self.pins.side_names(),
+            ["claim", "events", "leases", FORESEEING, "lines", "pass", "polled_at", "sync"],
+            wiring(self.pin_map, self.chips, self.pins),
+            self._card.text() if self._card is not None else "",
+            self._program(),
+        )
+
+    def _program(self) -> str:
+        if self._card is None:
+            return f"step={self.board.clock_step};" if self.pin_map is not None else ""
+        return f"step={self.board.clock_step};{self._card.program_text(self.pins.output_names())}"
+
+    def cost(self, *cycles: int) -> list[int]:
+        """Set what a whole cycle costs (ps), for all chips or for each; return what it did."""
+        return self.selection.cost(*cycles)
+
+    def chip_number(self, name: str) -> int:
+        """Return the bit number of the chip called ``name``."""
+        return self.selection.number(name)
+
+    def pin_number(self, name: str) -> int:
+        """Return the number of a side pin."""
+        pins = self.pins
+        return pins.number(pins.sides, pins.side_names(), name, self.selection.selected)
+
+    def line_number(self, name: str) -> int:
+        """Return the number of a control line."""
+        pins = self.pins
+        return pins.number(pins.lines, pins.line_names(), name, self.selection.selected)
+
+    def card(self, address: int, write: bool = False) -> tuple[int, int] | None:
+        """Decode a card address into (chip number, chip address)."""
+        return self._card.decode(address, write) if self._card is not None else None
+
+    def card_floating(self, address: int) -> int:
+        """Return the data bits that nobody drives when a card address is read."""
+        return self._card.floating(address) if self._card is not None else 0
 
     # -- choosing chips -----------------------------------------------------------------------
 
     def select(self, mask: int) -> None:
         """Choose the chips of following cycles."""
-        if mask >> len(self.chips):
-            raise PortError(
-                codes.NO_SUCH, f"select {mask:X}: this session has {len(self.chips)} chips"
-            )
-        self._mask = mask
-        self._selected = [chip for n, chip in enumerate(self.chips) if mask >> n & 1]
-        self._chip = self._selected[0] if len(self._selected) == 1 else None
-        if self._selected:
-            self._cycle = max(c for n, c in enumerate(self._cycles) if mask >> n & 1)
+        self.selection.mask = mask
         self.yield_to_claim()
 
     def claim(self) -> bool:
         """Hold the selected chips' bus; False while another session has one of them."""
-        claims = self._hosts.claims
         if self.yield_to_claim():
             return False
         self.held = False
-        for chip in self._selected:
-            if claims.get(chip.name) is None:
-                claims[chip.name] = self
-                self._claimed.append(chip.name)
+        for chip in self.selection.selected:
+            self._hosts.claims[chip.name] = self
         for port in self._hosts.ports:
             port.yield_to_claim()
         return True
 
     def unclaim(self) -> None:
         """Let the bus go, and let those go on who wait for it."""
-        for name in self._claimed:
+        claimed = self.claimed
+        for name in claimed:
             del self._hosts.claims[name]
-        if self._claimed:
-            self._claimed = []
+        if claimed:
             self._wake_others()
 
     def _wake_others(self) -> None:
@@ -124,10 +200,23 @@ class HostBus(HostReach):
     def yield_to_claim(self) -> bool:
         """Hold this session, if another one has claimed a chip it has selected."""
         claims = self._hosts.claims
-        if claims and any(claims.get(chip.name, self) is not self for chip in self._selected):
-            self._hold(NEVER)
+        if claims and any(
+            claims.get(chip.name, self) is not self for chip in self.selection.selected
+        ):
+            self.clock.hold(NEVER)
             return True
         return False
+
+    @property
+    def claimed(self) -> list[str]:
+        """The chips this session has claimed."""
+        return [name for name, port in self._hosts.claims.items() if port is self]
+
+    @claimed.setter
+    def claimed(self, names: list[str]) -> None:
+        self.unclaim()
+        for name in names:
+            self._hosts.claims[name] = self
 
     def go_on(self) -> bool:
         """Lift the hold if what it waited for has come; tell whether the session may go on."""
@@ -141,164 +230,86 @@ class HostBus(HostReach):
 
     # -- whole bus cycles ---------------------------------------------------------------------
 
-    def _observed(self) -> bool:
-        if not self._kernel.observed:
-            return False
-        for chip in self._selected:
-            for pin in chip.bus_pins:
-                if pin.net.observers:
-                    return True
-        return False
-
     def read(self, address: int) -> int:
         """Run one read cycle; return the byte (0..255)."""
-        board = self.board
-        when = self._begin()
-        chip = self._chip
+        board, selection, clock = self.board, self.selection, self.clock
+        when = clock.begin(selection.cycle)
+        chip = selection.chip
         if chip is None:
             data = self._read_together(address, when)
-        elif self._observed():
-            data = board.player.play([chip], self._pins, False, address, 0, when)
+        elif self._kernel.observed and selection.observed():
+            data = board.player.play([chip], self.pins, False, address, 0, when)
         else:
             fall: i64 = when - chip.read_low_ps
             if fall > self._kernel.now:
-                self._run_until(fall)
+                clock.run_until(fall)
             chip.begin_read(address)
-            self._run_until(when)
+            clock.run_until(when)
             data = chip.end_read()
             chip.bus_net.value = data
             self._kernel.settle()
         board.reads += 1
-        for chip in self._selected:
+        for chip in selection.selected:
             chip.reads += 1
         if board.observers:
             self._tell(when, False, address, data)
         return data
 
-    def lease(self, address: int) -> tuple[int, int, int] | None:
-        """How long the byte just read will be read again; :class:`~vbus.protocols.port.HostPort`.
-
-        Nothing is promised in real time, nor while another host could touch the chips.
-        """
-        board = self.board
-        chip = self._chip
-        if (
-            chip is None
-            or address not in chip.FREE_READS
-            or board.policy == "realtime"
-            or board.disturbed
-            or len(self._hosts.ports) > 1
-        ):
-            return None
-        outputs = self._pins.output_word()
-        until = min(self._kernel.next_due, chip.steady_until(address))
-        until = min([until, *(neighbour.next_event() for neighbour in self.chips)])
-        now: int = self._kernel.now
-        if until <= now + self._cycle:
-            return None
-        self._leased_until = min(until, now + LONGEST_LEASE)
-        return outputs, now, self._leased_until
-
-    def foresee(self, address: int) -> tuple[int, int] | None:
-        """Tell what comes after the lease just given (:class:`~vbus.protocols.port.HostPort`)."""
-        chip, when = self._chip, self._leased_until
-        following = chip.foresee(address, when) if chip is not None else None
-        if following is None:
-            return None
-        data, until = following
-        until = min(until, self._kernel.next_due, self._kernel.now + LONGEST_LEASE)
-        for neighbour in self.chips:
-            if neighbour is not chip:
-                until = min(until, neighbour.next_event())
-        if until <= when + self._cycle:
-            return None
-        self._leased_until = until
-        return data, until
-
-    def end_lease(self) -> None:
-        """Somebody else is about to touch the board: what was promised comes true first."""
-        until, self._leased_until = self._leased_until, 0
-        if until > self._kernel.now:
-            self.board.run_until(until)
-
-    def polled(self, address: int, count: int) -> bool:
-        """Run the polls a host has answered from a lease; False to be resumed later."""
-        if self._polls < 0:
-            self._polls = count
-        self.held = False
-        while self._polls:
-            if self.held:
-                return False
-            self._pass_over(address)
-            try:
-                self.read(address)
-            except PortError:
-                self._polls = -1
-                raise
-            self._polls -= 1
-        self._polls = -1
-        return True
-
-    def _untold(self, address: int) -> bool:
-        chip = self._chip
-        if chip is None or not chip.TRACELESS or address not in chip.FREE_READS:
-            return False
-        return not (self.every_cycle or self.board.observers or self._observed())
-
-    def _pass_over(self, address: int) -> None:
-        """Leave out all polls but the last that time allows, where nothing could tell."""
-        if self._stamp < 0 and self._untold(address):
-            now: int = self._kernel.now
-            over = min(self._polls, (self.board.limit - now) // self._cycle) - 1
-            if over > 0:
-                self._run_until(now + over * self._cycle)
-                self._count_untold(over)
-
-    def _count_untold(self, polls: int) -> None:
-        self.board.reads += polls
-        if self._chip is not None:
-            self._chip.reads += polls
-        self._polls -= polls
+    def _read_together(self, address: int, when: int) -> int:
+        """Read with no chip selected, or with several that drive the data lines all at once."""
+        selected = self.selection.selected
+        if not selected:
+            self.clock.run_until(when)
+            return self.selection.floating()
+        data = self.board.player.play(selected, self.pins, False, address, 0, when)
+        self.board.meet(self.label, selected)
+        return data
 
     def write(self, address: int, data: int) -> None:
         """Run one write cycle on every selected chip."""
-        board = self.board
-        when = self._begin()
-        if self._observed():
-            board.player.play(self._selected, self._pins, True, address, data, when)
+        board, selection, clock = self.board, self.selection, self.clock
+        when = clock.begin(selection.cycle)
+        if self._kernel.observed and selection.observed():
+            board.player.play(selection.selected, self.pins, True, address, data, when)
         else:
-            self._run_until(when)
-            for chip in self._selected:
+            clock.run_until(when)
+            for chip in selection.selected:
                 chip.write(address, data)
                 chip.bus_net.value = data
             self._kernel.settle()
         board.writes += 1
-        for chip in self._selected:
+        for chip in selection.selected:
             chip.writes += 1
         if board.observers:
             self._tell(when, True, address, data)
 
     def _tell(self, when: int, write: bool, address: int, data: int) -> None:
-        board = self.board
-        name = "+".join(chip.name for chip in self._selected) or "-"
+        board, names = self.board, self.selection.names
         for observer in board.observers:
-            observer.bus_cycle(when, self.label, name, write, address, data)
+            observer.bus_cycle(when, self.label, names, write, address, data)
         if (board.reads + board.writes) % SETTLE_EVERY == 0:
             board.catch_up()
 
-    def _float(self) -> int:
-        """Return what a read finds with no chip selected."""
-        net = self.chips[0].bus_net if self.chips else None
-        return net.value if net is not None and net.rest == Z else FLOATING
+    # -- polls answered from leases -----------------------------------------------------------
 
-    def _read_together(self, address: int, when: int) -> int:
-        """Read with no chip selected, or with several that drive the data lines all at once."""
-        if not self._selected:
-            self._run_until(when)
-            return self._float()
-        data = self.board.player.play(self._selected, self._pins, False, address, 0, when)
-        self.board.meet(self.label, self._selected)
-        return data
+    def lease(self, address: int) -> tuple[int, int, int] | None:
+        """How long the byte just read will be read again; :class:`~vbus.protocols.port.HostPort`.
+
+        Nothing is promised while another host could touch the chips.
+        """
+        return self.leases.give(address) if len(self._hosts.ports) <= 1 else None
+
+    def foresee(self, address: int) -> tuple[int, int] | None:
+        """Tell what comes after the lease just given (:class:`~vbus.protocols.port.HostPort`)."""
+        return self.leases.foresee(address)
+
+    def polled(self, address: int, count: int) -> bool:
+        """Run the polls a host has answered from a lease; False to be resumed later."""
+        return self.polls.run(address, count)
+
+    def polled_at(self, address: int, first: int, steps: tuple[int, ...]) -> bool:
+        """Run polls a host has answered from a lease, each at its stamp; False: resume later."""
+        return self.polls.run_at(address, first, steps)
 
     # -- strobes and pins ---------------------------------------------------------------------
 
@@ -307,16 +318,16 @@ class HostBus(HostReach):
         self._arrive()
         self._judge()
         self.strobes.before()
-        self._pins.set_lines(mask, levels)
+        self.pins.set_lines(mask, levels)
         self.strobes.after()
 
     def _judge(self) -> None:
         for chip in self.chips:
-            chip.judged = self._timed
+            chip.judged = self.clock.timed
 
     def _data_chip(self) -> Chip:
-        if self._selected:
-            return self._selected[0]
+        if self.selection.selected:
+            return self.selection.selected[0]
         if self.chips:
             return self.chips[0]
         raise PortError(codes.NO_SUCH, "this session has no chip")
@@ -326,30 +337,30 @@ class HostBus(HostReach):
         self._arrive()
         self._judge()
         chip = self._data_chip()
-        self._pins.of(chip.data_pin).drive(data & 0xFF)
+        self.pins.of(chip.data_pin).drive(data & 0xFF)
         self._kernel.settle()
 
     def release(self) -> None:
         """Let D0-D7 float."""
         self._arrive()
-        self._pins.of(self._data_chip().data_pin).release()
+        self.pins.of(self._data_chip().data_pin).release()
         self._kernel.settle()
 
     def sample(self) -> tuple[int, int]:
         """Return D0-D7 as they stand, and all output lines."""
         self._arrive()
-        outputs = self._pins.output_word()
+        outputs = self.pins.output_word()
         return self._data_chip().bus_net.value, outputs
 
     def pin(self, number: int, level: int) -> None:
         """Drive side pin ``number`` to 0 or 1; 2 lets go."""
         self._arrive()
         self._judge()
-        self._pins.set_side(number, level)
+        self.pins.set_side(number, level)
 
     def getpin(self, number: int) -> int:
         """Return the level of side pin ``number``."""
-        side = self._pins.side(number)
+        side = self.pins.side(number)
         self._arrive()
         for chip in self.chips:
             chip.advance()
@@ -358,45 +369,62 @@ class HostBus(HostReach):
 
     # -- time ---------------------------------------------------------------------------------
 
+    def _arrive(self) -> None:
+        """Come to the host's instant for something that takes no time of its own."""
+        self.clock.arrive()
+
+    def delay(self, duration: int) -> bool:
+        """Let time pass for this host."""
+        return self.clock.delay(duration)
+
+    def at(self, when: int) -> None:
+        """Set the host's own clock (slaved boards only)."""
+        self.clock.at(when)
+
+    def now(self) -> int:
+        """Return chip time."""
+        return self.clock.now()
+
     def wait(self, longest: int) -> tuple[bool, int] | None:
         """Let time pass until the selected chips can take a cycle, at most ``longest`` ps."""
         self._arrive()
-        if self._target < 0:
+        clock = self.clock
+        if clock.target < 0:
             begun: int = self._kernel.now
-            self._target = min(begun + longest, NEVER - 1)
-        deadline = self._target
+            clock.target = min(begun + longest, NEVER - 1)
+        deadline = clock.target
         while True:
-            for chip in self._selected:
+            for chip in self.selection.selected:
                 chip.advance()
             now = self._kernel.now
-            ready = max((chip.ready_at() for chip in self._selected), default=now)
+            ready = max((chip.ready_at() for chip in self.selection.selected), default=now)
             if ready <= now or now >= deadline:
-                self._target = -1
+                clock.target = -1
                 self.held = False
                 return ready <= now, now
-            if not self._pass_to(min(ready, deadline)):
+            if not clock.pass_to(min(ready, deadline)):
                 return None
 
     def sync(self) -> tuple[int, int]:
         """Bring the chips up to the host's time; output lines and the next possible edge."""
         self._arrive()
-        outputs, due = self._pins.output_word(), self._kernel.next_due
+        outputs, due = self.pins.output_word(), self._kernel.next_due
         return outputs, min([due, *(chip.next_event() for chip in self.chips)])
 
     def events(self, mask: int) -> None:
         """From now on report each edge of the output lines in ``mask``."""
-        self._pins.watch(mask)
+        self.pins.watch(mask)
 
     def take_events(self) -> list[tuple[int, int]]:
         """Return and forget the edges seen since the last call."""
-        return self._pins.take_edges()
+        return self.pins.take_edges()
 
     def close(self) -> None:
         """The session has ended: let go of lines, pins, claims and events."""
         try:
             self.board.player.flush()
             self.strobes.before()
-            self._pins.unsolder()
+            self.pins.unsolder()
             self.strobes.after()
         finally:  # whatever happens on the board: others may wait for the claim
             self.unclaim()
@@ -406,45 +434,17 @@ class HostBus(HostReach):
     def let_go(self) -> None:
         """Let go of lines, pins, claims, events and promises, as if the session began anew."""
         self.board.player.flush()
-        self._pins.unsolder()
+        self.pins.unsolder()
         self.unclaim()
-        self._leased_until = 0
-
-    def promised(self) -> int:
-        """Return the instant until which a lease holds (ps); 0 if there is none."""
-        return self._leased_until
-
-    def promise(self, until: int) -> None:
-        """Keep the promise of a lease given before a snapshot."""
-        self._leased_until = until
+        self.leases.until = 0
 
     def forget_time(self) -> None:
         """Time has been set: forget stamps, and what the session waited for."""
-        self._stamp, self._last_at, self._target, self._polls = -1, 0, -1, -1
+        self.clock.forget()
+        self.polls.left = -1
         self.held = False
-
-    @property
-    def mask(self) -> int:
-        """The chips of following cycles, a bit each."""
-        return self._mask
-
-    @mask.setter
-    def mask(self, mask: int) -> None:
-        self.select(mask)
-
-    @property
-    def claimed(self) -> list[str]:
-        """The chips this session has claimed."""
-        return self._claimed
-
-    @claimed.setter
-    def claimed(self, names: list[str]) -> None:
-        self.unclaim()
-        for name in names:
-            self._hosts.claims[name] = self
-            self._claimed.append(name)
 
     def after_load(self) -> None:
         """A session that was held makes its call again; nothing is promised to it."""
         self.held = False
-        self._leased_until = 0
+        self.leases.until = 0

@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-from vbus.board.state_1 import told
+from vbus.board.state_1 import parts_and_faults
 from vbus.errors import SnapshotError
+from vbus.faults.state import prepare as prepare_faults
 from vbus.state import plan
 from vbus.state.first import from_tuple
 from vbus.state.kinds import Load
@@ -20,28 +21,29 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
     Raises:
         SnapshotError: the state was made by another board, or is none; the board is as it was.
     """
-    parts, broken = told(saved)
+    parts, broken = parts_and_faults(saved)
     if parts != board.parts:
         raise SnapshotError(
             f"the state belongs to a board with {parts}, this one has {board.parts}"
         )
-    acts = board.faults.acts if board.broken or broken else None
-    stood = acts.stand_in(broken) if acts is not None else {}
+    breaking, unwrap = None, None
+    if board.broken or broken:
+        breaking, unwrap = prepare_faults(board.faults, board, broken)
     try:
         fields = from_tuple(board, saved) if isinstance(saved, tuple) else dict(saved)
         fields.pop("parts")
         fields.pop("faults", None)
         loading = plan(board, fields, "the state")
     except SnapshotError:
-        if acts is not None:
-            acts.stand_back(stood)
+        if unwrap is not None:
+            unwrap()
         raise
 
     before = board.save() if loading.foreign else None
 
     def go() -> None:
         try:
-            _load(board, loading, fields["wires"], broken, acts is not None)
+            _load(board, loading, fields["wires"], breaking)
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             # A part of somebody else's, which checks nothing before.
             if before is not None:
@@ -51,18 +53,19 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
     return go
 
 
-def _load(board: Any, loading: Load, wires: Any, broken: Any, faulty: bool) -> None:
+def _load(board: Any, loading: Load, wires: Any, breaking: Load | None) -> None:
     board.player.flush()
-    if faulty:
-        board.faults.load(broken)
+    if breaking is not None:
+        breaking.apply()
     # Whoever is to be told of something is told now: it belongs to what is left behind.
     board.kernel.settle()
     loading.apply()
-    if faulty:
+    if breaking is not None:
         board.faults.go_on()
     # Who listens now has begun to listen since.
-    for net, kept in zip(board.wires, wires, strict=True):
-        net.history = tuple(kept["history"])
+    board.wires = wires
+    for net in board.pin_nets:
+        net.after_load()
     for chip in board.chips:
         chip.heard_changed()
         chip.rearm()

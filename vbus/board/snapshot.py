@@ -95,7 +95,7 @@ def take(board: Board, wires: Hosts | None = None) -> Snapshot:
             port.label,
             tuple(chip.name for chip in port.chips),
             port.cycle_ps,
-            port.promised(),
+            port.leases.until,
             save(wires[number]) if number in wires else None,
         )
         for number, port in enumerate(board.ports)
@@ -175,7 +175,7 @@ def restore(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> Non
     for port in mine:
         port.forget_time()
     for port, host in zip(order, snapshot.hosts, strict=True):
-        port.promise(host.leased_until)
+        port.leases.until = host.leased_until
     for half in halves:
         half.apply()
     board.set_counters(snapshot.counters)
@@ -196,8 +196,8 @@ def _check(board: Board, snapshot: Snapshot) -> None:
     parts = {chip.name: chip.part for chip in board.chips}
     if parts != snapshot.parts:
         raise SnapshotError(
-            f'the snapshot is of board "{snapshot.board}" with {_told(snapshot.parts)}; this is'
-            f' board "{board.name}" with {_told(parts)}'
+            f'the snapshot is of board "{snapshot.board}" with {_listed(snapshot.parts)}; this is'
+            f' board "{board.name}" with {_listed(parts)}'
         )
     if snapshot.text != board.text:
         raise SnapshotError(
@@ -206,7 +206,7 @@ def _check(board: Board, snapshot: Snapshot) -> None:
         )
 
 
-def _told(parts: dict[str, str]) -> str:
+def _listed(parts: dict[str, str]) -> str:
     return ", ".join(f"{name} = {part}" for name, part in parts.items()) or "no chips"
 
 

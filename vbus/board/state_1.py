@@ -3,11 +3,11 @@
 from typing import Any, Final
 
 from vbus.errors import SnapshotError
-from vbus.state import VERSION, Saved
-from vbus.state.first import Odd, from_tuple, to_tuple
+from vbus.state import Saved
+from vbus.state.first import Adapter, from_tuple, to_tuple
 
 
-def told(saved: Any) -> tuple[Any, Any]:
+def parts_and_faults(saved: Any) -> tuple[Any, Any]:
     """Return the chips and the faults of a saved board, of either version.
 
     Raises:
@@ -31,9 +31,9 @@ def _save(board: Any, saved: Saved) -> tuple[Any, ...]:
             to_tuple(board.kernel, saved["kernel"]), saved["tail"],
             tuple(kept["strobes"]["watches"] for _, kept in ports),
         ),
-        _all(board.chips, saved["chips"]), _all(board.wires, saved["wires"]), saved["levels"],
+        _all(board.chips, saved["chips"]), saved["wires"], saved["levels"],
         tuple(to_tuple(port, kept) for port, kept in ports),
-        *((saved["faults"],) if "faults" in saved else ()),
+        *((to_tuple(board.faults, saved["faults"]),) if "faults" in saved else ()),
     )  # fmt: skip
 
 
@@ -44,13 +44,10 @@ def _all(parts: list[Any], saved: Any) -> tuple[Any, ...]:
 def _load(board: Any, old: Any) -> Saved:
     parts, (kernel, tail, strobes), chips, wires, levels, ports = old[:6]
     return {
-        VERSION: 1, "parts": parts, "levels": levels, "tail": tail,
+        "parts": parts, "levels": levels, "tail": tail, "wires": wires,
         "kernel": from_tuple(board.kernel, kernel, "kernel"),
-        "wires": tuple(
-            from_tuple(net, kept, net.name) for net, kept in zip(board.wires, wires, strict=True)
-        ),
         "ports": tuple(
-            {**from_tuple(port, kept, port.label), "strobes": {VERSION: 1, "watches": watches}}
+            {**from_tuple(port, kept, port.label), "strobes": {"watches": watches}}
             for port, kept, watches in zip(board.ports, ports, strobes, strict=True)
         ),
         "chips": tuple(
@@ -60,6 +57,6 @@ def _load(board: Any, old: Any) -> Saved:
 
 
 LAYOUTS: Final[dict[str, Any]] = {
-    "Board": Odd(_save, _load),
-    "HostBus": ("mask", "_stamp", "_last_at", "_timed", "_target", "_polls", "claimed", "*_pins"),
+    "Board": Adapter(_save, _load),
+    "HostBus": ("*selection", "*clock", "*polls", "claimed", "*pins"),
 }

@@ -31,7 +31,7 @@ class StrobeWatch:
 
     STATE: ClassVar[Names] = ("watches: parts",)
     WIRING: ClassVar[Names] = ("_board", "_label", "_rows", "found")
-    DERIVED: ClassVar[Names] = ("_noted", "_told")
+    DERIVED: ClassVar[Names] = ("_noted", "_cycles")
 
     def __init__(self, board: Circuit, label: str, chips: list[Chip]) -> None:
         self.found: Found | None = None
@@ -43,7 +43,7 @@ class StrobeWatch:
             follow = plugins.family(chip.FAMILY).load("bus", BusWatch)
             if follow is not None:
                 self._rows.append(_Row(chip, follow()))
-        self._told: int = 0
+        self._cycles: int = 0
         self._noted: bool = False
 
     def before(self) -> None:
@@ -90,8 +90,8 @@ class StrobeWatch:
             self.found(when, chip, write, address, data)
         for observer in self._board.observers:
             observer.bus_cycle(when, self._label, chip, write, address, data)
-        self._told += 1
-        if self._told % SETTLE_EVERY == 0:
+        self._cycles += 1
+        if self._cycles % SETTLE_EVERY == 0:
             self._board.catch_up()
 
 

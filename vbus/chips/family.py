@@ -51,6 +51,7 @@ class Family:
         channels: sigrok's names of the control lines; made from those of the pins if left out.
         addresses: what its page says of each bus address: number, how, read, write.
         bits: bit tables of its page: heading, and the name in :attr:`datasheet`.
+        compatibility: parts it stands in for, each with a ``Uses`` that knows the differences.
         kept: rows of AC tables that the chip keeps itself and no host can break.
     """
 
@@ -82,6 +83,7 @@ class Family:
     addresses: tuple[tuple[str, str, str, str], ...] = ()
     bits: tuple[tuple[str, str], ...] = ()
     kept: frozenset[str] = frozenset()
+    compatibility: Mapping[str, str] = field(default_factory=dict)
 
     def load(self, role: str, base: type[_T]) -> type[_T] | None:
         """Return the class that attribute ``role`` names, or None if it is left out.
@@ -90,12 +92,21 @@ class Family:
             PluginError: it cannot be imported, or is no subclass of ``base``.
         """
         found = self.object(role)
-        if found is None:
-            return None
+        return None if found is None else self._checked(role, getattr(self, role), found, base)
+
+    def compatible_with(self, other: str, base: type[_T]) -> type[_T]:
+        """Return what knows how a driver for the part ``other`` would be taken.
+
+        Raises:
+            PluginError: as :meth:`load`.
+        """
+        where = self.compatibility[other]
+        return self._checked("compatibility", where, self._found("compatibility", where), base)
+
+    def _checked(self, role: str, where: Any, found: Any, base: type[_T]) -> type[_T]:
         if not isinstance(found, type) or not issubclass(found, base):
             raise PluginError(
-                f"family {self.name}: {role} = {getattr(self, role)!r} is not a subclass of"
-                f" {base.__name__}"
+                f"family {self.name}: {role} = {where!r} is not a subclass of {base.__name__}"
             )
         return found
 
@@ -105,7 +116,9 @@ class Family:
         Raises:
             PluginError: it cannot be imported.
         """
-        where = getattr(self, role)
+        return self._found(role, getattr(self, role))
+
+    def _found(self, role: str, where: Any) -> Any:
         if not isinstance(where, str):
             return where
         module, colon, name = where.partition(":")

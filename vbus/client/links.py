@@ -1,7 +1,6 @@
 """Opening links to a board: PTY, Unix socket, TCP, serial device, Zenoh."""
 
 import errno
-import fcntl
 import os
 import socket
 import termios
@@ -12,7 +11,7 @@ from urllib.parse import parse_qs
 
 from vbus.client.link import Link
 from vbus.errors import TransportError
-from vbus.runtime import expanded, lock_of
+from vbus.runtime import expanded, lock_state
 
 KINDS: Final = (
     "pty:PATH, unix:PATH, tcp:HOST:PORT, serial:PATH?baud=RATE,"
@@ -75,16 +74,12 @@ def _board_at(name: Path) -> str:
         if name.is_symlink() and not os.readlink(name).startswith("/dev/"):
             name = name.parent / os.readlink(name)
     try:
-        fd = os.open(lock_of(name), os.O_RDONLY | os.O_CLOEXEC)
+        held, lock = lock_state(name)
     except OSError:
         return ""
-    try:
-        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return os.read(fd, 4096).decode("utf-8", "replace").partition("\n")[2].strip()
-    finally:
-        os.close(fd)
-    raise OSError(errno.ESTALE, "the board it led to was killed; start it again (vbus ls)")
+    if not held:
+        raise OSError(errno.ESTALE, "the board it led to was killed; start it again (vbus ls)")
+    return lock.partition("\n")[2].strip()
 
 
 def _open_pty(path: str) -> int:

@@ -1,14 +1,12 @@
 """Waiting for a board that is still to come."""
 
-import fcntl
-import os
 from pathlib import Path
 from time import monotonic
 from typing import Final
 
 from vbus.kernel.kernel import SECOND
 from vbus.protocols.quantities import parse_duration
-from vbus.runtime import expanded, lock_of
+from vbus.runtime import expanded, lock_state
 
 PAUSE_SECONDS: Final = 0.02
 """Between two attempts."""
@@ -45,13 +43,7 @@ def starting(where: str) -> bool:
     if kind not in ("", "pty", "unix") or name.exists():
         return False
     try:
-        lock = os.open(lock_of(name), os.O_RDONLY | os.O_CLOEXEC)
+        held, _ = lock_state(name)
     except OSError:
         return False
-    try:
-        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    finally:
-        os.close(lock)
-    return False
+    return held

@@ -1,18 +1,22 @@
 """What the faults that act do, by what they act on."""
 
-from typing import Any
+from collections.abc import Callable, Collection
+from typing import ClassVar
 
 from vbus.board.circuit import Circuit
 from vbus.faults.armed import ACTING, Armed, LinkActs
 from vbus.faults.axis import AxisFaults
 from vbus.faults.bus import BusFault, Later
 from vbus.faults.clock import CLOCKS, ClockFaults
-from vbus.faults.plant import FaultyPlant
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE
-from vbus.faults.state import wrapped_in
 from vbus.faults.upsets import upsets_of
+from vbus.kernel.clock import Course
 from vbus.options import Value
-from vbus.state.first import save_tuple
+from vbus.state import Names
+
+AxisRow = tuple[str, bool, int, list[tuple[int, int]]]
+"""An axis; whether its plant is wrapped, the counts its pulses hold the encoder off by, and at
+which count each fault has begun."""
 
 
 class Acts:
@@ -21,15 +25,24 @@ class Acts:
     Args:
         board: the board.
         later: sets a timer.
+        armed: every fault that was ever armed, by number.
 
     Attributes:
         buses: what is wrong with buses now, by number of fault.
         links: does the faults of links; None where nobody serves the board.
     """
 
-    def __init__(self, board: Circuit, later: Later) -> None:
+    STATE: ClassVar[Names] = (
+        "courses: list[(str, list[(i64, i64, int, int), ...]), ...]",
+        "axes: list[(str, bool, i64, list[(i64, i64), ...]), ...]",
+    )
+    WIRING: ClassVar[Names] = ("_armed", "_board", "_later", "links")
+    DERIVED: ClassVar[Names] = ("_axes", "_clocks", "buses")
+
+    def __init__(self, board: Circuit, later: Later, armed: dict[int, Armed]) -> None:
         self._board: Circuit = board
         self._later: Later = later
+        self._armed: dict[int, Armed] = armed
         self._axes: dict[str, AxisFaults] = {}
         self._clocks: dict[str, ClockFaults] = {}
         self.buses: dict[int, BusFault] = {}
@@ -97,60 +110,65 @@ class Acts:
 
     # -- state --------------------------------------------------------------------------------
 
-    def save(self) -> tuple[object, ...]:
-        """Return, of each axis, what is no part of the plant's state; and the clocks' courses."""
-        axes = tuple(
+    @property
+    def axes(self) -> list[AxisRow]:
+        """Of each axis, what is no part of the plant's state."""
+        return [
             (
                 place, axis.wrapper is not None,
                 0 if axis.wrapper is None else axis.wrapper.pulsed,
-                tuple((number, here) for number, (_, _, here) in axis.acting.items()),
+                [(number, here) for number, (_, _, here) in axis.acting.items()],
             )
             for place, axis in sorted(self._axes.items())
             if axis.acting or axis.wrapper is not None
-        )  # fmt: skip
-        courses = [(name, save_tuple(one.chip.clock)) for name, one in sorted(self._clocks.items())]
-        return axes, tuple(course for course in courses if course[1])
+        ]  # fmt: skip
 
-    def stand_in(self, state: Any) -> dict[str, FaultyPlant | None]:
-        """Check saved faults; wrap plants as they were then, so that their states fit.
-
-        Returns:
-            How they were wrapped, for :meth:`stand_back`.
-
-        Raises:
-            SnapshotError: these are no saved faults; nothing is changed.
-        """
-        wrapped = wrapped_in(state, self._board.axes)
-        before = {place: axis.wrapper for place, axis in self._axes.items()}
-        for place in sorted({*wrapped, *self._axes}):
-            self.axis(place).wrap_as(place in wrapped)
-        return before
-
-    def stand_back(self, before: dict[str, FaultyPlant | None]) -> None:
-        """Wrap plants as they were wrapped before."""
-        for place, axis in self._axes.items():
-            axis.put(before.get(place))
-
-    def load(self, state: Any, armed: list[Armed]) -> None:
-        """Break axes and clocks as a saved state has them: before chips take back theirs."""
-        axes, clocks = state
-        courses = dict(clocks)
-        for name in sorted({*courses, *self._clocks}):
-            off = {
-                one.number: (one.name, one.values)
-                for one in armed
-                if one.target == name and one.state == ACTING and one.name in CLOCKS
-            }
-            self.clock(name).restore(off, courses.get(name, ()))
+    @axes.setter
+    def axes(self, axes: list[AxisRow]) -> None:
         wrapped = {place: (is_wrapped, pulsed) for place, is_wrapped, pulsed, _ in axes}
         begun = {number: here for _, _, _, heres in axes for number, here in heres}
         for place in sorted({*wrapped, *self._axes}):
             acting = {
                 one.number: (one.name, _values_now(one), begun.get(one.number, 0))
-                for one in armed
-                if one.target == place and one.state == ACTING
+                for one in self._acting_on(place)
             }
             self.axis(place).restore(acting, *wrapped.get(place, (False, 0)))
+
+    @property
+    def courses(self) -> list[tuple[str, list[Course]]]:
+        """The courses that clocks have taken."""
+        clocks = [(name, one.chip.clock.courses) for name, one in sorted(self._clocks.items())]
+        return [(name, courses) for name, courses in clocks if courses]
+
+    @courses.setter
+    def courses(self, clocks: list[tuple[str, list[Course]]]) -> None:
+        courses = dict(clocks)
+        for name in sorted({*courses, *self._clocks}):
+            off = {
+                one.number: (one.name, one.values)
+                for one in self._acting_on(name)
+                if one.name in CLOCKS
+            }
+            self.clock(name).restore(off, courses.get(name, []))
+
+    def _acting_on(self, target: str) -> list[Armed]:
+        return [one for one in self._armed.values() if one.target == target and one.state == ACTING]
+
+    def wrap(self, places: Collection[str]) -> Callable[[], None]:
+        """Wrap the plants of these axes and no others, so that saved states of them fit.
+
+        Returns:
+            What wraps them as they were.
+        """
+        before = {place: axis.wrapper for place, axis in self._axes.items()}
+        for place in sorted({*places, *self._axes}):
+            self.axis(place).wrap_as(place in places)
+
+        def back() -> None:
+            for place, axis in self._axes.items():
+                axis.put(before.get(place))
+
+        return back
 
     def go_on(self, acting: list[Armed]) -> None:
         """Everything is loaded: let what acts on chips and buses act again."""

@@ -38,12 +38,8 @@ class Evidence:
     text: str
 
     def __str__(self) -> str:
-        return f"{self.when / 1e9:.6f} ms #{self.number} {self.name} {self.target}: {self.told}"
-
-    @property
-    def told(self) -> str:
-        """What happened, and what it changed."""
-        return f"{self.what}; {self.text}" if self.text else self.what
+        change = f"{self.what}; {self.text}" if self.text else self.what
+        return f"{self.when / 1e9:.6f} ms #{self.number} {self.name} {self.target}: {change}"
 
 
 @dataclass(slots=True)
@@ -64,7 +60,7 @@ class Armed:
         cleared: somebody has cleared it.
         writes: the writes its trigger waits for.
         side: on which side of its trigger's position it was armed.
-        eyes: what its trigger looks with.
+        watcher: what its trigger watches with.
     """
 
     DERIVED: ClassVar[Names] = ("*",)
@@ -83,7 +79,7 @@ class Armed:
     cleared: bool = False
     writes: tuple[tuple[int, int], ...] = ()
     side: int = 0
-    eyes: Any = field(default=None, repr=False)
+    watcher: Any = field(default=None, repr=False)
 
     @property
     def name(self) -> str:

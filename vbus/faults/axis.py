@@ -15,7 +15,25 @@ NOWHERE: Final = 1 << 62
 
 SHAFT: Final = frozenset({"load_step", "friction", "end_stop", "supply_sag", "overheated"})
 """Faults that change the numbers of a shaft; the others stand between it and the chip."""
-_CHANNELS: Final = {"a_stuck": STUCK_A, "a_open": STUCK_A, "b_stuck": STUCK_B, "b_open": STUCK_B}
+FIXED: Final[dict[str, dict[str, int | bool]]] = {
+    "jam": {"frozen": True}, "coupling_break": {"share": 0}, "amplifier_off": {"powered": False},
+    "backlash": {"mode": PLAY}, "index_missing": {"index": False},
+    "a_stuck": {"mode": STUCK_A}, "a_open": {"mode": STUCK_A},
+    "b_stuck": {"mode": STUCK_B}, "b_open": {"mode": STUCK_B},
+}  # fmt: skip
+"""What a fault sets of the plant between."""
+GIVEN: Final[dict[str, dict[str, str]]] = {
+    "backlash": {"gap": "gap"}, "lost_steps": {"lose_every": "every"},
+    "index_double": {"second_index": "distance"},
+    "a_stuck": {"level": "level"}, "a_open": {"level": "level"},
+    "b_stuck": {"level": "level"}, "b_open": {"level": "level"},
+}  # fmt: skip
+"""What it sets to a parameter; a wire that is off is pulled high."""
+ADDED: Final[dict[str, dict[str, str]]] = {
+    "load_step": {"load": "torque"},
+    "friction": {"coulomb": "coulomb", "static": "coulomb", "viscous": "viscous"},
+}  # fmt: skip
+"""Parameters that it adds to numbers of a shaft."""
 
 Acting = tuple[str, dict[str, Value], int]
 """A fault that acts: its name, its parameters, and the count at which it began."""
@@ -137,30 +155,18 @@ class AxisFaults:
         wrapper.drive_sign, wrapper.mode, wrapper.share = 1, SHARE, WHOLE
         wrapper.lose_every = wrapper.second_index = 0
         for name, values, _ in self.acting.values():
-            if name == "jam":
-                wrapper.frozen = True
-                if isinstance(self.plant, Shaft):
-                    self.plant.jam()
+            for attribute, value in FIXED.get(name, {}).items():
+                setattr(wrapper, attribute, value)
+            for attribute, key in GIVEN.get(name, {}).items():
+                setattr(wrapper, attribute, int(values.get(key, HIGH)))
+            if name == "jam" and isinstance(self.plant, Shaft):
+                self.plant.jam()
             elif name == "slip":
                 wrapper.share = int(wrapper.share * (1.0 - float(values["share"])))
-            elif name == "coupling_break":
-                wrapper.share = 0
-            elif name == "backlash":
-                wrapper.mode, wrapper.gap = PLAY, int(values["gap"])
             elif name == "motor_reversed":
                 wrapper.drive_sign = -wrapper.drive_sign
-            elif name == "amplifier_off":
-                wrapper.powered = False
-            elif name == "lost_steps":
-                wrapper.lose_every = int(values["every"])
-            elif name in _CHANNELS:
-                wrapper.mode, wrapper.level = _CHANNELS[name], int(values.get("level", HIGH))
             elif name == "ab_swapped":
                 wrapper.share = -wrapper.share
-            elif name == "index_missing":
-                wrapper.index = False
-            elif name == "index_double":
-                wrapper.second_index = int(values["distance"])
         self._pulse(wrapper)
 
     def _pulse(self, wrapper: FaultyPlant) -> None:
@@ -184,13 +190,9 @@ class AxisFaults:
             self._nominal = shaft.mechanics()
         numbers = self._nominal.copy()
         for name, values, here in self.acting.values():
-            if name == "load_step":
-                numbers.load += float(values["torque"])
-            elif name == "friction":
-                numbers.coulomb += float(values["coulomb"])
-                numbers.static += float(values["coulomb"])
-                numbers.viscous += float(values["viscous"])
-            elif name == "supply_sag":
+            for attribute, key in ADDED.get(name, {}).items():
+                setattr(numbers, attribute, getattr(numbers, attribute) + float(values[key]))
+            if name == "supply_sag":
                 numbers.supply = min(numbers.supply, float(values["supply"]))
             elif name == "overheated":
                 numbers.torque *= float(values["torque"])

@@ -1,13 +1,13 @@
 """Faults of a chip's oscillator: it stands, or is off its frequency."""
 
-from typing import Any, Final
+from typing import Final
 
 from vbus.chips.base import Chip
 from vbus.faults.upsets import Upsets, upsets_of
 from vbus.kernel import HELD, NEVER
+from vbus.kernel.clock import Course
 from vbus.options import Value
 from vbus.signals import Plant
-from vbus.state.first import load_tuple
 
 STOPPED: Final = "clock_stopped"
 CLOCKS: Final = frozenset({STOPPED, "clock_off"})
@@ -65,10 +65,12 @@ class ClockFaults:
 
     # -- state --------------------------------------------------------------------------------
 
-    def restore(self, acting: dict[int, tuple[str, dict[str, Value]]], courses: Any) -> None:
+    def restore(
+        self, acting: dict[int, tuple[str, dict[str, Value]]], courses: list[Course]
+    ) -> None:
         """Take back the clock a saved state has; the chip's own state comes after."""
         self.acting = acting
-        load_tuple(self.chip.clock, courses)
+        self.chip.clock.courses = courses
         if not self.chip.clock.stopped:
             self._upsets.restore_frequency(self.chip.clock.frequency)
 

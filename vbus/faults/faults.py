@@ -4,7 +4,7 @@ import hashlib
 from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush
-from typing import Any, Final
+from typing import ClassVar, Final
 
 from vbus.board.circuit import Circuit
 from vbus.board.settings import listed, suggestion
@@ -13,7 +13,7 @@ from vbus.faults.acts import Acts
 from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence, LinkActs
 from vbus.faults.parameters import check_parameters
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault
-from vbus.faults.state import armed_of, record
+from vbus.faults.state import RECORD, Record, armed_of, record
 from vbus.faults.table import faults
 from vbus.faults.targets import find_target
 from vbus.faults.trigger import (
@@ -28,9 +28,10 @@ from vbus.faults.trigger import (
     read_until,
     read_when,
 )
-from vbus.faults.watch import BusEyes, EdgeEyes, write_of
+from vbus.faults.watch import CycleWatcher, EdgeWatcher, write_of
 from vbus.kernel import US
 from vbus.signals import HIGH, LOW
+from vbus.state import Names
 
 LOOK: Final = 100 * US
 """How often a trigger looks at a position."""
@@ -59,17 +60,24 @@ class Faults:
         log: evidence, oldest first; the latest thousand.
     """
 
+    STATE: ClassVar[Names] = (
+        "_last", "_serial", f"records: list[{RECORD}, ...]", "due: heap[(i64, i64, i64, i64)]",
+        "acts: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_board", "_watcher", "_timer", "log")
+    DERIVED: ClassVar[Names] = ("_armed", "_calls", "_queue", "_watching")
+
     def __init__(self, board: Circuit) -> None:
         self._board: Circuit = board
         self.log: deque[Evidence] = deque(maxlen=KEPT)
         self._armed: dict[int, Armed] = {}
         self._last: int = 0
-        self.acts: Acts = Acts(board, self.later)
+        self.acts: Acts = Acts(board, self.later, self._armed)
         self._queue: list[tuple[int, int, int, int]] = []
         self._calls: dict[int, Callable[[], None]] = {}
         self._serial: int = 0
         self._timer = board.kernel.timer(self._due, saved=False)
-        self._eyes: BusEyes = BusEyes(self._cycle)
+        self._watcher: CycleWatcher = CycleWatcher(self._cycle)
         self._watching: bool = False
 
     @property
@@ -219,24 +227,24 @@ class Faults:
             armed.side = 1 if self._position(armed) < when.number else -1
             self._push(now + LOOK, _LOOK, armed.number)
         elif when.kind == EDGE:
-            self._look_at_edge(armed)
+            self._watch_edge(armed)
         elif when.kind == RATE:
             if armed.until.kind == FOR and armed.fault.acts != LASTS:
                 self._push(now + armed.until.span, _STOP, armed.number)
             self._draw(armed)
 
-    def _look_at_edge(self, armed: Armed) -> None:
+    def _watch_edge(self, armed: Armed) -> None:
         number = armed.number
-        armed.eyes = EdgeEyes(
+        armed.watcher = EdgeWatcher(
             HIGH if armed.when.number else LOW,
             lambda: self._push(self._board.now, _BEGIN, number),
         )
-        self._board.find_pin(self._pin_of(armed)).net.observe(armed.eyes)
+        self._board.find_pin(self._pin_of(armed)).net.observe(armed.watcher)
 
-    def _look_away(self, armed: Armed) -> None:
-        if armed.eyes is not None:
-            self._board.find_pin(self._pin_of(armed)).net.unobserve(armed.eyes)
-            armed.eyes = None
+    def _unwatch(self, armed: Armed) -> None:
+        if armed.watcher is not None:
+            self._board.find_pin(self._pin_of(armed)).net.unobserve(armed.watcher)
+            armed.watcher = None
 
     def _pin_of(self, armed: Armed) -> str:
         chip, name = self._chip_of(armed), armed.when.name
@@ -348,35 +356,32 @@ class Faults:
         else:
             armed.fired += 1
             self._tell(armed, BEGUN, text)
-        self._look_away(armed)
+        self._unwatch(armed)
         if armed.name == "limit_bouncing":
             armed.seen = 0
             self._push(self._board.now + int(armed.values["period"]) // 2, _TOGGLE, armed.number)
         rated = armed.when.kind == RATE
         if fault.acts == ONCE or (fault.target == LINK and armed.until.kind == ONCE):
-            self._after(armed)
+            # It is over as soon as it has begun; a stream goes on.
+            if rated:
+                armed.state = WAITING
+            else:
+                self._finish(armed)
         elif armed.until.kind == FOR and (not rated or fault.acts == LASTS):
             self._push(self._board.now + armed.until.span, _END, armed.number)
         if rated:
             self._draw(armed)
         self._settle_watch()
 
-    def _after(self, armed: Armed) -> None:
-        """It is over as soon as it has begun; a stream goes on."""
-        if armed.when.kind == RATE:
-            armed.state = WAITING
-        else:
-            self._finish(armed)
-
     def _end(self, armed: Armed, text: str) -> None:
         armed.state = WAITING
-        told = self.acts.end(armed)
+        change = self.acts.end(armed)
         if armed.fired:
-            self._tell(armed, ENDED, ", ".join(filter(None, (text, told))))
+            self._tell(armed, ENDED, ", ".join(filter(None, (text, change))))
 
     def _finish(self, armed: Armed) -> None:
         armed.state = OVER
-        self._look_away(armed)
+        self._unwatch(armed)
         self._settle_watch()
 
     def _settle_watch(self) -> None:
@@ -389,9 +394,9 @@ class Faults:
         if wanted != self._watching:
             self._watching = wanted
             if wanted:
-                self._board.observe(self._eyes)
+                self._board.observe(self._watcher)
             else:
-                self._board.unobserve(self._eyes)
+                self._board.unobserve(self._watcher)
 
     def _note(self, order: str, values: list[object]) -> None:
         for observer in (*self._board.listeners, *self._board.observers):
@@ -405,39 +410,39 @@ class Faults:
 
     # -- state --------------------------------------------------------------------------------
 
-    def save(self) -> tuple[object, ...]:
-        """Return what is armed and acts, and when something is due; the log stays out."""
-        return (
-            self._last, self._serial,
-            tuple(record(armed) for armed in self._armed.values()),
-            tuple(sorted(entry for entry in self._queue if entry[2] != _CALL)),
-            self.acts.save(),
-        )  # fmt: skip
+    @property
+    def records(self) -> list[Record]:
+        """Every fault that was ever armed, as plain numbers and texts; the log stays out."""
+        return [record(armed) for armed in self._armed.values()]
 
-    def load(self, state: Any) -> None:
-        """Take back what :meth:`save` gave; of None, nothing is armed.
-
-        It comes before the chips take back theirs.
-        """
+    @records.setter
+    def records(self, records: list[Record]) -> None:
         for armed in self.live():
             if armed.number in self.acts.buses:
                 self.acts.end(armed)
             self._finish(armed)
-        last, serial, records, queue, axes = state or (0, 0, (), (), ((), ()))
-        self._last, self._serial = last, serial
+        self._armed.clear()
         known = faults() if records else {}
-        self._armed = {row[0]: armed_of(row, known[row[1]]) for row in records}
-        self._queue = [tuple(entry) for entry in queue]
+        for row in records:
+            self._armed[row[0]] = armed_of(row, known[row[1]])
+
+    @property
+    def due(self) -> list[tuple[int, int, int, int]]:
+        """What is due when, but for what acting faults have asked for."""
+        return [entry for entry in self._queue if entry[2] != _CALL]
+
+    @due.setter
+    def due(self, due: list[tuple[int, int, int, int]]) -> None:
+        self._queue = due
         self._calls = {}
         self._timer.cancel()
-        self.acts.load(axes, list(self._armed.values()))
 
     def go_on(self) -> None:
         """Everything is loaded: let what acts on chips and buses act again."""
         self.acts.go_on([a for a in self._armed.values() if a.state == ACTING])
         for armed in self.live():
             if armed.when.kind == EDGE and armed.state == WAITING:
-                self._look_at_edge(armed)
+                self._watch_edge(armed)
         if self._queue:
             self._timer.at(self._queue[0][0])
         self._settle_watch()

@@ -94,14 +94,14 @@ class FaultyPlant(Plant):
             return self.shown + moved * self.share // WHOLE
         if self.mode == PLAY:
             return self.shown + self._play(moved)
-        return self.shown + self._beside(count) - self._beside(self.anchor)
+        return self.shown + self._decoder_offset(count) - self._decoder_offset(self.anchor)
 
     def _play(self, moved: int) -> int:
         if moved < self._low:
             return moved
         return max(self._low, moved - self.gap)
 
-    def _beside(self, count: int) -> int:
+    def _decoder_offset(self, count: int) -> int:
         """Place of the decoder, 0 or 1 from a corner, while a channel does not move."""
         if self.mode == STUCK_A:
             return _B[count & 3] if self.level else -_B[count & 3]

@@ -1,17 +1,36 @@
 """The faults of a board as plain numbers and texts, and back."""
 
-from collections.abc import Collection
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Final
 
+from vbus.board.circuit import Circuit
 from vbus.errors import SnapshotError
 from vbus.faults.armed import Armed
 from vbus.faults.row import LINK, Fault
 from vbus.faults.table import faults
 from vbus.faults.trigger import Until, When
+from vbus.state import Saved, plan
+from vbus.state.first import from_tuple
+from vbus.state.kinds import Load
+
+Record = tuple[Any, ...]
+"""An armed fault as a row."""
+
+RECORD: Final = (
+    "(i64, str, str, (str, i64, str, str), (str, i64, str), list[(str, value), ...], str, i64, i64,"
+    " i64, bool, list[(i64, i64), ...], i64)"
+)
+"""What is in such a row."""
 
 
-def record(armed: Armed) -> tuple[object, ...]:
-    """Return an armed fault as a tuple.
+NOTHING: Final[Saved] = {
+    "_last": 0, "_serial": 0, "records": (), "due": (), "acts": {"axes": (), "courses": ()},
+}  # fmt: skip
+"""State of a board on which nothing has ever been armed."""
+
+
+def record(armed: Armed) -> Record:
+    """Return an armed fault as a row.
 
     Whether somebody was on a link when its fault began is no part of the board.
     """
@@ -24,8 +43,8 @@ def record(armed: Armed) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def armed_of(state: Any, fault: Fault) -> Armed:
-    """Return the fault that :func:`record` made a tuple of."""
+def armed_of(state: Record, fault: Fault) -> Armed:
+    """Return the fault that :func:`record` made a row of."""
     number, _, target, when, until, values, stage, fired, seen, draws, cleared, writes, side = state
     return Armed(
         number, fault, target, When(*when), Until(*until), dict(values), stage, fired, seen, draws,
@@ -33,23 +52,31 @@ def armed_of(state: Any, fault: Fault) -> Armed:
     )  # fmt: skip
 
 
-def wrapped_in(state: Any, places: Collection[str]) -> set[str]:
-    """Check the saved faults of a board with these axes; return the axes that were wrapped.
+def prepare(part: Any, board: Circuit, saved: Any) -> tuple[Load, Callable[[], None]]:
+    """Check saved faults, and wrap plants as they were then, so that their states fit.
+
+    Args:
+        part: the :class:`~vbus.faults.faults.Faults` of the board.
+        board: the board.
+        saved: the faults; None: nothing is armed.
+
+    Returns:
+        What loads them, before chips take back theirs; and what wraps plants as they are now.
 
     Raises:
-        SnapshotError: they are none; says why.
+        SnapshotError: they are none, or not of this board; nothing is changed.
     """
-    known = faults() if state else {}
-    try:
-        _, _, records, queue, (axes, clocks) = state or (0, 0, (), (), ((), ()))
-        for row in records:
-            armed_of(row, known[row[1]])
-        for _, _, _, number in queue:
-            int(number)
-        dict(clocks)
-        wrapped = {place for place, is_wrapped, _, _ in axes if is_wrapped}
-    except (TypeError, ValueError, IndexError, KeyError) as error:
-        raise SnapshotError(f"the state.faults: these are none: {error!r}") from None
-    if not wrapped <= set(places):
-        raise SnapshotError(f"the state.faults: no such axis: {', '.join(wrapped - set(places))}")
-    return wrapped
+    state: Any = saved or NOTHING
+    if isinstance(state, tuple):
+        state = from_tuple(part, state, "the state.faults")
+    found = plan(part, state, "the state.faults")
+    acts = state["acts"]
+    for what, names, there in (
+        ("fault", {row[1] for row in state["records"]}, faults() if saved else ()),
+        ("axis", {row[0] for row in acts["axes"]}, board.axes),
+        ("chip", {row[0] for row in acts["courses"]}, [chip.name for chip in board.chips]),
+    ):
+        missing = ", ".join(sorted(names - {*there}))
+        if missing:
+            raise SnapshotError(f"the state.faults: no such {what}: {missing}")
+    return found, part.acts.wrap({row[0] for row in acts["axes"] if row[1]})

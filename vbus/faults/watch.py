@@ -13,7 +13,7 @@ Cycle = Callable[[int, str, bool, int, int], None]
 """Is told of a bus cycle: instant, chips, write, address, byte."""
 
 
-class BusEyes(Observer):
+class CycleWatcher(Observer):
     """Sees whole bus cycles, in the place of somebody who wants to hear of them."""
 
     WIRING: ClassVar[Names] = ("*",)
@@ -28,7 +28,7 @@ class BusEyes(Observer):
         self._tell(when, chip, write, address, data)
 
 
-class EdgeEyes(Observer):
+class EdgeWatcher(Observer):
     """Sees the edges of one net and tells of those to one level."""
 
     def __init__(self, level: int, tell: Callable[[], None]) -> None:
@@ -55,11 +55,11 @@ def write_of(chip: Chip, name: str) -> tuple[tuple[int, int], ...]:
         ValueError: the chip has none of that name.
     """
     family = plugins.family(chip.FAMILY)
-    sheet = family.tables
+    tables = family.tables
     names: list[str] = []
     for row in family.commands:
-        if sheet is not None and row.name.upper() == name.upper():
-            return ((sheet.COMMAND_PORT, row.code),)
+        if tables is not None and row.name.upper() == name.upper():
+            return ((tables.COMMAND_PORT, row.code),)
         names.append(row.name)
     kind = "command" if names else "register"
     for register in family.registers:

@@ -10,6 +10,7 @@ from vbus.nodes.host import NodeBus
 from vbus.nodes.messages import Report
 from vbus.nodes.node import Node
 from vbus.nodes.sync import Participant
+from vbus.state import save
 
 SLICE: Final = 20 * MS
 """Chip time that is computed in one go."""
@@ -129,7 +130,7 @@ class Conductor:
 
     def save(self) -> bytes:
         """Return a snapshot, to be taken after a report: what this node needs to rejoin."""
-        state = (FORMAT, self.node.name, self.participant.save(), self.node.save())
+        state = (FORMAT, self.node.name, save(self.participant), self.node.save())
         return bytes(msgpack.packb(state))
 
     def load(self, data: bytes) -> None:
@@ -149,7 +150,8 @@ class Conductor:
                 f"the snapshot is of node {name}, format {form}; this is node {self.node.name},"
                 f" format {FORMAT}"
             )
-        self.participant.load(participant)
+        agreed = self.participant.check(participant)
         self.node.load(node)
+        agreed.apply()
         self.node.board.limit = self.participant.granted - 1
         self._wanted = self.wants()

@@ -6,8 +6,7 @@ from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
 from vbus.kernel import NEVER
 from vbus.nodes.orders import READ, WRITE, Order, Orders
-from vbus.protocols import codes
-from vbus.protocols.port import NotYet, PortError
+from vbus.protocols.port import NotYet
 
 
 class NodeBus(HostBus):
@@ -46,27 +45,22 @@ class NodeBus(HostBus):
         board = self.board
         self.uses_time = True
         if self._ordered < 0:
-            when = self._kernel.now + self._cycle
-            if self._stamp >= 0:
-                when = max(self._stamp, self._kernel.now)
-                self._stamp = -1
-            if when >= NEVER:
-                raise PortError(codes.BAD_AT, f"time ends at {NEVER - 1} ps")
-            names = tuple(chip.name for chip in self._selected)
+            when = self.clock.take_stamp(self.selection.cycle)
+            names = tuple(chip.name for chip in self.selection.selected)
             board.player.flush()
             self._due = when
             self._ordered = self._orders.give(Order(when, names, kind, address, data), keep=True)
         if self._due > board.limit:
-            self._hold(self._due)
+            self.clock.hold(self._due)
             raise NotYet
-        self._run_until(self._due)
+        self.clock.run_until(self._due)
         number, self._ordered = self._ordered, -1
         return self._orders.result(number)
 
     def read(self, address: int) -> int:
         """Run one read cycle; return the byte (0..255)."""
         data = self._cycle_at(READ, address, 0)
-        return data if self._selected else self._float()
+        return data if self.selection.selected else self.selection.floating()
 
     def write(self, address: int, data: int) -> None:
         """Run one write cycle on every selected chip."""
@@ -77,9 +71,9 @@ class NodeBus(HostBus):
         return
 
     def _arrive(self) -> None:
-        if self._stamp > self.board.limit:
+        if self.clock.stamp > self.board.limit:
             self.uses_time = True
-            self._hold(self._stamp)
+            self.clock.hold(self.clock.stamp)
             raise NotYet
         super()._arrive()
 

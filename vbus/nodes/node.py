@@ -3,14 +3,14 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from heapq import heappop, heappush
+from typing import Any, ClassVar
 
 from vbus.board.board import Board
-from vbus.errors import SnapshotError
 from vbus.kernel import Timer
 from vbus.nodes.orders import Orders
 from vbus.nodes.trace import NodeTrace
 from vbus.signals.wire import Drive, WireEnd
-from vbus.state import load, save
+from vbus.state import Names, Saved, plan, save
 
 Edge = tuple[int, int, int, int, int, bool]
 """What travels on a wire: instant it was sent (ps), node's rank, the node's running number, wire's
@@ -48,6 +48,14 @@ class Node:
         rank: which of them this is.
         wires: all wires between nodes, in the order of the file.
     """
+
+    STATE: ClassVar[Names] = (
+        "number", "_arrivals: heap[(i64, i64, i64, i64, i64, bool)]",
+        "drives: list[(i64, i64, i64, bool), ...]", "wire_ends: parts", "orders: parts",
+        "trace: part | None",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_timer", "board", "ends", "name", "names", "rank", "wires")
+    DERIVED: ClassVar[Names] = ("_drives", "late", "worst_late")
 
     def __init__(self, names: tuple[str, ...], rank: int, wires: tuple[Wire, ...]) -> None:
         self.names: tuple[str, ...] = names
@@ -140,37 +148,34 @@ class Node:
         if when - 1 > self.board.kernel.now:
             self.board.run_until(when - 1)
 
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state, with the trace so far."""
-        state = self.board.save()
-        return (
-            state,
-            self.number,
-            tuple(sorted(self._arrivals)),
-            tuple(self._drives),
-            tuple(save(end) for end in self.ends.values()),
-            tuple(orders.save() for orders in self.orders),
-            self.trace.save() if self.trace is not None else None,
-        )
+    @property
+    def drives(self) -> list[Drive]:
+        """What the ends of this node have sent since the last report."""
+        return self._drives
 
-    def load(self, state: tuple[object, ...]) -> None:
+    @drives.setter
+    def drives(self, drives: list[Drive]) -> None:
+        self._drives[:] = drives
+
+    @property
+    def wire_ends(self) -> list[WireEnd]:
+        """The ends of the wires that lead to others."""
+        return list(self.ends.values())
+
+    def save(self) -> Saved:
+        """Return the whole state, with the trace so far."""
+        return {"board": self.board.save(), **save(self)}
+
+    def load(self, saved: Any) -> None:
         """Take back what :meth:`save` gave, on a node built from the same file.
 
         Raises:
-            SnapshotError: the state was made by another node.
+            SnapshotError: the state was made by another node; this one is as it was.
         """
-        board, number, arrivals, drives, ends, orders, trace = state
+        fields, board = saved, None
+        if isinstance(saved, dict):
+            fields = {**saved}
+            board = fields.pop("board", None)
+        loading = plan(self, fields, f"node {self.name}")
         self.board.load(board)
-        if len(ends) != len(self.ends) or len(orders) != len(self.orders):  # type: ignore[arg-type]
-            raise SnapshotError("the state was made by a node with other wires or scenarios")
-        if (trace is None) != (self.trace is None):
-            raise SnapshotError("the state was saved with a trace, or this run has one: not both")
-        self.number = number  # type: ignore[assignment]
-        self._arrivals = [tuple(arrival) for arrival in arrivals]  # type: ignore[attr-defined]
-        self._drives[:] = [tuple(drive) for drive in drives]  # type: ignore[attr-defined]
-        for end, saved in zip(self.ends.values(), ends, strict=True):  # type: ignore[call-overload]
-            load(end, saved, end.name)
-        for mine, saved in zip(self.orders, orders, strict=True):  # type: ignore[call-overload]
-            mine.load(saved)
-        if self.trace is not None:
-            self.trace.load(trace)  # type: ignore[arg-type]
+        loading.apply()

@@ -1,9 +1,9 @@
 """Bus cycles and pins at given instants: what a host has ordered to happen."""
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from heapq import heapify, heappop, heappush
 from operator import itemgetter
-from typing import Final
+from typing import Any, ClassVar, Final
 
 from vbus.board.circuit import Circuit
 from vbus.board.host_pins import HostPins
@@ -11,7 +11,7 @@ from vbus.board.strobe_player import together
 from vbus.chips.base import Chip
 from vbus.kernel import US, Timer
 from vbus.signals import Z
-from vbus.state import load, save
+from vbus.state import Names
 
 READ: Final = 0
 WRITE: Final = 1
@@ -29,6 +29,10 @@ _START: Final = 5
 
 Step = tuple[int, int, int, int, int, int]
 """Instant, number of the order, number of the step, what to do, pin and level."""
+
+
+OrderRow = tuple[Any, ...]
+"""Number of an order, and its attributes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +67,13 @@ class Orders:
         label: the host's name in traces.
         saved: whether it is part of the board's saved state.
     """
+
+    STATE: ClassVar[Names] = (
+        "_given", "_step", "last", "_steps: heap[(i64, i64, i64, i64, i64, i64)]",
+        "waiting: list[(i64, i64, tuple[str, ...], i64, i64, i64, str), ...]", "_pins: part",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_timer", "board", "label")
+    DERIVED: ClassVar[Names] = ("_kept", "_orders", "late", "results")
 
     def __init__(self, board: Circuit, label: str, saved: bool = True) -> None:
         self.board: Circuit = board
@@ -243,26 +254,14 @@ class Orders:
         self._orders.clear()
         self._pins.unsolder()
 
-    def save(self) -> tuple[object, ...]:
-        """Return the state."""
-        orders = tuple(
-            (number, o.when, o.chips, o.kind, o.address, o.data, o.pin)
-            for number, o in self._orders.items()
-        )
-        return (
-            self._given, self._step, self.last, tuple(sorted(self._steps)), orders,
-            save(self._pins),
-        )  # fmt: skip
+    @property
+    def waiting(self) -> list[OrderRow]:
+        """The orders that have not been carried out, each with its number."""
+        return [(number, *astuple(order)) for number, order in self._orders.items()]
 
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._given, self._step, self.last, steps, orders, pins = state  # type: ignore[assignment]
-        self._steps = [tuple(step) for step in steps]  # type: ignore[attr-defined]
-        self._orders = {
-            number: Order(when, tuple(chips), kind, address, data, pin)
-            for number, when, chips, kind, address, data, pin in orders  # type: ignore[attr-defined]
-        }
-        load(self._pins, pins, self.label)
+    @waiting.setter
+    def waiting(self, rows: list[OrderRow]) -> None:
+        self._orders = {number: Order(*order) for number, *order in rows}
 
 
 def _nothing() -> None:

@@ -1,12 +1,14 @@
 """One virtual time for all nodes: rounds of reports, and how far each lets time run."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import ClassVar, Final
 
 from vbus.errors import NodeMismatchError, SnapshotError
 from vbus.kernel import NEVER
 from vbus.nodes.messages import MOST_WIRES, Report, decode, encode
 from vbus.nodes.node import Edge
+from vbus.state import Names, Saved, plan
+from vbus.state.kinds import Load
 
 KEPT: Final = 1 << 16
 """Reports of its own that a node keeps for nodes that rejoin."""
@@ -35,6 +37,10 @@ class Participant:
         rested: whether the last grant gave no time: nobody wanted any.
         reported: whether this node has ended the round.
     """
+
+    STATE: ClassVar[Names] = ("round", "granted", "rested: bool", "latest: list[bytes[...], ...]")
+    WIRING: ClassVar[Names] = ("digest", "lookahead", "me", "names")
+    DERIVED: ClassVar[Names] = ("_heard", "log", "reported")
 
     def __init__(self, names: Sequence[str], me: int, lookahead: int, digest: str) -> None:
         self.names: tuple[str, ...] = tuple(names)
@@ -151,30 +157,42 @@ class Participant:
 
     # -- state --------------------------------------------------------------------------------
 
-    def save(self) -> tuple[int, int, bool, tuple[bytes, ...]]:
-        """Return the state at the end of a round, after :meth:`report`.
-
-        The latest two reports are part of it: others may not have got them yet.
-        """
+    def before_save(self) -> None:
+        """Refuse to be saved but at the end of a round, after :meth:`report`."""
         if not self.reported:
             raise ValueError("a snapshot is taken when the round has been reported")
-        latest = [self.log[n] for n in (self.round - 1, self.round) if n in self.log]
-        return (self.round, self.granted, self.rested, tuple(encode(r) for r in latest))
 
-    def load(self, state: tuple[int, int, bool, tuple[bytes, ...]]) -> None:
-        """Take back what :meth:`save` gave.
+    @property
+    def latest(self) -> list[bytes]:
+        """The latest two reports, which others may not have got yet."""
+        return [encode(self.log[n]) for n in (self.round - 1, self.round) if n in self.log]
+
+    @latest.setter
+    def latest(self, latest: list[bytes]) -> None:
+        self.log = {report.round: report for report in map(self._own, latest)}
+        self._heard = {self.round: {self.me: self.log[self.round]}}
+        self.reported = True
+
+    def _own(self, data: bytes) -> Report:
+        """Return a saved report.
+
+        Raises:
+            SnapshotError: another node made it, or it was made on another board.
+        """
+        report = decode(data, self.names[self.me], len(self.names), MOST_WIRES)
+        if not isinstance(report, Report) or report.node != self.me:
+            raise SnapshotError("the state was made by another node")
+        if report.digest != self.digest:
+            raise SnapshotError("the state was made with another board file or version")
+        return report
+
+    def check(self, saved: Saved) -> Load:
+        """Check a saved state; return what loads it.
 
         Raises:
             SnapshotError: it was made by another node, or on another board.
         """
-        self.round, self.granted, self.rested, latest = state
-        self.log = {}
-        for data in latest:
-            report = decode(data, self.names[self.me], len(self.names), MOST_WIRES)
-            if not isinstance(report, Report) or report.node != self.me:
-                raise SnapshotError("the state was made by another node")
-            if report.digest != self.digest:
-                raise SnapshotError("the state was made with another board file or version")
-            self.log[report.round] = report
-        self._heard = {self.round: {self.me: self.log[self.round]}}
-        self.reported = True
+        found = plan(self, saved, "participant")
+        for data in saved["latest"]:
+            self._own(data)
+        return found

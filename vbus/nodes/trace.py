@@ -4,8 +4,10 @@ import hashlib
 from collections.abc import Iterable, Iterator
 from heapq import merge
 from operator import itemgetter
+from typing import ClassVar
 
 from vbus.signals import TraceHash
+from vbus.state import Names
 
 Line = tuple[int, str]
 """Instant (ps), and what happened at it."""
@@ -13,6 +15,12 @@ Line = tuple[int, str]
 
 class NodeTrace(TraceHash):
     """Keeps what a :class:`TraceHash` would hash: bus cycles, edges and violations of one node."""
+
+    STATE: ClassVar[Names] = (
+        "_lines: list[(i64, str), ...]", "_pending: list[(i64, i64, str), ...]",
+    )  # fmt: skip
+    WIRING: ClassVar[Names] = ("_hash", "_order")
+    DERIVED: ClassVar[Names] = ("records",)
 
     def __init__(self, order: list[str]) -> None:
         super().__init__(order)
@@ -30,15 +38,8 @@ class NodeTrace(TraceHash):
         """Return the hash of this node alone (hex)."""
         return merged_hash([self.lines()])
 
-    def save(self) -> tuple[object, ...]:
-        """Return everything so far."""
-        return (tuple(self._lines), tuple(self._pending))
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        lines, pending = state
-        self._lines = [tuple(line) for line in lines]  # type: ignore[attr-defined]
-        self._pending = [tuple(record) for record in pending]  # type: ignore[attr-defined]
+    def after_load(self) -> None:
+        """Count what has been loaded."""
         self.records = len(self._lines)
 
 

@@ -289,16 +289,8 @@ class TextProtocol(Protocol):
     def _do_inb(self, arguments: list[str]) -> str | None:
         return f"OK 0x{self._card_read(arguments):04x}"
 
-    def _do_outb(self, arguments: list[str]) -> str | None:
-        self._card_write(arguments)
-        return "OK"
-
     def _do_readb(self, arguments: list[str]) -> str | None:
         return f"OK 0x{self._card_read(arguments):016x}"
-
-    def _do_writeb(self, arguments: list[str]) -> str | None:
-        self._card_write(arguments)
-        return "OK"
 
     def _do_clock_step(self, arguments: list[str]) -> str | None:
         if arguments:
@@ -324,7 +316,7 @@ class TextProtocol(Protocol):
         finally:
             self.port.select(self._mask)
 
-    def _card_write(self, arguments: list[str]) -> None:
+    def _do_outb(self, arguments: list[str]) -> str | None:
         place = self.port.card(_c_number(arguments[0], "address"), write=True)
         data = _c_number(arguments[1], "data") & 0xFF
         if place is not None:
@@ -334,6 +326,9 @@ class TextProtocol(Protocol):
                 self.port.write(address, data)
             finally:
                 self.port.select(self._mask)
+        return "OK"
+
+    _do_writeb = _do_outb
 
 
 def _line_end(data: bytearray, start: int) -> int:

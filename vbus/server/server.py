@@ -21,6 +21,7 @@ from vbus.network.session import Network
 from vbus.protocols.base import Protocol
 from vbus.server.control import Control, ControlConnection
 from vbus.server.fault_orders import FaultOrders
+from vbus.server.hang_ups import HangUps
 from vbus.server.local_socket import Connection, LocalSocket, OnEnd
 from vbus.server.loop import HostLoop
 from vbus.server.message_session import MessageSession
@@ -184,8 +185,11 @@ class Server:
         self.board.faults.links = self.faults
         try:
             self._open_local_sockets(loop)
+            hang_ups = HangUps(loop)
+            hang_ups.open()
+            self._closing.callback(hang_ups.close)
             for host in self._hosts:
-                self._open_host(host, loop)
+                self._open_host(host, loop, hang_ups)
             if self._metrics is not None:
                 self._metrics.open(loop)
                 self._closing.callback(self._metrics.close)
@@ -215,7 +219,7 @@ class Server:
     def _watcher(self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd) -> Watcher:
         return Watcher(loop, link, on_end, self.board, self.status())
 
-    def _open_host(self, host: _Host, loop: asyncio.AbstractEventLoop) -> None:
+    def _open_host(self, host: _Host, loop: asyncio.AbstractEventLoop, hang_ups: HangUps) -> None:
         board, transport = self.board, host.transport
         chips = tuple(host.spec.chips or [chip.name for chip in board.chips])
         transport.report = self._report
@@ -223,7 +227,7 @@ class Server:
             Served(board, chips, self.statistics, self.pacer.catch_up, host.spec.network)
         )
         self._closing.callback(self._close_host, host)
-        serving = Serving(loop, self.pacer, self.round_trips, host.ended)
+        serving = Serving(loop, self.pacer, self.round_trips, hang_ups, host.ended)
         transport.open(loop, partial(self._connect, host, serving))
 
     def _connect(self, host: _Host, serving: Serving, link: Link) -> None:

@@ -3,7 +3,6 @@
 import asyncio
 import logging
 import os
-import select
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -12,6 +11,7 @@ from typing import Final
 from vbus.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
+from vbus.server.hang_ups import HangUps
 from vbus.server.pacer import Pacer
 from vbus.server.statistics import Histogram
 from vbus.transports.base import Link
@@ -48,12 +48,14 @@ class Serving:
         loop: the event loop; a :class:`~vbus.server.loop.HostLoop` calls its sessions itself.
         pacer: moves the board's time.
         round_trips: takes how long each message took, from its arrival to its answer (ns).
+        hang_ups: notices hosts that go while nothing is read from them.
         on_end: called once when a session has ended.
     """
 
     loop: asyncio.AbstractEventLoop
     pacer: Pacer
     round_trips: Histogram
+    hang_ups: HangUps
     on_end: Callable[["Session"], None]
 
 
@@ -89,8 +91,7 @@ class Session:
         self._reading: bool = False
         self._open: bool = True
         self._waiting: int = 0
-        self._hang_up: select.epoll | None = None
-        self._listening: bool = False
+        self._hang_ups: HangUps = serving.hang_ups
         self._flush_scheduled: bool = False
         self._patience: int = PATIENCE
         self._skipped: int = 0
@@ -213,28 +214,17 @@ class Session:
         The bytes it has sent stay where they are. A half-closed link is no end: the host may still
         read its answers.
         """
-        if self._listening or not self._open:
-            return
-        if self._hang_up is None:
-            self._hang_up = select.epoll()
-            self._hang_up.register(self._fd, 0)  # errors and hang-ups are always told
-        self._listening = True
-        self._loop.add_reader(self._hang_up.fileno(), self._hung_up)
+        if self._open:
+            self._hang_ups.watch(self._fd, self._hung_up)
 
     def _hung_up(self) -> None:
-        if self._hang_up is not None and self._hang_up.poll(0):
-            self.end("closed by the host")
-
-    def _listen_no_more(self) -> None:
-        if self._listening and self._hang_up is not None:
-            self._listening = False
-            self._loop.remove_reader(self._hang_up.fileno())
+        self.end("closed by the host")
 
     def resume(self) -> None:
         """What the session waited for may have come."""
         if not self._open:
             return
-        self._listen_no_more()
+        self._hang_ups.forget(self._fd)
         self._waiting = 0
         self._pacer.catch_up()
         if not self.port.go_on():
@@ -339,7 +329,7 @@ class Session:
         """Read again, if :meth:`stop_reading` has been taken back as often as it was called."""
         self._stopped_reading -= 1
         if not self._stopped_reading and self._open and not self.port.held:
-            self._listen_no_more()
+            self._hang_ups.forget(self._fd)
             self._read_on()
 
     # -- ending -------------------------------------------------------------------------------
@@ -381,8 +371,6 @@ class Session:
     def _look_no_more(self) -> None:
         self._pacer.forget(self.resume)
         self._read_off()
-        self._listen_no_more()
-        if self._hang_up is not None:
-            self._hang_up.close()
+        self._hang_ups.forget(self._fd)
         if self._pending:
             self._loop.remove_writer(self._fd)

@@ -11,13 +11,20 @@ A class says what becomes of each of its attributes:
 =================  ===============================================================================
 
 ``before_save()``, where a part has one, is called before its fields are read; ``after_load()``
-once every field of the whole tree has its value, inner parts first. A field may be a property.
+once every field of the whole tree has its value, inner parts first. A part's own fields are set
+before those of the parts inside, numbers and flags first. A field may be a property.
 ``"*"`` in ``WIRING`` or ``DERIVED`` is everything, in a class that has no state.
 
 A field without a kind is an integer of 64 bits. The other kinds:
 
+``int``                   an integer of any size
+``value``                 a number, a text, true or false
+``bool``, ``float``, ``str``, ``i64 | bool``
+``bytes``                 as many as there are; ``bytes[...]``: any number of them
+=======
 =========================  =======================================================================
 ``int``                    an integer of any size
+``value``                  a number, a text, true or false
 ``bool``, ``float``        one of that type
 ``str``, ``i64 | bool``    one of that type
 ``bytes``                  as many as there are; ``bytes[...]``: any number of them

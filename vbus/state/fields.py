@@ -1,13 +1,12 @@
 """Declarations, and what follows from them: saving, loading, comparing."""
 
 from collections.abc import Callable, Iterable
-from functools import partial
-from operator import attrgetter
 from typing import Any, ClassVar, Final
 
 from vbus.errors import SnapshotError
 from vbus.state.kinds import (
     FLAG,
+    MOST,
     InPlace,
     Integer,
     Kind,
@@ -27,7 +26,7 @@ Names = tuple[str, ...]
 """``STATE``, ``WIRING`` or ``DERIVED`` of a class."""
 
 VERSION: Final = "STATE_VERSION"
-"""Where a saved part has the version of its declaration."""
+"""Where a saved part has the version of its declaration; one without is of version 1."""
 
 UNDECLARED: Final[Names] = ("?",)
 """``STATE`` of a base class whose subclasses must declare theirs, or have their own save()."""
@@ -40,15 +39,22 @@ class Part(Kind):
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
-        return None if value is None else save(value)
+        if value is None:
+            return None
+        layout = _LAYOUTS.get(type(value)) or layout_of(type(value))
+        return value.save() if layout.own else save_fields(value, layout)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the part as it is; its fields come with the others."""
-        if now is None:
-            if saved is not None:
-                raise Refused("there is nothing here to load it into")
-        else:
-            check(now, saved, load)
+        if now is not None:
+            layout = _LAYOUTS.get(type(now)) or layout_of(type(now))
+            if layout.own:
+                load.foreign = load.foreign or not type(now).__module__.startswith("vbus.")
+                load.put(_load_own, now, saved)
+            else:
+                check_fields(now, layout, saved, load)
+        elif saved is not None:
+            raise Refused("there is nothing here to load it into")
         return now
 
 
@@ -66,8 +72,7 @@ class Parts(Kind):
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
-        each = self.each
-        return tuple([each.save(one) for one in value])
+        return self.each.save_all(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the parts as they are."""
@@ -104,6 +109,7 @@ class Kept(Kind):
 SIMPLE: Final[dict[str, Kind]] = {
     "i64": Kind("an integer of 64 bits", int), "bool": FLAG, "str": Kind("a text", str),
     "i64 | bool": Kind("an integer of 64 bits, true or false", int, bool),
+    "value": Kind("a number, a text, true or false", int, float, str, bool),
     "int": Integer("an integer", int), "float": Real("a number", float, int),
     "bytes": Octets(True), "bytes[...]": Octets(False), "bytearray": InPlace(True),
     "bytearray[...]": InPlace(False),
@@ -125,18 +131,36 @@ def kind_of(text: str) -> Kind:
     if found is not None:
         return found
     if text.startswith("(") and text.endswith(")"):
-        return Row([kind_of(one) for one in text[1:-1].split(",")])
+        return Row([kind_of(one) for one in _split(text[1:-1])])
     outer, _, inner = text.partition("[")
     if outer == "kept":
         return Kept(inner[:-1])
     if outer in MAKERS and inner.endswith("]"):
-        each, _, more = inner[:-1].rpartition(", ...") if inner.endswith(", ...]") else (
-            inner[:-1], "", "-"
-        )  # fmt: skip
+        each = inner.removesuffix("]").removesuffix(", ...")
         if outer in ("set", "heap"):
             return Sorted(MAKERS[outer], kind_of(each), False)
-        return Several(MAKERS[outer], kind_of(each), bool(more))
+        return Several(MAKERS[outer], kind_of(each), not inner.endswith(", ...]"))
     raise ValueError(f"{text!r} is no kind of field")
+
+
+def _split(text: str) -> list[str]:
+    """Return the kinds of a row: what stands between commas that are in no bracket."""
+    kinds = [""]
+    depth = 0
+    for letter in text:
+        depth += (letter in "([") - (letter in ")]")
+        if letter == "," and depth == 0:
+            kinds.append("")
+        else:
+            kinds[-1] += letter
+    return kinds
+
+
+CHECKS: Final[dict[type, str]] = {
+    bool: "type({0}) is bool", float: "type({0}) is float",
+    int: "type({0}) is int and LEAST <= {0} <= MOST",
+}  # fmt: skip
+"""What a value of a usual type must be."""
 
 
 class Layout:
@@ -144,22 +168,33 @@ class Layout:
 
     Attributes:
         names: its fields.
-        fields: the same with what they hold.
-        others: those whose values are not kept as they are.
-        get: returns the values of all fields; None if there are none.
+        kinds: what they hold, by name.
+        usual: the fields that are numbers and flags of 64 bits.
+        others: the other fields, with what they hold, and what says what they may hold.
+        parts: fields that keep their objects.
+        get: returns the fields of a part, as they are kept.
+        pick: returns those of :attr:`usual` from what was saved; None if one may be none.
+        put: sets those and the others.
         version: of the declaration.
         own: it has a save() and load() of its own instead.
         prepares: it has a before_save().
         refreshes: it has an after_load().
     """
 
-    __slots__ = ("fields", "get", "names", "others", "own", "prepares", "refreshes", "version")
+    __slots__ = (
+        "get", "kinds", "names", "others", "own", "parts", "pick", "prepares", "put", "refreshes",
+        "usual", "version",
+    )  # fmt: skip
 
     def __init__(self, cls: Any, declaration: str = "STATE") -> None:
         self.names: list[str] = []
-        self.fields: list[tuple[str, Kind]] = []
-        self.others: list[tuple[str, Kind]] = []
-        self.get: Callable[[Any], tuple[Any, ...]] | None = None
+        self.kinds: dict[str, Kind] = {}
+        self.usual: list[str] = []
+        self.others: list[tuple[str, Kind, str]] = []
+        self.parts: list[tuple[str, Kind]] = []
+        self.get: Callable[[Any], Saved] = dict
+        self.pick: Callable[[Saved], tuple[Any, ...] | None] = tuple
+        self.put: Callable[[Any, tuple[Any, ...]], None] = _put_nothing
         self.version: int = getattr(cls, "STATE_VERSION", 1)
         self.own: bool = False
         self.prepares: bool = hasattr(cls, "before_save")
@@ -175,17 +210,50 @@ class Layout:
                 return
             raise NotImplementedError(f"{cls.__name__} declares no STATE and has no save()")
         for field in declared:
-            name, colon, kind = field.partition(":")
-            self.names.append(name)
-            self.fields.append((name, kind_of(kind if colon else "i64")))
-        self.others = [(name, kind) for name, kind in self.fields if not kind.plain]
-        if self.names:
-            # One name would come without a tuple: it comes twice, and zip() takes one.
-            self.get = attrgetter(*self.names, *(self.names if len(self.names) == 1 else ()))
+            name, colon, text = field.partition(":")
+            kind = kind_of(text if colon else "i64")
+            self.kinds[name] = kind
+            if kind.STAYS:
+                self.parts.append((name, kind))
+            elif kind.usual is None:
+                self.others.append((name, kind, kind.owner(name)))
+            else:
+                self.usual.append(name)
+        self.names = list(self.kinds)
+        self._compile()
 
-    def kind(self, name: str) -> Kind:
-        """Return what a field holds."""
-        return self.fields[self.names.index(name)][1]
+    def _compile(self) -> None:
+        """Write out what saving and loading do: it takes a third of the time of names in a loop."""
+        known: dict[str, Any] = {
+            "LEAST": -MOST - 1, "MOST": MOST,
+            **{f"keep_{name}": kind.save for name, kind in self.kinds.items()},
+        }  # fmt: skip
+        kept = [
+            f"{name!r}: part.{name}" if kind.plain else f"{name!r}: keep_{name}(part.{name})"
+            for name, kind in self.kinds.items()
+        ]
+        if self.version > 1:
+            kept.append(f"{VERSION!r}: {self.version}")
+        usual = [
+            CHECKS[kind.usual].format(name, kind.usual.__name__)
+            for name, kind in self.kinds.items()
+            if kind.usual is not None
+        ]
+        taken = "".join(f"{name} = saved[{name!r}]; " for name in self.usual)
+        names = "".join(f"{name}, " for name in self.usual)
+        settable = [*self.usual, *(name for name, _, _ in self.others)]
+        attributes = "".join(f"part.{name}, " for name in settable) or "_"
+        exec(
+            f"def get(part): return {{{', '.join(kept)}}}\n"
+            f"def pick(saved): {taken}return ({names}) if {' and '.join(usual) or True} else None\n"
+            f"def put(part, values): {attributes} = values\n",
+            known,
+        )
+        self.get, self.pick, self.put = known["get"], known["pick"], known["put"]
+
+
+def _put_nothing(_part: Any, _values: tuple[Any, ...]) -> None:
+    pass
 
 
 _LAYOUTS: Final[dict[Any, Layout]] = {}
@@ -225,14 +293,14 @@ def undeclared(part: Any) -> set[str]:
     cls = type(part)
     if hasattr(cls, "save") and layout_of(cls).own:
         return set()
-    told: set[str] = set()
+    declared: set[str] = set()
     for base in cls.__mro__:
         inside = vars(base)
         for declaration in ("STATE", "WIRING", "DERIVED"):
-            told.update(name.partition(":")[0] for name in inside.get(declaration, ()))
-    if "*" in told and not hasattr(cls, "STATE"):
+            declared.update(name.partition(":")[0] for name in inside.get(declaration, ()))
+    if "*" in declared and not hasattr(cls, "STATE"):
         return set()
-    return attributes(part) - told
+    return attributes(part) - declared
 
 
 # -- saving, loading, comparing -----------------------------------------------------------------
@@ -240,71 +308,60 @@ def undeclared(part: Any) -> set[str]:
 
 def save(part: Any) -> Any:
     """Return the state of a part and of those inside: a map by name, or the tuple of its own."""
-    layout = layout_of(type(part))
-    return part.save() if layout.own else save_fields(part, layout)
+    return PART.save(part)
 
 
 def save_fields(part: Any, layout: Layout) -> Saved:
     """Return the fields that a part declares."""
     if layout.prepares:
         part.before_save()
-    saved: Saved = {VERSION: layout.version}
-    if layout.get is not None:
-        saved.update(zip(layout.names, layout.get(part), strict=False))
-    for name, kind in layout.others:
-        saved[name] = kind.save(saved[name])
-    return saved
+    return layout.get(part)
 
 
-def check(part: Any, saved: Any, load: Load) -> None:
-    """Check a saved state against a part, and tell ``load`` what is to be done.
-
-    Raises:
-        Refused: it does not fit.
-    """
-    layout = layout_of(type(part))
-    if layout.own:
-        load.foreign = load.foreign or not type(part).__module__.startswith("vbus.")
-        load.value(part, "", partial(part.load, saved))
-    else:
-        check_fields(part, layout, saved, load)
+def _load_own(part: Any, saved: Any) -> None:
+    part.load(saved)
 
 
 def check_fields(part: Any, layout: Layout, saved: Any, load: Load) -> None:
     """Check the fields that a part declares."""
-    fields = _present(part, layout, saved)
+    fields = saved
+    if type(saved) is not dict or len(saved) != len(layout.names) or layout.version > 1:
+        fields = _present(part, layout, saved)
     name = ""
     try:
-        for name, kind in layout.fields:
-            if kind.plain:
-                load.value(part, name, kind.take(fields[name], None, load))
-                continue
-            value = kind.take(fields[name], getattr(part, kind.owner(name)), load)
-            if not kind.STAYS:
-                load.value(part, name, value)
-    except KeyError:
-        raise Refused("is missing", name) from None
+        values = layout.pick(fields)
+        if values is None:
+            values = ()
+            for name in layout.usual:
+                values += (layout.kinds[name].take(fields[name], None, load),)
+        for name, kind, owner in layout.others:
+            values += (kind.take(fields[name], getattr(part, owner) if owner else None, load),)
+        if values:
+            load.put(layout.put, part, values)
+        for name, kind in layout.parts:
+            kind.take(fields[name], getattr(part, name), load)
+    except KeyError as missing:
+        raise Refused("is missing", str(missing.args[0])) from None
     except Refused as refused:
         raise refused.below(name) from None
-    if len(fields) > len(layout.names) + 1:
-        unknown = sorted(fields.keys() - {VERSION, *layout.names})
-        raise Refused(f"is no field of {type(part).__name__}", unknown[0])
     if layout.refreshes:
         load.hook(part.after_load)
 
 
 def _present(part: Any, layout: Layout, saved: Any) -> Saved:
     """Return the fields as the present version declares them."""
+    cls = type(part).__name__
     if type(saved) is not dict:
-        raise Refused(f"wants the fields of {type(part).__name__} by name, not {saved!r:.60}")
-    version = saved.get(VERSION)
-    if type(version) is not int or not 1 <= version <= layout.version:
-        raise Refused(
-            f"version {version} of {type(part).__name__}: this vbus knows 1 to {layout.version}"
-        )
+        raise Refused(f"wants the fields of {cls} by name, not {saved!r:.60}")
     fields: Saved = saved
+    version = fields.get(VERSION, 1)
+    if type(version) is not int or not 1 <= version <= layout.version:
+        raise Refused(f"version {version} of {cls}: this vbus knows 1 to {layout.version}")
     if version < layout.version:
-        fields = {VERSION: layout.version, **part.migrate(version, dict(saved))}
+        fields = part.migrate(version, dict(saved))
+    unknown = sorted(fields.keys() - {VERSION, *layout.names})
+    if unknown:
+        raise Refused(f"is no field of {cls}", unknown[0])
     return fields
 
 
@@ -323,7 +380,7 @@ def plan(part: Any, saved: Any, where: str) -> Load:
     if not layout.own:
         return plan_fields(part, saved, where, layout)
     found = Load()
-    check(part, saved, found)
+    PART.take(saved, part, found)
     return found
 
 

@@ -13,7 +13,7 @@ a tuple      the same, one level down
 ===========  =====================================================================================
 
 or one name for the field alone, :data:`BITS` for all fields in order with every bool as 0 or 1, or
-an :class:`Odd`.
+an :class:`Adapter`.
 """
 
 from collections.abc import Callable
@@ -22,14 +22,14 @@ from importlib.util import find_spec
 from typing import Any, Final
 
 from vbus.errors import SnapshotError
-from vbus.state.fields import VERSION, Kept, Part, Parts, Saved, layout_of, plan_fields, save_fields
+from vbus.state.fields import Kept, Part, Parts, Saved, layout_of, plan_fields, save_fields
 from vbus.state.kinds import FLAG, Integer, Kind
 
 BITS: Final = ("+",)
 """Every bool as 0 or 1."""
 
 
-class Odd:
+class Adapter:
     """A class that no row of names can tell.
 
     Args:
@@ -48,7 +48,7 @@ _FOUND: Final[dict[tuple[type, str], Any]] = {}
 
 
 def _layout(cls: type, more: str = "") -> Any:
-    """Return what a class' package says of its tuple: a row of names, or an Odd."""
+    """Return what a class' package says of its tuple: a row of names, or an Adapter."""
     found = _FOUND.get((cls, more))
     if found is None:
         found = _FOUND[cls, more] = _find(cls, more)
@@ -65,7 +65,7 @@ def _find(cls: type, more: str) -> Any:
         if found or "STATE" in vars(base):
             break
     if found == BITS:
-        flags = {name for name in declared.names if declared.kind(name) is FLAG}
+        flags = {name for name in declared.names if declared.kinds[name] is FLAG}
         return tuple("+" + name if name in flags else name for name in declared.names)
     return found or tuple(declared.names)
 
@@ -77,7 +77,7 @@ def to_tuple(part: Any, saved: Any) -> Any:
 
 def _to_tuple(part: Any, saved: Saved) -> Any:
     layout = _layout(type(part))
-    if isinstance(layout, Odd):
+    if isinstance(layout, Adapter):
         return layout.save(part, saved)
     return row(part, saved, (layout,))[0] if isinstance(layout, str) else row(part, saved, layout)
 
@@ -91,8 +91,8 @@ def row(part: Any, saved: Saved, layout: tuple[Any, ...]) -> tuple[Any, ...]:
             values.append(row(part, saved, entry))
             continue
         name = entry.lstrip("+*")
-        kind = declared.kind(name)
-        value = _old(kind, getattr(part, kind.owner(name)), saved[name])
+        kind = declared.kinds[name]
+        value = _old(kind, getattr(part, kind.owner(name) or name), saved[name])
         if entry[0] == "*":
             values.extend(value)
         else:
@@ -126,7 +126,7 @@ def from_tuple(part: Any, old: Any, where: str = "state") -> Any:
 def _from_tuple(part: Any, old: Any, where: str) -> Saved:
     try:
         layout = _layout(type(part))
-        if isinstance(layout, Odd):
+        if isinstance(layout, Adapter):
             saved = layout.load(part, old)
         elif isinstance(layout, str):
             saved = fields(part, (old,), (layout,))
@@ -138,14 +138,14 @@ def _from_tuple(part: Any, old: Any, where: str) -> Saved:
     declared = layout_of(type(part))
     for name in declared.names:
         if name not in saved:
-            saved[name] = declared.kind(name).save(getattr(part, name))
+            saved[name] = declared.kinds[name].save(getattr(part, name))
     return saved
 
 
 def fields(part: Any, old: Any, layout: tuple[Any, ...]) -> Saved:
     """Return the fields in a tuple that a row of names tells of."""
     declared = layout_of(type(part))
-    saved: Saved = {VERSION: 1}
+    saved: Saved = {}
     at = 0
     for entry in layout:
         if not isinstance(entry, str):
@@ -153,8 +153,8 @@ def fields(part: Any, old: Any, layout: tuple[Any, ...]) -> Saved:
             at += 1
             continue
         name = entry.lstrip("+*")
-        kind = declared.kind(name)
-        now = getattr(part, kind.owner(name))
+        kind = declared.kinds[name]
+        now = getattr(part, kind.owner(name) or name)
         if entry[0] == "*":
             after = len(old) - at
             width = after if entry == layout[-1] else len(_old(kind, now, kind.save(now)))

@@ -1,10 +1,19 @@
 """What a declared field may hold, but for other parts."""
 
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ClassVar, Final
 
 MOST: Final = (1 << 63) - 1
+NUMBERS: Final[frozenset[type]] = frozenset((int, bool, float))
+"""Types whose values can be compared with each other, to check many at once."""
+
+
+def small(numbers: Sequence[Any]) -> bool:
+    """Tell whether all numbers and flags lie within 64 bits."""
+    return not numbers or bool(min(numbers) >= -MOST - 1 and max(numbers) <= MOST)
+
+
+ALL: Final = slice(None)
 
 
 class Refused(Exception):
@@ -28,17 +37,17 @@ class Refused(Exception):
 class Load:
     """What loading does once everything has been checked."""
 
-    __slots__ = ("_hooks", "_values", "foreign")
+    __slots__ = ("_hooks", "_steps", "foreign")
 
     def __init__(self) -> None:
         self.foreign: bool = False
         """Whether a part of somebody else's is among it, which checks nothing before."""
-        self._values: list[tuple[Any, str, Any]] = []
+        self._steps: list[tuple[Callable[[Any, Any], object], Any, Any]] = []
         self._hooks: list[Callable[[], None]] = []
 
-    def value(self, part: Any, name: str, value: Any) -> None:
-        """Set an attribute; "" calls ``value``."""
-        self._values.append((part, name, value))
+    def put(self, call: Callable[[Any, Any], object], what: Any, value: Any) -> None:
+        """Call this in its turn, with both."""
+        self._steps.append((call, what, value))
 
     def hook(self, call: Callable[[], None]) -> None:
         """Call this when all values are set."""
@@ -46,11 +55,8 @@ class Load:
 
     def apply(self) -> None:
         """Do it."""
-        for part, name, value in self._values:
-            if name:
-                setattr(part, name, value)
-            else:
-                value()
+        for call, what, value in self._steps:
+            call(what, value)
         for hook in self._hooks:
             hook()
 
@@ -68,24 +74,33 @@ class Kind:
 
     def __init__(self, text: str, *types: type) -> None:
         self.text: str = text
-        self.types: tuple[type, ...] = types
+        self.types: frozenset[type] = frozenset(types)
         self.plain: bool = type(self) is Kind
         """Kept as it is, whatever the field holds now."""
+        self.usual: type | None = types[0] if types and types[0] in NUMBERS else None
+        """Type of a number or flag that needs no other check than that of its size."""
 
     def owner(self, name: str) -> str:
-        """Return the attribute that says what the field ``name`` may hold: that field."""
-        return name
+        """Return the attribute that says what the field ``name`` may hold, "" if none does."""
+        return ""
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
         return value
+
+    def save_all(self, values: Iterable[Any]) -> tuple[Any, ...]:
+        """Return several values as they are kept."""
+        if self.plain:
+            return tuple(values)
+        save = self.save
+        return tuple([save(value) for value in values])
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept.
 
         Args:
             saved: what was kept.
-            now: what the field holds now.
+            now: what the :meth:`owner` is now.
             load: takes what is to be done inside that.
 
         Raises:
@@ -95,6 +110,13 @@ class Kind:
         if kind not in self.types or (kind is int and not -MOST - 1 <= saved <= MOST):
             raise self.refuse(saved)
         return saved
+
+    def take_all(self, saved: Sequence[Any], load: Load) -> Sequence[Any]:
+        """Return the values for several that were kept."""
+        if self.usual is not None and {self.usual}.issuperset(map(type, saved)) and small(saved):
+            return saved
+        take = self.take
+        return [take(value, None, load) for value in saved]
 
     def refuse(self, saved: Any) -> Refused:
         """Return the exception that says what was wanted."""
@@ -137,6 +159,10 @@ class Octets(Kind):
         super().__init__("bytes", bytes)
         self.fixed: bool = fixed
 
+    def owner(self, name: str) -> str:
+        """Return the attribute that says how many there are."""
+        return name if self.fixed or self.STAYS else ""
+
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
         return bytes(value)
@@ -157,7 +183,7 @@ class InPlace(Octets):
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the array as it is; its content comes with the others."""
         super().take(saved, now, load)
-        load.value(now, "", partial(now.__setitem__, slice(None), saved))
+        load.put(now.__setitem__, ALL, saved)
         return now
 
 
@@ -170,18 +196,21 @@ class Several(Kind):
         self.each: Kind = each
         self.fixed: bool = fixed
 
+    def owner(self, name: str) -> str:
+        """Return the attribute that says how many there are."""
+        return name if self.fixed else ""
+
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
-        each = self.each
-        return tuple([each.save(one) for one in value])
+        return self.each.save_all(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
-        super().take(saved, now, load)
+        if type(saved) not in self.types:
+            raise self.refuse(saved)
         if self.fixed and len(saved) != len(now):
             raise Refused(f"wants {len(now)} values, not {len(saved)}")
-        each = self.each
-        return self.make([each.take(one, None, load) for one in saved])
+        return self.make(self.each.take_all(saved, load))
 
 
 class Sorted(Several):
@@ -198,9 +227,13 @@ class Row(Kind):
     def __init__(self, kinds: list[Kind]) -> None:
         super().__init__(f"{len(kinds)} values in a row", tuple, list)
         self.kinds: list[Kind] = kinds
+        self.kept: bool = all(kind.plain for kind in kinds)
+        """Kept as it is."""
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
+        if self.kept:
+            return tuple(value)
         return tuple([kind.save(one) for kind, one in zip(self.kinds, value, strict=True)])
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
@@ -210,6 +243,14 @@ class Row(Kind):
         return tuple(
             [kind.take(one, None, load) for kind, one in zip(self.kinds, saved, strict=True)]
         )
+
+    def take_all(self, saved: Sequence[Any], load: Load) -> Sequence[Any]:
+        """Return the rows for several that were kept, column by column."""
+        shaped = self.types.issuperset(map(type, saved))
+        if not saved or not shaped or {*map(len, saved)} != {len(self.kinds)}:
+            return super().take_all(saved, load)
+        columns = zip(self.kinds, zip(*saved, strict=True), strict=True)
+        return list(zip(*[kind.take_all(each, load) for kind, each in columns], strict=True))
 
 
 FLAG: Final = Kind("true or false", bool)

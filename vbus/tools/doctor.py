@@ -1,10 +1,13 @@
 """``vbus doctor``: what is missing or broken on this machine, and what to do about it."""
 
+import os
 import platform
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +20,8 @@ OK: Final = "ok"
 WARN: Final = "warn"
 FAIL: Final = "fail"
 OLDEST_PYTHON: Final = (3, 11)
+ENOUGH_INSTANCES: Final = 128
+"""The kernel's own default."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +156,6 @@ def compiler() -> Iterator[Finding]:
 
 def terminal() -> Iterator[Finding]:
     """Open a pseudo terminal and pass a byte through it that a cooked one would eat."""
-    import os
     import tty
 
     try:
@@ -233,7 +237,92 @@ def timers() -> Iterator[Finding]:
         yield Finding(OK, "timerfd, inotify", "both work")
 
 
+def inotify() -> Iterator[Finding]:
+    """Say how many PTYs the kernel's limit of file watches allows."""
+    place = Path("/proc/sys/fs/inotify/max_user_instances")
+    try:
+        most = int(place.read_text())
+    except (OSError, ValueError) as error:
+        yield Finding(WARN, "inotify instances", str(error), "nothing, if boards start")
+        return
+    told = f"{most}: as many links over PTYs may be open at a time"
+    if most < ENOUGH_INSTANCES:
+        advice = f"sysctl fs.inotify.max_user_instances={ENOUGH_INSTANCES}, or use unix: links"
+        yield Finding(WARN, "inotify instances", told, advice)
+    else:
+        yield Finding(OK, "inotify instances", told)
+
+
+def _module(name: str) -> Callable[[], str]:
+    """Return what tells where a Python package is; nothing if it is not installed."""
+
+    def place() -> str:
+        found = find_spec(name)
+        return found.origin or name if found is not None else ""
+
+    return place
+
+
+def _program(name: str) -> Callable[[], str]:
+    """Return what tells where a program is; nothing if there is none."""
+    return lambda: shutil.which(name) or ""
+
+
+def _avr_simulator() -> str:
+    given = os.environ.get("VBUS_AVR") or shutil.which("vbus-avr")
+    if given:
+        return given
+    return _compiled_by(["-lsimavr", "-lelf"], "#include <simavr/sim_avr.h>\n#include <libelf.h>\n")
+
+
+def _multilib() -> str:
+    return _compiled_by(["-m32"], "#include <stdio.h>\n")
+
+
+def _compiled_by(options: list[str], headers: str) -> str:
+    """Return the compiler if it makes a program with these options, or nothing."""
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        return ""
+    source = f"{headers}int main(void) {{ return 0; }}\n"
+    done = subprocess.run(
+        [compiler, "-x", "c", "-o", os.devnull, "-", *options], input=source.encode(),
+        capture_output=True,
+    )  # fmt: skip
+    return f"{compiler} {' '.join(options)}" if done.returncode == 0 else ""
+
+
+OPTIONAL: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
+    ("pyvcd", _module("vcd"), "waveforms, and captures in VCD", "pip install pyvcd"),
+    ("prometheus-client", _module("prometheus_client"), "numbers for Prometheus",
+     "pip install prometheus-client"),
+    ("pytest", _module("pytest"), "fixtures for tests", "pip install pytest"),
+    ("hypothesis", _module("hypothesis"), "hostile chips", "pip install hypothesis"),
+    ("robotframework", _module("robot"), "keywords for Robot Framework",
+     "pip install robotframework"),
+    ("simavr", _avr_simulator, "AVR firmware as it is (vbus exec --avr)",
+     "apt install libsimavr-dev libelf-dev"),
+    ("avr-gcc", _program("avr-gcc"), "AVR firmware from its sources",
+     "apt install gcc-avr avr-libc"),
+    ("multilib", _multilib, "32-bit programs (vbus exec, vbus cflags)", "apt install gcc-multilib"),
+    ("sigrok-cli", _program("sigrok-cli"), "captures (.sr) and decoders of the buses",
+     "apt install sigrok-cli"),
+)  # fmt: skip
+"""What vbus does without: name, where it is, what it gives, how to get it."""
+
+
+def optional() -> Iterator[Finding]:
+    """Look for what vbus does without, and say what each gives."""
+    for name, where, gives, get in OPTIONAL:
+        found = where()
+        if found:
+            yield Finding(OK, name, f"{gives}: {found}")
+        else:
+            yield Finding(WARN, name, f"missing; it gives {gives}", get)
+
+
 CHECKS: Final[tuple[Callable[[], Iterator[Finding]], ...]] = (
     python, dependencies, core, plugins, compiler, terminal, runtime, timers,
+    inotify, optional,
 )  # fmt: skip
 """What is looked at, in order."""

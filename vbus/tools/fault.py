@@ -63,6 +63,7 @@ def _table(faults: "Iterable[Fault]") -> Iterator[str]:
 @click.option("--when", help='"at 5 ms", "cycle 12", "position 1000", "command LTRJ", '
               '"edge x./RST low" or "rate 10 Hz"; now if not given.')  # fmt: skip
 @click.option("--until", help='"once", "for 5 ms" or "cleared".')
+@click.option("--json", "as_json", is_flag=True, help="Print JSON; times in ps.")
 def arm(
     board: str,
     fault: str,
@@ -70,6 +71,7 @@ def arm(
     target: str,
     when: str | None,
     until: str | None,
+    as_json: bool,
 ) -> None:
     """Arm a FAULT on a running BOARD; "vbus fault list" shows which there are."""
     from vbus.server.registry import order
@@ -83,18 +85,20 @@ def arm(
     armed = order(
         board, "fault.arm", name=fault, target=target, when=when, until=until, parameters=given
     )
-    click.echo(armed["text"])
+    show(as_json, armed, [armed["text"]])
 
 
 @command.command("clear")
 @click.argument("board")
 @click.argument("which", default="all")
-def clear(board: str, which: str) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print JSON; times in ps.")
+def clear(board: str, which: str, as_json: bool) -> None:
     """End faults of a running BOARD, or call them off: a number, a name, or all."""
     from vbus.server.registry import order
 
     cleared = order(board, "fault.clear", which=which)
-    click.echo("\n".join(one["text"] for one in cleared) or "nothing waited or acted")
+    lines = [one["text"] for one in cleared]
+    show(as_json, cleared, lines or ["nothing waited or acted"])
 
 
 @command.command("log")

@@ -30,7 +30,7 @@ def command(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -
     boards = [board for board in found if not names or board["board"] in names]
     answering = {board["board"] for board in boards if "error" not in board}
     missing = [name for name in names if name not in answering]
-    lines = [line for board in boards for line in _lines(board)]
+    lines = (line for board in boards for line in _lines(board))
     show(as_json, boards, lines if boards or names else ["no board is running"])
     for name in missing:
         complain(f'no board called "{name}" answers')

@@ -4,7 +4,7 @@ from typing import IO
 
 import click
 
-from vbus.tools.output import duration
+from vbus.tools.output import duration, show
 
 
 def _period(ctx: click.Context, param: click.Parameter, value: str) -> int:
@@ -24,8 +24,14 @@ def _period(ctx: click.Context, param: click.Parameter, value: str) -> int:
     "--align", default="1ps", callback=_period, help="Begin at a multiple of this, as 256us."
 )
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Where the nodes meet.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
 def command(
-    board: str, scenario: IO[str], ahead: int, align: int, connect: tuple[str, ...]
+    board: str,
+    scenario: IO[str],
+    ahead: int,
+    align: int,
+    connect: tuple[str, ...],
+    as_json: bool,
 ) -> None:
     """Order bus cycles on the nodes of a running board, at one coming instant of chip time.
 
@@ -40,7 +46,13 @@ def command(
     if not file.nodes:
         raise ConfigError(f"{board}: this board has no nodes; its hosts write to its chips")
     at, answers = order(file, scenario.read(), scenario.name, ahead, connect, align)
-    for answer in answers:
-        margin = (at - answer.now) / 1e9
-        click.echo(f"node {answer.node}: {answer.taken} requests, {margin:.3f} ms ahead")
-    click.echo(f"ordered for chip time {at / 1e9:.6f} ms")
+    nodes = [
+        {"node": answer.node, "requests": answer.taken, "ahead_ps": at - answer.now}
+        for answer in answers
+    ]
+    lines = [
+        f"node {answer.node}: {answer.taken} requests, {(at - answer.now) / 1e9:.3f} ms ahead"
+        for answer in answers
+    ]
+    lines.append(f"ordered for chip time {at / 1e9:.6f} ms")
+    show(as_json, {"at_ps": at, "nodes": nodes}, lines)

@@ -1,13 +1,17 @@
 """``vbus report``: the violations of a recorded run."""
 
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import click
 
 from vbus.tools import exit_codes
 from vbus.tools.journal_lines import opened, progress
 from vbus.tools.output import no_progress
+
+if TYPE_CHECKING:
+    from vbus.signals import Observer
+    from vbus.trace.findings.report import Report
 
 _FORMATS: Final = ("text", "json", "junit", "sarif")
 _FAIL_ON: Final = ("note", "warning", "error", "never")
@@ -17,6 +21,8 @@ _FAIL_ON: Final = ("note", "warning", "error", "never")
 @click.command("report")
 @click.argument("journal", type=click.Path(path_type=Path))
 @click.option("--format", "style", type=click.Choice(_FORMATS), default="text", show_default=True)
+@click.option("--json", "style", flag_value="json", help="The same as --format json.")
+@click.option("--compatibility", metavar="PART", help="Note what PART (hctl-1100) takes else.")
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
 @click.option(
     "--fail-on",
@@ -27,7 +33,12 @@ _FAIL_ON: Final = ("note", "warning", "error", "never")
 )
 @no_progress
 def command(
-    journal: Path, style: str, suppress: str | None, fail_on: str, no_progress: bool
+    journal: Path,
+    style: str,
+    compatibility: str | None,
+    suppress: str | None,
+    fail_on: str,
+    no_progress: bool,
 ) -> int:
     """Show every violation of a journal with the 20 bus cycles before and after it."""
     from vbus.board.checks import all_rules
@@ -47,8 +58,19 @@ def command(
             header.settings,
         )
         with progress(journal, reader, "reading", no_progress) as entries:
-            play(entries, report)
+            play(entries, _seen_by(report, compatibility))
     click.echo(FORMATS[style](report), nl=False)
     counted = _FAIL_ON[_FAIL_ON.index(fail_on) :]
     failed = any(report.unaccepted(severity) for severity in counted)
     return exit_codes.FAILURE if failed else exit_codes.OK
+
+
+def _seen_by(report: "Report", part: str | None) -> "Observer":
+    """Return what looks at the journal: the report, or what knows of another part before it."""
+    if part is None:
+        return report
+    from vbus.board import plugins
+    from vbus.trace.findings.compatibility import Compatibility
+
+    families = {chip: plugins.family(name) for chip, name in report.families.items()}
+    return Compatibility(part, families, report)

@@ -26,20 +26,24 @@ def seconds(ps: int) -> str:
 @command.command("save")
 @click.argument("board")
 @click.argument("file", type=click.Path(path_type=Path))
-def save(board: str, file: Path) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
+def save(board: str, file: Path, as_json: bool) -> None:
     """Write a snapshot of a running BOARD to FILE."""
     from vbus.server.registry import order
 
     answer = order(board, "snap.save")
     data = base64.b64decode(answer["data"])
     write_file(file, data)
-    click.echo(f"{file}: {board} at {seconds(answer['when_ps'])}, {len(data)} bytes")
+    value = {"board": board, "file": str(file), "when_ps": answer["when_ps"], "bytes": len(data)}
+    line = f"{file}: {board} at {seconds(answer['when_ps'])}, {len(data)} bytes"
+    show(as_json, value, [line])
 
 
 @command.command("load")
 @click.argument("board")
 @click.argument("file", type=click.Path(path_type=Path))
-def load(board: str, file: Path) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
+def load(board: str, file: Path, as_json: bool) -> None:
     """Bring a running BOARD to the snapshot in FILE; hosts stay attached."""
     from vbus.board.snapshot import read
     from vbus.server.registry import order
@@ -48,7 +52,8 @@ def load(board: str, file: Path) -> None:
         data = opened.read()
     read(data, str(file))
     answer = order(board, "snap.load", data=base64.b64encode(data).decode())
-    click.echo(f"{board}: at {seconds(answer['when_ps'])}, as in {file}")
+    value = {"board": board, "file": str(file), "when_ps": answer["when_ps"]}
+    show(as_json, value, [f"{board}: at {seconds(answer['when_ps'])}, as in {file}"])
 
 
 @command.command("info")

@@ -9,6 +9,7 @@ import click
 
 from vbus.errors import TransportError
 from vbus.tools import exit_codes
+from vbus.tools.output import complain
 
 
 @click.command("stop")
@@ -40,7 +41,7 @@ def command(names: tuple[str, ...], timeout: float) -> int:
         if not all(ended):
             late.append(name)
     for name in late:
-        click.echo(f"vbus: {name} has not ended within {timeout:g} s", err=True)
+        complain(f"{name} has not ended within {timeout:g} s")
     return exit_codes.FAILURE if late else exit_codes.OK
 
 

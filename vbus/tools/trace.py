@@ -2,10 +2,13 @@
 
 import click
 
+from vbus.tools.output import show
+
 
 @click.command("trace")
 @click.argument("files", metavar="FILE...", nargs=-1, required=True)
-def command(files: tuple[str, ...]) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(files: tuple[str, ...], as_json: bool) -> None:
     """Merge the traces of all nodes of a run and print the SHA-256 of what happened.
 
     FILEs are what "vbus run --trace" has written, one for each process. The hash is the same
@@ -14,4 +17,4 @@ def command(files: tuple[str, ...]) -> None:
     from vbus.cluster.nodes import read_traces
 
     digest, lines = read_traces(files)
-    click.echo(f"{digest}  {lines} events")
+    show(as_json, {"hash": digest, "events": lines}, [f"{digest}  {lines} events"])

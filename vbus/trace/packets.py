@@ -253,11 +253,7 @@ class CommandPackets(Decoder):
             value = value << 16 | word
         if row.signed:
             value = signed(value, 16 * len(words))
-        return f"{number(value, row.fraction, row.signed)} {self.unit(row.name)}".rstrip()
-
-    def unit(self, name: str) -> str:
-        """Return the unit of a command's value, as the manual has it; "" if it has none."""
-        return ""
+        return f"{number(value, row.fraction, row.signed)} {row.unit}".rstrip()
 
     def typed(self, data: list[int]) -> list[Cycle]:
         """Read a command byte, then as many data bytes as it takes, and so on."""

@@ -87,3 +87,18 @@ class OpenWatch:
         """Free the descriptors."""
         self._poll.close()
         os.close(self.fd)
+
+
+class NoWatch:
+    """Stands for an :class:`OpenWatch` where the system gives no more of them: knows of nothing."""
+
+    def happened(self) -> bool:
+        """Tell that nothing is known."""
+        return False
+
+    def read(self) -> list[bool]:
+        """Return nothing."""
+        return []
+
+    def close(self) -> None:
+        """There is nothing to free."""

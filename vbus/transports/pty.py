@@ -10,14 +10,17 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from vbus.errors import TransportError
 from vbus.transports.base import Link, Served, Transport
-from vbus.transports.linux import OpenWatch
+from vbus.transports.linux import NoWatch, OpenWatch
 from vbus.transports.runtime import NameLock, leads_to_terminal, sweep
 
 _TIOCNXCL = 0x540D
 _READ_SIZE = 65536
+LOOK_SECONDS: Final = 0.05
+"""How often is looked for clients where the system gives no watch."""
 
 
 class PtyLink(Link):
@@ -51,7 +54,7 @@ class _Terminal:
 
     master: int
     name: str
-    watch: OpenWatch
+    watch: OpenWatch | NoWatch
     hangups: select.epoll
     poll: select.poll
     close: Callable[[], None]
@@ -73,7 +76,10 @@ class _Terminal:
             poll.register(master, select.POLLIN)
             hangups = made.enter_context(select.epoll())
             hangups.register(master, select.EPOLLHUP | select.EPOLLET)
-            watch = OpenWatch(name)
+            try:
+                watch: OpenWatch | NoWatch = OpenWatch(name)
+            except OSError:  # the system gives no user more than some of them
+                watch = NoWatch()
             made.callback(watch.close)
             return cls(master, name, watch, hangups, poll, made.pop_all().close)
 
@@ -154,14 +160,24 @@ class PtyTransport(Transport):
             temporary.replace(self._link_path)
             made.pop_all()
         self._terminal = terminal
-        for fd in (terminal.watch.fd, terminal.hangups.fileno()):
-            self._loop.add_reader(fd, self._notice)
+        self._loop.add_reader(terminal.hangups.fileno(), self._notice)
+        if isinstance(terminal.watch, NoWatch):
+            self._look_at_times(terminal)
+        else:
+            self._loop.add_reader(terminal.watch.fd, self._notice)
+
+    def _look_at_times(self, terminal: _Terminal) -> None:
+        """Do without a watch: whoever opens the terminal is noticed a little later."""
+        if terminal is self._terminal:
+            self._notice()
+            self._loop.call_later(LOOK_SECONDS, self._look_at_times, terminal)
 
     def _unmake(self) -> None:
         terminal, self._terminal = self._terminal, None
         if terminal is not None:
-            for fd in (terminal.watch.fd, terminal.hangups.fileno()):
-                self._loop.remove_reader(fd)
+            self._loop.remove_reader(terminal.hangups.fileno())
+            if not isinstance(terminal.watch, NoWatch):
+                self._loop.remove_reader(terminal.watch.fd)
             terminal.close()
 
     def _remove_name(self) -> None:

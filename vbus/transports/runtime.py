@@ -102,11 +102,15 @@ def _flock(fd: int) -> bool:
 
 
 def sweep(directory: Path) -> None:
-    """Remove the names of terminals and sockets that killed processes have left in a directory."""
+    """Remove what killed processes have left in a directory: names of terminals, and sockets.
+
+    Sockets only in the runtime directory: elsewhere they may be another program's.
+    """
+    ours = runtime_directory().resolve() in (directory.resolve(), *directory.resolve().parents)
     for found in directory.glob(".*.lock"):
         name = directory / found.name[1:].removesuffix(".lock")
         lock = NameLock(name)
-        if leads_to_terminal(name) or name.is_socket():
+        if leads_to_terminal(name) or (ours and name.is_socket()):
             with suppress(TransportError):
                 lock.take(patience=0)
                 name.unlink(missing_ok=True)

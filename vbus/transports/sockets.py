@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from vbus.errors import NameInUseError, TransportError
+from vbus.transports.activation import handed_over
 from vbus.transports.base import Link, Transport
 from vbus.transports.runtime import NameLock, socket_address, sweep
 
@@ -100,6 +101,10 @@ class UnixTransport(_SocketTransport):
             raise TransportError('"unix:" needs a path, e.g. "unix:$VBUS_RUNTIME/x.sock"')
         path = Path(self.path)
         with self.opening(path) as opened:
+            given = handed_over(socket.AF_UNIX, str(path.absolute()))
+            if given is not None:
+                self._listen(opened.enter_context(given), loop, on_link)
+                return
             lock = NameLock(path)
             lock.take()
             opened.callback(lock.give_back)
@@ -139,9 +144,11 @@ class TcpTransport(_SocketTransport):
             )
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         with self.opening(f"tcp:{self.path}") as opened:
-            listener = opened.enter_context(socket.socket(family, socket.SOCK_STREAM))
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind((host, int(port)))
+            given = handed_over(family, (host, int(port)))
+            listener = opened.enter_context(given or socket.socket(family, socket.SOCK_STREAM))
+            if given is None:
+                listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                listener.bind((host, int(port)))
             self._listen(listener, loop, on_link)
             bound = listener.getsockname()[1]
         self.url = f"tcp:[{host}]:{bound}" if family == socket.AF_INET6 else f"tcp:{host}:{bound}"

@@ -18,7 +18,6 @@ from .packets import (
 )
 
 _TRAJECTORY_FLAGS: Final = tuple(bit for bit in ds.TRAJECTORY if bit.number >= 8)
-_COUNTS: Final = {"SBPA", "SBPR", "RDIP", "RDDP", "RDRP", "LPEI", "LPES"}
 
 
 class Lm628Packets(CommandPackets):
@@ -67,10 +66,6 @@ class Lm628Packets(CommandPackets):
         if row.name == "RSTI":
             return f"resets {flags(~words[0] & ds.INTERRUPTS, ds.STATUS)}"
         return super().values(row, words)
-
-    def unit(self, name: str) -> str:
-        """Return the unit of a command's value."""
-        return "cnt" if name in _COUNTS else "cnt/sample" if name[3:] == "V" else ""
 
     def show_word(self, name: str, value: int) -> str:
         """Explain a status byte or a signals word."""

@@ -92,6 +92,7 @@ class Command:
         buffered: the value takes effect at an update.
         signed: the (single) value is two's complement.
         fraction: fraction bits of the value.
+        unit: what the value counts.
     """
 
     name: str
@@ -111,6 +112,7 @@ class Command:
     buffered: bool = False
     signed: bool = False
     fraction: int = 0
+    unit: str = ""
 
 
 class CommandTable:
@@ -272,28 +274,28 @@ class RegisterMap:
 
 
 COMMANDS = CommandTable(
-    Command(name='RESET', code=0, write=0, read=0, up_to=0, clause='LM-CMD-1', title='Reset LM628', note='1', scope='', hook='reset', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='PORT8', code=5, write=0, read=0, up_to=0, clause='LM-CMD-6', title='Select 8-Bit Output', note='2', scope='', hook='select_port', parameter='', value=8, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='PORT12', code=6, write=0, read=0, up_to=0, clause='LM-CMD-7', title='Select 12-Bit Output', note='2', scope='', hook='select_port', parameter='', value=12, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='DFH', code=2, write=0, read=0, up_to=0, clause='LM-CMD-3', title='Define Home', note='1', scope='', hook='define_home', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SIP', code=3, write=0, read=0, up_to=0, clause='LM-CMD-4', title='Set Index Position', note='1', scope='', hook='', parameter='sip', value=True, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='LPEI', code=27, write=1, read=0, up_to=0, clause='LM-CMD-16', title='Interrupt on Error', note='1', scope='', hook='load_threshold', parameter='', value=False, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='LPES', code=26, write=1, read=0, up_to=0, clause='LM-CMD-15', title='Stop on Error', note='1', scope='', hook='load_threshold', parameter='', value=True, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='SBPA', code=32, write=2, read=0, up_to=0, clause='LM-CMD-21', title='Set Breakpoint, Absolute', note='1', scope='', hook='set_breakpoint', parameter='', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='SBPR', code=33, write=2, read=0, up_to=0, clause='LM-CMD-22', title='Set Breakpoint, Relative', note='1', scope='', hook='set_relative_breakpoint', parameter='', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='MSKI', code=28, write=1, read=0, up_to=0, clause='LM-CMD-17', title='Mask Interrupts', note='1', scope='', hook='mask_interrupts', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='RSTI', code=29, write=1, read=0, up_to=0, clause='LM-CMD-18', title='Reset Interrupts', note='1', scope='', hook='reset_interrupts', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='LFIL', code=30, write=1, read=0, up_to=5, clause='LM-CMD-19', title='Load Filter Parameters', note='1', scope='', hook='load_filter', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='UDF', code=4, write=0, read=0, up_to=0, clause='LM-CMD-5', title='Update Filter', note='1', scope='', hook='request_update', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='LTRJ', code=31, write=1, read=0, up_to=7, clause='LM-CMD-20', title='Load Trajectory', note='1', scope='', hook='load_trajectory', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='STT', code=1, write=0, read=0, up_to=0, clause='LM-CMD-2', title='Start Motion', note='3', scope='', hook='start', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='RDSIGS', code=12, write=0, read=1, up_to=0, clause='LM-CMD-13', title='Read Signals Register', note='1', scope='', hook='', parameter='signals', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0),
-    Command(name='RDIP', code=9, write=0, read=2, up_to=0, clause='LM-CMD-10', title='Read Index Position', note='1', scope='', hook='', parameter='index', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='RDDP', code=8, write=0, read=2, up_to=0, clause='LM-CMD-9', title='Read Desired Position', note='1', scope='', hook='', parameter='profile.desired_position', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='RDRP', code=10, write=0, read=2, up_to=0, clause='LM-CMD-11', title='Read Real Position', note='1', scope='', hook='', parameter='real', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='RDDV', code=7, write=0, read=2, up_to=0, clause='LM-CMD-8', title='Read Desired Velocity', note='1', scope='', hook='', parameter='profile.velocity', value=None, bits=0, least=0, buffered=False, signed=True, fraction=16),
-    Command(name='RDRV', code=11, write=0, read=1, up_to=0, clause='LM-CMD-12', title='Read Real Velocity', note='1', scope='', hook='', parameter='real_velocity', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
-    Command(name='RDSUM', code=13, write=0, read=1, up_to=0, clause='LM-CMD-14', title='Read Integration Sum', note='1', scope='', hook='', parameter='pid.term', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0),
+    Command(name='RESET', code=0, write=0, read=0, up_to=0, clause='LM-CMD-1', title='Reset LM628', note='1', scope='', hook='reset', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='PORT8', code=5, write=0, read=0, up_to=0, clause='LM-CMD-6', title='Select 8-Bit Output', note='2', scope='', hook='select_port', parameter='', value=8, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='PORT12', code=6, write=0, read=0, up_to=0, clause='LM-CMD-7', title='Select 12-Bit Output', note='2', scope='', hook='select_port', parameter='', value=12, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='DFH', code=2, write=0, read=0, up_to=0, clause='LM-CMD-3', title='Define Home', note='1', scope='', hook='define_home', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='SIP', code=3, write=0, read=0, up_to=0, clause='LM-CMD-4', title='Set Index Position', note='1', scope='', hook='', parameter='sip', value=True, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='LPEI', code=27, write=1, read=0, up_to=0, clause='LM-CMD-16', title='Interrupt on Error', note='1', scope='', hook='load_threshold', parameter='', value=0, bits=0, least=0, buffered=False, signed=False, fraction=0, unit='cnt'),
+    Command(name='LPES', code=26, write=1, read=0, up_to=0, clause='LM-CMD-15', title='Stop on Error', note='1', scope='', hook='load_threshold', parameter='', value=1, bits=0, least=0, buffered=False, signed=False, fraction=0, unit='cnt'),
+    Command(name='SBPA', code=32, write=2, read=0, up_to=0, clause='LM-CMD-21', title='Set Breakpoint, Absolute', note='1', scope='', hook='set_breakpoint', parameter='', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit='cnt'),
+    Command(name='SBPR', code=33, write=2, read=0, up_to=0, clause='LM-CMD-22', title='Set Breakpoint, Relative', note='1', scope='', hook='set_relative_breakpoint', parameter='', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit='cnt'),
+    Command(name='MSKI', code=28, write=1, read=0, up_to=0, clause='LM-CMD-17', title='Mask Interrupts', note='1', scope='', hook='mask_interrupts', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='RSTI', code=29, write=1, read=0, up_to=0, clause='LM-CMD-18', title='Reset Interrupts', note='1', scope='', hook='reset_interrupts', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='LFIL', code=30, write=1, read=0, up_to=5, clause='LM-CMD-19', title='Load Filter Parameters', note='1', scope='', hook='load_filter', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='UDF', code=4, write=0, read=0, up_to=0, clause='LM-CMD-5', title='Update Filter', note='1', scope='', hook='request_update', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='LTRJ', code=31, write=1, read=0, up_to=7, clause='LM-CMD-20', title='Load Trajectory', note='1', scope='', hook='load_trajectory', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='STT', code=1, write=0, read=0, up_to=0, clause='LM-CMD-2', title='Start Motion', note='3', scope='', hook='start', parameter='', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='RDSIGS', code=12, write=0, read=1, up_to=0, clause='LM-CMD-13', title='Read Signals Register', note='1', scope='', hook='', parameter='signals', value=None, bits=0, least=0, buffered=False, signed=False, fraction=0, unit=''),
+    Command(name='RDIP', code=9, write=0, read=2, up_to=0, clause='LM-CMD-10', title='Read Index Position', note='1', scope='', hook='', parameter='index', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit='cnt'),
+    Command(name='RDDP', code=8, write=0, read=2, up_to=0, clause='LM-CMD-9', title='Read Desired Position', note='1', scope='', hook='', parameter='profile.desired_position', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit='cnt'),
+    Command(name='RDRP', code=10, write=0, read=2, up_to=0, clause='LM-CMD-11', title='Read Real Position', note='1', scope='', hook='', parameter='real', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit='cnt'),
+    Command(name='RDDV', code=7, write=0, read=2, up_to=0, clause='LM-CMD-8', title='Read Desired Velocity', note='1', scope='', hook='', parameter='profile.velocity', value=None, bits=0, least=0, buffered=False, signed=True, fraction=16, unit='cnt/sample'),
+    Command(name='RDRV', code=11, write=0, read=1, up_to=0, clause='LM-CMD-12', title='Read Real Velocity', note='1', scope='', hook='', parameter='real_velocity', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit='cnt/sample'),
+    Command(name='RDSUM', code=13, write=0, read=1, up_to=0, clause='LM-CMD-14', title='Read Integration Sum', note='1', scope='', hook='', parameter='pid.term', value=None, bits=0, least=0, buffered=False, signed=True, fraction=0, unit=''),
 )
 COMMAND_PORT = 0
 DATA_PORT = 1

@@ -92,6 +92,7 @@ class Command:
         buffered: the value takes effect at an update.
         signed: the (single) value is two's complement.
         fraction: fraction bits of the value.
+        unit: what the value counts.
     """
 
     name: str
@@ -111,6 +112,7 @@ class Command:
     buffered: bool = False
     signed: bool = False
     fraction: int = 0
+    unit: str = ""
 
 
 class CommandTable:

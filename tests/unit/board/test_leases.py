@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from tests.unit.board.toy import Toy
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
-from vbus.board.host_bus import LONGEST_LEASE, HostBus
+from vbus.board.host_bus import HostBus
+from vbus.board.host_leases import LONGEST_LEASE
 from vbus.chips.lm628.datasheet import COMMANDS
 from vbus.kernel import MS, NEVER, US
 from vbus.protocols.port import PortError
@@ -239,7 +240,7 @@ def test_what_comes_after_busy_is_foreseen_and_comes_true(
         until, byte, end = after
         told += 1
         assert until + US < end <= until + 256 * US
-        assert port.promised() == end
+        assert port.leases.until == end
         for when, expected in ((until - 1, status), (until, byte), (end - 1, byte)):
             port, _, _ = foreseen(script[:length])
             assert port.delay(when - US - port.now())

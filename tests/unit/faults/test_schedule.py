@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from tests.unit.faults.bench import DC, IDEAL, LM, MC, MCP, STEPPER, Lm, Mc, Mcp, build, settle
 from vbus.board.board import Board
+from vbus.errors import SnapshotError
 from vbus.faults.row import LINK
 from vbus.faults.table import faults
 from vbus.kernel import MS, US
@@ -152,7 +153,7 @@ def test_without_faults_nothing_is_put_in_between() -> None:
     assert not board.disturbed
     assert not board.observers
     assert not board.kernel.observed
-    assert not any(net.bends for net in board.wires)
+    assert not any(net.bends for net in board.pin_nets)
 
 
 def test_no_lease_is_given_while_a_fault_waits() -> None:
@@ -310,3 +311,39 @@ def test_a_run_goes_on_from_a_saved_state_as_it_would_have(kind, wanted, first, 
         target.run_for(second)
         target.ports[0].read(0)
         assert but_ports(target.save()) == but_ports(ends)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"_last": 1.5}, "the state.faults._last: wants an integer of 64 bits, not 1.5"),
+        ({"due": ((1, 2, 3),)}, "the state.faults.due: wants 4 values in a row, not (1, 2, 3)"),
+        ({"records": ((1, "no_such"),)}, "the state.faults.records: wants 13 values in a row"),
+        ({"acts": {"axes": (("q.1", True, 0, ()),), "courses": ()}},
+         "the state.faults: no such axis: q.1"),
+        ({"acts": {"axes": (), "courses": (("q", ()),)}}, "the state.faults: no such chip: q"),
+        ({"acts": {"axes": ()}}, "the state.faults.acts.courses: is missing"),
+    ],
+)  # fmt: skip
+def test_bad_saved_faults_are_named_and_change_nothing(
+    change: dict[str, object], text: str
+) -> None:
+    board = build()
+    board.faults.arm("backlash", gap=7)
+    board.faults.arm("clock_off", ppm=50)
+    before = board.save()
+    bad = {**before, "faults": {**before["faults"], **change}}
+    with pytest.raises(SnapshotError, match=re.escape(text)):
+        board.load(bad)
+    assert board.save() == before
+
+
+def test_a_saved_fault_nobody_knows_is_named() -> None:
+    board = build()
+    board.faults.arm("backlash", gap=7)
+    before = board.save()
+    (record,) = before["faults"]["records"]
+    bad = {**before, "faults": {**before["faults"], "records": ((1, "no_such", *record[2:]),)}}
+    with pytest.raises(SnapshotError, match=r"^the state.faults: no such fault: no_such$"):
+        board.load(bad)
+    assert board.save() == before

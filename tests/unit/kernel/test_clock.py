@@ -111,6 +111,6 @@ def test_a_clock_that_nothing_happened_to_keeps_no_state() -> None:
     clock = Clock(8_000_000)
     assert save(clock)["courses"] == ()
     clock.run(0, 50)
-    load(clock, {"STATE_VERSION": 1, "courses": ()})
+    load(clock, {"courses": ()})
     assert clock.ps(8_000_000) == 10**12
     assert clock.frequency == 8e6

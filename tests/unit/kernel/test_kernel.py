@@ -136,6 +136,6 @@ def test_running_in_two_parts_with_a_snapshot_between_is_running_at_once(
 
 
 def test_a_state_of_another_board_is_refused() -> None:
-    other = {"STATE_VERSION": 1, "now": 0, "dues": (NEVER, NEVER)}
+    other = {"now": 0, "dues": (NEVER, NEVER)}
     with pytest.raises(SnapshotError, match=r"^kernel.dues: wants 0 values, not 2$"):
         load(Kernel(), other, "kernel")

@@ -12,7 +12,7 @@ def test_a_timer_that_is_not_saved_runs_and_is_in_no_state() -> None:
     mine.at(10)
     other.at(5)
     kept = state.save(kernel)
-    assert kept == {"STATE_VERSION": 1, "now": 0, "dues": (10,)}
+    assert kept == {"now": 0, "dues": (10,)}
     kernel.run_until(20)
     assert calls == [2, 1]
     other.at(30)

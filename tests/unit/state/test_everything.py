@@ -135,9 +135,7 @@ def test_a_bad_state_names_part_and_field_and_leaves_the_board_as_it_was(chip: i
     before = board.save()
     part = board.chips[chip]
     bad = {**before, "chips": list(before["chips"])}
-    name = next(name for name, value in before["chips"][chip].items() if type(value) is int)
-    assert name == state.VERSION
-    field = [n for n, value in before["chips"][chip].items() if type(value) is int][1]
+    field = next(name for name, value in before["chips"][chip].items() if type(value) is int)
     bad["chips"][chip] = {**before["chips"][chip], field: "three"}
     with pytest.raises(Exception, match=rf"chips\.{part.name}\.{field}: wants an integer of 64"):
         board.load(bad)

@@ -60,9 +60,9 @@ class Everything:
         self.calls.append(f"after_load {self.inner.place}")
 
 
-INNER = {"STATE_VERSION": 1, "place": 1, "level": 0.5}
+INNER = {"place": 1, "level": 0.5}
 SAVED = {
-    "STATE_VERSION": 1, "word": 3, "wide": 4, "flag": True, "real": 0.25, "text": "t",
+    "word": 3, "wide": 4, "flag": True, "real": 0.25, "text": "t",
     "octets": b"o", "file": b"abc", "line": b"1", "levels": (1, 0), "names": ("x",),
     "course": (1, 2, 3), "noted": (2, 5), "queue": ((2, "b"), (7, "c")), "inner": INNER,
     "spare": None, "axes": (INNER, INNER),
@@ -126,7 +126,7 @@ def test_what_was_saved_is_loaded_through_a_file() -> None:
         ("queue", ((2, 3),), "p.queue: wants a text, not 3"),
         ("inner", (1, 2), "p.inner: wants the fields of Inner by name, not (1, 2)"),
         ("inner", {**INNER, "level": None}, "p.inner.level: wants a number, not None"),
-        ("inner", {"STATE_VERSION": 1, "place": 1}, "p.inner.level: is missing"),
+        ("inner", {"place": 1}, "p.inner.level: is missing"),
         ("inner", {**INNER, "more": 1}, "p.inner.more: is no field of Inner"),
         ("inner", {**INNER, "STATE_VERSION": 2},
          "p.inner: version 2 of Inner: this vbus knows 1 to 1"),
@@ -150,9 +150,10 @@ def test_nothing_is_set_before_everything_is_checked(name: str, value: Any, text
 def test_a_field_that_is_missing_or_unknown_is_named() -> None:
     part = Inner()
     with pytest.raises(SnapshotError, match=r"^p.place: is missing$"):
-        state.load(part, {"STATE_VERSION": 1, "level": 0.5}, "p")
-    with pytest.raises(SnapshotError, match=r"^p: version None of Inner"):
-        state.load(part, {"place": 1, "level": 0.5}, "p")
+        state.load(part, {"level": 0.5}, "p")
+    for version in (None, 0, True, 1.0):
+        with pytest.raises(SnapshotError, match=rf"^p: version {version} of Inner"):
+            state.load(part, {**INNER, "STATE_VERSION": version}, "p")
 
 
 def test_differences_name_the_field() -> None:
@@ -182,7 +183,7 @@ def test_a_state_of_an_earlier_version_is_migrated(version: int, speed: int, exp
     part.home = True
     state.load(part, {"STATE_VERSION": version, "speed": speed})
     assert (part.speed, part.home) == (expected, False)
-    assert state.save(part) == {"STATE_VERSION": 3, "speed": expected, "home": False}
+    assert state.save(part) == {"speed": expected, "home": False, "STATE_VERSION": 3}
 
 
 class Own:
@@ -208,11 +209,11 @@ class Holder:
 def test_a_part_with_its_own_tuple_keeps_it() -> None:
     holder = Holder()
     saved = state.save(holder)
-    assert saved == {"STATE_VERSION": 1, "own": (5,)}
-    state.load(holder, {"STATE_VERSION": 1, "own": (8,)})
+    assert saved == {"own": (5,)}
+    state.load(holder, {"own": (8,)})
     assert holder.own.value == 8
     assert to_tuple(holder, state.save(holder)) == ((8,),)
-    assert from_tuple(holder, ((9,),)) == {"STATE_VERSION": 1, "own": (9,)}
+    assert from_tuple(holder, ((9,),)) == {"own": (9,)}
 
 
 @pytest.mark.core("interpreted")  # a compiled motor takes no subclass

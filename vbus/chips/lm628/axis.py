@@ -4,6 +4,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus import state
 from vbus.bits import clamp, wrap, wrap_word
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.pid import Pid
@@ -55,7 +56,7 @@ class Axis:
     """
 
     __slots__ = (
-        "breakpoint", "breakpoint_armed", "breakpoint_side", "command", "count",
+        "_settings", "breakpoint", "breakpoint_armed", "breakpoint_side", "command", "count",
         "error", "flags", "following", "index", "mask", "motor_off", "pid", "port8", "profile",
         "real", "real_change", "sip", "start", "stop_on_error", "stuck", "stuck_part", "threshold",
         "udf",
@@ -66,15 +67,34 @@ class Axis:
         "stop_on_error: bool", "sip: bool", "index", "start", "udf: bool", "breakpoint",
         "breakpoint_side", "breakpoint_armed: bool", "stuck: bool",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("stuck_part",)
+    WIRING: ClassVar[Names] = ("_settings", "stuck_part")
 
     def __init__(self, settings: Settings) -> None:
+        self._settings: Settings = settings
         self.profile: Profile = Profile()
         self.pid: Pid = Pid(settings["pid_overflow"] == "wrap", settings["integral_limit"] == "sum")
         self.stuck_part: bool = settings["reset_status"] == "C4"
         """Whether resets end with the breakpoint flag stuck (LM-RST-5)."""
         self.count: i64 = 0
-        self.reset()
+        self.real: i64 = 0
+        self.real_change: i64 = 0
+        self.error: i64 = 0
+        self.following: i64 = 0
+        self.command: i64 = 0
+        self.flags: i64 = 0
+        self.mask: i64 = ds.RESET_MASK
+        self.motor_off: bool = True
+        self.port8: bool = True
+        self.threshold: i64 = ds.THRESHOLD_MAX
+        self.stop_on_error: bool = False
+        self.sip: bool = False
+        self.index: i64 = 0
+        self.start: i64 = START_NONE
+        self.udf: bool = False
+        self.breakpoint: i64 = 0
+        self.breakpoint_side: i64 = 0
+        self.breakpoint_armed: bool = False
+        self.stuck: bool = False
 
     # -- what the host sees -------------------------------------------------------------------
 
@@ -111,27 +131,9 @@ class Axis:
 
     def reset(self) -> None:
         """Go to the state in which a reset runs: everything zero, no flag up (LM-RST-2)."""
-        self.profile.reset()
-        self.pid.reset()
-        self.real: i64 = 0
-        self.real_change: i64 = 0
-        self.error: i64 = 0
-        self.following: i64 = 0
-        self.command: i64 = 0
-        self.flags: i64 = 0
-        self.mask: i64 = ds.RESET_MASK
-        self.motor_off: bool = True
-        self.port8: bool = True
-        self.threshold: i64 = ds.THRESHOLD_MAX
-        self.stop_on_error: bool = False
-        self.sip: bool = False
-        self.index: i64 = 0
-        self.start: i64 = START_NONE
-        self.udf: bool = False
-        self.breakpoint: i64 = 0
-        self.breakpoint_side: i64 = 0
-        self.breakpoint_armed: bool = False
-        self.stuck: bool = False
+        fresh = Axis(self._settings)
+        fresh.count = self.count
+        state.load(self, state.save(fresh))
 
     def finish_reset(self, count: int) -> None:
         """The reset is over, with the encoder at ``count``: that is position 0 (LM-RST-5)."""

@@ -1,6 +1,7 @@
 """The LM628 and LM629: their parts put together, and time."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
@@ -11,14 +12,14 @@ from vbus.chips.lm628.clock_input import check_clock, judge_clock
 from vbus.chips.lm628.commands import UNKNOWN, Commands
 from vbus.chips.lm628.encoder import Encoder
 from vbus.chips.lm628.encoder_pins import EncoderPins
-from vbus.chips.lm628.host_port import Host
+from vbus.chips.lm628.host_port import HostPort
 from vbus.chips.lm628.interface import HostInterface
 from vbus.chips.lm628.output import Output, OutputPins
-from vbus.chips.lm628.pins import BusPins, edges_of
+from vbus.chips.lm628.pins import BusPins
 from vbus.chips.tables import PinRow
 from vbus.kernel import HELD, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher
+from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher, Z
 from vbus.state import Names
 
 _RUNNING: Final = 0
@@ -83,9 +84,9 @@ class LM628(HostInterface):
         self.axis: Axis = Axis(chosen)
         self.output: Output = Output(pwm, int(chosen["pwm_frame_clk"]))
         self.encoder: Encoder = Encoder(clock)
-        self.host: Host = Host(clock, chosen, self._host_broke)
+        self.host: HostPort = HostPort(clock, chosen, self._host_broke)
         self.commands: Commands = Commands(
-            self.host, self.axis, pwm, self._command_reset, self._host_broke
+            self.host, self.axis, pwm, partial(self._reset, _RESET_BY_COMMAND), self._host_broke
         )
         self._mode: int = _UNPOWERED
         self._reset_end: i64 = NEVER
@@ -200,9 +201,6 @@ class LM628(HostInterface):
         self.output.zero()
         self._outputs.begin(self._cycle_from(self._when))
 
-    def _command_reset(self) -> None:
-        self._reset(_RESET_BY_COMMAND)
-
     def _finish_reset(self) -> None:
         self._mode, self._reset_end = _RUNNING, NEVER
         self.axis.finish_reset(self.encoder.count_at(self._when))
@@ -288,7 +286,16 @@ class LM628(HostInterface):
 
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
         """Return the edges of a whole cycle at the shortest times the manual allows."""
-        return edges_of(write, address, data)
+        setup, hold = ds.AC["T8"].min_ps, ds.AC["T9"].min_ps
+        low = ds.WRITE_LOW if write else ds.READ_LOW
+        strobe = "/WR" if write else "/RD"
+        edges = [(-low - setup, "/PS", address), (-low - setup, "/CS", LOW), (-low, strobe, LOW)]
+        if write:
+            edges.append((-low, "D0-D7", data))
+        edges += [(0, strobe, HIGH), (hold, "/CS", HIGH)]
+        if write:
+            edges.append((ds.AC["T16"].min_ps, "D0-D7", Z))
+        return edges
 
     def _host_broke(self, rule: Rule, detail: str, when: int = -1) -> None:
         self.report(rule, detail=detail, when=self._when if when < 0 else when)

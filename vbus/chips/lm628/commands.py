@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 from vbus.bits import sign_extend
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import Axis
-from vbus.chips.lm628.host_port import Host
+from vbus.chips.lm628.host_port import HostPort
 from vbus.chips.tables import Command
 from vbus.signals import Rule
 from vbus.state import Names
@@ -39,13 +39,13 @@ class Commands:
 
     def __init__(
         self,
-        host: Host,
+        host: HostPort,
         axis: Axis,
         pwm: bool,
         restart: Callable[[], None],
         report: Callable[[Rule, str], None],
     ) -> None:
-        self._host: Host = host
+        self._host: HostPort = host
         self._axis: Axis = axis
         self._pwm: bool = pwm
         self._restart: Callable[[], None] = restart
@@ -116,13 +116,13 @@ class Commands:
             self._report(ds.PORT_IN_MOTION, f"PORT{bits} in motion: it is executed")
         self._axis.port8 = bits == 8
 
-    def load_threshold(self, word: int, stop: bool) -> None:
+    def load_threshold(self, word: int, stop: int) -> None:
         """Load position error for interrupt, or for stopping."""
         if word > ds.THRESHOLD_MAX:
             name = "LPES" if stop else "LPEI"
             self._report(ds.RANGE, f"{name} {word:04X}H: at most 7FFFH, bit 15 is ignored")
         self._axis.threshold = word & ds.THRESHOLD_MAX
-        self._axis.stop_on_error = stop
+        self._axis.stop_on_error = bool(stop)
 
     def load_filter(self, step: int, word: int) -> None:
         """Load filter parameters (LM-PID-1)."""

@@ -34,7 +34,7 @@ def _undefined(code: int, step: int, word: int) -> bool:
     return False
 
 
-class Host:
+class HostPort:
     """State of the two ports.
 
     A byte that makes the chip busy has its effect when busy falls (LM-BUS-9): :meth:`finish` is
@@ -73,12 +73,17 @@ class Host:
         self.worst: bool = settings["busy"] == "worst"
         """Whether each byte keeps the chip busy for as long as it may (LM-BUS-8)."""
         self._random: int = int(settings["seed"])
+        self.busy_end: i64 = NEVER
+        self.words_due: int = 0
+        self._pending: int = _NOTHING
         self._value: int = 0
         self._code: int = 0
         self._step: int = 0
+        self._reply: list[int] = []
+        self._second: bool = False
         self._high: int = 0
+        self._latched: int = 0
         self._kind: int = _STATUS
-        self.reset()
 
     def serve(self, execute: Execute) -> None:
         """Have ``execute`` carry out the commands."""
@@ -86,12 +91,12 @@ class Host:
 
     def reset(self) -> None:
         """Forget packets and the last byte (LM-RST-2, LM-RST-4)."""
-        self.busy_end: i64 = NEVER
-        self.words_due: int = 0
-        self._pending: int = _NOTHING
-        self._reply: list[int] = []
-        self._second: bool = False
-        self._latched: int = 0
+        self.busy_end = NEVER
+        self.words_due = 0
+        self._pending = _NOTHING
+        self._reply = []
+        self._second = False
+        self._latched = 0
         if self._kind != _STATUS:
             self._kind = _REPEAT
 

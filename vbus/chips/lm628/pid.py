@@ -60,15 +60,13 @@ class Pid:
         self.kd: i64 = 0
         self.il: i64 = 0
         self.ds: i64 = 0
-        self.phase: i64 = 0
-        self.reset()
-
-    def reset(self) -> None:
-        """Zero everything (LM-RST-2)."""
         self.loaded: list[int] = [0, 0, 0, 0, 0]
-        self.send()
-        self.update()
-        self.clear()
+        self.sent: list[int] = [0, 0, 0, 0, 0]
+        self.sum: i64 = 0
+        self.term: i64 = 0
+        self.derivative: i64 = 0
+        self.last_error: i64 = 0
+        self.phase: i64 = 0
 
     def store(self, number: int, word: int) -> None:
         """Store one datum of LFIL: 0 is ds, then kp, ki, kd, il (LM-PID-1)."""
@@ -76,7 +74,7 @@ class Pid:
 
     def send(self) -> None:
         """UDF: what is loaded goes with it; later data is for the next UDF (NOTES 18)."""
-        self.sent: list[int] = self.loaded[:]
+        self.sent = self.loaded[:]
 
     def update(self) -> None:
         """Use what UDF has taken; the coming sample is a derivative sample (LM-PID-3)."""
@@ -85,10 +83,10 @@ class Pid:
 
     def clear(self) -> None:
         """Forget integral and derivative history (LM-TRJ-7, LM-TRJ-10)."""
-        self.sum: i64 = 0
-        self.term: i64 = 0
-        self.derivative: i64 = 0
-        self.last_error: i64 = 0
+        self.sum = 0
+        self.term = 0
+        self.derivative = 0
+        self.last_error = 0
 
     def step(self, error: i64) -> i64:
         """Run one sample; return the 16-bit motor command.

@@ -5,28 +5,14 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.chips.lm628 import datasheet as ds
-from vbus.chips.lm628.host_port import Host
+from vbus.chips.lm628.host_port import HostPort
 from vbus.chips.lm628.interface import HostInterface
 from vbus.kernel import NEVER
-from vbus.signals import HIGH, LOW, STRICT, Watcher, Z
+from vbus.signals import HIGH, LOW, STRICT, Watcher
 from vbus.state import Names, Saved, keep, take_back
 
 _LONG_AGO: Final = -(1 << 60)
 _FLOATING: Final = 0xFF
-
-
-def edges_of(write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
-    """Return the edges of a whole cycle at the shortest times the manual allows."""
-    setup, hold = ds.AC["T8"].min_ps, ds.AC["T9"].min_ps
-    low = ds.WRITE_LOW if write else ds.READ_LOW
-    strobe = "/WR" if write else "/RD"
-    edges = [(-low - setup, "/PS", address), (-low - setup, "/CS", LOW), (-low, strobe, LOW)]
-    if write:
-        edges.append((-low, "D0-D7", data))
-    edges += [(0, strobe, HIGH), (hold, "/CS", HIGH)]
-    if write:
-        edges.append((ds.AC["T16"].min_ps, "D0-D7", Z))
-    return edges
 
 
 class BusPins:
@@ -50,13 +36,13 @@ class BusPins:
         "_data_read", "_byte", "_left", "_undo: kept[_chip]",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_chip", "_cs", "_data", "_host", "_kernel", "_late", "_ps", "_rd", "_read_undone",
-        "_timer", "_wr", "_write_undone",
+        "_chip", "_cs", "_data", "_host", "_kernel", "_late", "_limits", "_ps", "_rd",
+        "_read_undone", "_timer", "_wr", "_write_undone",
     )  # fmt: skip
 
-    def __init__(self, chip: HostInterface, host: Host) -> None:
+    def __init__(self, chip: HostInterface, host: HostPort) -> None:
         self._chip: HostInterface = chip
-        self._host: Host = host
+        self._host: HostPort = host
         self._kernel = chip.kernel
         self._cs = chip.pins["/CS"]
         self._ps = chip.pins["/PS"]
@@ -64,6 +50,11 @@ class BusPins:
         self._wr = chip.pins["/WR"]
         self._data = chip.data_pin
         self._timer = chip.kernel.timer(self._hold_over)
+        # The chip's own promises are the longest that they say, all else the least.
+        self._limits: dict[str, int] = {
+            row.symbol: row.max_ps if row.output else ds.AC.minimum(row.symbol, chip.clock)
+            for row in ds.AC
+        }
         self._late: bool = self._strict("T10")
         self._write_undone: bool = self._strict("T9") or self._strict("T16")
         self._read_undone: bool = self._strict("T9") or self._strict("T12")
@@ -153,23 +144,18 @@ class BusPins:
             return
         chip.begin_read(ps)
         if self._late and chip.judged:
-            self.show_at = now + self._limit("T10")
+            self.show_at = now + self._limits["T10"]
             chip.expect(self.show_at)
-
-    def _limit(self, symbol: str) -> int:
-        """Return the limit of a row: the chip's own promise is the longest, all else the least."""
-        row = ds.AC[symbol]
-        return row.max_ps if row.output else ds.AC.minimum(symbol, self._chip.clock)
 
     def _judge(self, symbol: str, measured: int, detail: str = "") -> None:
         """Find an interval too short; a strict one loses the cycle under way."""
-        limit = self._limit(symbol)
+        limit = self._limits[symbol]
         if measured < limit:
             self._lost |= self._chip.report(ds.AC.rules[symbol], measured, limit, detail)
 
     def _judge_hold(self, symbol: str, hold: int, when: int = -1) -> None:
         """Find a hold time too short; if it is strict, the last cycle has not been."""
-        limit = self._limit(symbol)
+        limit = self._limits[symbol]
         if hold < limit and self._chip.report(ds.AC.rules[symbol], hold, limit, when=when):
             undo, self._undo = self._undo, {}
             if undo:
@@ -205,7 +191,7 @@ class BusPins:
             self._undo = keep(chip) if self._write_undone else {}
             if ps == ds.DATA_PORT:
                 self._data_wrote = now
-            self._timer.at(now + self._limit("T16"))
+            self._timer.at(now + self._limits["T16"])
         if not self._lost:
             chip.write(ps, byte)
         if byte != net.value:
@@ -223,7 +209,7 @@ class BusPins:
             self._undo = keep(chip) if self._read_undone else {}
             if ps == ds.DATA_PORT:
                 self._data_read = now
-            self._timer.at(now + self._limit("T12"))
+            self._timer.at(now + self._limits["T12"])
         if self._lost:
             self._host.lose_read()
         chip.end_read()
@@ -259,14 +245,14 @@ class BusPins:
                 moved == self._wrote and (net.value != self._byte or not net.driven)
             )
             hold = moved - self._wrote
-            if late or now - self._wrote >= self._limit("T16"):
+            if late or now - self._wrote >= self._limits["T16"]:
                 self._wrote = _LONG_AGO
             if late:
                 self._judge_hold("T16", hold, moved)
         if self._read > _LONG_AGO:
             hold = net.changed_at - self._read
             others = hold > 0 or (hold == 0 and net.value != self._left)
-            if others or now - self._read >= self._limit("T12"):
+            if others or now - self._read >= self._limits["T12"]:
                 self._read = _LONG_AGO
             if others:
                 self._judge_hold("T12", hold, net.changed_at)

@@ -4,7 +4,6 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus import state
 from vbus.bits import clamp, sign_extend, wrap, wrap_word
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.motion.ramp import toward
@@ -77,10 +76,6 @@ class Profile:
         self._sent_raw: list[int] = [0, 0, 0]
         self._sent_relative: list[bool] = [False, False, False]
         self._newer: list[bool] = [False, False, False]
-
-    def reset(self) -> None:
-        """Zero buffers and working registers (LM-RST-2)."""
-        state.load(self, state.save(Profile()))
 
     # -- LTRJ ---------------------------------------------------------------------------------
 

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from vbus.state import Saved
-from vbus.state.first import Odd, fields, row
+from vbus.state.first import Adapter, fields, row
 
 _AXIS: Final = (
     "profile", "pid", "count", "real", "real_change", "error", "following", "command", "flags",
@@ -31,7 +31,7 @@ _KEPT: Final = (
 )  # fmt: skip
 
 LAYOUTS: Final[dict[str, Any]] = {
-    "Axis": Odd(_save_axis, _load_axis),
+    "Axis": Adapter(_save_axis, _load_axis),
     "LM628": (_KEPT, "_front", "_encoder_pins", "_reset_fell", "judged"),
     "LM628.KEPT": _KEPT,
     "OutputPins": "anchor",

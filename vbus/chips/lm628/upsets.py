@@ -1,6 +1,5 @@
 """LM628/LM629: what can be upset inside the chip."""
 
-from vbus.chips.base import Chip
 from vbus.chips.lm628.chip import LM628
 from vbus.faults.row import CHIP, LASTS, ONCE, Fault
 from vbus.faults.upsets import Upsets
@@ -18,10 +17,7 @@ class Lm628Upsets(Upsets):
         Fault("busy_longest", "chip", "Busy lasts as long as it may.", CHIP, LASTS),
     )  # fmt: skip
 
-    def __init__(self, chip: Chip) -> None:
-        super().__init__(chip)
-        assert isinstance(chip, LM628)
-        self.chip: LM628 = chip
+    chip: LM628
 
     def filter_ps(self, axis: int) -> int:
         """Return how long the inputs' filter dwells (ps)."""

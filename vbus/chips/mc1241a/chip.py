@@ -254,8 +254,8 @@ class MC1241A(ChipSet):
                 until = self.port.due()
                 if now < until:
                     until = now
-                self.cycles.run(until if until < self._hold_at else self._hold_at)
-                self.interrupts.look()
+                if self.cycles.run(until if until < self._hold_at else self._hold_at):
+                    self.interrupts.look()
                 if self.cycles.heard:
                     self.output.begin_slot()
             else:

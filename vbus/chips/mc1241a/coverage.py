@@ -24,12 +24,10 @@ _STATUS_COMMANDS: Final = frozenset(
 _PMD_STATUS: Final = tuple(bit for bit in ds.STATUS_BITS if bit.number < ds.AXIS_SHIFT)
 _PMD_MODE: Final = tuple(bit for bit in ds.MODE_BITS if bit.number < ds.PROFILE_SHIFT)
 _PMD_EVENTS: Final = tuple(bit for bit in ds.STATUS_BITS if bit.mask & ds.EVENTS)
-_PROFILES: Final = ("trapezoidal", "velocity", "S-curve", "gear")
 _SETS_PROFILE: Final = {
-    "SET_PRFL_TRAP": "trapezoidal",
-    "SET_PRFL_VEL": "velocity",
-    "SET_PRFL_S_CRV": "S-curve",
-    "SET_PRFL_GEAR": "gear",
+    row.name: ds.PROFILES[row.value]
+    for row in ds.COMMANDS
+    if row.hook == "set_profile" and row.value is not None
 }
 
 
@@ -40,7 +38,7 @@ class Mc1241aExercises(Exercises):
         """Give what the tables have, and the words."""
         yield from super().items()
         yield from bit_items(BITS, "SET_INTRPT_MASK", _PMD_EVENTS, "PMD-STA-1")
-        for name in _PROFILES:
+        for name in ds.PROFILES:
             yield Item(MODES, name, "PMD-STA-5", "profile mode, set or told by GET_MODE")
         yield from bit_items(FLAGS, "status", _PMD_STATUS, "PMD-STA-1")
         yield from bit_items(FLAGS, "mode", _PMD_MODE, "PMD-STA-5")
@@ -63,7 +61,7 @@ class Mc1241aExercises(Exercises):
         if name in _STATUS_COMMANDS:
             yield from bit_keys(FLAGS, "status", _PMD_STATUS, value)
         elif name == "GET_MODE":
-            yield MODES, _PROFILES[value >> ds.PROFILE_SHIFT & 3]
+            yield MODES, ds.PROFILES[value >> ds.PROFILE_SHIFT & 3]
             yield from bit_keys(FLAGS, "mode", _PMD_MODE, value)
         elif name == "SET_INTRPT_MASK":
             yield from bit_keys(BITS, name, _PMD_EVENTS, value)

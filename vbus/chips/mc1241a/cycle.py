@@ -105,33 +105,34 @@ class Cycles:
 
     # -- slots and cycles ---------------------------------------------------------------------
 
-    def run(self, now: int) -> None:
-        """Run the slot that begins at :attr:`boundary`, and the cycle that begins with it.
+    def run(self, now: int) -> bool:
+        """Run the slot that begins at :attr:`boundary`; tell whether a cycle began with it.
 
         Args:
             now: the instant up to which the chip set is being brought.
         """
         slot = self._slot
-        if slot % SLOTS == 0 and slot and self._skip_rest(now):
-            return
+        cycle = slot % SLOTS == 0 and slot != 0
+        if cycle and self._skip_rest(now):
+            return False
         chip = self._chip
         for axis in self._axes:
             axis.encoder.follow(chip.instant, 1.0)
         if slot == 0:
             self._end_reset()
-        elif slot % SLOTS == 0:
+        elif cycle:
             self._cycle()
+        self._slot = slot + 1
         if self._slotted:
             self._slot_start = chip.instant
             self._slot_end = self.ps_of((slot + 1) * SLOT_CLK)
             for number, motor in enumerate(self.motors):
                 if motor is not None:
                     self._drive(number, motor, slot)
-            self._slot = slot + 1
             self.boundary = self._slot_end
-            return
-        self._slot = slot + 1
-        self._plan()
+        else:
+            self._plan()
+        return cycle
 
     def _plan(self) -> None:
         """Find the next boundary; slots between cycles count only if something takes them."""

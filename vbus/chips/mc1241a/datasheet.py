@@ -95,6 +95,8 @@ TRAPEZOIDAL: Final = 0
 VELOCITY: Final = 1
 S_CURVE: Final = 2
 GEAR: Final = 3
+PROFILES: Final = ("trapezoidal", "velocity", "S-curve", "gear")
+"""The four as people call them."""
 
 BRK_OFF: Final = 0
 BRK_TIME: Final = 1
@@ -145,22 +147,25 @@ COMMANDS: Final = CommandTable(
     Command("SET_PRFL_GEAR", 0x0C, scope="c", clause="PMD-CMD-7", hook="set_profile", value=GEAR,
             title="Set profile mode to electronic gear"),
     Command("SET_POS", 0x10, write=2, scope="c", clause="PMD-CMD-8", hook="set_position",
-            bits=POSITION_BITS, buffered=True, signed=True, title="Set command position"),
+            bits=POSITION_BITS, buffered=True, signed=True, unit="ustep",
+            title="Set command position"),
     Command("SET_VEL", 0x11, write=2, scope="c", clause="PMD-CMD-9", parameter="buffer.velocity",
-            bits=MAGNITUDE_BITS, buffered=True, fraction=16, title="Set command velocity"),
+            bits=MAGNITUDE_BITS, buffered=True, fraction=16, unit="ustep/cycle",
+            title="Set command velocity"),
     Command("SET_ACC", 0x12, write=2, scope="c", clause="PMD-CMD-10",
             parameter="buffer.acceleration", bits=32, buffered=True, signed=True, fraction=16,
-            title="Set command acceleration"),
+            unit="ustep/cycle/cycle", title="Set command acceleration"),
     Command("SET_MAX_ACC", 0x15, write=1, scope="c", clause="PMD-CMD-11",
             parameter="buffer.max_acceleration", bits=15, buffered=True, fraction=16,
-            title="Set max acceleration (S-curve profile only)"),
+            unit="ustep/cycle/cycle", title="Set max acceleration (S-curve profile only)"),
     Command("SET_JERK", 0x13, write=2, scope="c", clause="PMD-CMD-12", parameter="buffer.jerk",
-            bits=31, buffered=True, fraction=32, title="Set command jerk"),
+            bits=31, buffered=True, fraction=32, unit="ustep/cycle/cycle/cycle",
+            title="Set command jerk"),
     Command("SET_RATIO", 0x14, write=2, scope="c", clause="PMD-CMD-13", parameter="buffer.ratio",
-            bits=32, buffered=True, signed=True, fraction=16,
+            bits=32, buffered=True, signed=True, fraction=16, unit="ustep/cnt",
             title="Set command electronic gear ratio"),
     Command("SET_START_VEL", 0x6A, write=2, scope="c", clause="PMD-CMD-14",
-            hook="set_start_velocity", bits=MAGNITUDE_BITS, fraction=16,
+            hook="set_start_velocity", bits=MAGNITUDE_BITS, fraction=16, unit="ustep/cycle",
             title="Set starting velocity"),
     Command("STOP", 0x46, scope="c", clause="PMD-CMD-15", parameter="buffer.stop", value=1,
             buffered=True, title="Abruptly stop current axis motion"),
@@ -169,25 +174,28 @@ COMMANDS: Final = CommandTable(
     Command("SYNCH_PRFL", 0x47, scope="c", clause="PMD-CMD-17", parameter="buffer.synch", value=1,
             buffered=True, title="Set target position to actual position"),
     Command("GET_POS", 0x4A, read=2, scope="c", clause="PMD-CMD-18", parameter="buffer.position",
-            buffered=True, signed=True, title="Get command position"),
+            buffered=True, signed=True, unit="ustep", title="Get command position"),
     Command("GET_VEL", 0x4B, read=2, scope="c", clause="PMD-CMD-19", parameter="buffer.velocity",
-            buffered=True, fraction=16, title="Get command velocity"),
+            buffered=True, fraction=16, unit="ustep/cycle", title="Get command velocity"),
     Command("GET_ACC", 0x4C, read=2, scope="c", clause="PMD-CMD-20",
             parameter="buffer.acceleration", buffered=True, signed=True, fraction=16,
-            title="Get command acceleration"),
+            unit="ustep/cycle/cycle", title="Get command acceleration"),
     Command("GET_MAX_ACC", 0x4F, read=1, scope="c", clause="PMD-CMD-21",
             parameter="buffer.max_acceleration", buffered=True, fraction=16,
-            title="Get max acceleration (S-curve profile only)"),
+            unit="ustep/cycle/cycle", title="Get max acceleration (S-curve profile only)"),
     Command("GET_JERK", 0x58, read=2, scope="c", clause="PMD-CMD-22", parameter="buffer.jerk",
-            buffered=True, fraction=32, title="Get command jerk"),
+            buffered=True, fraction=32, unit="ustep/cycle/cycle/cycle", title="Get command jerk"),
     Command("GET_RATIO", 0x59, read=2, scope="c", clause="PMD-CMD-23", parameter="buffer.ratio",
-            buffered=True, signed=True, fraction=16, title="Get command electronic gear ratio"),
+            buffered=True, signed=True, fraction=16, unit="ustep/cnt",
+            title="Get command electronic gear ratio"),
     Command("GET_START_VEL", 0x6B, read=2, scope="c", clause="PMD-CMD-24",
-            parameter="start_velocity", fraction=16, title="Get starting velocity"),
+            parameter="start_velocity", fraction=16, unit="ustep/cycle",
+            title="Get starting velocity"),
     Command("GET_TRGT_POS", 0x1D, read=2, scope="c", clause="PMD-CMD-25",
-            parameter="profile.target_position", signed=True, title="Get current target position"),
+            parameter="profile.target_position", signed=True, unit="ustep",
+            title="Get current target position"),
     Command("GET_TRGT_VEL", 0x1E, read=2, scope="c", clause="PMD-CMD-26",
-            parameter="profile.target_velocity", signed=True, fraction=16,
+            parameter="profile.target_velocity", signed=True, fraction=16, unit="ustep/cycle",
             title="Get current target velocity"),
     # Parameter update
     Command("SET_TIME_BRK", 0x17, scope="c", clause="PMD-CMD-27", parameter="breakpoint_mode",
@@ -238,27 +246,29 @@ COMMANDS: Final = CommandTable(
             title="Get axis mode word"),
     # Encoder
     Command("GET_ACTL_POS", 0x37, read=2, scope="c", clause="PMD-CMD-49",
-            parameter="encoder.actual", signed=True, title="Get current actual axis location"),
+            parameter="encoder.actual", signed=True, unit="cnt",
+            title="Get current actual axis location"),
     Command("SET_CAPT_INDEX", 0x64, scope="c", clause="PMD-CMD-50", hook="set_capture",
             value=CAPTURE_INDEX, title="Set index signal as position capture trigger"),
     Command("SET_CAPT_HOME", 0x65, scope="c", clause="PMD-CMD-51", hook="set_capture",
             value=CAPTURE_HOME, title="Set home signal as position capture trigger"),
     Command("GET_CAPT", 0x36, read=2, scope="c", clause="PMD-CMD-52", hook="captured", signed=True,
-            title="Get current axis position capture location"),
+            unit="cnt", title="Get current axis position capture location"),
     Command("SET_STEP_RATIO", 0x68, write=1, scope="c", clause="PMD-CMD-53", hook="set_step_ratio",
-            bits=15, fraction=8, title="Set number of encoder counts per step"),
+            bits=15, fraction=8, unit="cnt/ustep", title="Set number of encoder counts per step"),
     Command("GET_STEP_RATIO", 0x6F, read=1, scope="c", clause="PMD-CMD-54", parameter="step_ratio",
-            fraction=8, title="Get number of encoder counts per step"),
+            fraction=8, unit="cnt/ustep", title="Get number of encoder counts per step"),
     Command("SET_AUTO_STOP_ON", 0x45, scope="c", clause="PMD-CMD-55", parameter="auto_stop",
             value=1, title="Set auto stop on motion error mode on"),
     Command("SET_AUTO_STOP_OFF", 0x44, scope="c", clause="PMD-CMD-56", parameter="auto_stop",
             value=0, title="Set auto stop on motion error mode off"),
     Command("SET_POS_ERR", 0x29, write=1, scope="c", clause="PMD-CMD-57",
-            parameter="position_error_limit", bits=15, title="Set maximum position error limit"),
+            parameter="position_error_limit", bits=15, unit="cnt",
+            title="Set maximum position error limit"),
     Command("GET_POS_ERR", 0x55, read=1, scope="c", clause="PMD-CMD-58",
-            parameter="position_error_limit", title="Get maximum position error limit"),
+            parameter="position_error_limit", unit="cnt", title="Get maximum position error limit"),
     Command("GET_ACTL_POS_ERR", 0x60, read=1, scope="c", clause="PMD-CMD-59",
-            parameter="position_error", signed=True, title="Get actual position error"),
+            parameter="position_error", signed=True, unit="cnt", title="Get actual position error"),
     # Motor control
     Command("SET_OUTPUT_PWM", 0x3C, scope="g", clause="PMD-CMD-60", parameter="output_mode",
             value=OUTPUT_PWM, title="Set motor output mode to PWM"),
@@ -297,7 +307,7 @@ COMMANDS: Final = CommandTable(
     Command("GET_VRSN", 0x6C, read=1, scope="g", clause="PMD-CMD-76", hook="version",
             title="Get chipset software version information"),
     Command("GET_TIME", 0x3E, read=2, scope="g", clause="PMD-CMD-77", parameter="time",
-            title="Get current chip set time (# cycles)"),
+            unit="cycles", title="Get current chip set time (# cycles)"),
     # Microstepping
     Command("SET_PHASE_2", 0x74, scope="c", clause="PMD-CMD-78", hook="set_phases", value=2,
             title="Set waveform to 2-phase"),
@@ -306,7 +316,11 @@ COMMANDS: Final = CommandTable(
     Command("GET_PHASE_INFO", 0x7F, read=1, scope="c", clause="PMD-CMD-80",
             parameter="stepper.phase_info", title="Get commutation flags set by host"),
 )  # fmt: skip
-"""The command summary: 80 rows (PMD-CMD-81)."""
+"""The command summary: 80 rows (PMD-CMD-81).
+
+A breakpoint's value has no unit, because it is of either position or in cycles; nor has that of
+SET_ACTL_POS, which gives both positions a number.
+"""
 
 ILLEGAL_CODES: Final = frozenset({0x00, 0x03, 0x04, 0x22, *range(0x80, 0x100)})
 """Answered with checksum 0 (PMD-PKT-4)."""

@@ -66,8 +66,7 @@ class Encoder:
         "_armed: bool", "_captured", "_fresh: bool", "_decoder: part", "_home_filter: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_a", "_b", "_chip", "_home", "_index", "_mechanics", "_negative", "_number", "_plant",
-        "_positive", "_source",
+        "_chip", "_home", "_limits", "_mechanics", "_number", "_plant", "_quadrature", "_source",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_unsettled",)
 
@@ -79,23 +78,20 @@ class Encoder:
         self._plant: Plant | None = None
         self._mechanics: Plant | None = None
         pins = chip.pins
-        self._a: Pin = pins[f"QuadA{n}"]
-        self._b: Pin = pins[f"QuadB{n}"]
-        self._index: Pin = pins[f"~Index{n}"]
+        self._quadrature = (pins[f"QuadA{n}"], pins[f"QuadB{n}"], pins[f"~Index{n}"])
         self._home: Pin = pins[f"~Home{n}"]
-        self._positive: Pin = pins[f"PosLimit{n}"]
-        self._negative: Pin = pins[f"NegLimit{n}"]
+        self._limits = (pins[f"PosLimit{n}"], pins[f"NegLimit{n}"])
         dwell = chip.clock.span_up(FILTER_CLK)
         self._decoder: Quadrature = Quadrature(
             dwell, dwell, dwell_limit=AC["T2"].min_ps, pulse_limit=AC["T1"].min_ps
         )
         self._home_filter: InputFilter = InputFilter(dwell)
-        for pin in (self._a, self._b, self._index):
+        for pin in self._quadrature:
             pin.net.watch(Watcher(chip.kernel, self._encoder_moved))
         self._home.net.watch(Watcher(chip.kernel, self._home_moved))
         limits = Watcher(chip.kernel, self.limit_moved)
-        self._positive.net.watch(limits)
-        self._negative.net.watch(limits)
+        for pin in self._limits:
+            pin.net.watch(limits)
         self._wired: bool = False
         self._home_wired: bool = False
         self._levels: list[int] = [-1, -1]
@@ -293,11 +289,12 @@ class Encoder:
         chip.advance()
         now = chip.kernel.now
         self._settle(now)
-        if not self._wired and (self._a.net.driven or self._b.net.driven):
+        a, b, index = self._quadrature
+        if not self._wired and (a.net.driven or b.net.driven):
             chip.follow_encoders()
             self._wired = True
         self._unsettled = True
-        found = self._decoder.edge(now, self._a.value, self._b.value, self._index.value)
+        found = self._decoder.edge(now, a.value, b.value, index.value)
         if found and chip.judged:
             judge_inputs(chip, AC, self._decoder, found)
         chip.touched()
@@ -315,7 +312,7 @@ class Encoder:
     def limit_moved(self) -> None:
         """A limit switch pin has moved."""
         self._chip.advance()
-        for place, pin in enumerate((self._positive, self._negative)):
+        for place, pin in enumerate(self._limits):
             self._levels[place] = pin.value if pin.net.driven else -1
         self._chip.touched()
 

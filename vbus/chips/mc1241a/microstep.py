@@ -72,15 +72,21 @@ class Microstepper:
     def __init__(self, b_leads: bool) -> None:
         self._two: tuple[int, ...] = PHASE_B[True, b_leads]
         self._three: tuple[int, ...] = PHASE_B[False, b_leads]
+        self.two_phase: bool = False
+        self._shift: int = 0
+        self._from: int = 0
+        self._moved: int = 0
+        self._start: i64 = 0
+        self._way: i64 = 0
+        self._held_slot: i64 = -1
         self._held_a: i64 = 0
         self._held_b: i64 = 0
-        self.reset()
 
     def reset(self) -> None:
         """Angle 0, three phases."""
-        self.two_phase: bool = False
-        self._shift: int = 0
-        self._held_slot: i64 = -1
+        self.two_phase = False
+        self._shift = 0
+        self._held_slot = -1
         self.begin_cycle(0, 0)
 
     def begin_cycle(self, start: int, moved: int) -> None:
@@ -90,14 +96,14 @@ class Microstepper:
             start: target position at the cycle's start (2^-32 usteps).
             moved: what the profile generator adds to it in this cycle.
         """
-        self._from: int = start + self._shift
-        self._moved: int = moved
+        self._from = start + self._shift
+        self._moved = moved
         self._reduce()
 
     def _reduce(self) -> None:
         """Leave whole electrical cycles out: what makes a difference to the angle fits words."""
-        self._start: i64 = 8 * (self._from & _CYCLE)
-        self._way: i64 = self._moved & _WAY
+        self._start = 8 * (self._from & _CYCLE)
+        self._way = self._moved & _WAY
 
     def renumber(self, before: int, after: int) -> None:
         """The target becomes ``after`` instead of ``before`` (2^-32 usteps) and the angle stays.

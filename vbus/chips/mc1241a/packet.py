@@ -62,6 +62,9 @@ class HostPort:
         self._ready_pin: Pin = chip.pins["HostRdy"]
         self._slot_busy: bool = chip.settings["host_busy"] == "slot"
         self._noop_codes: bool = chip.settings["family_codes"] == "noop"
+        self.busy_until: i64 = 0
+        """HostRdy rises at this instant (ps), NEVER if no end is in sight."""
+        self._pending: int = NOTHING
         self._pending_value: int = 0
         self._high: int = 0
         self._word: int = 0
@@ -71,9 +74,8 @@ class HostPort:
     def reset(self, since: int, ready: int) -> None:
         """Forget every packet and be busy from ``since`` to ``ready`` (ps)."""
         self.busy_since: int = since
-        self.busy_until: i64 = ready
-        """HostRdy rises at this instant (ps), NEVER if no end is in sight."""
-        self._pending: int = READY
+        self.busy_until = ready
+        self._pending = READY
         self._open(None, 0, 0)
         self._code: int = 0
         self._checksum: int = 0

@@ -22,9 +22,6 @@ _SETS: Final = {"SET_INTRPT_MASK", "GET_INTRPT_MASK"}
 _RESETS: Final = {"RST_INTRPT", "RST_STATUS"}
 _STATUS: Final = {"SET_1", "SET_2", "SET_I", "GET_STATUS", "GET_INTRPT"}
 _HEX: Final = {"SET_LMT_SENSE", "GET_LMT_SWTCH", "GET_HOME", "GET_PHASE_INFO", "MULTI_UPDATE"}
-_TARGETS: Final = {"SET_POS", "GET_POS", "GET_TRGT_POS"}
-_COUNTS: Final = {"GET_ACTL_POS", "GET_CAPT", "SET_POS_ERR", "GET_POS_ERR", "GET_ACTL_POS_ERR"}
-_PROFILES: Final = ("trapezoidal", "velocity", "S-curve", "gear")
 _PARTS: Final = ("00", "01", "31", "41", "51", "5", "6", "7")
 
 
@@ -147,26 +144,6 @@ class Mc1241aPackets(CommandPackets):
             return modes.get(words[0], f"{words[0]:04X}H")
         return super().values(row, words)
 
-    def unit(self, name: str) -> str:
-        """Return the unit of a command's value, as the manual has it.
-
-        Targets are microsteps; the encoder's positions, and errors against it, are counts. A
-        breakpoint's value is either or cycles, and SET_ACTL_POS gives both positions a number.
-        """
-        if "JERK" in name:
-            return "ustep/cycle/cycle/cycle"
-        if "ACC" in name:
-            return "ustep/cycle/cycle"
-        if "VEL" in name:
-            return "ustep/cycle"
-        if "RATIO" in name:
-            return "cnt/ustep" if "STEP" in name else "ustep/cnt"
-        if name in _TARGETS:
-            return "ustep"
-        if name in _COUNTS:
-            return "cnt"
-        return "cycles" if name == "GET_TIME" else ""
-
     def show_word(self, name: str, value: int) -> str:
         """Explain a status, mode or version word, or an adapter's status byte."""
         if name == "adapter":
@@ -178,7 +155,7 @@ class Mc1241aPackets(CommandPackets):
             rest = tuple(bit for bit in ds.STATUS_BITS if bit.number < ds.AXIS_SHIFT)
             return f"{value:04X}H axis {axis}: {flags(value, rest)}"
         if name == "mode":
-            profile = _PROFILES[value >> ds.PROFILE_SHIFT & 3]
+            profile = ds.PROFILES[value >> ds.PROFILE_SHIFT & 3]
             phase = value >> ds.PHASE_SHIFT & 7
             rest = tuple(bit for bit in ds.MODE_BITS if bit.number < ds.PROFILE_SHIFT)
             return f"{value:04X}H {profile} phase {phase}: {flags(value, rest)}"

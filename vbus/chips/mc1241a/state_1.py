@@ -6,7 +6,7 @@ from vbus.chips.mc1241a.datasheet import S_CURVE
 from vbus.chips.mc1241a.microstep import STEPS
 from vbus.chips.mc1241a.profile import DONE, RUNNING
 from vbus.state import Saved
-from vbus.state.first import BITS, Odd, fields, from_tuple, row, to_tuple
+from vbus.state.first import BITS, Adapter, fields, from_tuple, row, to_tuple
 
 _PLAIN_1: Final = (
     "events", "+motor_on", "auto_stop", "auto_update", "+_update_pending", "+position_given",
@@ -83,7 +83,7 @@ def _load_profile(profile: Any, old: Any) -> Saved:
 
 
 LAYOUTS: Final[dict[str, Any]] = {
-    "Axis": Odd(_save_axis, _load_axis),
+    "Axis": Adapter(_save_axis, _load_axis),
     "Commands": "current",
     "Cycles": (
         "shared", "_driven", "motors",
@@ -102,6 +102,6 @@ LAYOUTS: Final[dict[str, Any]] = {
         ("_wake", "_hold_at", "+held", "+_adapter_read", "busy_stretch", "commands"),
         "cycles", "interrupts", "port", "output", "host_pins", "axes",
     ),
-    "Microstepper": Odd(_save_stepper, _load_stepper),
-    "Profile": Odd(_save_profile, _load_profile),
+    "Microstepper": Adapter(_save_stepper, _load_stepper),
+    "Profile": Adapter(_save_profile, _load_profile),
 }  # fmt: skip

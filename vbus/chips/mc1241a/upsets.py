@@ -2,7 +2,6 @@
 
 from typing import Final
 
-from vbus.chips.base import Chip
 from vbus.chips.mc1241a.chip import MC1241A
 from vbus.faults.row import CHIP, LASTS, Fault
 from vbus.faults.upsets import Upsets
@@ -24,10 +23,7 @@ class Mc1241aUpsets(Upsets):
     )  # fmt: skip
     LIMIT_CLOSED = HIGH
 
-    def __init__(self, chip: Chip) -> None:
-        super().__init__(chip)
-        assert isinstance(chip, MC1241A)
-        self.chip: MC1241A = chip
+    chip: MC1241A
 
     def disturb(self) -> None:
         """Tell the chip set that something behind it is different now."""

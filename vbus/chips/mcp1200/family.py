@@ -28,5 +28,6 @@ FAMILY: Final = Family(
     reset_name="soft reset",
     outputs=("PROF", "IDLE", "BUSY"),
     addresses=(("00H to 7FH", "address latched by /ALE or /CS", "register byte", "register byte"),),
+    compatibility={"hctl-1100": "compatible:Hctl1100Uses"},
     kept=frozenset({"tDOEH", "tOF", "tOR", "tEP"}),
 )

@@ -74,25 +74,11 @@ class SCurve:
     )  # fmt: skip
 
     def __init__(self) -> None:
-        self.plan(0, 0, 0, 0)
-
-    def plan(self, distance: int, top: int, accel: int, jerk: int) -> bool:
-        """Plan a move from rest (MCP-SCV-1).
-
-        Args:
-            distance: way to go, 0 or more; with 0 the move is done at once.
-            top: largest velocity.
-            accel: largest acceleration.
-            jerk: largest jerk.
-
-        Returns:
-            Whether it moves. With ``top``, ``accel`` or ``jerk`` 0 it does not and is never done
-            (MCP-SCV-4).
-        """
-        self.distance: int = distance
+        self.distance: int = 0
         self.offset: int = 0
         self.velocity: int = 0
         self.phase: int = 0
+        self.done: bool = True
         self.rise: int = 0
         self.flat: int = 0
         self.hold: int = 0
@@ -108,7 +94,28 @@ class SCurve:
         self._peak: int = 0
         self._left: int = 0
         self._stopping: bool = False
-        self.done: bool = distance == 0
+
+    def plan(self, distance: int, top: int, accel: int, jerk: int) -> bool:
+        """Plan a move from rest (MCP-SCV-1).
+
+        Args:
+            distance: way to go, 0 or more; with 0 the move is done at once.
+            top: largest velocity.
+            accel: largest acceleration.
+            jerk: largest jerk.
+
+        Returns:
+            Whether it moves. With ``top``, ``accel`` or ``jerk`` 0 it does not and is never done
+            (MCP-SCV-4).
+        """
+        self.distance = distance
+        self.offset = self.velocity = self.phase = 0
+        self.rise = self.flat = self.hold = 0
+        self._num = self._part = self._end_part = self._rest = 0
+        self._den = 1
+        self._k = self._c = self._peak = self._left = 0
+        self._stopping = False
+        self.done = distance == 0
         if distance == 0 or top == 0 or accel == 0 or jerk == 0:
             return False
 

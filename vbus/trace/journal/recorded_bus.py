@@ -42,7 +42,7 @@ class RecordedBus(HostBus):
         number: int,
     ) -> None:
         super().__init__(board, hosts, label, chips, cycle_ps, card)
-        self.every_cycle = True
+        self.polls.every_cycle = True
         self.strobes.found = self._strobed
         self._rows: JournalRows = rows
         self._session: i64 = number

@@ -43,7 +43,8 @@ class Trigger:
         self.text: str = text
         self.net: Net | None = None
         """The net it looks at, if it is an edge."""
-        found = ((kind, one.fullmatch(text.strip())) for kind, one in _PATTERNS.items())
+        text = text.strip()
+        found = ((kind, one.fullmatch(text)) for kind, one in _PATTERNS.items())
         kind, match = next((each for each in found if each[1]), ("", None))
         if match is None:
             raise VbusError(f'trigger "{text}": write one of: {"; ".join(FORMS)}')

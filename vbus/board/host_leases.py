@@ -1,0 +1,75 @@
+"""What a host may know of the bytes of polls to come, without asking the board."""
+
+from typing import ClassVar, Final
+
+from vbus.board.circuit import Circuit
+from vbus.board.host_pins import HostPins
+from vbus.board.host_selection import Selection
+from vbus.kernel import US
+from vbus.state import Names
+
+LONGEST_LEASE: Final = 100_000 * US
+"""How far ahead a lease reaches at most: a host that polls for ever is heard of now and then."""
+
+
+class HostLeases:
+    """The leases of one session; see :meth:`~vbus.protocols.port.HostPort.lease`.
+
+    Args:
+        board: the board.
+        selection: the session's chips.
+        pins: the session's pins.
+
+    Attributes:
+        until: instant until which the last lease holds (ps); 0 if there is none.
+    """
+
+    WIRING: ClassVar[Names] = ("_board", "_pins", "_selection")
+    DERIVED: ClassVar[Names] = ("until",)
+
+    def __init__(self, board: Circuit, selection: Selection, pins: HostPins) -> None:
+        self._board: Circuit = board
+        self._selection: Selection = selection
+        self._pins: HostPins = pins
+        self.until: int = 0
+
+    def give(self, address: int) -> tuple[int, int, int] | None:
+        """Tell how long the byte just read will be read again.
+
+        Nothing is promised in real time, nor while something is broken.
+        """
+        board, chip = self._board, self._selection.chip
+        if chip is None or address not in chip.FREE_READS:
+            return None
+        if board.policy == "realtime" or board.disturbed:
+            return None
+        outputs = self._pins.output_word()
+        until = min(board.kernel.next_due, chip.steady_until(address))
+        until = min([until, *(neighbour.next_event() for neighbour in self._selection.chips)])
+        now: int = board.kernel.now
+        if until <= now + self._selection.cycle:
+            return None
+        self.until = min(until, now + LONGEST_LEASE)
+        return outputs, now, self.until
+
+    def foresee(self, address: int) -> tuple[int, int] | None:
+        """Tell what comes after the lease just given."""
+        chip, when, kernel = self._selection.chip, self.until, self._board.kernel
+        following = chip.foresee(address, when) if chip is not None else None
+        if following is None:
+            return None
+        data, until = following
+        until = min(until, kernel.next_due, kernel.now + LONGEST_LEASE)
+        for neighbour in self._selection.chips:
+            if neighbour is not chip:
+                until = min(until, neighbour.next_event())
+        if until <= when + self._selection.cycle:
+            return None
+        self.until = until
+        return data, until
+
+    def end(self) -> None:
+        """Somebody else is about to touch the board: what was promised comes true first."""
+        until, self.until = self.until, 0
+        if until > self._board.kernel.now:
+            self._board.run_until(until)

@@ -1,0 +1,107 @@
+"""Polls a host has answered itself from a lease, and that its board has still to run."""
+
+from bisect import bisect_right
+from itertools import accumulate
+from typing import ClassVar
+
+from vbus.board.circuit import Circuit
+from vbus.board.host_clock import HostClock
+from vbus.board.host_selection import Selection
+from vbus.kernel import NEVER
+from vbus.protocols import codes
+from vbus.protocols.port import HostPort, PortError
+from vbus.state import Names
+
+
+class HostPolls:
+    """Runs the polls of one session.
+
+    Args:
+        board: the board.
+        session: whose cycles they are.
+        selection: the session's chips.
+        clock: the session's time.
+
+    Attributes:
+        left: how many are still to be run; -1 if none are under way.
+        every_cycle: whether each must be run, though nobody could tell: for a journal.
+    """
+
+    STATE: ClassVar[Names] = ("left",)
+    WIRING: ClassVar[Names] = ("_board", "_clock", "_selection", "_session", "every_cycle")
+
+    def __init__(
+        self, board: Circuit, session: HostPort, selection: Selection, clock: HostClock
+    ) -> None:
+        self._board: Circuit = board
+        self._session: HostPort = session
+        self._selection: Selection = selection
+        self._clock: HostClock = clock
+        self.left: int = -1
+        self.every_cycle: bool = False
+
+    def run(self, address: int, count: int) -> bool:
+        """Run polls, each a cycle after the one before; False to be called again later."""
+        session, clock = self._session, self._clock
+        if self.left < 0:
+            self.left = count
+        session.held = False
+        while self.left:
+            if session.held:
+                return False
+            if clock.stamp < 0 and self._skippable(address):
+                cycle, now = self._selection.cycle, self._board.now
+                over = min(self.left, (self._board.limit - now) // cycle) - 1
+                if over > 0:
+                    clock.run_until(now + over * cycle)
+                    self._skip(over)
+            self._poll(address)
+        self.left = -1
+        return True
+
+    def run_at(self, address: int, first: int, steps: tuple[int, ...]) -> bool:
+        """Run polls, each at its time stamp; False to be called again later."""
+        session, clock = self._session, self._clock
+        instants = list(accumulate(steps, initial=first))
+        if self.left < 0:
+            clock.check_at(first)
+            if instants[-1] >= NEVER:
+                raise PortError(codes.BAD_AT, f"at {instants[-1]}: time ends at {NEVER - 1} ps")
+            self.left = len(instants)
+        session.held = False
+        while self.left:
+            if self._skippable(address):
+                place = len(instants) - self.left
+                over = bisect_right(instants, self._board.limit, place) - place - 1
+                if over > 0:
+                    self._skip(over)
+            session.at(instants[-self.left])
+            if session.held:
+                return False
+            self._poll(address)
+        self.left = -1
+        return True
+
+    def _poll(self, address: int) -> None:
+        try:
+            self._session.read(address)
+        except PortError:
+            self.left = -1
+            raise
+        self.left -= 1
+
+    def _skippable(self, address: int) -> bool:
+        """Whether nothing could tell if a poll before the last one were skipped."""
+        chip = self._selection.chip
+        if chip is None or not chip.TRACELESS or address not in chip.FREE_READS:
+            return False
+        if self.every_cycle or self._board.observers:
+            return False
+        return not (self._board.kernel.observed and self._selection.observed())
+
+    def _skip(self, polls: int) -> None:
+        """Count polls that are not run."""
+        self._board.reads += polls
+        if self._selection.chip is not None:
+            self._selection.chip.reads += polls
+        self.left -= polls

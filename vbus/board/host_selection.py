@@ -1,0 +1,94 @@
+"""The chips of one host: which of them its next cycles concern, and what those cost."""
+
+from typing import ClassVar, Final
+
+from vbus.chips.base import Chip
+from vbus.kernel import US
+from vbus.protocols import codes
+from vbus.protocols.port import PortError
+from vbus.signals import Z
+from vbus.state import Names
+
+FLOATING: Final = 0xFF
+
+
+class Selection:
+    """What SELECT has chosen.
+
+    Args:
+        chips: what the session may select, in order.
+        cycles: what a whole cycle costs with each of them (ps).
+
+    Attributes:
+        selected: the chips of following cycles.
+        chip: the one chip selected; None if there are more, or none.
+        cycle: what a whole cycle costs now (ps).
+    """
+
+    STATE: ClassVar[Names] = ("mask",)
+    WIRING: ClassVar[Names] = ("chips", "cycles")
+    DERIVED: ClassVar[Names] = ("_mask", "chip", "cycle", "selected")
+
+    def __init__(self, chips: list[Chip], cycles: list[int]) -> None:
+        self.chips: list[Chip] = chips
+        self.cycles: list[int] = cycles
+        self._mask: int = 1
+        self.selected: list[Chip] = chips[:1]
+        self.chip: Chip | None = chips[0] if chips else None
+        self.cycle: int = cycles[0] if cycles else US
+
+    @property
+    def mask(self) -> int:
+        """The chips of following cycles, a bit each."""
+        return self._mask
+
+    @mask.setter
+    def mask(self, mask: int) -> None:
+        if mask >> len(self.chips):
+            raise PortError(
+                codes.NO_SUCH, f"select {mask:X}: this session has {len(self.chips)} chips"
+            )
+        self._mask = mask
+        self.selected = [chip for n, chip in enumerate(self.chips) if mask >> n & 1]
+        self.chip = self.selected[0] if len(self.selected) == 1 else None
+        if self.selected:
+            self.cycle = max(self._chosen())
+
+    def _chosen(self) -> list[int]:
+        return [cycle for n, cycle in enumerate(self.cycles) if self._mask >> n & 1]
+
+    def cost(self, *cycles: int) -> list[int]:
+        """Set what a whole cycle costs (ps), for all chips or for each; return what it did."""
+        before = self.cycles
+        self.cycles = list(cycles) if len(cycles) > 1 else [cycles[0]] * len(self.chips)
+        self.cycle = max(self._chosen(), default=cycles[0])
+        return before
+
+    def number(self, name: str) -> int:
+        """Return the bit number of the chip called ``name``.
+
+        Raises:
+            PortError: there is none; the message lists what there is.
+        """
+        names = [chip.name for chip in self.chips]
+        if name in names:
+            return names.index(name)
+        raise PortError(codes.NO_SUCH, f"no chip {name!r}; this session has {', '.join(names)}")
+
+    @property
+    def names(self) -> str:
+        """What observers are told of the chips selected: ``"x"``, ``"x+y"``, ``"-"``."""
+        return "+".join(chip.name for chip in self.selected) or "-"
+
+    def observed(self) -> bool:
+        """Whether somebody looks at a bus net of the chips selected."""
+        for chip in self.selected:
+            for pin in chip.bus_pins:
+                if pin.net.observers:
+                    return True
+        return False
+
+    def floating(self) -> int:
+        """Return what a read finds with no chip selected."""
+        net = self.chips[0].bus_net if self.chips else None
+        return net.value if net is not None and net.rest == Z else FLOATING

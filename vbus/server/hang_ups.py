@@ -1,0 +1,44 @@
+"""Hosts that go while nothing is read from them are noticed all the same."""
+
+import asyncio
+import select
+from collections.abc import Callable
+
+
+class HangUps:
+    """One descriptor for all sessions that wait.
+
+    Args:
+        loop: the event loop.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop: asyncio.AbstractEventLoop = loop
+        self._poll: select.epoll = select.epoll()
+        self._callbacks: dict[int, Callable[[], None]] = {}
+
+    def open(self) -> None:
+        """Notice from now on."""
+        self._loop.add_reader(self._poll.fileno(), self._hung_up)
+
+    def close(self) -> None:
+        """Notice nothing more."""
+        self._loop.remove_reader(self._poll.fileno())
+        self._poll.close()
+
+    def watch(self, fd: int, callback: Callable[[], None]) -> None:
+        """Call back when the host behind ``fd`` has gone, until :meth:`forget`."""
+        if fd not in self._callbacks:
+            self._callbacks[fd] = callback
+            self._poll.register(fd, 0)  # errors and hang-ups are always told
+
+    def forget(self, fd: int) -> None:
+        """Look no more; again is harmless."""
+        if self._callbacks.pop(fd, None) is not None:
+            self._poll.unregister(fd)
+
+    def _hung_up(self) -> None:
+        for fd, _ in self._poll.poll(0):
+            callback = self._callbacks.get(fd)
+            if callback is not None:
+                callback()
