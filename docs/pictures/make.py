@@ -57,7 +57,7 @@ def record(folder: Path) -> Iterator[tuple[float, str]]:
             command, shell=True, cwd=folder, env=environment, text=True,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=True,
         )  # fmt: skip
-        for line in done.stdout.replace(str(folder), "/home/you").splitlines():
+        for line in done.stdout.replace(str(folder), "~").splitlines():
             now += SHOWN
             yield now, line[:WIDTH]
         now += READ

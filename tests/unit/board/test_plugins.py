@@ -122,7 +122,7 @@ def test_a_source_tree_that_is_not_installed_says_how_to_install_it(
         (plugins.CHIPS, {"LM628", "LM629", "MCP-1200", "MCP1200", "MC1241A", "MC1141A"}),
         (plugins.PLANTS, {"dc_motor", "ideal", "stepper"}),
         (plugins.PROTOCOLS, {"byte", "framed", "terminal", "text"}),
-        (plugins.TRANSPORTS, {"pty", "unix", "tcp", "serial"}),
+        (plugins.TRANSPORTS, {"pty", "unix", "tcp", "serial", "rfc2217"}),
     ],
 )
 def test_the_parts_of_vbus_are_registered_like_any_other(group: str, expected: set[str]) -> None:

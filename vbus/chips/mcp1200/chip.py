@@ -81,7 +81,7 @@ class MCP1200(HostInterface):
         self._own = {"TRIG": self.side.own, ds.DATA: self.bus.own}
         self._judge_clock()
         self.axis.hold(self.cycle_now())
-        self.changed()
+        self.touched()
 
     # -- bus cycles ---------------------------------------------------------------------------
 
@@ -125,7 +125,7 @@ class MCP1200(HostInterface):
         if not self._too_soon(ds.RECOVERY_WRITE_CLK):
             self.axis.write(self.cycle_now(), address & 0x7F, data & 0xFF)
             self._stall()
-        self.changed()
+        self.touched()
 
     def _too_soon(self, clocks: int) -> bool:
         """Note a /CS rise; judge the time since the last one (MCP-BUS-12)."""
@@ -182,13 +182,13 @@ class MCP1200(HostInterface):
         if self._reading >= 0:
             self.bus.refresh()
 
-    def changed(self) -> None:
-        """Something from outside has touched the chip: show it, and set the timer anew."""
+    def touched(self) -> None:
+        """Something from outside has changed the chip: show it, and set the timer anew."""
         self._refresh_due()
         self._quiet_ps = 0
         self.outputs.show(self.cycle_now())
         self.bus.refresh()
-        self.rearm()
+        super().touched()
 
     def _refresh_due(self) -> None:
         due = self.axis.next()
@@ -238,7 +238,7 @@ class MCP1200(HostInterface):
             self.axis.release(cycle)
             if done:
                 self.axis.finish_reset(cycle)
-        self.changed()
+        self.touched()
 
     def reset_pin(self, level: int) -> None:
         """/RESET has moved."""
@@ -262,7 +262,7 @@ class MCP1200(HostInterface):
         """Something behind the chip is different now: rest is over, switches may have moved."""
         self.axis.rest.disturb()
         self.side.look(self.cycle_now())
-        self.changed()
+        self.touched()
 
     def connect(self, axis: int, plant: Plant) -> None:
         """Attach a motor (``drive``), or a stepper with its driver (``pulses``)."""
@@ -276,7 +276,7 @@ class MCP1200(HostInterface):
         encoder.connect(plant, bool(self.settings["limit_switches"]), home)
         encoder.end = self.cycle_now()
         self.side.settle_levels()
-        self.changed()
+        self.touched()
 
     # -- AC limits ----------------------------------------------------------------------------
 

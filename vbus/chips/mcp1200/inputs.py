@@ -99,7 +99,7 @@ class EncoderPins:
             self._since[place] = now
         self.decoder.edge(chip.cycle_now(), a, b, index)
         self.after_load()
-        chip.changed()
+        chip.touched()
 
     def _judge(self, moved: list[int], now: int) -> None:
         clocks = self._divider()
@@ -166,7 +166,7 @@ class SidePins:
             if name == "/RESET":
                 chip.reset_pin(level)
         self.look(chip.cycle_now())
-        chip.changed()
+        chip.touched()
 
     def look(self, cycle: int) -> None:
         """Find out what has moved by ``cycle``: a net, or a switch of the axis."""

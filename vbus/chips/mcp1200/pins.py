@@ -25,10 +25,6 @@ class HostInterface(Chip):
 
     # -- what is behind the pins --------------------------------------------------------------
 
-    def changed(self) -> None:
-        """Something from outside has touched the chip: show it, and set the timer anew."""
-        raise NotImplementedError
-
     def drop_read(self) -> None:
         """A read that was begun does not take place; the latch keeps what it had."""
         raise NotImplementedError
@@ -165,7 +161,7 @@ class HostPins:
         if data != self._data:
             self._data_moves(data, now)
         self.refresh()
-        chip.changed()
+        chip.touched()
 
     def _judge(self, symbol: str, measured: int) -> None:
         """Judge a limit of the access under way."""
