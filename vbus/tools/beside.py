@@ -213,8 +213,8 @@ async def run_program(command: list[str], environment: dict[str, str], note: Pat
     except OSError as error:
         raise VbusError(f"{command[0]}: {error.strerror}") from error
     running.append(process.pid)
-    for number in tuple(came):  # while it was being started
-        pass_on(number)
+    for early in tuple(came):  # while it was being started
+        pass_on(early)
     code = await process.wait()
     for handle in asked:
         handle.cancel()
