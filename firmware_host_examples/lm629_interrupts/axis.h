@@ -19,7 +19,7 @@ void open_axis(void);
 
 void start_move(int number);
 
-/* After trajectory complete: let the load settle and print where the axis is. */
+/* After trajectory complete: let the load settle and print whether the axis is there. */
 void tell(int number, uint8_t status);
 
 #endif

@@ -208,3 +208,23 @@ def test_metrics_are_served_while_the_program_runs(board: Path) -> None:
     done = vbus("exec", "--board", board, "--metrics", "127.0.0.1:0", "--", "true")
     assert done.returncode == 0
     assert done.stderr.startswith("vbus: metrics: http://127.0.0.1:")
+
+
+def test_equal_polls_of_a_journal_are_one_line(board: Path, tmp_path: Path) -> None:
+    script = HELLO.replace("bus.write(1, 0)", "_ = [bus.read(0) for _ in range(49)]")
+    journal = tmp_path / "run.vbj"
+    vbus("exec", "--board", board, "--journal", journal, "--", sys.executable, "-c", script)
+    lines = vbus("explain", journal).stdout.splitlines()
+    assert lines[1:] == ["1us x RDSTAT 00H -  [LM-CMD-23]  x 50, 0.049 ms"]
+
+
+@pytest.mark.parametrize(
+    ("words", "example"),
+    [
+        (["exec"], "  vbus exec --board board.toml -- ./host          finds the board's link"),
+        (["snap", "bisect"], "  or a pin's level                        x.HI=1"),
+    ],
+)
+def test_help_prints_examples_as_written(words: list[str], example: str) -> None:
+    lines = vbus(*words, "--help").stdout.splitlines()
+    assert any(line.startswith(example) for line in lines)

@@ -124,3 +124,35 @@ def test_what_threads_wait_for_of_each_other_works(
 ) -> None:
     done = execute(tmp_path, REGISTERS.format(time=policy, card=PORTS), programs("meetings", bits))
     assert said(done) == SYNCHRONISED
+
+
+TWO = SERVO.replace(
+    "[cards.slot]",
+    '[chips.y]\npart = "LM629N-8"\nclock = "8 MHz"\nplant = "none"\n[cards.slot]\nblock = 2',
+)
+TWO = TWO.replace('chips = ["x"]', 'chips = ["x", "y"]').replace('"x.HI"', '"x.HI y.HI"')
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved", "realtime"])
+def test_two_outputs_are_one_interrupt(programs: Programs, tmp_path: Path, policy: str) -> None:
+    """It stands until both chips have been served."""
+    done = execute(
+        tmp_path, TWO.format(time=policy, card=""), programs("lines", 64),
+        options=("--no-summary",),
+    )  # fmt: skip
+    assert said(done) == [
+        "after reset: interrupt 1", "one served: interrupt 2", "both served: interrupt 0",
+        "one reset again: interrupt 3",
+    ]  # fmt: skip
+
+
+def test_a_write_that_nobody_takes_is_told_where_writes_are_answered(tmp_path: Path) -> None:
+    (tmp_path / "lost.c").write_text(
+        "#include <sys/io.h>\nint main(void) { iopl(3); outb(1, 0x7300); return 0; }\n"
+    )
+    program = compile_c(tmp_path / "lost", "-O2", tmp_path / "lost.c")
+    board = REGISTERS.format(time="lockstep", card=PORTS)
+    done = execute(tmp_path, board, program)
+    lines = done.stderr.splitlines()
+    assert lines[0].endswith("nobody answers a write of 1 byte at port 0x7300; it is lost")
+    assert lines[2].startswith("vbus exec: the card answers writes at 0x300")

@@ -498,6 +498,41 @@ def test_linux_port_io(driver: Driver, run: Run, compiler: str, time: str) -> No
     assert ran.bus[0] == "x w 0 1D"
 
 
+@pytest.mark.parametrize("compiler", ["gcc", "g++"])
+@pytest.mark.parametrize("time", ["lockstep", "slaved"])
+def test_sleeps_and_clocks_follow_chip_time(
+    driver: Driver, run: Run, compiler: str, time: str
+) -> None:
+    """Two looks at the clock, of 1 us each, and two cycles."""
+    program = driver(
+        "linux-io",
+        """
+#include <stdio.h>
+#include <sys/io.h>
+#include <time.h>
+#include <unistd.h>
+int main(void)
+{
+    struct timespec begun, ended, pause = {0, 5000000};
+    int turn;
+    inb(0x340);
+    clock_gettime(CLOCK_MONOTONIC, &begun);
+    for (turn = 0; turn < 3; turn++)
+        usleep(100000);
+    nanosleep(&pause, NULL);
+    sleep(2);
+    inb(0x340);
+    clock_gettime(CLOCK_MONOTONIC, &ended);
+    printf("%ld us\\n", (long)((ended.tv_sec - begun.tv_sec) * 1000000
+                              + (ended.tv_nsec - begun.tv_nsec) / 1000));
+    return 0;
+}
+""",
+        compiler=compiler,
+    )
+    assert run(program, card(time=time)).said == "2305002 us\n"
+
+
 def test_port_io_with_the_names_of_dos_compilers(driver: Driver, run: Run) -> None:
     program = driver(
         "linux-io",

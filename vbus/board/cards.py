@@ -81,13 +81,18 @@ class Card:
     def program_text(self, outputs: list[str]) -> str:
         """Return what HELLO tells ``vbus exec``: how a program finds the card.
 
-        ``line`` is the number of the interrupting output among ``outputs``.
+        ``lines`` has a bit for each interrupting output among ``outputs``, ``low`` for those that
+        do so when they are low.
         """
         parts = [f"memory={int(self.memory)}", f"fixed={self.fixed}", f"big={int(self.big_endian)}"]
-        if self.interrupt in outputs:
-            low = self.interrupt.partition(".")[2][:1] in ("/", "~")
-            number = outputs.index(self.interrupt)
-            parts += [f"line={number}", f"low={int(low)}", f"signal={self.signal}"]
+        lines = low = 0
+        for output in self.interrupt.split():
+            if output in outputs:
+                bit = 1 << outputs.index(output)
+                lines |= bit
+                low |= bit if output.partition(".")[2][:1] in ("/", "~") else 0
+        if lines:
+            parts += [f"lines={lines}", f"low={low}", f"signal={self.signal}"]
         return ";".join(parts)
 
     def offsets(self) -> list[int]:

@@ -249,8 +249,12 @@ class _Checks:
             self._source.fail(
                 (*path, "fixed"), f"found {card.fixed}; a page begins at 4096 times n"
             )
-        name, _, pin = card.interrupt.partition(".")
-        if card.interrupt and self._exists((*path, "interrupt"), "chips", name):
+        for output in card.interrupt.split():
+            self._card_output(output, (*path, "interrupt"))
+
+    def _card_output(self, named: str, path: Path) -> None:
+        name, _, pin = named.partition(".")
+        if self._exists(path, "chips", name):
             part = self._parts.get(name)
             outputs = [
                 row.name
@@ -259,9 +263,7 @@ class _Checks:
             ]
             if part is not None and pin not in outputs:
                 known = listed(f"{name}.{output}" for output in outputs)
-                self._source.fail(
-                    (*path, "interrupt"), f"found {quoted(card.interrupt)}; outputs are {known}"
-                )
+                self._source.fail(path, f"found {quoted(named)}; outputs are {known}")
 
     def _decode(self, card: CardSection, path: Path, chip: Chip) -> None:
         known = cards.decodes(chip)

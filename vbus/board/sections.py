@@ -206,9 +206,13 @@ class CardSection(Section, frozen=True, kw_only=True):
         bool,
         _key("flag", "in wide accesses the byte at the lowest address is the most significant"),
     ] = False
-    interrupt: Annotated[str, _key("text", 'output that interrupts the program, as "chip.pin"')] = (
-        ""
-    )
+    interrupt: Annotated[
+        str,
+        _key(
+            "text",
+            'output that interrupts the program, as "chip.pin"; several with spaces: wired-OR',
+        ),
+    ] = ""
     signal: Annotated[
         str, _key("choice", "signal an interrupt sends to the program", tuple(SIGNALS))
     ] = ""

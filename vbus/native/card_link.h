@@ -24,6 +24,11 @@ void card_write_wide(unsigned long address, uint32_t value, unsigned size, int b
 /* Let time pass (picoseconds): at once, unless the board runs in real time. */
 void card_pass(uint64_t duration);
 
+/* Whether sleeps and clocks follow chip time: from the first access on, unless the board runs in real
+ * time; and chip time (picoseconds). See card_time.c. */
+int card_rules_time(void);
+uint64_t card_now(void);
+
 #ifdef __cplusplus
 }
 #endif

@@ -193,21 +193,28 @@ async def run_program(command: list[str], environment: dict[str, str], note: Pat
         VbusError: it cannot be started.
     """
     loop = asyncio.get_running_loop()
+    running: list[int] = []
+    came: list[int] = []
     asked: list[asyncio.TimerHandle] = []
 
     def pass_on(number: int) -> None:
         """Not by the process object, which would take the exit code from who waits for it."""
-        with suppress(ProcessLookupError):
-            os.kill(process.pid, number)
-        if not asked:
-            asked.append(loop.call_later(ending.PATIENCE, ending.end, process.pid, number))
+        came.append(number)
+        for pid in running:
+            with suppress(ProcessLookupError):
+                os.kill(pid, number)
+            if not asked:
+                asked.append(loop.call_later(ending.PATIENCE, ending.end, pid, number))
 
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, pass_on, number)
     try:
         process = await asyncio.create_subprocess_exec(*command, env={**os.environ, **environment})
     except OSError as error:
         raise VbusError(f"{command[0]}: {error.strerror}") from error
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, pass_on, number)
+    running.append(process.pid)
+    for early in tuple(came):  # while it was being started
+        pass_on(early)
     code = await process.wait()
     for handle in asked:
         handle.cancel()

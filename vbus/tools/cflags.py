@@ -39,7 +39,12 @@ class Shim:
         return [*(f"-I{folder}" for folder in self.includes()), *self.options, *self.files()]
 
 
-_CARD: Final = ("vbus.c", "link_text.c", "card_link.c")
+_CARD: Final = ("vbus.c", "link_text.c", "card_link.c", "card_time.c")
+_CLOCKS: Final = tuple(
+    f"-Wl,--wrap={name}"
+    for name in ("clock_gettime", "clock_nanosleep", "gettimeofday", "nanosleep", "sleep", "time",
+                 "usleep")
+)  # fmt: skip
 _PINS: Final = ("vbus.c", "link_text.c", "pin_decoder.c", "pin_link.c", "shims/ports.cpp")
 _AVR: Final = (*_PINS, "shims/avr/avr_shim.cpp")
 
@@ -47,8 +52,8 @@ SHIMS: Final = {
     "arduino": Shim(("arduino", "avr"), (*_AVR, "shims/arduino/arduino_shim.cpp")),
     "avr": Shim(("avr",), _AVR),
     "pic": Shim(("pic",), (*_PINS, "shims/pic/pic_shim.cpp"), ("-Wno-unknown-pragmas",)),
-    "linux-io": Shim(("linux-io",), _CARD),
-    "mmio": Shim(("mmio",), _CARD, ("-D_DEFAULT_SOURCE", "-include", "vbus_mmio.h")),
+    "linux-io": Shim(("linux-io",), _CARD, _CLOCKS),
+    "mmio": Shim(("mmio",), _CARD, ("-D_DEFAULT_SOURCE", "-include", "vbus_mmio.h", *_CLOCKS)),
 }
 """The shims by name. The ports of microcontrollers are C++ objects: those want g++."""
 

@@ -9,6 +9,7 @@ from typing import Final
 
 from vbus.board.board import Board
 from vbus.errors import VbusError
+from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
 from vbus.tools.output import bar, reading
@@ -85,6 +86,7 @@ def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> It
                 yield from watch.lines()
             watch.finish()
             yield from watch.lines()
+            yield from watch.rest()
         if reader.damage:
             yield f"# {path}: {reader.damage}"
 
@@ -102,16 +104,22 @@ class _Lines(BoardPackets):
     """Packets and violations as lines, in the order in which they ended.
 
     A packet that is cut short is known to be one only when another begins, so lines wait for what
-    is still open; at most :data:`_WAITING` of them.
+    is still open; at most :data:`_WAITING` of them. Equal ones in a row, as of a driver that polls,
+    are one line.
     """
 
     def __init__(self, header: Header) -> None:
         super().__init__(header.families, self._packet, header.settings)
         self._waiting: list[tuple[int, int, str]] = []
         self._count: int = 0
+        self._text: str = ""
+        """The line that is held back to be counted: its text, how often, from when until when."""
+        self._times: int = 0
+        self._begun: int = 0
+        self._ended: int = 0
 
     def _add(self, when: int, text: str) -> None:
-        heappush(self._waiting, (when, self._count, f"{instant(when)} {text}"))
+        heappush(self._waiting, (when, self._count, text))
         self._count += 1
 
     def _packet(self, chip: str, packet: Packet) -> None:
@@ -131,7 +139,20 @@ class _Lines(BoardPackets):
             return
         first = self.unfinished()
         while waiting and (first is None or waiting[0][0] <= first or len(waiting) > _WAITING):
-            yield heappop(waiting)[2]
+            when, _, text = heappop(waiting)
+            if text != self._text:
+                yield from self.rest()
+                self._text, self._begun = text, when
+            self._times += 1
+            self._ended = when
+
+    def rest(self) -> Iterator[str]:
+        """Give the line that is held back."""
+        if self._times:
+            more = self._ended - self._begun
+            folded = f"  x {self._times}, {more / MS:.6g} ms" if self._times > 1 else ""
+            yield f"{instant(self._begun)} {self._text}{folded}"
+        self._times = 0
 
 
 def _entries(reader: JournalReader, first: int, last: int) -> Iterator[str]:

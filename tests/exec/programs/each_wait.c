@@ -317,10 +317,12 @@ int main(int argc, char **arguments)
         return 1;
     memset(&action, 0, sizeof action);
     action.sa_handler = on_signal;
-    sigaction(SIGIO, &action, NULL);
     sigaction(SIGALRM, &action, NULL);
+    if (!by_signal)
+        action.sa_handler = SIG_IGN; /* in real time that of the reset may come late */
+    sigaction(SIGIO, &action, NULL);
     sigemptyset(&only);
-    sigaddset(&only, SIGIO);
+    sigaddset(&only, by_signal ? SIGIO : SIGUSR1);
     prepare();
     if (strncmp(arguments[1], "sig", 3) == 0 || strstr(arguments[1], "signalfd") != NULL)
         if (strcmp(arguments[1], "sigsuspend") != 0)

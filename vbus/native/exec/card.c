@@ -31,7 +31,7 @@ struct port {
     unsigned char chip, chip_address, floating;
 };
 
-struct card_settings card = {.line = -1};
+struct card_settings card;
 
 static struct {
     struct port ports[MOST_PORTS];
@@ -126,29 +126,30 @@ void card_say_place(const char *before, uintptr_t ip, const char *after)
         card_say("%s instruction at 0x%x%s", before, ip, after);
 }
 
-/* Say which addresses answer reads, as ranges. */
-static void say_mapped(void)
+/* Say which addresses answer reads, or writes, as ranges. */
+static void say_mapped(int write)
 {
+    const struct port *ports = write ? writes.ports : reads.ports;
+    unsigned count = write ? writes.count : reads.count;
     char text[256];
     size_t size = 0;
     unsigned turn, first;
 
-    for (turn = 0; turn < reads.count && size < sizeof text - 48; turn++) {
+    for (turn = 0; turn < count && size < sizeof text - 48; turn++) {
         first = turn;
-        while (turn + 1 < reads.count
-               && reads.ports[turn + 1].address == reads.ports[turn].address + 1)
+        while (turn + 1 < count && ports[turn + 1].address == ports[turn].address + 1)
             turn++;
         size = add(text, size, sizeof text - 1, first > 0 ? ", 0x" : "0x");
-        size = add_number(text, size, sizeof text - 1, reads.ports[first].address, 16);
+        size = add_number(text, size, sizeof text - 1, ports[first].address, 16);
         if (turn > first) {
             size = add(text, size, sizeof text - 1, " to 0x");
-            size = add_number(text, size, sizeof text - 1, reads.ports[turn].address, 16);
+            size = add_number(text, size, sizeof text - 1, ports[turn].address, 16);
         }
     }
-    if (turn < reads.count)
+    if (turn < count)
         size = add(text, size, sizeof text - 1, ", ...");
     text[size] = '\0';
-    card_say("the card answers reads at %s", size > 0 ? text : "no address");
+    card_say("the card answers %s at %s", write ? "writes" : "reads", size > 0 ? text : "no address");
 }
 
 static void must(int error)
@@ -179,7 +180,7 @@ static void unanswered(uintptr_t address, unsigned size, int write, uintptr_t ip
              size > 1 ? "s" : "", card.memory ? "address" : "port", address,
              write ? "it is lost" : "FFh is read");
     card_say_place("by the", ip, "");
-    say_mapped();
+    say_mapped(write);
     if (count == MOST_REPORTS)
         card_say("further addresses are not reported");
 }
@@ -244,8 +245,8 @@ void card_read_settings(void)
     card.memory = number_setting(text, "memory") != 0;
     card.big = number_setting(text, "big") != 0;
     card.fixed = (uintptr_t)number_setting(text, "fixed");
-    card.line = setting(text, "line") != NULL ? (int)number_setting(text, "line") : -1;
-    card.active_low = number_setting(text, "low") != 0;
+    card.lines = (uint32_t)number_setting(text, "lines");
+    card.low = (uint32_t)number_setting(text, "low");
     card.signal = (int)number_setting(text, "signal");
     next = setting(text, "note");
     if (next != NULL && strcspn(next, ";") < sizeof note)
@@ -278,9 +279,14 @@ void card_leave(void)
     turns_leave();
 }
 
+int card_interrupting(uint32_t outputs)
+{
+    return ((outputs ^ card.low) & card.lines) != 0;
+}
+
 static void on_event(void *context, uint32_t outputs, uint64_t instant)
 {
-    int active = (int)(outputs >> card.line & 1) != card.active_low;
+    int active = card_interrupting(outputs);
 
     (void)context;
     (void)instant;
@@ -614,7 +620,7 @@ void card_watch(void)
 {
     uint32_t outputs;
 
-    if (card.line < 0 || watching)
+    if (card.lines == 0 || watching)
         return;
     watching = 1;
     if (!card.virtual_time) {
@@ -625,9 +631,9 @@ void card_watch(void)
         open_card();
         return;
     }
-    must(vbus_events(&bus, 1u << card.line));
+    must(vbus_events(&bus, card.lines));
     must(vbus_sync(&bus, &outputs, NULL));
-    line_active = (int)(outputs >> card.line & 1) != card.active_low;
+    line_active = card_interrupting(outputs);
     if (line_active)
         interrupts++;
 }
@@ -649,7 +655,7 @@ void card_rearm(void)
     open_card();
     tell_time();
     must(vbus_sync(&bus, &outputs, NULL));
-    if ((int)(outputs >> card.line & 1) != card.active_low)
+    if (card_interrupting(outputs))
         card_interrupt();
 }
 

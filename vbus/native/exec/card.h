@@ -17,8 +17,8 @@ struct card_settings {
     int big;              /* the byte at the lowest address is the most significant one */
     uintptr_t fixed;      /* where the program expects the card without mapping it, or 0 */
     uintptr_t first, end; /* the card's addresses: first, and one past the last */
-    int line, active_low; /* output line that interrupts, or -1 */
-    int signal;           /* signal it sends, or 0 */
+    uint32_t lines, low;  /* output lines that interrupt, and those of them that do so when low */
+    int signal;           /* signal they send, or 0 */
 };
 
 extern struct card_settings card;
@@ -78,7 +78,10 @@ int card_leap(int64_t longest, int heeds);
 
 /* --- interrupts ------------------------------------------------------------------------------- */
 
-/* Watch the interrupt line from now on. */
+/* Whether one of the lines interrupts: they are one wire. */
+int card_interrupting(uint32_t outputs);
+
+/* Watch the interrupt lines from now on. */
 void card_watch(void);
 
 /* Learn of interrupts that the time which has passed has brought. */

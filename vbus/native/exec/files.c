@@ -66,7 +66,7 @@ static void begin(void)
 static void adopt_device(int fd, enum kind kind)
 {
     begin();
-    if (kind == UIO && card.line >= 0) {
+    if (kind == UIO && card.lines != 0) {
         uio_seen[fd] = card_interrupts();
         card_enter();
         card_watch();
@@ -224,8 +224,8 @@ static ssize_t read_uio(int fd, void *data, size_t size)
     uint64_t told;
     uint32_t count;
 
-    if (size != 4 || card.line < 0) {
-        errno = card.line < 0 ? EIO : EINVAL;
+    if (size != 4 || card.lines == 0) {
+        errno = card.lines == 0 ? EIO : EINVAL;
         return -1;
     }
     card_refresh();
@@ -254,7 +254,7 @@ static ssize_t write_uio(const void *data, size_t size)
         return -1;
     }
     memcpy(&on, data, 4);
-    if (on && card.line >= 0) {
+    if (on && card.lines != 0) {
         card_enter();
         card_rearm();
         card_leave();

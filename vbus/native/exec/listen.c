@@ -23,7 +23,7 @@ static int active;
 
 static void on_edge(void *context, uint32_t outputs, uint64_t instant)
 {
-    int now = (int)(outputs >> card.line & 1) != card.active_low;
+    int now = card_interrupting(outputs);
 
     (void)context;
     (void)instant;
@@ -68,7 +68,7 @@ void listen_begin(void)
     }
     line.on_event = on_edge;
     if (error >= 0)
-        error = vbus_events(&line, 1u << card.line);
+        error = vbus_events(&line, card.lines);
     if (error >= 0)
         error = vbus_sync(&line, &outputs, NULL);
     if (error < 0) {
@@ -76,7 +76,7 @@ void listen_begin(void)
         card_end(4);
     }
     line.timeout_ms = -1;
-    if (!active && (int)(outputs >> card.line & 1) != card.active_low)
+    if (!active && card_interrupting(outputs))
         on_edge(NULL, outputs, 0);
     if (real == NULL)
         *(void **)&real = dlsym(RTLD_NEXT, "pthread_create");

@@ -153,11 +153,9 @@ void signals_send_to(struct guest *guest, int number, int code, union sigval val
     info.si_signo = number;
     info.si_code = code;
     info.si_value = value;
-    if (guest == turns_self() || guest->trapped != NULL) {
+    if (guest == turns_self() || guest->trapped != NULL)
         syscall(SYS_rt_tgsigqueueinfo, getpid(), guest->tid, number, &info);
-        if (guest->trapped != NULL && guest->wait != NULL)
-            guest->wait->told = 1; /* a wait in a handler of ours: it comes behind that */
-    } else
+    else
         keep(guest, &info); /* it does not run: it finds it when it has the turn */
 }
 

@@ -10,6 +10,7 @@
 #include "spin.h"
 
 #include "card.h"
+#include "clock.h"
 #include "context.h"
 #include "signals.h"
 #include "sys.h"
@@ -52,11 +53,21 @@ static void start_again(unsigned now)
     proven = 0;
 }
 
+/* Whether this is where a system call returns to: what that did cannot be seen in registers. */
+static int after_call(uintptr_t ip)
+{
+    const unsigned char *code = (const unsigned char *)ip;
+
+    return (code[-2] == 0x0F && (code[-1] == 0x05 || code[-1] == 0x34))
+           || (code[-2] == 0xCD && code[-1] == 0x80);
+}
+
 /* Whether it has been here with these registers; note it if not. */
 static int was_here(uintptr_t ip, uintptr_t sum)
 {
     unsigned turn;
 
+    changing |= after_call(ip);
     for (turn = 0; turn < known; turn++)
         if (places[turn].ip == ip) {
             changing |= places[turn].sum != sum;
@@ -87,17 +98,16 @@ static void say(uintptr_t ip, const char *what, const char *after)
 }
 
 /* Until another thread has done something or a signal has come, this one would see nothing new. */
-static void stand_by(struct guest *self, ucontext_t *context)
+static void stand_by(struct guest *self)
 {
     static const struct itimerspec shortly = {{0, 0}, {0, LOOK_NS}};
     struct wait wait = {.until = FOR_EVER, .spins = 1};
     int (*set)(timer_t, int, const struct itimerspec *, struct itimerspec *);
 
     self->inside++;
-    self->trapped = &context->uc_sigmask;
     turns_wait(&wait);
-    self->trapped = NULL;
     self->inside--;
+    signals_run(self);
     seen = turns_entries();
     *(void **)&set = dlsym(RTLD_NEXT, "timer_settime");
     set(soon, 0, &shortly, NULL);
@@ -113,7 +123,8 @@ static void on_tick(int number, siginfo_t *info, void *data)
 
     if (holder != NULL && holder != self && info->si_code == SI_TIMER)
         syscall(SYS_tgkill, getpid(), holder->tid, number);
-    if (holder == NULL || holder != self || self->inside > 0 || self->trapped != NULL) {
+    if (!clock_follows() || holder == NULL || holder != self || self->inside > 0
+        || self->trapped != NULL) {
         errno = saved;
         return;
     }
@@ -127,7 +138,7 @@ static void on_tick(int number, siginfo_t *info, void *data)
         say(ip, "waits for memory to change",
             "chip time would stand still for ever, so other threads go on and time passes until one"
             " of them has done something; let the loop look at a clock or sleep instead");
-        stand_by(self, context);
+        stand_by(self);
     } else if (changing && ticks >= WORK && !said_work) {
         said_work = 1;
         say(ip, "has worked for a second of processor time",
@@ -152,8 +163,6 @@ void spin_watch(void)
     memset(&action, 0, sizeof action);
     action.sa_sigaction = on_tick;
     action.sa_flags = SA_SIGINFO | SA_RESTART | SA_ONSTACK;
-    sigfillset(&action.sa_mask);
-    sigdelset(&action.sa_mask, SIGSEGV);
     signals_real(SPIN_SIGNAL, &action, NULL);
     memset(&event, 0, sizeof event);
     event.sigev_notify = SIGEV_SIGNAL;
