@@ -1,8 +1,6 @@
 """Clients and protocols against a served board with real chips, in lockstep."""
 
-import os
 import re
-import subprocess
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -259,19 +257,6 @@ def test_the_framed_protocol_on_a_socket(links: dict[str, str]) -> None:
     assert say(b"\xa5\xa5noise" + b"\0" * 260 + frame(2, b"\x02\x07")) == (2, b"E\x07")
     assert say(frame(2, b"\x02\x07")) == (2, b"E\x07")
     link.close()
-
-
-def test_the_shell_lines_of_the_page_on_the_byte_protocol(links: dict[str, str]) -> None:
-    page = (ROOT / "docs" / "byte-protocol.md").read_text()
-    (lines,) = re.findall(r"^```sh\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
-    with connect(links["pty"]) as bus:
-        bus.delay("2ms")
-        bus.echo()
-    environment = {**os.environ, "PTY": links["pty"].removeprefix("pty:")}
-    done = subprocess.run(
-        ["bash", "-ec", lines], env=environment, capture_output=True, text=True, timeout=20
-    )
-    assert done.stdout.split() == ["44", "84"]
 
 
 def blocks(language: str) -> list[str]:
