@@ -40,6 +40,7 @@ def test_a_wire_joins_at_least_one_pin_and_pins_of_one_width_only() -> None:
         board.join("odd", ["x.HI", "y.DB0-DB7"])
 
 
+@pytest.mark.core("interpreted")
 def test_time_beyond_its_end_is_refused_before_any_passes() -> None:
     board = load_board_text(TWO)
     passed: list[int] = []
@@ -54,6 +55,7 @@ def test_time_beyond_its_end_is_refused_before_any_passes() -> None:
     assert not passed
 
 
+@pytest.mark.core("interpreted")
 def test_a_chip_that_nobody_listens_to_comes_along_every_few_seconds(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
