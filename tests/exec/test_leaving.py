@@ -154,6 +154,27 @@ def test_what_does_not_end_is_killed_and_it_is_said_what_it_did(
     assert "sleeps in the kernel" in lines[1]
 
 
+def test_what_does_not_end_is_killed_also_if_nobody_reads_why(
+    programs: Programs, tmp_path: Path
+) -> None:
+    (tmp_path / "board.toml").write_text(LOCKSTEP)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vbus", "exec", "--board", "board.toml", "--",
+         str(programs("ends", 64)), "stubborn"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert process.stderr is not None
+    assert process.stdout.readline() == "up\n"
+    process.stderr.close()
+    process.send_signal(signal.SIGTERM)
+    try:
+        assert process.wait(timeout=30) == 128 + signal.SIGKILL
+    finally:
+        process.kill()
+        process.stdout.close()
+
+
 def test_a_wild_pointer_is_called_one(programs: Programs, tmp_path: Path) -> None:
     done = execute(tmp_path, LOCKSTEP, programs("ends", 64), "wild")
     assert (done.returncode, done.stdout) == (128 + signal.SIGSEGV, "up\n")

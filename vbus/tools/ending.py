@@ -60,16 +60,18 @@ def what_hangs(pid: int) -> list[str]:
 
 def end(pid: int, number: int) -> None:
     """Kill what has not ended, and say what it was doing."""
-    click.echo(
-        f"vbus exec: {signal.Signals(number).name} has not ended the program within"
-        f" {PATIENCE:g} s; it is killed",
-        err=True,
-    )
-    for line in what_hangs(pid):
-        click.echo(f"vbus exec: {line}", err=True)
+    hangs = what_hangs(pid)
     for one in descendants(pid):
         with suppress(ProcessLookupError):
             os.kill(one, signal.SIGKILL)
+    with suppress(OSError):  # nobody may be there who reads it
+        click.echo(
+            f"vbus exec: {signal.Signals(number).name} has not ended the program within"
+            f" {PATIENCE:g} s; it is killed",
+            err=True,
+        )
+        for line in hangs:
+            click.echo(f"vbus exec: {line}", err=True)
 
 
 def explain(code: int, note: Path) -> None:
