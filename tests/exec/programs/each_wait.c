@@ -79,17 +79,6 @@ static void prepare(void)
     command(0x1F, sizeof move, move);
 }
 
-/* In real time the interrupts of the program before, and of the reset, may still be on their way. */
-static void settle(void)
-{
-    int before;
-
-    do {
-        before = signals;
-        usleep(100000);
-    } while (signals != before);
-}
-
 static long long now(void)
 {
     struct timespec when;
@@ -335,8 +324,6 @@ int main(int argc, char **arguments)
     sigemptyset(&only);
     sigaddset(&only, by_signal ? SIGIO : SIGUSR1);
     prepare();
-    if (by_signal)
-        settle();
     if (strncmp(arguments[1], "sig", 3) == 0 || strstr(arguments[1], "signalfd") != NULL)
         if (strcmp(arguments[1], "sigsuspend") != 0)
             sigprocmask(SIG_BLOCK, &only, NULL);
