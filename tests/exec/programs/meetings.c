@@ -79,17 +79,17 @@ static void *call_it(void *data)
 static void *read_it(void *data)
 {
     pthread_rwlock_rdlock(&rwlock);
-    readers++;
-    usleep(2000);
-    most = readers > most ? readers : most;
-    readers--;
+    __atomic_add_fetch(&readers, 1, __ATOMIC_SEQ_CST);
+    pthread_barrier_wait(&barrier);
+    most = readers;
+    pthread_barrier_wait(&barrier);
+    __atomic_sub_fetch(&readers, 1, __ATOMIC_SEQ_CST);
     pthread_rwlock_unlock(&rwlock);
     return data;
 }
 
 static void *write_it(void *data)
 {
-    usleep(1000);
     pthread_rwlock_wrlock(&rwlock);
     writers = readers == 0;
     pthread_rwlock_unlock(&rwlock);
@@ -128,6 +128,7 @@ static void *endless(void *data)
     const char *how = data;
 
     pthread_cleanup_push(clean, NULL);
+    sem_post(&semaphores[0]);
     if (strcmp(how, "access") == 0)
         pthread_setcanceltype(PTHREAD_CANCEL_ASYNCHRONOUS, NULL);
     if (strcmp(how, "condition") == 0) {
@@ -152,11 +153,19 @@ static void cancel_in(const char *how)
     void *result;
 
     cleaned = 0;
+    sem_init(&semaphores[0], 0, 0);
     pthread_create(&thread, NULL, endless, (void *)how);
+    sem_wait(&semaphores[0]);
     usleep(5000);
     pthread_cancel(thread);
     pthread_join(thread, &result);
     printf("cancelled %d in %s\n", result == PTHREAD_CANCELED && cleaned, how);
+}
+
+static void *wait_for(void *data)
+{
+    sem_wait(data);
+    return NULL;
 }
 
 static void *leave(void *data)
@@ -233,6 +242,7 @@ int main(void)
     printf("barrier %d serial of 3\n", sum == 0 ? 0 : 1);
     run(call_it, 3, NULL);
     printf("once %d\n", count);
+    pthread_barrier_init(&barrier, NULL, 2);
     pthread_create(&others[0], NULL, read_it, NULL);
     pthread_create(&others[1], NULL, read_it, NULL);
     pthread_create(&thread, NULL, write_it, NULL);
@@ -250,9 +260,11 @@ int main(void)
     mtx_unlock(&c11_mutex);
     thrd_join(c11_thread, &c11_result);
     printf("c11 %d\n", count + c11_result);
-    pthread_create(&thread, NULL, post_later, &semaphores[1]);
+    sem_init(&semaphores[1], 0, 0);
+    pthread_create(&thread, NULL, wait_for, &semaphores[1]);
     clock_gettime(CLOCK_REALTIME, &until);
     error = pthread_timedjoin_np(thread, NULL, &until);
+    sem_post(&semaphores[1]);
     printf("timed join %d, then %d\n", error, pthread_join(thread, NULL));
     cancel_in("sleep");
     cancel_in("condition");
@@ -267,7 +279,8 @@ int main(void)
     printf("semaphores %d\n", error == 0 ? 3 : errno);
     pthread_create(&thread, NULL, wake, NULL);
     while (word == 0 && error == 0)
-        error = (int)syscall(SYS_futex, &word, FUTEX_WAIT_PRIVATE, 0, NULL, NULL, 0);
+        if (syscall(SYS_futex, &word, FUTEX_WAIT_PRIVATE, 0, NULL, NULL, 0) && errno != EAGAIN)
+            error = errno;
     pthread_join(thread, NULL);
     printf("futex %d\n", error);
     pthread_spin_init(&spinlock, 0);
