@@ -326,6 +326,7 @@ GOOD = encode(Report("1", 1, 3, 50, 60, -1, ((40, 1, 0, 0, 1, False),)))
         (b"\x01" + GOOD[1:], "version 1; this vbus speaks version 2"),
         (GOOD[:-3], "bytes that are no message"),
         (b"\x02\xc1\xff", "bytes that are no message"),
+        (b"\x02\x99" + GOOD[2:] + b"\x07", "bytes that are no message"),  # a ninth element
         (encode(Report("1", 7, 0, 0, 0, -1, ())), "cannot be: node 7 of 4"),
         (encode(Report("1", 1, 0, 9, 5, -1, ())), "horizon 9, next event 5"),
         (encode(Report("1", 1, 0, 9, 9, -1, ((3, 1, 0, 9, 1, False),))), "on wire 9"),

@@ -5,7 +5,7 @@ import zipfile
 from contextlib import suppress
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.unit.trace.captures import BOARDS, Shot, board_of, vcd
@@ -118,6 +118,7 @@ def test_a_session_gives_its_changes_at_their_instants() -> None:
     assert samples(capture) == [(0, 1), (20_000, 3), (40_000, 0)]
 
 
+@example([(0x001, 2), (0x101, 1)], 1)
 @settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.tuples(st.integers(0, 511), st.integers(1, 9000)), min_size=1, max_size=12),
