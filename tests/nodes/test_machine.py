@@ -46,6 +46,8 @@ def test_the_run_ends_where_the_scenario_does_and_takes_few_rounds(machine: Mach
     assert all(conductor.finished for conductor in machine.conductors)
     assert {conductor.participant.granted for conductor in machine.conductors} == {20_000 * US + 1}
     assert machine.conductors[0].participant.round <= 100
+    assert {conductor.state for conductor in machine.conductors} == {"rests"}
+    assert len({conductor.participant.round for conductor in machine.conductors}) == 1
 
 
 def test_an_edge_reaches_the_other_nodes_exactly_one_delay_later(machine: Machine) -> None:
@@ -210,6 +212,18 @@ def test_nodes_agree_on_one_order_of_events_whatever_the_network_does(
                 return sorted(seen)
 
     assert play(shuffle=True) == play(shuffle=False)
+
+
+def test_time_waits_for_a_host_that_has_begun_to_use_it_until_it_waits_itself() -> None:
+    conductor = conductor_of(FILE, SOURCE, "a")
+    port = conductor.node.board.open_port("h")
+    assert not conductor.busy()
+    assert not port.delay(US)
+    assert not conductor.busy()
+    conductor.participant.granted = US
+    assert not conductor.busy()
+    conductor.participant.granted = US + 1
+    assert conductor.busy()
 
 
 # -- snapshots, mistakes --------------------------------------------------------------------------

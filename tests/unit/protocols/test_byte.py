@@ -351,6 +351,11 @@ def test_a_lease_without_end_is_all_ones(wire: ByteProtocol) -> None:
     assert say(wire, "61 01 12") == leased(0x23, 0, US, (1 << 64) - 1)
 
 
+def test_a_lease_has_all_32_output_lines(wire: ByteProtocol, port: FakePort) -> None:
+    port.outputs = 0xFFFF_FFFF
+    assert say(wire, "61 01 10") == leased(1, 0xFFFF_FFFF, US, 6 * US)
+
+
 def test_leases_are_on_or_off_and_end_with_the_session(wire: ByteProtocol) -> None:
     assert say(wire, "61 03") == "58020000"
     assert say(wire, "61 01") == ""
