@@ -259,5 +259,5 @@ class Net:
             if pin.level != Z:
                 if level != Z and pin.level != level:
                     fight = fight or not pin.open_drain
-                level = pin.level if level == Z else level & pin.level
+                level = pin.level
         self.clashing = fight

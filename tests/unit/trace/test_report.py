@@ -139,6 +139,13 @@ def test_sarif_has_rules_results_levels_and_places(report: Report) -> None:
     assert first["properties"]["when_ps"] == 32_000_000
 
 
+def test_sarif_of_a_rule_nobody_has_points_at_none() -> None:
+    report = Report("b", {"x": "lm628"}, [])
+    report.violation(Violation(1, "x", "acme.slow", "p. 3", "error", 0, 0, "a"))
+    (run,) = json.loads(formats.sarif(report))["runs"]
+    assert run["results"][0]["ruleIndex"] == -1
+
+
 def test_intervals_are_shown_in_nanoseconds_and_other_figures_as_they_are() -> None:
     report = Report("b", {"x": "lm628"}, all_rules())
     report.violation(
