@@ -305,6 +305,8 @@ def test_the_worst_of_late_edges_is_told_whichever_comes_first() -> None:
     on_time = node.board.kernel.now - node.wires[wire].delay
     node.accept([(on_time - late, 2, 900 + late, wire, 1, False) for late in (0, 10, 30, 20)])
     assert (node.late, node.worst_late) == (3, 30)
+    node.accept([(0, 2, 999, wire, 1, False)])
+    assert (node.late, node.worst_late) == (4, on_time)
 
 
 def test_a_node_with_another_board_is_refused_by_name() -> None:

@@ -475,6 +475,37 @@ def test_a_mistake_is_named_with_its_line_and_what_is_allowed(mistake: tuple[str
     assert str(caught.value).split("\n") == lines
 
 
+CERTIFICATES = 'certificate = "a"\nkey = "b"\nauthority = "c"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "problems"),
+    [
+        ('listen = ["tcp/127.0.0.1:7447"]\n', {}),
+        ('connect = ["tcp/127.0.0.1:7447"]\n' + CERTIFICATES, {}),
+        ('listen = ["tls/127.0.0.1:7447"]\n' + CERTIFICATES, {}),
+        ('listen = ["tcp/127.0.0.1:7447"]\n' + CERTIFICATES, {
+            "zenoh.listen[0]": '"tcp/127.0.0.1:7447" lets hosts in that show no certificate; write'
+            ' "tls/127.0.0.1:7447", or leave certificate, key and authority out',
+        }),
+        ('connect = ["tls/127.0.0.1:7447"]\n', {
+            "zenoh.connect[0]": '"tls/127.0.0.1:7447" needs certificates: give certificate, key and'
+            " authority",
+        }),
+        ('certificate = "a"\n', {
+            "zenoh": "certificate, key and authority belong together; missing: key, authority",
+        }),
+    ],
+)  # fmt: skip
+def test_certificates_fit_each_other_and_the_endpoints(text: str, problems: dict[str, str]) -> None:
+    found = {}
+    try:
+        read_board_text(f"{SMALL}[zenoh]\n{text}", "b.toml")
+    except BoardFileError as error:
+        found = {it.key: str(it).partition(f"{it.key}: ")[2] for it in error.problems}
+    assert found == problems
+
+
 def test_what_follows_an_unknown_key_is_checked_too() -> None:
     with pytest.raises(BoardFileError) as caught:
         load_board_text(SMALL + "[zenoh]\nnope = 1\nmode = 2\n", "b.toml")

@@ -461,6 +461,20 @@ def test_a_session_that_is_held_by_a_claim_goes_on_no_sooner() -> None:
     assert two.go_on()
 
 
+def test_a_session_held_by_a_claim_goes_on_with_another_chip() -> None:
+    board, one = bench(chips=2)
+    two = board.open_port("two")
+    one.claim()
+    two.select(0b10)
+    assert two.go_on()
+
+
+def test_a_wait_ends_when_its_time_is_over() -> None:
+    _, port = bench()
+    port.write(0, 100)
+    assert port.wait(2 * US) == (False, 3 * US)
+
+
 def test_a_slaved_host_may_be_a_millisecond_ahead_before_it_is_held() -> None:
     board, port = bench("slaved")
     board.limit = US

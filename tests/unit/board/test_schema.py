@@ -113,4 +113,6 @@ def test_a_part_of_a_package_that_is_not_installed_is_left_to_the_reader(checker
 
 
 def test_a_section_has_no_keys_but_its_own() -> None:
-    assert schema()["properties"]["board"]["additionalProperties"] is False
+    board = schema()["properties"]["board"]
+    assert board["additionalProperties"] is False
+    assert board["properties"]["seed"]["minimum"] == 0

@@ -109,6 +109,7 @@ def test_a_run_of_bytes_may_stand_behind_numbers() -> None:
     layout = Layout(Field("a", "u8"), Field("data", "bytes8"))
     assert layout.counted
     assert layout.size == 2
+    assert Request("X", 1, "", layout).size == 3
 
 
 def test_a_run_of_bytes_must_stand_last() -> None:

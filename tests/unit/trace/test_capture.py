@@ -295,7 +295,7 @@ def wired(channels: list[str], family: str = "lm628", **wanted: str) -> Wiring:
         ["x_CS", "x_PS", "x_RD", "x_WR", *(f"x_{name}" for name in DATA)],
         ["vbus.x_CS", "vbus.x_PS", "vbus.x_RD", "vbus.x_WR", *(f"vbus.x_{name}" for name in DATA)],
         ["x./CS", "x./PS", "x./RD", "x./WR", *(f"x.{name}" for name in DATA)],
-        ["x.C_S", "x.P_S", "x.R_D", "x.W_R", *(f"x.D_{n}" for n in range(8))],
+        ["a.C_S", "a.P_S", "a.R_D", "a.W_R", *(f"a.D_{n}" for n in range(8))],
     ],
 )
 def test_channels_are_found_by_the_names_of_the_pins(names: list[str]) -> None:
