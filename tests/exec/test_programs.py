@@ -331,6 +331,7 @@ def test_runs_repeat_exactly(
     ("how", "lines"),
     [
         ("uio", ["interrupt 1", "done 04, signals 0", "again 2"]),
+        ("early", ["interrupt 2", "done 04, signals 0", "again 3"]),
         ("poll", ["poll 0", "poll 1", "interrupt 1", "done 04, signals 0", "again 2"]),
         ("select", ["select 1", "interrupt 1", "done 04, signals 0", "again 2"]),
         ("signal", ["done 04, signals 1"]),
@@ -351,6 +352,7 @@ def test_an_interrupt_arrives(
     ("how", "lines"),
     [
         ("uio", ["interrupt 1", "done 04, signals 0", "again 2"]),
+        ("early", ["interrupt 2", "done 04, signals 0", "again 3"]),
         ("poll", ["poll 0", "poll 1", "interrupt 1", "done 04, signals 0", "again 2"]),
         ("select", ["select 1", "interrupt 1", "done 04, signals 0", "again 2"]),
         ("signal", ["done 04, signals 1"]),
@@ -365,6 +367,16 @@ def test_an_interrupt_arrives_in_real_time(
     done = execute(tmp_path, board, programs("interrupts", 64), how)
     assert done.returncode == 0
     assert done.stdout.splitlines()[-len(lines) :] == lines  # what comes before hangs on the pace
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved", "realtime"])
+def test_an_interrupt_sends_one_signal_which_is_there_at_the_next_access(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path, policy: str
+) -> None:
+    board = SERVO.format(time=policy, card='signal = "SIGIO"')
+    assert said(execute(tmp_path, board, programs("interrupts", bits), "count")) == [
+        f"{20 * '1'} signals of 20 resets"
+    ]
 
 
 # -- faults ----------------------------------------------------------------------------------------
