@@ -119,7 +119,7 @@ def run_on_board(
             port = board.open_port("program", host.chips or None, host.cycle, card)
             environment = preload.environment(port.info(), link, note)
             port.close()
-            preload.warn_of(command(link)[0])
+            preload.warn_of(command(link)[0], file.board.time)
         mine = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
