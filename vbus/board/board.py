@@ -41,12 +41,12 @@ class Board(Circuit):
     """
 
     STATE: ClassVar[Names] = (
-        "levels: list[i64]", "ports: parts", "wires: list[(i64, i64, i64, i64)]",
+        "levels: list[i64, pins]", "ports: parts", "wires: list[(i64, i64, i64, i64), pin_nets]",
         "tail: list[(i64, i64, str, i64), ...]", "kernel: part", "chips: parts",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
         "_trace", "axes", "buses", "clock_step", "file", "limit", "listeners", "name", "nets",
-        "observers", "plants", "player", "policy", "port_type", "rate", "seed", "text",
+        "observers", "pins", "plants", "player", "policy", "port_type", "rate", "seed", "text",
         "violation_policy",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
@@ -147,7 +147,7 @@ class Board(Circuit):
     @property
     def pin_nets(self) -> list[Net]:
         """The nets at the chips' pins."""
-        return list(dict.fromkeys([pin.net for chip in self.chips for pin in chip.pins.values()]))
+        return list(dict.fromkeys([pin.net for pin in self.pins]))
 
     @property
     def wires(self) -> list[tuple[int, ...]]:
@@ -162,12 +162,11 @@ class Board(Circuit):
     @property
     def levels(self) -> list[int]:
         """What each pin of the chips drives."""
-        return [pin.level for chip in self.chips for pin in chip.pins.values()]
+        return [pin.level for pin in self.pins]
 
     @levels.setter
     def levels(self, levels: list[int]) -> None:
-        pins = [pin for chip in self.chips for pin in chip.pins.values()]
-        for pin, level in zip(pins, levels, strict=True):
+        for pin, level in zip(self.pins, levels, strict=True):
             pin.level = level
 
     @property

@@ -49,6 +49,8 @@ class Circuit:
         self.limit: i64 = NEVER - 1
         """Time may run to this instant without the wall clock (ps); set by the pacer."""
         self.chips: list[Chip] = []
+        self.pins: list[Pin] = []
+        """The chips' pins."""
         self.plants: list[Plant] = []
         self.axes: dict[str, Plant] = {}
         """The plants by axis, ``"x.1"``."""
@@ -85,6 +87,7 @@ class Circuit:
         )
         self.chips.append(chip)
         for pin in chip.pins.values():
+            self.pins.append(pin)
             self._own(pin.net)
         return chip
 
