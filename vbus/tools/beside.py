@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-import click
-
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
@@ -20,6 +18,7 @@ from vbus.server.serving import links_of, metrics_of
 from vbus.signals import Observer, Violation
 from vbus.tools import ending, preload
 from vbus.tools.outcome import Outcome
+from vbus.tools.output import complain
 from vbus.tools.transcript import Transcript
 
 
@@ -123,8 +122,8 @@ def run_on_board(
         mine = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
-        server = Server(board, [mine, *others], file.board.stall, _say, address)
-        recording = Recording(board, source.text, file.path, _say)
+        server = Server(board, [mine, *others], file.board.stall, complain, address)
+        recording = Recording(board, source.text, file.path, complain)
         stack.callback(recording.close)
         recording.open(file.record, file.waves)
         code = asyncio.run(_run_beside(server, recording, command(link), environment, note))
@@ -136,12 +135,8 @@ def run_on_board(
     if outcome is not None:
         lines = [*(f"{what}: {path}" for what, path in files), *lines, *outcome.lines()]
     for line in lines if summary else ():
-        _say(line)
+        complain(line)
     return code
-
-
-def _say(sentence: str) -> None:
-    click.echo(f"vbus: {sentence}", err=True)
 
 
 def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:
@@ -170,7 +165,7 @@ async def _run_beside(
     recording.start(loop)
     counted = server.statistics()["metrics"]
     if counted:
-        _say(f"metrics: {counted}")
+        complain(f"metrics: {counted}")
     try:
         code = await run_program(command, environment, note)
         server.board.catch_up()
