@@ -53,6 +53,14 @@ def lock_state(name: Path) -> tuple[bool, str]:
     return False, ""
 
 
+def locked_names(directory: Path) -> list[Path]:
+    """Return the names in a directory beside which a lock lies."""
+    return [
+        directory / lock.name[1:].removesuffix(".lock")
+        for lock in sorted(directory.glob(".*.lock"))
+    ]
+
+
 def expanded(path: str) -> str:
     """Return a path with its variables replaced; ``$VBUS_RUNTIME`` stands for the directory above.
 
