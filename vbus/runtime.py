@@ -4,6 +4,8 @@ import fcntl
 import os
 import stat
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from vbus.errors import TransportError
@@ -27,6 +29,26 @@ def runtime_directory() -> Path:
     if os.access("/run/vbus", os.W_OK) or os.access("/run", os.W_OK):
         return _made(Path("/run/vbus"))
     return _private(Path(tempfile.gettempdir()) / f"vbus-{os.getuid()}")
+
+
+@contextmanager
+def private_runtime(unless_named: bool = False) -> Iterator[Path]:
+    """Give a folder for links that nobody else has, while this lasts.
+
+    It is the runtime directory, or is not where the user has named one and that shall stay. So
+    runs of one board beside each other, as in CI, do not meet.
+    """
+    named = os.environ.get("VBUS_RUNTIME")
+    with tempfile.TemporaryDirectory(prefix="vbus-") as folder:
+        if named is None or not unless_named:
+            os.environ["VBUS_RUNTIME"] = folder
+        try:
+            yield Path(folder)
+        finally:
+            if named is None:
+                del os.environ["VBUS_RUNTIME"]
+            else:
+                os.environ["VBUS_RUNTIME"] = named
 
 
 def lock_of(name: Path) -> Path:

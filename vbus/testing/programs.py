@@ -13,11 +13,12 @@ from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
+from vbus.runtime import private_runtime
 from vbus.server.server import LinkSpec
 from vbus.server.serving import links_of
 from vbus.signals import Violation
 from vbus.testing.limits import Limits, Watch
-from vbus.testing.serving import ServedBoard, private_runtime
+from vbus.testing.serving import ServedBoard
 from vbus.tools import preload
 
 

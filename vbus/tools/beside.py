@@ -3,15 +3,15 @@
 import asyncio
 import os
 import signal
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
+from vbus.runtime import private_runtime
 from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of, metrics_of
@@ -47,23 +47,6 @@ class Findings(Observer):
                 f" at {when}: {violation.detail}{more}"
             )
         return lines
-
-
-@contextmanager
-def private_runtime() -> Iterator[Path]:
-    """Give a folder for links; it is the runtime directory unless the user has named one.
-
-    So runs of one board beside each other, as in CI, do not meet.
-    """
-    with tempfile.TemporaryDirectory(prefix="vbus-") as folder:
-        named = os.environ.get("VBUS_RUNTIME")
-        if named is None:
-            os.environ["VBUS_RUNTIME"] = folder
-        try:
-            yield Path(folder)
-        finally:
-            if named is None:
-                del os.environ["VBUS_RUNTIME"]
 
 
 def run_on_board(
@@ -102,7 +85,7 @@ def run_on_board(
     if outcome is not None:
         board.observe(outcome)
     with ExitStack() as stack:
-        folder = stack.enter_context(private_runtime())
+        folder = stack.enter_context(private_runtime(unless_named=True))
         link = f"unix:{folder / 'host.sock'}"
         note = folder / "fault"
         written: Transcript | None = None
