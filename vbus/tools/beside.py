@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
+from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
@@ -47,6 +48,42 @@ class Findings(Observer):
                 f" at {when}: {violation.detail}{more}"
             )
         return lines
+
+
+def host_of(file: BoardFile, pinmap: str | None = None) -> HostSection:
+    """Return the host of a board file that a program takes the place of.
+
+    Args:
+        file: the board file.
+        pinmap: the pin map it must have; None: the first host with a card or pin map, if any.
+    """
+    wanted = [host for host in file.hosts if pinmap is None or host.pinmap == pinmap]
+    described = [host for host in wanted if host.pinmap or host.card] or wanted
+    return described[0] if described else HostSection(transport="", pinmap=pinmap or "")
+
+
+def link_of_program(
+    board: Board, file: BoardFile, host: HostSection, link: str, note: Path | None = None
+) -> tuple[LinkSpec, dict[str, str]]:
+    """Return what serves a program, and the variables by which it finds that.
+
+    Args:
+        board: the board, of that file.
+        file: the board file.
+        host: what the program reaches: chips, card, pin map.
+        link: address of the link.
+        note: the file the library makes when the program ends by a fault of its own.
+
+    Raises:
+        VbusError: the library that traps a card's accesses cannot be built.
+    """
+    card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
+    environment = {"VBUS_LINK": link}
+    if card is not None:
+        port = board.open_port("program", host.chips or None, host.cycle, card)
+        environment |= preload.environment(port.info(), link, note)
+        port.close()
+    return LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map), environment
 
 
 def run_on_board(
@@ -95,14 +132,9 @@ def run_on_board(
             except OSError as error:
                 raise VbusError(f"{transcript}: {error.strerror}") from error
             board.observe(written)
-        card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
-        environment = {"VBUS_LINK": link}
-        if card is not None:
-            port = board.open_port("program", host.chips or None, host.cycle, card)
-            environment = preload.environment(port.info(), link, note)
-            port.close()
+        mine, environment = link_of_program(board, file, host, link, note)
+        if mine.card is not None:
             preload.warn_of(command(link)[0])
-        mine = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
         server = Server(board, [mine, *others], file.board.stall, complain, address)

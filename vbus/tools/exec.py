@@ -111,16 +111,13 @@ def _run(
     metrics: str,
 ) -> int:
     from vbus.board.config import read_board_file
-    from vbus.board.sections import HostSection
     from vbus.errors import ConfigError
     from vbus.server.serving import recorded
-    from vbus.tools.beside import run_on_board
+    from vbus.tools.beside import host_of, run_on_board
 
     file, source = read_board_file(board)
     file = recorded(file, record, metrics)
     if pinmap is not None and all(section.name != pinmap for section in file.pinmaps):
         raise ConfigError(f"{board}: there is no [pinmaps.{pinmap}]")
-    wanted = [host for host in file.hosts if pinmap is None or host.pinmap == pinmap]
-    described = [host for host in wanted if host.pinmap or host.card] or wanted
-    host = described[0] if described else HostSection(transport="", pinmap=pinmap or "")
+    host = host_of(file, pinmap)
     return run_on_board(file, source, host, lambda _: program, transcript, summary)
