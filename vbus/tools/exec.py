@@ -2,6 +2,8 @@
 
 import click
 
+from vbus.tools.output import record_options
+
 
 @click.command("exec", context_settings={"ignore_unknown_options": True})
 @click.option("--board", metavar="FILE", help="The board file; served while the program runs.")
@@ -12,12 +14,7 @@ import click
 @click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware; mmcu=atmega328p,f=16000000.")
 @click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
 @click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
-@click.option("--journal", metavar="FILE", help="Write every call of every host to FILE.")
-@click.option("--report", metavar="FILE", help="Write violations: .txt, .json, .xml or .sarif.")
-@click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
-@click.option("--coverage", metavar="FILE", help="Write what is exercised: .txt, .json, .html.")
-@click.option("--wave", metavar="FILE", help="Write a waveform of everything to FILE (VCD).")
-@click.option("--metrics", metavar="HOST:PORT", help="Numbers for Prometheus; port 0: a free one.")
+@record_options
 @click.option(
     "--summary/--no-summary",
     default=True,
