@@ -86,7 +86,7 @@ def registers(family: Family) -> str:
         image[address] = _number(row, address)
     text = _MODULE.format(
         title=family.title or family.name,
-        attributes=_IN_CLASS.join(f"{row.name.lower()}: {_told(row)}" for row in rows),
+        attributes=_IN_CLASS.join(f"{row.name.lower()}: {_attribute(row)}" for row in rows),
         names=tuple(sorted(names)),
         zero=_IN_CLASS.join(f"self.{name}: i64 = 0" for name in names),
         copy=_IN_CLASS.join(f"self.{name} = other.{name}" for name in names),
@@ -98,7 +98,7 @@ def registers(family: Family) -> str:
     return formatted(text, "registers.py")
 
 
-def _told(row: Register) -> str:
+def _attribute(row: Register) -> str:
     places = ", ".join(f"{address:02X}H" for address in row.addresses)
     unit = f"1/{1 << row.fraction} {row.unit}" if row.fraction and row.unit else row.unit
     notes = (places, "signed" if row.signed else "", unit, row.counts)
