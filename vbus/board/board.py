@@ -12,7 +12,7 @@ from vbus.board.host_bus import HostBus, Hosts
 from vbus.board.loading import prepare
 from vbus.board.pin_maps import PinMap
 from vbus.chips.base import Chip
-from vbus.signals import Net, Policy, TraceHash
+from vbus.signals import Policy, TraceHash
 from vbus.state import Names, Saved, save
 from vbus.state.first import to_tuple
 
@@ -50,7 +50,7 @@ class Board(Circuit):
         "violation_policy",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
-        "_counters", "_faults", "disturbed", "hosts", "reads", "violations", "writes",
+        "_counters", "_faults", "_pin_nets", "disturbed", "hosts", "reads", "violations", "writes",
     )  # fmt: skip
 
     def __init__(
@@ -145,11 +145,6 @@ class Board(Circuit):
     # -- state --------------------------------------------------------------------------------
 
     @property
-    def pin_nets(self) -> list[Net]:
-        """The nets at the chips' pins."""
-        return list(dict.fromkeys([pin.net for pin in self.pins]))
-
-    @property
     def wires(self) -> list[tuple[int, ...]]:
         """The level of each net at the chips' pins, and its history."""
         return [(net.value, *net.history) for net in self.pin_nets]
@@ -198,6 +193,11 @@ class Board(Circuit):
             SnapshotError: the state was made by another board, or is none; the board is as it was.
         """
         prepare(self, saved)()
+
+    def after_load(self) -> None:
+        """Find out which pins disagree."""
+        for net in self.pin_nets:
+            net.after_load()
 
     def state_hash(self, version: int = STATE_HASH) -> str:
         """Return the SHA-256 (hex) over :meth:`save`; version 1 is that of the first version."""

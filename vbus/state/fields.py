@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
+from mypy_extensions import mypyc_attr
+
 from vbus.errors import SnapshotError
 from vbus.state.kinds import (
     FLAG,
@@ -150,9 +152,6 @@ CHECKS: Final[dict[type | None, str]] = {
 }  # fmt: skip
 """What a value of a usual type must be."""
 
-INSIDE: Final = "(find(type(now := part.{0})) or layout_of(type(now)))"
-"""The declaration of the part in a field; the part itself is ``now``."""
-
 FUNCTIONS: Final = """
 def get(part):
     {before_save}
@@ -231,15 +230,17 @@ class Layout:
         parts = [name for name, kind in self.kinds.items() if kind.STAYS]
         others = [name for name in self.names if name not in {*usual, *parts}]
         known: dict[str, Any] = {
-            "layout": self, "Refused": Refused, "find": _LAYOUTS.get, "layout_of": layout_of,
-            "present": _present, "take_usual": _take_usual,
+            "layout": self, "Refused": Refused, "present": _present, "take_usual": _take_usual,
+            "save": _SAVES, "check": _CHECKS,
+            # Found sooner here than among the builtins, when a compiled module runs exec().
+            "type": type, "dict": dict, "len": len, "int": int, "bool": bool, "float": float,
         }  # fmt: skip
         state = []
         for name, kind in self.kinds.items():
             known[f"save_{name}"], known[f"take_{name}"] = kind.save, kind.take
             value = f"part.{name}" if kind.plain else f"save_{name}(part.{name})"
             if kind is PART:
-                value = f"{INSIDE.format(name)}.save(now)"
+                value = f"save[type(now := part.{name})](now)"
             state.append(f"{name!r}: {value}, ")
         if self.version > 1:
             state.append(f"{VERSION!r}: {self.version}")
@@ -272,7 +273,7 @@ class Layout:
         """Return what checks one of the other fields."""
         kind = self.kinds[name]
         if kind is PART:
-            return f"place = {name!r}; {INSIDE.format(name)}.check(now, f_{name}, load)"
+            return f"place = {name!r}; now = part.{name}; check[type(now)](now, f_{name}, load)"
         owner = kind.owner(name) or (name if kind.STAYS else "")
         now = f"part.{owner}" if owner else "None"
         return f"place = {name!r}; f_{name} = take_{name}(f_{name}, {now}, load)"
@@ -328,6 +329,23 @@ def _present(layout: Layout, part: Any, saved: Any) -> Saved:
     return fields
 
 
+@mypyc_attr(native_class=False)
+class Functions(dict[type, Callable[..., Any]]):
+    """A function of the declaration of each class, by class."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.name: str = name
+
+    def __missing__(self, cls: type) -> Callable[..., Any]:
+        """Return that of a class of which none has been wanted before."""
+        found: Callable[..., Any] = getattr(layout_of(cls), self.name)
+        self[cls] = found
+        return found
+
+
+_SAVES: Final = Functions("save")
+_CHECKS: Final = Functions("check")
 _LAYOUTS: Final[dict[Any, Layout]] = {}
 
 
