@@ -95,7 +95,6 @@ class Pacer:
         self._wakes: list[tuple[int, int, Callable[[], None]]] = []
         self._wake_number: int = 0
         self._paced: bool = self.real and not self.free
-        board.limit = board.now + (AHEAD if self._paced else LEASE)
 
     # -- time ---------------------------------------------------------------------------------
 
@@ -164,7 +163,7 @@ class Pacer:
         self._asleep = 0
         self._tick_at = self.board.now + self._tick
         self._armed = NEVER
-        self.board.limit = self.board.now + (AHEAD if self._paced else LEASE)
+        self._hold()
         wakes, self._wakes = self._wakes, []
         for _, _, callback in sorted(wakes):
             callback()
@@ -176,6 +175,7 @@ class Pacer:
         """Begin to move the board's time; wall time counts from here."""
         self._loop = loop
         self._anchor_ns, self._anchor_ps = self.clock(), self.board.now
+        self._hold()
         if self.free:
             self._slice_soon()
         elif self.real:
@@ -183,6 +183,10 @@ class Pacer:
             loop.add_reader(self._timer.fd, self._woken)
             self._tick_at = self.board.now + self._tick
             self.arm()
+
+    def _hold(self) -> None:
+        """Let hosts move time no further than the wall clock has it, or than one slice."""
+        self.board.limit = self.board.now + (AHEAD if self._paced else LEASE)
 
     def stop(self) -> None:
         """Let time stand still."""

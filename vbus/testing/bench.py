@@ -17,13 +17,14 @@ from vbus.board.source import Source
 from vbus.errors import ConfigError, VbusError
 from vbus.kernel import NEVER
 from vbus.protocols.quantities import format_instant
+from vbus.runtime import private_runtime
 from vbus.server.server import LinkSpec
 from vbus.signals import Violation
 from vbus.testing.boards import board_text, default_part, for_test
 from vbus.testing.clock import BoardClock
 from vbus.testing.judge import FAIL, Judge, Judged, choice
 from vbus.testing.limits import Limits, Watch
-from vbus.testing.serving import ServedBoard, private_runtime
+from vbus.testing.serving import ServedBoard
 from vbus.trace.journal.journal import Journal
 
 _T = TypeVar("_T")
