@@ -318,10 +318,7 @@ class ByteProtocol(Protocol):
         return self.port.delay(_u64(data, start))
 
     def _do_at(self, data: bytes, start: int) -> bool:
-        when = _u64(data, start)
-        if when >= NEVER:
-            raise PortError(codes.BAD_AT, f"at {when}: time ends at {NEVER - 1} ps")
-        self.port.at(when)
+        self.port.at(_u64(data, start))
         return True
 
     def _do_now(self, data: bytes, start: int) -> bool:

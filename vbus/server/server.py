@@ -17,6 +17,7 @@ from vbus.board.cards import Card
 from vbus.board.pin_maps import PinMap
 from vbus.compiled import core
 from vbus.errors import NameInUseError, PluginError
+from vbus.kernel import END
 from vbus.network.session import Network
 from vbus.protocols.base import Protocol
 from vbus.server.control import Control, ControlConnection
@@ -149,6 +150,7 @@ class Server:
         self.board: Board = board
         self.pacer: Pacer = pacer if pacer is not None else Pacer(board, stall)
         self._report: Callable[[str], None] = report if report is not None else log.warning
+        self.pacer.report = self._report
         self._hosts: list[_Host] = [_Host(spec, f"host{n}") for n, spec in enumerate(links)]
         self.faults: FaultOrders = FaultOrders(board.faults, self.sessions_of)
         self.control: Control = Control(self.pacer.catch_up)
@@ -265,7 +267,12 @@ class Server:
         self._closing.close()
 
     async def serve(self, stop: asyncio.Event, ready: Callable[[], None] | None = None) -> None:
-        """Serve until ``stop`` is set."""
+        """Serve until ``stop`` is set.
+
+        Raises:
+            TimeEndedError: chip time has come to its end; every link has been closed.
+        """
+        self.pacer.on_end = stop.set
         self.start(asyncio.get_running_loop())
         try:
             if ready is not None:
@@ -273,6 +280,7 @@ class Server:
             await stop.wait()
         finally:
             self.stop()
+        self.pacer.check_over()
 
     # -- telling about itself -------------------------------------------------------------------
 
@@ -292,6 +300,7 @@ class Server:
             "policy": board.policy,
             "rate": "max" if self.pacer.free else board.rate,
             "time_ps": board.now,
+            "time_left_ps": END - board.now,
             "lag_ps": self.pacer.lag,
             "worst_lag_ps": self.pacer.worst_lag,
             "slipped_ps": self.pacer.slipped,

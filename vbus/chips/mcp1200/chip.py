@@ -129,7 +129,8 @@ class MCP1200(HostInterface):
 
     def _too_soon(self, clocks: int) -> bool:
         """Note a /CS rise; judge the time since the last one (MCP-BUS-12)."""
-        now = self.kernel.now
+        # No machine word: the end of time less a rise long ago does not fit one.
+        now: int = self.kernel.now
         passed = now - self._last_rise
         self._last_rise = now
         least = self.clock.span_up(clocks)

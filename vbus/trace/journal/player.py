@@ -4,7 +4,7 @@ from typing import Any
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.kernel import NEVER
+from vbus.kernel import END
 from vbus.protocols.port import PortError
 from vbus.trace.journal.format import Entry
 
@@ -31,7 +31,7 @@ class Player:
 
     def call(self, entry: Entry) -> tuple[Any, int]:
         """Make one call; return its reply and the number of its refusal, 0 if there was none."""
-        self.board.limit = entry.limit if entry.limit >= 0 else NEVER - 1
+        self.board.limit = entry.limit if entry.limit >= 0 else END
         if entry.op == "open":
             label, chips, cycle_ps = entry.args
             self.ports[entry.port] = self.board.open_port(label, chips, cycle_ps)
