@@ -152,7 +152,7 @@ def test_what_waits_for_a_clock_that_stands_does_not_come_before_it_runs(
 )
 def test_a_fault_beyond_the_end_is_refused(when: int | str | None, until: int | str | None) -> None:
     board = build(LM, DC)
-    with pytest.raises(ValueError, match=f"time ends at {END} ps"):
+    with pytest.raises(ValueError, match=r"time ends at 9151314 s; nothing takes longer$"):
         board.faults.arm("clock_stopped", when=when, until=until)
     assert not board.faults.all()
     board.faults.arm("clock_stopped", when=END)

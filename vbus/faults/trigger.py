@@ -6,7 +6,7 @@ from typing import Final
 from vbus.board.settings import quoted, suggestion
 from vbus.board.units import UnitError, parse
 from vbus.faults.row import LASTS, ONCE, Fault
-from vbus.kernel import END
+from vbus.kernel import END, SECOND
 
 NOW: Final = "now"
 AT: Final = "at"
@@ -78,7 +78,7 @@ def read_when(value: object) -> When:
         if kind == NOW and not rest:
             return When(NOW, 0, "", text)
         if kind == AT:
-            return When(AT, _before_the_end(int(parse(rest, "s"))), "", text)
+            return When(AT, int(parse(rest, "s")), "", text)
         if kind == CYCLE:
             return When(CYCLE, _ordinal(rest), "", text)
         if kind == POSITION:
@@ -101,7 +101,7 @@ def read_when(value: object) -> When:
 
 def _before_the_end(ps: int) -> int:
     if ps > END:
-        raise ValueError(f"{ps} ps: time ends at {END} ps")
+        raise ValueError(f"{ps} ps: time ends at {END // SECOND} s; nothing takes longer")
     return ps
 
 
@@ -141,8 +141,8 @@ def _until(value: object, fault: Fault) -> Until:
     kind, _, rest = text.partition(" ")
     if kind == FOR:
         try:
-            span = _before_the_end(int(parse(rest.strip(), "s")))
-        except (UnitError, ValueError) as error:
+            span = int(parse(rest.strip(), "s"))
+        except UnitError as error:
             raise ValueError(f"until = {quoted(text)}: {error}") from None
         if span > 0:
             return Until(FOR, span, text)
