@@ -141,7 +141,7 @@ class Integer(Kind):
 
 
 class Real(Kind):
-    """A number."""
+    """A finite number."""
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
@@ -149,7 +149,18 @@ class Real(Kind):
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
-        return float(super().take(saved, now, load))
+        number = float(super().take(saved, now, load))
+        if number - number != 0.0:
+            raise self.refuse(saved)
+        return number
+
+    def take_all(self, saved: Sequence[Any], load: Load) -> Sequence[Any]:
+        """Return the values for several that were kept."""
+        numbers = super().take_all(saved, load)
+        total = sum(numbers)
+        if total - total != 0:
+            raise self.refuse(saved)
+        return numbers
 
 
 class Octets(Kind):
