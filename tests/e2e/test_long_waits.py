@@ -59,8 +59,10 @@ run(board, links, on_ready=lambda server: print("ready", flush=True))
         ("lockstep", b"\x50" + u64(END)),
         ("slaved", b"\x51" + u64(WEEK) + b"\x10"),
         ("slaved", b"\x51" + u64(WEEK) + b"\x53"),
+        ("lockstep", b"\x56" + u64(WEEK)),
+        ("slaved", b"\x56" + u64(NEVER - 1)),
     ],
-    ids=["delay", "longest delay", "read", "sync"],
+    ids=["delay", "longest delay", "read", "sync", "pass", "longest pass"],
 )
 def test_others_are_answered_and_ctrl_c_ends_it_while_one_host_waits_for_a_week(
     runtime: Path, policy: str, wait: bytes

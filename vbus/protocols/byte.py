@@ -345,11 +345,14 @@ class ByteProtocol(Protocol):
                     port.at(now + step)
                 elif not port.delay(step):
                     return False
+                if port.held:
+                    return False
                 now += step
             outputs, edge = port.sync()
             self._partial.clear()
             if begun < 0:
                 begun = now = port.now()
+            longest = min(longest, NEVER - 1 - begun)
             mark = len(self.out)
             self.report_events()
             if len(self.out) > mark or now - begun >= longest:

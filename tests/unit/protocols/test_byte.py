@@ -129,6 +129,11 @@ def test_pass_ends_at_an_edge_of_a_watched_line(wire: ByteProtocol, port: FakePo
     assert say(wire, "56 00000000000f4240") == "5700000000" + "00000000000f4240"
 
 
+def test_pass_ends_at_the_latest_when_time_does(wire: ByteProtocol, port: FakePort) -> None:
+    port.time = NEVER - 9 * US
+    assert say(wire, "56 ffffffffffffffff") == "5700000000" + (9 * US - 1).to_bytes(8, "big").hex()
+
+
 def test_sync_says_all_ones_when_no_edge_is_in_sight(wire: ByteProtocol, port: FakePort) -> None:
     port.outputs = 2
     assert say(wire, "53") == "5300000002ffffffffffffffff"
