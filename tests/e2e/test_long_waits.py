@@ -60,7 +60,7 @@ run(board, links, on_ready=lambda server: print("ready", flush=True))
         ("slaved", b"\x51" + u64(WEEK) + b"\x10"),
         ("slaved", b"\x51" + u64(WEEK) + b"\x53"),
         ("lockstep", b"\x56" + u64(WEEK)),
-        ("slaved", b"\x56" + u64(NEVER - 1)),
+        ("slaved", b"\x56" + u64(1 << 63)),
     ],
     ids=["delay", "longest delay", "read", "sync", "pass", "longest pass"],
 )

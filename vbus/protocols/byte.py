@@ -4,7 +4,7 @@ from collections.abc import Callable
 from struct import pack, unpack_from
 from typing import ClassVar, Final
 
-from vbus.kernel.kernel import NEVER
+from vbus.kernel.kernel import END, NEVER
 from vbus.protocols import codes
 from vbus.protocols.base import Protocol
 from vbus.protocols.hello import encode_hello
@@ -352,7 +352,7 @@ class ByteProtocol(Protocol):
             self._partial.clear()
             if begun < 0:
                 begun = now = port.now()
-            longest = min(longest, NEVER - 1 - begun)
+            longest = min(longest, END - begun)
             mark = len(self.out)
             self.report_events()
             if len(self.out) > mark or now - begun >= longest:

@@ -32,6 +32,7 @@ from vbus.server.registry import control_path, status_path, watch_path
 from vbus.server.session import Serving, Session
 from vbus.server.snapshots import SnapshotOrders
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
+from vbus.server.watchdog import Watchdog
 from vbus.server.watching import Watcher
 from vbus.trace.decode import settings_for_decoders
 from vbus.transports.base import Link, MessageLink, Served, Transport, split_url
@@ -361,13 +362,26 @@ def run(
 
 
 def run_until_signal(serve: Callable[[asyncio.Event], Coroutine[Any, Any, None]]) -> None:
-    """Run a coroutine in a loop of its own; SIGINT and SIGTERM set the event it is given."""
+    """Run a coroutine in a loop of its own; SIGINT and SIGTERM set the event it is given.
 
-    async def main() -> None:
+    One that is stuck and cannot is killed within a second; see :mod:`vbus.server.watchdog`.
+    """
+
+    async def main(watchdog: Watchdog) -> None:
         stop = asyncio.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            asyncio.get_running_loop().add_signal_handler(number, stop.set)
-        await serve(stop)
+        loop = asyncio.get_running_loop()
 
-    with asyncio.Runner(loop_factory=HostLoop) as runner:
-        runner.run(main())
+        def end(number: int, frame: object) -> None:
+            watchdog.heard()
+            loop.call_soon_threadsafe(stop.set)
+
+        # Not the loop's own handlers: the one descriptor C's handler writes to is the watchdog's.
+        before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            await serve(stop)
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    with Watchdog() as watchdog, asyncio.Runner(loop_factory=HostLoop) as runner:
+        runner.run(main(watchdog))
