@@ -12,7 +12,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.errors import TimeEndedError
-from vbus.kernel import END, MS, SECOND, US
+from vbus.kernel import END, MS, NEVER, SECOND, US
 from vbus.server.pacer import AHEAD, DAY, LEASE, SLICE, Pacer
 from vbus.server.slices import SLICE_NS
 
