@@ -6,9 +6,9 @@ from typing import Any, ClassVar, Final
 from mypy_extensions import mypyc_attr
 
 from vbus.errors import SnapshotError
+from vbus.state.functions import written
 from vbus.state.kinds import (
     FLAG,
-    MOST,
     InPlace,
     Integer,
     Kind,
@@ -38,6 +38,7 @@ class Part(Kind):
     """Another part; None where there is none."""
 
     STAYS: ClassVar[bool] = True
+    PART: ClassVar[bool] = True
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
@@ -146,41 +147,6 @@ def _split(text: str) -> list[str]:
     return kinds
 
 
-CHECKS: Final[dict[type | None, str]] = {
-    bool: "type({0}) is bool", float: "type({0}) is float and {0} - {0} == 0.0",
-    int: f"type({{0}}) is int and {-MOST - 1} <= {{0}} <= {MOST}",
-}  # fmt: skip
-"""What a value of a usual type must be."""
-
-FUNCTIONS: Final = """
-def get(part):
-    {before_save}
-    return {{{state}}}
-
-def fit(part, saved, load):
-    if type(saved) is not dict or len(saved) != {count}:
-        saved = present(layout, part, saved)
-    try:
-        {read}
-    except KeyError as missing:
-        raise Refused("is missing", missing.args[0])
-    if not ({fits}):
-        ({usual}) = take_usual(layout, saved, load)
-    place = ""
-    try:
-        {others}
-        load.steps.append((put, part, ({settable})))
-        {parts}
-    except Refused as refused:
-        raise refused.below(place) from None
-    {after_load}
-
-def put(part, values):
-    ({attributes}) = values
-"""
-"""What saving and loading a class does: it takes a third of the time of names in a loop."""
-
-
 class Layout:
     """The declaration of a class, read once.
 
@@ -216,7 +182,10 @@ class Layout:
                 self.kinds[name] = kind_of(text if colon else "i64")
             self.names = list(self.kinds)
             whole = declaration == "STATE"
-            self._write(whole and hasattr(cls, "before_save"), hasattr(cls, "after_load"))
+            self.get, self.fit = written(
+                self.kinds, self.version, whole and hasattr(cls, "before_save"),
+                hasattr(cls, "after_load"), self._present, _SAVES, _CHECKS,
+            )  # fmt: skip
         elif cls is type(None):
             self.get, self.fit = _save_none, _check_none
         elif not self.own:
@@ -224,59 +193,21 @@ class Layout:
         self.save: Callable[[Any], Any] = _save_own if self.own else self.get
         self.check: Callable[[Any, Any, Load], None] = _check_own if self.own else self.fit
 
-    def _write(self, prepares: bool, refreshes: bool) -> None:
-        """Write the functions; the class may have a before_save() and an after_load()."""
-        usual = self.usual()
-        parts = [name for name, kind in self.kinds.items() if kind.STAYS]
-        others = [name for name in self.names if name not in {*usual, *parts}]
-        known: dict[str, Any] = {
-            "layout": self, "Refused": Refused, "present": _present, "take_usual": _take_usual,
-            "save": _SAVES, "check": _CHECKS,
-            # Found sooner here than among the builtins, when a compiled module runs exec().
-            "type": type, "dict": dict, "len": len, "int": int, "bool": bool, "float": float,
-        }  # fmt: skip
-        state = []
-        for name, kind in self.kinds.items():
-            known[f"save_{name}"], known[f"take_{name}"] = kind.save, kind.take
-            value = f"part.{name}" if kind.plain else f"save_{name}(part.{name})"
-            if kind is PART:
-                value = f"save[type(now := part.{name})](now)"
-            state.append(f"{name!r}: {value}, ")
-        if self.version > 1:
-            state.append(f"{VERSION!r}: {self.version}")
-        exec(
-            FUNCTIONS.format(
-                before_save="part.before_save()" if prepares else "pass",
-                state="".join(state),
-                # That of a later version says so, and is looked at more closely.
-                count=len(self.names) if self.version == 1 else -1,
-                read="; ".join(f"f_{name} = saved[{name!r}]" for name in self.names) or "pass",
-                fits=" and ".join(
-                    CHECKS[self.kinds[name].usual].format(f"f_{name}") for name in usual
-                ) or "True",
-                usual="".join(f"f_{name}, " for name in usual),
-                others=";".join(self._taking(name) for name in others) or "pass",
-                settable="".join(f"f_{name}, " for name in [*usual, *others]),
-                parts=";".join(self._taking(name) for name in parts) or "pass",
-                after_load="load.hooks.append(part.after_load)" if refreshes else "pass",
-                attributes="".join(f"part.{name}, " for name in [*usual, *others]),
-            ),
-            known,
-        )  # fmt: skip
-        self.get, self.fit = known["get"], known["fit"]
-
-    def usual(self) -> list[str]:
-        """Return the fields that are numbers and flags of 64 bits."""
-        return [name for name, kind in self.kinds.items() if kind.usual is not None]
-
-    def _taking(self, name: str) -> str:
-        """Return what checks one of the other fields."""
-        kind = self.kinds[name]
-        if kind is PART:
-            return f"place = {name!r}; now = part.{name}; check[type(now)](now, f_{name}, load)"
-        owner = kind.owner(name) or (name if kind.STAYS else "")
-        now = f"part.{owner}" if owner else "None"
-        return f"place = {name!r}; f_{name} = take_{name}(f_{name}, {now}, load)"
+    def _present(self, part: Any, saved: Any) -> Saved:
+        """Return the fields as the present version declares them."""
+        cls = type(part).__name__
+        if type(saved) is not dict:
+            raise Refused(f"wants the fields of {cls} by name, not {saved!r:.60}")
+        fields: Saved = saved
+        version = fields.get(VERSION, 1)
+        if type(version) is not int or not 1 <= version <= self.version:
+            raise Refused(f"version {version} of {cls}: this vbus knows 1 to {self.version}")
+        if version < self.version:
+            fields = part.migrate(version, dict(saved))
+        unknown = sorted(fields.keys() - {VERSION, *self.names})
+        if unknown:
+            raise Refused(f"is no field of {cls}", unknown[0])
+        return fields
 
 
 def _save_own(part: Any) -> Any:
@@ -299,34 +230,6 @@ def _save_none(_part: None) -> None:
 def _check_none(_part: None, saved: Any, _load: Load) -> None:
     if saved is not None:
         raise Refused("there is nothing here to load it into")
-
-
-def _take_usual(layout: Layout, saved: Saved, load: Load) -> list[Any]:
-    """Return the usual fields one by one: one of them may be none, or want to be converted."""
-    values = []
-    for name in layout.usual():
-        try:
-            values.append(layout.kinds[name].take(saved[name], None, load))
-        except Refused as refused:
-            raise refused.below(name) from None
-    return values
-
-
-def _present(layout: Layout, part: Any, saved: Any) -> Saved:
-    """Return the fields as the present version declares them."""
-    cls = type(part).__name__
-    if type(saved) is not dict:
-        raise Refused(f"wants the fields of {cls} by name, not {saved!r:.60}")
-    fields: Saved = saved
-    version = fields.get(VERSION, 1)
-    if type(version) is not int or not 1 <= version <= layout.version:
-        raise Refused(f"version {version} of {cls}: this vbus knows 1 to {layout.version}")
-    if version < layout.version:
-        fields = part.migrate(version, dict(saved))
-    unknown = sorted(fields.keys() - {VERSION, *layout.names})
-    if unknown:
-        raise Refused(f"is no field of {cls}", unknown[0])
-    return fields
 
 
 @mypyc_attr(native_class=False)

@@ -71,6 +71,8 @@ class Kind:
 
     STAYS: ClassVar[bool] = False
     """The field keeps its object; what is inside takes other values."""
+    PART: ClassVar[bool] = False
+    """That is another part, with a declaration of its own."""
 
     def __init__(self, text: str, *types: type) -> None:
         self.text: str = text
