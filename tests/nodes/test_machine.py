@@ -13,13 +13,14 @@ from tests.nodes.four_chips import BOARD, scenario
 from vbus import state
 from vbus.board.config import read_board_text
 from vbus.errors import NodeMismatchError, SnapshotError
-from vbus.kernel import NEVER, US
+from vbus.kernel import END, NEVER, US
 from vbus.nodes.machine import Machine, conductor_of, trace_hash
 from vbus.nodes.messages import Message, Need, Report, decode, encode
 from vbus.nodes.plan import build_nodes, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.sync import Participant
 from vbus.nodes.trace import merged
+from vbus.protocols.port import PortError
 
 FILE, SOURCE = read_board_text(BOARD, "four.toml")
 PLAN = plan_of(FILE)
@@ -113,6 +114,11 @@ def test_edges_of_one_instant_are_taken_in_order_of_node_and_number() -> None:
     sent = third.take_edges()
     assert [edge[4] for edge in sent] == [0, -1, 0, -1]
     assert [edge[2] for edge in sent] == list(range(sent[0][2], sent[0][2] + 4))
+
+
+def test_an_end_of_a_wire_is_always_listened_to() -> None:
+    _, second, _, _ = build_nodes(FILE, SOURCE)
+    assert {end.heard for end in second.ends.values()} == {True}
 
 
 # -- any network ----------------------------------------------------------------------------------
@@ -352,7 +358,7 @@ def test_no_time_is_granted_beyond_the_last_instant() -> None:
     part = Participant(("a",), 0, 10, "1")
     part.report(NEVER, NEVER, [])
     part.grant()
-    assert part.granted == NEVER - 1
+    assert part.granted == END + 1
 
 
 def test_a_node_that_tells_two_stories_is_refused_by_name() -> None:
@@ -361,6 +367,32 @@ def test_a_node_that_tells_two_stories_is_refused_by_name() -> None:
     part.receive(Report("1", 1, 0, 0, 5, -1, ()))
     with pytest.raises(NodeMismatchError, match="node b has told of round 0 something else"):
         part.receive(Report("1", 1, 0, 0, 6, -1, ()))
+
+
+def test_time_is_granted_up_to_its_end_inclusive_and_no_further() -> None:
+    part = Participant(("a",), 0, 10, "1")
+    for until in (END, NEVER):
+        part.report(NEVER, until, [])
+        part.grant()
+        assert part.granted == END + 1, "everything before this instant"
+    part.report(NEVER, NEVER, [])
+    part.grant()
+    assert part.rested
+
+
+def test_a_host_on_a_node_comes_to_the_end_of_time_and_is_refused_what_lies_beyond() -> None:
+    made = Machine(FILE, SOURCE)
+    port = made.nodes[0].board.open_port("late")
+    assert not port.delay(END)
+    while not port.go_on():
+        for conductor in made.conductors:
+            made.poll(conductor)
+    assert port.delay(END)
+    assert made.nodes[0].board.now == END
+    with pytest.raises(PortError, match=f"time ends at {END} ps"):
+        port.delay(1)
+    with pytest.raises(PortError, match=f"time ends at {END} ps"):
+        port.read(0)
 
 
 GOOD = encode(Report("1", 1, 3, 50, 60, -1, ((40, 1, 0, 0, 1, False),)))
