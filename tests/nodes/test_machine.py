@@ -354,13 +354,6 @@ def test_a_saved_report_of_another_node_or_board_is_refused(message: Message, te
         part.check({**state.save(part), "latest": [encode(message)]})
 
 
-def test_no_time_is_granted_beyond_the_last_instant() -> None:
-    part = Participant(("a",), 0, 10, "1")
-    part.report(NEVER, NEVER, [])
-    part.grant()
-    assert part.granted == END + 1
-
-
 def test_a_node_that_tells_two_stories_is_refused_by_name() -> None:
     part = Participant(("a", "b"), 0, 10, "1")
     part.receive(Report("1", 1, 0, 0, 5, -1, ()))

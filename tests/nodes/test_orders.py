@@ -231,3 +231,5 @@ def test_a_host_that_only_makes_cycles_uses_time_too() -> None:
     board.limit = 100 * US
     port.write(0x20, 1)
     assert port.uses_time
+    port.write(0x20, 2)
+    assert port.read(0x20) == 2

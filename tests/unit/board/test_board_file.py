@@ -475,6 +475,11 @@ def test_a_mistake_is_named_with_its_line_and_what_is_allowed(mistake: tuple[str
     assert str(caught.value).split("\n") == lines
 
 
+def test_a_wave_is_recorded_to_the_end_unless_the_file_says_how_long() -> None:
+    file, _ = read_board_text(SMALL + '[waves.a]\nfile = "a.vcd"\n', "b.toml")
+    assert [wave.duration for wave in file.waves] == [0]
+
+
 CERTIFICATES = 'certificate = "a"\nkey = "b"\nauthority = "c"\n'
 
 

@@ -9,7 +9,7 @@ from vbus.board.board import Board
 from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus
 from vbus.kernel import NEVER, US
-from vbus.protocols.port import PortError
+from vbus.protocols.port import HostPort, PortError
 from vbus.signals import HIGH, LOW, STRICT, Observer, Policy
 
 
@@ -459,6 +459,10 @@ def test_a_session_that_is_held_by_a_claim_goes_on_no_sooner() -> None:
     assert not two.go_on()
     one.unclaim()
     assert two.go_on()
+
+
+def test_a_port_is_not_held_until_it_says_so() -> None:
+    assert HostPort().held is False
 
 
 def test_a_session_held_by_a_claim_goes_on_with_another_chip() -> None:

@@ -305,6 +305,13 @@ def test_a_snapshot_of_another_version_of_vbus_is_loaded() -> None:
     assert board.now == snapshot.when
 
 
+def test_a_state_that_lacks_the_level_of_a_pin_is_refused() -> None:
+    board = load_board_text(BENCH)
+    before = board.save()
+    with pytest.raises(SnapshotError):
+        board.load({**before, "levels": before["levels"][:-1]})
+
+
 def test_a_state_of_the_first_version_that_lacks_a_chip_is_refused() -> None:
     board = load_board_text(BENCH)
     before = board.save()

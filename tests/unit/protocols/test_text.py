@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.unit.fake_port import FakePort
 from tests.unit.protocols.grammar import cuts, ends, lines, pieces
 from vbus.kernel import MS, NEVER, US
-from vbus.protocols.port import PortInfo
+from vbus.protocols.port import NotYet, PortInfo
 from vbus.protocols.text import VERBS, TextProtocol
 
 
@@ -180,6 +180,22 @@ def test_a_line_that_has_to_wait_keeps_what_is_behind_it(
     wire.resume()
     first = {"s": "5us", "w": "busy 5us", "c": "OK 5000"}[line[0]]
     assert wire.take().decode() == f"{first}\n5us\n5us\n"
+
+
+def test_a_request_of_which_a_port_says_not_yet_is_made_again(
+    wire: TextProtocol, port: FakePort, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read(address: int) -> int:
+        port.held = True
+        raise NotYet
+
+    with monkeypatch.context() as patch:
+        patch.setattr(port, "read", read)
+        wire.receive(b"r 1\n")
+    assert wire.out == b""
+    port.held = False
+    wire.receive(b"")
+    assert wire.out == b"12\n"
 
 
 def test_nothing_is_asked_of_a_port_that_is_held(wire: TextProtocol, port: FakePort) -> None:
