@@ -5,6 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.conformance.mcp1200.conftest import Bench, Follower
+from vbus.chips.mcp1200.encoder import Encoder
+from vbus.plant.ideal import IdealPlant
 
 UP = ((0, 1), (0, 0), (1, 0), (1, 1))
 """Levels of A and B from the resting state 11, A before B."""
@@ -133,3 +135,15 @@ def test_any_walk_that_passes_the_filter_is_counted(walk: list[tuple[bool, int]]
         bench.wait(dwell)
     bench.wait(3)
     assert bench.position == place
+
+
+@pytest.mark.spec("MCP-BRK-1")
+def test_an_edge_of_the_very_cycle_in_which_a_setting_changes_is_still_to_come() -> None:
+    encoder = Encoder(8_000_000)
+    encoder.connect(IdealPlant(), limits=False, home=False)
+    encoder.begin(0, 512, 0.0, 100, 0, False)
+    for _ in range(2):
+        encoder.plan(armed=True, compare=50)
+        assert (encoder.at, encoder.at_count) == (254, 50)
+        encoder.look_from(254)
+        assert encoder.seen == 49
