@@ -9,7 +9,7 @@ from mypy_extensions import i64
 from vbus.board.interrupt_check import check_interrupts
 from vbus.board.strobe_player import StrobePlayer
 from vbus.chips.base import Chip
-from vbus.kernel import NEVER, Clock, Kernel
+from vbus.kernel import END, Clock, Kernel
 from vbus.options import Settings
 from vbus.signals import Net, Observer, Pin, Plant, Policy, Rule, Violation
 
@@ -46,7 +46,7 @@ class Circuit:
         self.clock_step: int = clock_step
         self.violation_policy: Policy = violations if violations is not None else Policy()
         self.kernel: Kernel = Kernel()
-        self.limit: i64 = NEVER - 1
+        self.limit: i64 = END
         """Time may run to this instant without the wall clock (ps); set by the pacer."""
         self.chips: list[Chip] = []
         self.pins: list[Pin] = []
@@ -196,7 +196,7 @@ class Circuit:
             ValueError: ``when`` is before now, or beyond the end of time.
         """
         kernel = self.kernel
-        if kernel.now + STRETCH < when < NEVER:
+        if kernel.now + STRETCH < when <= END:
             stretch = max(STRETCH // (len(self.chips) + 1), SHORTEST)
             while True:
                 # A board at rest stays so until something is due.

@@ -40,4 +40,6 @@ class GrantedPacer(Pacer):
 
     def granted(self) -> None:
         """Time may run further: go on with the sessions that waited for it."""
+        if self.board.limit > self._near:
+            self._nearing(self.board.limit)
         self._wake(self.board.limit)

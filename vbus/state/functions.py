@@ -9,7 +9,7 @@ from typing import Any, Final
 from vbus.state.kinds import MOST, Kind, Load, Refused
 
 CHECKS: Final[dict[type | None, str]] = {
-    bool: "type({0}) is bool", float: "type({0}) is float",
+    bool: "type({0}) is bool", float: "type({0}) is float and {0} - {0} == 0.0",
     int: f"type({{0}}) is int and {-MOST - 1} <= {{0}} <= {MOST}",
 }  # fmt: skip
 """What a value of a usual type must be."""

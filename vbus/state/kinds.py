@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from functools import reduce
 from operator import or_
+from sys import float_info
 from types import GenericAlias
 from typing import Annotated, Any, ClassVar, Final
 
@@ -12,7 +13,8 @@ MOST: Final = (1 << 63) - 1
 NUMBERS: Final[frozenset[type]] = frozenset((int, bool, float))
 """Types of numbers and flags."""
 SCHEMAS: Final[dict[type, Any]] = {
-    int: Annotated[int, Meta(ge=-MOST - 1, le=MOST)], bool: bool, float: float, str: str,
+    int: Annotated[int, Meta(ge=-MOST - 1, le=MOST)], bool: bool, str: str,
+    float: Annotated[float, Meta(ge=-float_info.max, le=float_info.max)],
 }  # fmt: skip
 """What msgspec is told of values of a type, to check many at once."""
 ALL: Final = slice(None)
@@ -138,11 +140,11 @@ class Integer(Kind):
 
 
 class Real(Kind):
-    """A number."""
+    """A finite number."""
 
     def __init__(self) -> None:
         super().__init__("a number", float, int)
-        self.schema = float
+        self.schema = SCHEMAS[float]
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
@@ -150,7 +152,10 @@ class Real(Kind):
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
-        return float(super().take(saved, now, load))
+        number = float(super().take(saved, now, load))
+        if number - number != 0.0:
+            raise self.refuse(saved)
+        return number
 
 
 class Octets(Kind):

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from vbus.board.board import Board
 from vbus.errors import VbusError
-from vbus.kernel import NEVER
+from vbus.kernel import END
 from vbus.server.server import LinkSpec, Server
 
 _T = TypeVar("_T")
@@ -61,7 +61,7 @@ class ServedBoard:
         if self._loop is not None and self._stop is not None and self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._stop.set)
         self._thread.join()
-        self.board.limit = NEVER - 1
+        self.board.limit = END
 
     def call(self, what: Callable[[], _T]) -> _T:
         """Do something to the board while no host does; return or raise what it does.

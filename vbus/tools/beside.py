@@ -4,7 +4,7 @@ import asyncio
 import os
 import signal
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 
 from vbus.board.board import Board
@@ -134,7 +134,7 @@ def run_on_board(
             board.observe(written)
         mine, environment = link_of_program(board, file, host, link, note)
         if mine.card is not None:
-            preload.warn_of(command(link)[0])
+            preload.warn_of(command(link)[0], file.board.time)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
         server = Server(board, [mine, *others], file.board.stall, complain, address)
@@ -182,22 +182,26 @@ async def _run_beside(
     if counted:
         complain(f"metrics: {counted}")
     try:
-        code = await run_program(command, environment, note)
+        code = await run_program(command, environment, note, alone=True)
         server.board.catch_up()
     finally:
         server.stop()
     return code
 
 
-async def run_program(command: list[str], environment: dict[str, str], note: Path) -> int:
+async def run_program(
+    command: list[str], environment: dict[str, str], note: Path, alone: bool = False
+) -> int:
     """Run ``command`` and return its exit code; if it died of a signal, 128 + its number.
 
-    SIGINT and SIGTERM are passed on, and end it in any case.
+    SIGINT and SIGTERM are passed on, and end it in any case, with all that comes from it. If this
+    process dies, so does the program.
 
     Args:
         command: program and arguments.
         environment: variables on top of those of this process.
         note: the file the library makes when the program ends by a fault of its own.
+        alone: whether the board ends with the program, and so what the program leaves behind.
 
     Raises:
         VbusError: it cannot be started.
@@ -206,6 +210,7 @@ async def run_program(command: list[str], environment: dict[str, str], note: Pat
     running: list[int] = []
     came: list[int] = []
     asked: list[asyncio.TimerHandle] = []
+    offspring = ending.Offspring()
 
     def pass_on(number: int) -> None:
         """Not by the process object, which would take the exit code from who waits for it."""
@@ -214,20 +219,30 @@ async def run_program(command: list[str], environment: dict[str, str], note: Pat
             with suppress(ProcessLookupError):
                 os.kill(pid, number)
             if not asked:
-                asked.append(loop.call_later(ending.PATIENCE, ending.end, pid, number))
+                asked.append(loop.call_later(ending.PATIENCE, offspring.kill, number))
 
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, pass_on, number)
-    try:
-        process = await asyncio.create_subprocess_exec(*command, env={**os.environ, **environment})
-    except OSError as error:
-        raise VbusError(f"{command[0]}: {error.strerror}") from error
-    running.append(process.pid)
-    for early in tuple(came):  # while it was being started
-        pass_on(early)
-    code = await process.wait()
-    for handle in asked:
-        handle.cancel()
+    with closing(offspring):
+        try:
+            process = await asyncio.create_subprocess_exec(
+                *command, env={**os.environ, **environment}, preexec_fn=offspring.die_with_parent
+            )
+        except OSError as error:
+            raise VbusError(f"{command[0]}: {error.strerror}") from error
+        running.append(process.pid)
+        loop.add_signal_handler(signal.SIGCHLD, offspring.bury, process.pid)
+        for early in tuple(came):  # while it was being started
+            pass_on(early)
+        code = await process.wait()
+        until = asked[0].when() if asked else loop.time() + ending.PATIENCE
+        for handle in asked:
+            handle.cancel()
+        left = offspring.there()
+        if left and alone and not came:
+            ending.say_left(left)
+        if left and (alone or came):
+            await offspring.end(until)
     if "VBUS_EXEC" in environment:
         ending.explain(code, note)
     return code if code >= 0 else 128 - code

@@ -94,7 +94,7 @@ def _join(link: str, program: list[str]) -> int:
         note = Path(folder) / "fault"
         variables = environment(info, link, note) if info.card else {"VBUS_LINK": link}
         if info.card:
-            warn_of(program[0])
+            warn_of(program[0], info.policy)
         return asyncio.run(run_program(program, variables, note))
 
 

@@ -1,5 +1,5 @@
 /* A driver that waits for the LM629's interrupt: by reading /dev/uio0, by polling it, or by a signal.
- * Prints the status bytes it finds.
+ * Prints the status bytes it finds. Or it counts the signals of resets, which interrupt as well.
  */
 #define _GNU_SOURCE
 #include <errno.h>
@@ -24,6 +24,23 @@ static void on_signal(int number)
     signals++;
 }
 
+static void reset_and_count(void)
+{
+    int turn;
+
+    while (inb(BASE) != 0x84)
+        ;
+    for (turn = 0; turn < 20; turn++) {
+        command(0x1D, 2, nothing);
+        signals = 0;
+        outb(0, BASE); /* RESET */
+        while ((inb(BASE) & 0xBF) != 0x84)
+            ;
+        printf("%d", (int)signals);
+    }
+    printf(" signals of 20 resets\n");
+}
+
 static void start_move(void)
 {
     while (inb(BASE) != 0x84)
@@ -42,6 +59,13 @@ int main(int count, char **arguments)
         return 1;
     if (strcmp(how, "signal") == 0 || strcmp(how, "sleep") == 0)
         signal(SIGIO, on_signal);
+    if (strcmp(how, "early") == 0)
+        fd = open("/dev/uio0", O_RDWR);
+    if (strcmp(how, "count") == 0) {
+        signal(SIGIO, on_signal);
+        reset_and_count();
+        return 0;
+    }
     start_move();
     signals = 0; /* the reset has interrupted too */
     if (strcmp(how, "uio") == 0 || strcmp(how, "poll") == 0 || strcmp(how, "select") == 0)
@@ -62,6 +86,8 @@ int main(int count, char **arguments)
         FD_SET(fd, &in);
         printf("select %d\n", select(fd + 1, &in, NULL, NULL, NULL));
     }
+    if (strcmp(how, "early") == 0 && read(fd, &number, 4) != 4)
+        return 1; /* that of the reset */
     if (fd >= 0) {
         if (read(fd, &number, 4) != 4)
             return 1;

@@ -179,7 +179,7 @@ def test_a_failing_test_tells_what_was_on_the_bus_and_its_line_replays_it(
             "*x RSTI resets *",
             "*x RDSTAT 80H MOTOR_OFF",
             "violations: 1",
-            "*lm628.busy-write: *",
+            "*x broke lm628.busy-write at *",
             "journal: *",
             "replay:  vbus replay *",
             "wave:    *.vcd",
@@ -226,26 +226,6 @@ def test_a_waveform_that_cannot_be_written_is_refused_before_the_first_test(
     result = suite.runpytest_inprocess("-q", "--vbus-wave=always")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(["*--vbus-wave needs pyvcd; install it with: pip install*"])
-
-
-def test_strict_fails_a_test_whose_host_breaks_the_datasheet(suite: pytest.Pytester) -> None:
-    suite.makepyfile(
-        """
-        import pytest
-
-        def test_it(vbus_lm629):
-            vbus_lm629.bus.write(0, 0x1E)
-            vbus_lm629.bus.write(0, 0x1E)
-
-        @pytest.mark.vbus(strict=False)
-        def test_tolerant(vbus_lm629):
-            test_it(vbus_lm629)
-        """
-    )
-    suite.runpytest("-q").assert_outcomes(passed=2)
-    result = suite.runpytest("-q", "--vbus-strict")
-    result.assert_outcomes(failed=1, passed=1)
-    result.stdout.fnmatch_lines(["*x broke lm628.busy-write*", "again: *--vbus-strict"])
 
 
 def test_a_fault_that_never_fired_fails_its_test(suite: pytest.Pytester) -> None:

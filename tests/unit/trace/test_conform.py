@@ -200,6 +200,20 @@ def test_a_pulse_too_short_to_be_sampled_may_be_missing() -> None:
     assert not pulse(21 * NS, 20 * NS)
 
 
+def test_edges_are_paired_in_the_order_they_came_in() -> None:
+    kernel = Kernel()
+    net = Net(kernel, "x.HI", rest=1)
+    pin = net.solder("HI")
+    output = OutputWatch("HI", net, 20 * NS)
+    output.begin(0, 1, False)
+    for when, level in ((50, 0), (80, 1), (110, 0)):
+        kernel.run_until(when * NS)
+        pin.drive(level)
+    kernel.run_until(120 * NS)
+    found = output.compare(kernel.now, 0)
+    assert found == (50 * NS, "falls at 0.12us", "falls at 0.05us")
+
+
 def test_who_drives_the_data_bus_and_when_it_is_idle() -> None:
     lm628, pmd, mcp = (Lm628Watch(), Mc1241aWatch(), Mcp1200Watch())
     # /CS /PS /RD /WR
