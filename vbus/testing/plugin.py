@@ -7,6 +7,8 @@ import re
 from collections.abc import Callable, Generator, Iterator, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
+from traceback import walk_tb
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from vbus.testing.clock import BoardClock
     from vbus.testing.execute import Execute
 
+PACKAGE = Path(__file__).parents[1]
 BENCH: pytest.StashKey["Bench"] = pytest.StashKey()
 FOLDER: pytest.StashKey[Path] = pytest.StashKey()
 ACCEPTED: pytest.StashKey["Acceptances"] = pytest.StashKey()
@@ -229,6 +232,9 @@ def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Let the report of a failing test carry what its boards saw."""
+    whole = item.config.getoption("fulltrace") or item.stash.get(BENCH, None) is None
+    if call.excinfo is not None and not whole:
+        call.excinfo = _cut_short(call.excinfo)
     report = yield
     accepted = item.config.stash.get(ACCEPTED, None)
     if accepted is not None and call.when == "call" and report.passed:
@@ -240,6 +246,19 @@ def pytest_runtest_makereport(
         report.user_properties += failure.properties
         item.user_properties += failure.properties
     return report
+
+
+def _cut_short(found: pytest.ExceptionInfo[BaseException]) -> pytest.ExceptionInfo[BaseException]:
+    """Leave only the test's own lines of a mistake that vbus has put in a sentence."""
+    from vbus.errors import VbusError
+
+    own = None
+    for frame, line in reversed(list(walk_tb(found.tb))):
+        if not Path(frame.f_code.co_filename).is_relative_to(PACKAGE):
+            own = TracebackType(own, frame, frame.f_lasti, line)
+    if own is None or not isinstance(found.value, VbusError | ValueError):
+        return found
+    return pytest.ExceptionInfo.from_exception(found.value.with_traceback(own))
 
 
 # -- what was accepted in vain ------------------------------------------------------------------

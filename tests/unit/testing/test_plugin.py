@@ -250,6 +250,32 @@ def test_a_fault_that_never_fired_fails_its_test(suite: pytest.Pytester) -> None
     )
 
 
+def test_a_mistake_in_words_is_shown_with_the_lines_of_the_test_alone(
+    suite: pytest.Pytester,
+) -> None:
+    suite.makepyfile(
+        """
+        def arm(board):
+            board.faults.arm("jam", when="at ten o'clock")
+
+        def test_it(vbus_board):
+            arm(vbus_board)
+        """
+    )
+    result = suite.runpytest("-q")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            ">       arm(vbus_board)",
+            ">       board.faults.arm(*",
+            "E*o'clock*",
+            "*.py:2: ValueError",
+        ]
+    )
+    assert "vbus/faults" not in result.stdout.str()
+    assert "vbus/faults" in suite.runpytest("-q", "--full-trace").stdout.str()
+
+
 def test_a_failing_test_with_a_fault_replays_with_the_fault(suite: pytest.Pytester) -> None:
     suite.makepyfile(
         """
