@@ -2,15 +2,15 @@
 
 import asyncio
 import io
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import BinaryIO, Final, TextIO
 
 from vbus.board.board import Board
 from vbus.board.checks import all_rules
 from vbus.board.sections import RecordSection, WaveSection
-from vbus.errors import VbusError
+from vbus.errors import VbusError, read_errors, write_errors
 from vbus.signals import Observer
 from vbus.trace.decode import settings_for_decoders
 from vbus.trace.findings.formats import FORMATS, format_of
@@ -23,21 +23,13 @@ FLUSH_SECONDS: Final = 0.2
 """How long an entry of a journal may wait for company."""
 
 
-@contextmanager
-def _writing(path: str) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
-
-
 def create(path: str) -> BinaryIO:
     """Open a file for writing, without a buffer: what is written survives the process.
 
     Raises:
         VbusError: it cannot be opened.
     """
-    with _writing(path):
+    with write_errors(path):
         return Path(path).open("wb", buffering=0)
 
 
@@ -47,7 +39,7 @@ def open_text(path: str) -> TextIO:
     Raises:
         VbusError: it cannot be opened.
     """
-    with _writing(path):
+    with write_errors(path):
         return Path(path).open("w", encoding="ascii", newline="\n")
 
 
@@ -59,11 +51,8 @@ def suppressions_of(path: str) -> list[Suppression]:
     """
     if not path:
         return []
-    try:
+    with read_errors(path):
         text = Path(path).read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "this is no UTF-8 text"
-        raise VbusError(f"{path}: cannot be read: {reason}") from error
     return read_suppressions(text, path, [rule.name for rule in all_rules()])
 
 

@@ -14,7 +14,7 @@ from vbus.board.metrics_checks import metrics_address
 from vbus.board.sections import BoardFile, WaveSection, ZenohSection
 from vbus.board.snapshot import read
 from vbus.board.source import Source
-from vbus.errors import ConfigError, VbusError
+from vbus.errors import ConfigError, VbusError, read_errors
 from vbus.network.security import Security
 from vbus.network.session import Network
 from vbus.server.readiness import tell_ready
@@ -43,10 +43,8 @@ def links_of(file: BoardFile) -> list[LinkSpec]:
 
 
 def _content(path: str) -> bytes:
-    try:
+    with read_errors(path):
         return Path(path).read_bytes()
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be read: {error.strerror}") from error
 
 
 def network_of(zenoh: ZenohSection) -> Network:
