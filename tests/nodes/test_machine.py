@@ -47,6 +47,8 @@ def test_the_run_ends_where_the_scenario_does_and_takes_few_rounds(machine: Mach
     assert all(conductor.finished for conductor in machine.conductors)
     assert {conductor.participant.granted for conductor in machine.conductors} == {20_000 * US + 1}
     assert machine.conductors[0].participant.round <= 100
+    assert {conductor.state for conductor in machine.conductors} == {"rests"}
+    assert len({conductor.participant.round for conductor in machine.conductors}) == 1
 
 
 def test_an_edge_reaches_the_other_nodes_exactly_one_delay_later(machine: Machine) -> None:
@@ -112,6 +114,11 @@ def test_edges_of_one_instant_are_taken_in_order_of_node_and_number() -> None:
     sent = third.take_edges()
     assert [edge[4] for edge in sent] == [0, -1, 0, -1]
     assert [edge[2] for edge in sent] == list(range(sent[0][2], sent[0][2] + 4))
+
+
+def test_an_end_of_a_wire_is_always_listened_to() -> None:
+    _, second, _, _ = build_nodes(FILE, SOURCE)
+    assert {end.heard for end in second.ends.values()} == {True}
 
 
 # -- any network ----------------------------------------------------------------------------------
@@ -213,6 +220,18 @@ def test_nodes_agree_on_one_order_of_events_whatever_the_network_does(
     assert play(shuffle=True) == play(shuffle=False)
 
 
+def test_time_waits_for_a_host_that_has_begun_to_use_it_until_it_waits_itself() -> None:
+    conductor = conductor_of(FILE, SOURCE, "a")
+    port = conductor.node.board.open_port("h")
+    assert not conductor.busy()
+    assert not port.delay(US)
+    assert not conductor.busy()
+    conductor.participant.granted = US
+    assert not conductor.busy()
+    conductor.participant.granted = US + 1
+    assert conductor.busy()
+
+
 # -- snapshots, mistakes --------------------------------------------------------------------------
 
 
@@ -292,6 +311,8 @@ def test_the_worst_of_late_edges_is_told_whichever_comes_first() -> None:
     on_time = node.board.kernel.now - node.wires[wire].delay
     node.accept([(on_time - late, 2, 900 + late, wire, 1, False) for late in (0, 10, 30, 20)])
     assert (node.late, node.worst_late) == (3, 30)
+    node.accept([(0, 2, 999, wire, 1, False)])
+    assert (node.late, node.worst_late) == (4, on_time)
 
 
 def test_a_node_with_another_board_is_refused_by_name() -> None:
@@ -337,7 +358,7 @@ def test_no_time_is_granted_beyond_the_last_instant() -> None:
     part = Participant(("a",), 0, 10, "1")
     part.report(NEVER, NEVER, [])
     part.grant()
-    assert part.granted == NEVER - 1
+    assert part.granted == END + 1
 
 
 def test_a_node_that_tells_two_stories_is_refused_by_name() -> None:

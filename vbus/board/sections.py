@@ -48,7 +48,7 @@ def rows(section: type[Struct]) -> Iterator[Option]:
             )
 
 
-class Section(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Section(Struct, frozen=True, kw_only=True):
     """Base of all sections."""
 
 

@@ -50,8 +50,8 @@ class HostState:
     label: str
     chips: tuple[str, ...]
     cycle_ps: int
-    leased_until: int = 0
-    wire: Any = None
+    leased_until: int
+    wire: Any
 
 
 @dataclass(frozen=True, slots=True)

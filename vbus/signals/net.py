@@ -53,7 +53,7 @@ class Pin:
     STATE: ClassVar[Names] = ("level",)
     WIRING: ClassVar[Names] = ("name", "net", "on_heard", "open_drain")
 
-    def __init__(self, name: str, net: "Net", *, open_drain: bool = False) -> None:
+    def __init__(self, name: str, net: "Net", open_drain: bool) -> None:
         self.name: str = name
         self.net: Net = net
         self.level: int = Z
@@ -142,7 +142,7 @@ class Net:
 
     def solder(self, name: str, *, open_drain: bool = False) -> Pin:
         """Join a part's pin to the net."""
-        pin = Pin(name, self, open_drain=open_drain)
+        pin = Pin(name, self, open_drain)
         self.pins.append(pin)
         return pin
 
@@ -264,5 +264,5 @@ class Net:
             if pin.level != Z:
                 if level != Z and pin.level != level:
                     fight = fight or not pin.open_drain
-                level = pin.level if level == Z else level & pin.level
+                level = pin.level
         self.clashing = fight

@@ -363,6 +363,13 @@ def test_a_slaved_host_stamps_each_of_its_polls() -> None:
     assert [when for when, *_ in log.cycles] == [7 * US, 9 * US]
 
 
+def test_polls_of_a_slaved_host_begin_at_its_stamp() -> None:
+    board, port, _ = toy_bench("slaved")
+    port.at(100 * US)
+    assert port.polled(0, 3)
+    assert (board.now, board.counters["reads"]) == (102 * US, 3)
+
+
 @pytest.mark.parametrize("watched", [False, True])
 def test_stamped_polls_are_run_at_their_stamps_and_counted(watched: bool) -> None:
     board, port, _ = toy_bench("slaved")

@@ -39,7 +39,7 @@ def say(wire: ByteProtocol, text: str) -> str:
         ("03 00 02", "", [("select", 2)]),
         ("04", "43 01", [("claim",)]),
         ("05", "", [("unclaim",)]),
-        ("40 00 0f 00 0c", "", [("lines", 15, 12)]),
+        ("40 00 0f 01 0c", "", [("lines", 15, 0x10C)]),
         ("41 55", "", [("drive", 0x55)]),
         ("42", "", [("release",)]),
         ("43", "50 84 00000000", [("sample",)]),
@@ -344,6 +344,11 @@ def test_a_read_is_answered_with_a_lease_where_the_board_can_tell_and_the_host_a
 
 def test_a_lease_without_end_is_all_ones(wire: ByteProtocol) -> None:
     assert say(wire, "61 01 12") == leased(0x23, 0, US, (1 << 64) - 1)
+
+
+def test_a_lease_has_all_32_output_lines(wire: ByteProtocol, port: FakePort) -> None:
+    port.outputs = 0xFFFF_FFFF
+    assert say(wire, "61 01 10") == leased(1, 0xFFFF_FFFF, US, 6 * US)
 
 
 def test_leases_are_on_or_off_and_end_with_the_session(wire: ByteProtocol) -> None:

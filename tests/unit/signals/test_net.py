@@ -40,6 +40,18 @@ def test_a_floating_bus_without_a_pull_keeps_its_last_value() -> None:
     assert net.value == 0xA5
 
 
+def test_a_bundle_keeps_its_history_when_somebody_begins_to_listen() -> None:
+    kernel = Kernel()
+    net = Net(kernel, "D0-D7", rest=Z, width=8)
+    pin = net.solder("D0-D7")
+    for when, level in ((5, 0xA5), (9, Z)):
+        kernel.run_until(when)
+        pin.drive(level)
+    kernel.run_until(20)
+    net.observe(Edges())
+    assert (net.changed_at, net.let_go_at) == (5, 9)
+
+
 def test_open_drain_pins_share_a_wire_and_any_of_them_pulls_it_low() -> None:
     net = Net(Kernel(), "/INT", rest=HIGH)
     pins = [net.solder("/INT", open_drain=True) for _ in range(3)]

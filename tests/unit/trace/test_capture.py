@@ -45,7 +45,7 @@ def session(
         archive.writestr(
             "metadata",
             "[global]\nsigrok version=0.5.2\n\n[device 1]\ncapturefile=logic-1\n"
-            f"total probes={probes}\nsamplerate={rate}\n{names}unitsize={unit}\n",
+            f"total probes={probes}\nunits7=V\nsamplerate={rate}\n{names}unitsize={unit}\n",
         )
         size = -(-len(data) // parts)
         for part in range(parts):
@@ -270,6 +270,7 @@ def test_frequencies_and_the_units_of_sigrok() -> None:
     assert frequency("24 MHz") == 24_000_000
     assert frequency("12500000") == 12_500_000
     assert frequency("1.5 kHz") == 1500
+    assert frequency("2 GHz") == 2_000_000_000
     assert frequency("fast") == 0
     assert [unit_of(rate) for rate in (1000, 1001, 10**6, 10**9, 10**10)] == [
         10**9, 10**6, 10**6, 1000, 1,
@@ -294,6 +295,7 @@ def wired(channels: list[str], family: str = "lm628", **wanted: str) -> Wiring:
         ["x_CS", "x_PS", "x_RD", "x_WR", *(f"x_{name}" for name in DATA)],
         ["vbus.x_CS", "vbus.x_PS", "vbus.x_RD", "vbus.x_WR", *(f"vbus.x_{name}" for name in DATA)],
         ["x./CS", "x./PS", "x./RD", "x./WR", *(f"x.{name}" for name in DATA)],
+        ["a.C_S", "a.P_S", "a.R_D", "a.W_R", *(f"a.D_{n}" for n in range(8))],
     ],
 )
 def test_channels_are_found_by_the_names_of_the_pins(names: list[str]) -> None:

@@ -270,6 +270,15 @@ def test_an_output_that_moves_late_is_found_at_its_edge(family: str, pin: str) -
     assert capture.compare(names=[pin]).mismatch is None
 
 
+def test_a_byte_that_differs_is_found_where_its_packet_is_cut_off() -> None:
+    capture = shot("lm628")
+    data = [pulse for pulse in capture.pulses("/RD") if _level(capture, "/PS", pulse[0])]
+    (begin, end), (following, _) = data[:2]
+    capture.change(begin, end, flip=1 << capture.wiring.data[2])
+    capture.samples = [sample for sample in capture.samples if sample[0] < following]
+    assert difference(capture.compare()).when == end
+
+
 def test_an_output_that_never_moves_is_found() -> None:
     capture = shot("lm628")
     bit = 1 << capture.bit("HI")
