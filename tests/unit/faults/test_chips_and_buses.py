@@ -255,3 +255,13 @@ def test_bus_faults_of_other_chips_come_and_go(name: str, family: str) -> None:
     assert not board.kernel.observed
     settle(board, 1)
     assert host.port.read(address) == whole
+
+
+def test_hostrdy_rises_when_it_is_no_longer_stuck_with_nothing_to_do() -> None:
+    board = build(MC, STEPPER)
+    Mc(board).ready()
+    fault = board.faults.arm("ready_stuck")
+    board.run_for(MS)
+    assert board.chips[0].pins["HostRdy"].value == 0
+    board.faults.clear(fault)
+    assert board.chips[0].pins["HostRdy"].value == 1

@@ -4,7 +4,9 @@ import pytest
 
 from vbus.chips.mcp1200.compatible import Hctl1100Uses
 
-NO_TIMER = "a sample of {} clocks, not of {}; write R10, R11 first, or run it at four times the clock"
+NO_TIMER = (
+    "a sample of {} clocks, not of {}; write R10, R11 first, or run it at four times the clock"
+)
 
 
 @pytest.mark.parametrize(

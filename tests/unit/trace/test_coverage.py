@@ -166,8 +166,9 @@ def test_mc1241a_status_words_and_checksums_are_counted() -> None:
     assert "status axis on" in counts(observer, "mc1241a", FLAGS)
     command(port, 1, mc1241a.COMMANDS["SET_ACTL_POS"].code, 0xFFFF, 0xFFFF, data=0)
     command(port, 1, mc1241a.COMMANDS["SET_INTRPT_MASK"].code, 0x0006, data=0)
-    assert {name: n for (group, name), n in observer.coverage.counts["mc1241a"].items()
-            if group == BITS} == {"SET_INTRPT_MASK wrap": 1, "SET_INTRPT_MASK breakpoint": 1}
+    assert {
+        name: n for (group, name), n in observer.coverage.counts["mc1241a"].items() if group == BITS
+    } == {"SET_INTRPT_MASK wrap": 1, "SET_INTRPT_MASK breakpoint": 1}
 
 
 @pytest.mark.spec("PMD-CMD-4", "PMD-CMD-5", "PMD-CMD-6", "PMD-CMD-7")
