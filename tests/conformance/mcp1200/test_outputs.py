@@ -288,6 +288,20 @@ def test_a_write_that_becomes_visible_after_a_frame_began_waits_too(
 
 
 @pytest.mark.spec("MCP-OUT-7", "MCP-MOD-2")
+def test_a_frame_that_begins_together_with_idle_is_off() -> None:
+    bench = Bench()
+    bench.put("COMMAND_POSITION", 100)
+    long_frames(bench)
+    bench.control()
+    bench.samples(2)
+    bench.write(0x05, 0x01)
+    idle = bench.sample_start()
+    assert idle % 2 == 0
+    bench.chip.axis.pwm.start = idle - 1600
+    assert unseen(bench, idle + 5) == 0
+
+
+@pytest.mark.spec("MCP-OUT-7", "MCP-MOD-2")
 def test_the_frame_in_which_idle_begins_is_finished() -> None:
     bench = Bench()
     bench.put("COMMAND_POSITION", 100)
