@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.conformance.mcp1200.conftest import Bench, Follower
+from tests.conformance.mcp1200.conftest import Bench, Follower, Rail
 
 UP = ((0, 1), (0, 0), (1, 0), (1, 1))
 """Levels of A and B from the resting state 11, A before B."""
@@ -133,3 +133,16 @@ def test_any_walk_that_passes_the_filter_is_counted(walk: list[tuple[bool, int]]
         bench.wait(dwell)
     bench.wait(3)
     assert bench.position == place
+
+
+@pytest.mark.spec("MCP-ENC-1")
+def test_the_position_moves_within_each_clock_of_a_period() -> None:
+    rail = Rail()
+    bench = Bench(plant=rail)
+    rail.speed = 16_000_000.0
+    start = bench.sample_start()
+    places = []
+    for cycle in range(4):
+        bench.until(start + cycle)
+        places.append(bench.position)
+    assert [place - places[0] for place in places] == [0, 2, 4, 6]
