@@ -137,8 +137,8 @@ Row = tuple[int, Any, int, int]
 """Key, value, start counted from the end of the entry before, and what the entry took (ps)."""
 
 
-def _rows(words: bytes, others: list[Any]) -> Iterator[Row]:
-    """Give the entries of a block.
+def _rows(words: bytes, others: list[Any]) -> Iterator[tuple[Row, int]]:
+    """Give the entries of a block, each with how often it comes in a row.
 
     Raises:
         ValueError: the words make no sense.
@@ -152,16 +152,16 @@ def _rows(words: bytes, others: list[Any]) -> Iterator[Row]:
                 raise ValueError("an entry is missing")
             if row[0] % PORTS in (READ, WRITE) and isinstance(row[1], int):
                 last = (row[0], row[1], 0, row[3])
-            yield row
+            yield row, 1
             continue
         if last is None:
             raise ValueError("the first cycle is missing")
         if word < AGAIN:
             key = last[0] // PORTS * PORTS + (WRITE if word & 0x100 else READ)
             last = (key, word >> 9 << 8 | word & 0xFF, 0, last[3])
-            yield last
+            yield last, 1
         else:
-            yield from repeat(last, word - AGAIN)
+            yield last, word - AGAIN
     if next(rest, None) is not None:
         raise ValueError("an entry is left over")
 
@@ -222,6 +222,25 @@ class JournalReader:
         Raises:
             JournalError: a block is damaged, or entries are missing between two blocks.
         """
+        for number, when, span, key, value, times in self.stretches():
+            for turn in range(times):
+                start = when + turn * span
+                try:
+                    entry = entry_of(number + turn, start, start + span, key, value)
+                except (TypeError, ValueError) as error:
+                    raise self._wrong(number + turn, error) from None
+                yield entry
+
+    def stretches(self) -> Iterator[tuple[int, int, int, int, Any, int]]:
+        """Give the same as it is written, for those who go through millions of entries.
+
+        Of each stretch of equal entries that follow each other: number and start of the first,
+        what each takes (ps), key, value, and how many they are. :func:`entry_of` makes entries of
+        that; a value that is a number is a bus cycle, 256 times its address plus its byte.
+
+        Raises:
+            JournalError: a block is damaged, or entries are missing between two blocks.
+        """
         number = 0
         last = 0
         while (block := self._block()) is not None:
@@ -229,26 +248,30 @@ class JournalReader:
             if first != number:
                 raise JournalError(f"{self._name()}: entries {number} to {first - 1} are missing")
             try:
-                for key, value, start, span in self._rows(columns):
+                for (key, value, start, span), times in self._rows(columns):
                     when = last + start
-                    last = when + span
+                    last = when + times * span
                     if key % PORTS >= len(OPERATIONS):
                         raise JournalError(
                             f"{self._name()}: entry {number} is of a kind this vbus does not know;"
                             f" vbus {self.header.vbus} wrote it"
                         )
-                    yield _entry(number, when, last, key, value)
-                    number += 1
+                    yield number, when, span, key, value, times
+                    number += times
             except (TypeError, ValueError, StructError) as error:
-                raise JournalError(f"{self._name()}: entry {number}: {error}") from None
+                raise self._wrong(number, error) from None
 
-    def _rows(self, columns: list[Any]) -> Iterator[Row]:
+    def _wrong(self, number: int, error: Exception) -> JournalError:
+        return JournalError(f"{self._name()}: entry {number}: {error}")
+
+    def _rows(self, columns: list[Any]) -> Iterator[tuple[Row, int]]:
         if self.header.format == 1:
-            return zip(*columns, strict=True)
+            return zip(zip(*columns, strict=True), repeat(1))
         return _rows(*columns)
 
 
-def _entry(number: int, when: int, after: int, key: int, value: Any) -> Entry:
+def entry_of(number: int, when: int, after: int, key: int, value: Any) -> Entry:
+    """Return what :meth:`JournalReader.stretches` gives as an entry."""
     port, code = divmod(key, PORTS)
     op = OPERATIONS[code]
     if code == READ and isinstance(value, int):
