@@ -11,6 +11,7 @@
     +-- ChecksumError     a chip's checksum of a packet is not the host's
     +-- PluginError       an entry point is missing or broken
     +-- CaptureError      a capture is none, or lacks what a chip's bus needs
+    +-- TimeEndedError    chip time has come to its end
     +-- SnapshotError     a saved state does not fit the board it is loaded into
     +-- NodeError         another node of the board: names it
         +-- NodeLostError     it has died, stalled or was cut off
@@ -66,6 +67,10 @@ class CaptureError(VbusError):
 
 class SnapshotError(VbusError):
     """A saved state that was made by another board, version or set of chips."""
+
+
+class TimeEndedError(VbusError):
+    """Chip time has come to its end; a board in real time ends there, in order."""
 
 
 class NodeError(VbusError):

@@ -7,7 +7,7 @@ from vbus.board.build import load_board_text
 from vbus.board.config import read_board_text
 from vbus.board.source import BoardFileError
 from vbus.errors import ConfigError
-from vbus.kernel import US
+from vbus.kernel import END, US
 from vbus.nodes.plan import build_nodes, part_of, pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
 
@@ -147,6 +147,11 @@ def test_bytes_of_one_line_follow_each_other_a_cycle_apart() -> None:
     assert read.until == 2006 * US
     with pytest.raises(ConfigError, match="it ends at 1000000000 ps, and a request stands at"):
         read_scenario("2ms x r 0\nend 1ms", "s.txt", CHIPS, US)
+    last = END // US
+    late = f"it ends at {last * US + US} ps, and time ends at {END} ps"
+    with pytest.raises(ConfigError, match=late):
+        read_scenario(f"{last}us x r 0", "s.txt", CHIPS, US)
+    assert read_scenario(f"{last - 1}us x r 0", "s.txt", CHIPS, US).until == last * US
 
 
 def test_every_pin_of_every_chip_may_be_named() -> None:

@@ -10,6 +10,9 @@ LINES = ("x./CS", "y./CS", "/RD", "/WR")
 OUTPUTS = ("x.HI", "y.HI")
 
 
+LAST_EDGE = 1000 * US
+
+
 class FakePort(HostPort):
     """Two chips ``x`` and ``y`` on a slaved board.
 
@@ -17,6 +20,7 @@ class FakePort(HostPort):
       :attr:`answers` for that address, of which the last is given for ever. A cycle takes 1 us.
     * A write at address 0 toggles output line 0: an edge, if line 0 is watched.
     * The chips are ready 15 us after the last write.
+    * An edge is possible every 5 us, up to :data:`LAST_EDGE`, while no output line is high.
     * Time cannot pass :attr:`limit`: a call that would need it holds the session.
     """
 
@@ -191,7 +195,8 @@ class FakePort(HostPort):
 
     def sync(self) -> tuple[int, int]:
         self.calls.append(("sync",))
-        return self.outputs, NEVER if self.outputs else self.time + 5 * US
+        edge = self.time + 5 * US
+        return self.outputs, NEVER if self.outputs or edge > LAST_EDGE else edge
 
     def events(self, mask: int) -> None:
         if mask >> len(OUTPUTS):

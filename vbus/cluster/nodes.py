@@ -216,6 +216,7 @@ class _Run:
         self._options: NodeOptions = options
         self._report: Callable[[str], None] = report
         self._servers: list[Server] = []
+        self._stop: asyncio.Event = asyncio.Event()
         plan = plan_of(file)
         names = names_of(plan, options)
         scenario = scenario_of(file, options.scenario) if options.scenario else None
@@ -244,7 +245,7 @@ class _Run:
         self, stop: asyncio.Event, on_ready: Callable[[list[Server]], None] | None
     ) -> None:
         """Run until the scenario is over, a node is lost, or ``stop`` is set."""
-        peers = self._peers
+        peers, self._stop = self._peers, stop
         ends = (asyncio.ensure_future(stop.wait()), asyncio.ensure_future(peers.finished.wait()))
         with ExitStack() as closing:
             closing.callback(self._leave_trace)
@@ -263,6 +264,8 @@ class _Run:
                 if self._link is not None:
                     await asyncio.sleep(LAST_WORDS)
                 raise peers.failure
+        for server in self._servers:
+            server.pacer.check_over()
 
     async def _begin(self, ends: tuple[asyncio.Future[Any], ...]) -> bool:
         """Meet the other nodes and serve hosts; return whether that was done before an end came."""
@@ -288,6 +291,7 @@ class _Run:
         for node in self._nodes:
             part = part_of(self._file, node.name)
             pacer = self._peers.pacer(node, part)
+            pacer.on_end = self._stop.set
             server = Server(node.board, links_of(part), report=self._report, pacer=pacer)
             server.details = partial(self._details, node)
             # What is ordered from outside, such as another state, would leave the others behind.

@@ -3,25 +3,25 @@
 import asyncio
 import os
 import signal
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
-import click
-
+from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
+from vbus.runtime import private_runtime
 from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of, metrics_of
 from vbus.signals import Observer, Violation
 from vbus.tools import ending, preload
 from vbus.tools.outcome import Outcome
+from vbus.tools.output import complain
 from vbus.tools.transcript import Transcript
 
 
@@ -52,21 +52,40 @@ class Findings(Observer):
         return lines
 
 
-@contextmanager
-def private_runtime() -> Iterator[Path]:
-    """Give a folder for links; it is the runtime directory unless the user has named one.
+def host_of(file: BoardFile, pinmap: str | None = None) -> HostSection:
+    """Return the host of a board file that a program takes the place of.
 
-    So runs of one board beside each other, as in CI, do not meet.
+    Args:
+        file: the board file.
+        pinmap: the pin map it must have; None: the first host with a card or pin map, if any.
     """
-    with tempfile.TemporaryDirectory(prefix="vbus-") as folder:
-        named = os.environ.get("VBUS_RUNTIME")
-        if named is None:
-            os.environ["VBUS_RUNTIME"] = folder
-        try:
-            yield Path(folder)
-        finally:
-            if named is None:
-                del os.environ["VBUS_RUNTIME"]
+    wanted = [host for host in file.hosts if pinmap is None or host.pinmap == pinmap]
+    described = [host for host in wanted if host.pinmap or host.card] or wanted
+    return described[0] if described else HostSection(transport="", pinmap=pinmap or "")
+
+
+def link_of_program(
+    board: Board, file: BoardFile, host: HostSection, link: str, note: Path | None = None
+) -> tuple[LinkSpec, dict[str, str]]:
+    """Return what serves a program, and the variables by which it finds that.
+
+    Args:
+        board: the board, of that file.
+        file: the board file.
+        host: what the program reaches: chips, card, pin map.
+        link: address of the link.
+        note: the file the library makes when the program ends by a fault of its own.
+
+    Raises:
+        VbusError: the library that traps a card's accesses cannot be built.
+    """
+    card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
+    environment = {"VBUS_LINK": link}
+    if card is not None:
+        port = board.open_port("program", host.chips or None, host.cycle, card)
+        environment |= preload.environment(port.info(), link, note)
+        port.close()
+    return LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map), environment
 
 
 def run_on_board(
@@ -109,7 +128,7 @@ def run_on_board(
     if _files(file, None):
         lines = [*(f"{what}: {path}" for what, path in files), *lines, *ran.outcome.lines()]
     for line in lines if summary else ():
-        _say(line)
+        complain(line)
     return ran.code
 
 
@@ -156,25 +175,19 @@ def run_beside(
     if watched:
         board.observe(outcome)
     with ExitStack() as stack:
-        folder = stack.enter_context(private_runtime())
+        folder = stack.enter_context(private_runtime(unless_named=True))
         link = f"unix:{folder / 'host.sock'}"
         note = folder / "fault"
         written = Transcript(transcript) if transcript is not None else None
         if written is not None:
             board.observe(written)
-        card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
-        environment = {"VBUS_LINK": link}
-        if card is not None:
-            port = board.open_port("program", host.chips or None, host.cycle, card)
-            environment = preload.environment(port.info(), link, note)
-            port.close()
-            if not ahead:
-                preload.warn_of(command(link)[0], file.board.time)
-        mine = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map)
+        mine, environment = link_of_program(board, file, host, link, note)
+        if mine.card is not None and not ahead:
+            preload.warn_of(command(link)[0], file.board.time)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
-        server = Server(board, [mine, *others], file.board.stall, _say, address)
-        recording = Recording(board, source.text, file.path, _say)
+        server = Server(board, [mine, *others], file.board.stall, complain, address)
+        recording = Recording(board, source.text, file.path, complain)
         stack.callback(recording.close)
         recording.open(file.record, file.waves)
         board.run_until(board.now + ahead)
@@ -185,10 +198,6 @@ def run_beside(
         if written is not None:
             written.flush()
     return Ran(code, findings, outcome)
-
-
-def _say(sentence: str) -> None:
-    click.echo(f"vbus: {sentence}", err=True)
 
 
 def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:
@@ -218,7 +227,7 @@ async def _run_beside(
     recording.start(loop)
     counted = server.statistics()["metrics"]
     if counted:
-        _say(f"metrics: {counted}")
+        complain(f"metrics: {counted}")
     try:
         code = await run_program(command, environment, note, True, stdout)
         server.board.catch_up()

@@ -4,6 +4,8 @@ from collections.abc import Callable
 
 import click
 
+from vbus.tools.output import record_options
+
 Runner = Callable[..., int]
 
 
@@ -16,12 +18,7 @@ Runner = Callable[..., int]
 @click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware; mmcu=atmega328p,f=16000000.")
 @click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
 @click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
-@click.option("--journal", metavar="FILE", help="Write every call of every host to FILE.")
-@click.option("--report", metavar="FILE", help="Write violations: .txt, .json, .xml or .sarif.")
-@click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
-@click.option("--coverage", metavar="FILE", help="Write what is exercised: .txt, .json, .html.")
-@click.option("--wave", metavar="FILE", help="Write a waveform of everything to FILE (VCD).")
-@click.option("--metrics", metavar="HOST:PORT", help="Numbers for Prometheus; port 0: a free one.")
+@record_options
 @click.option(
     "--sweep",
     metavar="N[:CYCLE]",
@@ -155,15 +152,13 @@ def _run(
     runner: Runner,
 ) -> int:
     from vbus.board.config import read_board_file
-    from vbus.board.sections import HostSection
     from vbus.errors import ConfigError
     from vbus.server.serving import recorded
+    from vbus.tools.beside import host_of
 
     file, source = read_board_file(board)
     file = recorded(file, record, metrics)
     if pinmap is not None and all(section.name != pinmap for section in file.pinmaps):
         raise ConfigError(f"{board}: there is no [pinmaps.{pinmap}]")
-    wanted = [host for host in file.hosts if pinmap is None or host.pinmap == pinmap]
-    described = [host for host in wanted if host.pinmap or host.card] or wanted
-    host = described[0] if described else HostSection(transport="", pinmap=pinmap or "")
+    host = host_of(file, pinmap)
     return runner(file, source, host, lambda _: program, transcript, summary)

@@ -14,7 +14,7 @@ from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
 from vbus.tools.output import bar, reading
 from vbus.trace.decode import BoardPackets
-from vbus.trace.journal.format import PORTS, WRITE, Entry, Header, JournalReader, entry_of
+from vbus.trace.journal.format import PORTS, WRITE, Entry, Header, JournalReader
 from vbus.trace.journal.view import Sessions, show, violation_of
 from vbus.trace.packets import STATUS, CommandPackets, Cycle, Decoder, Packet
 
@@ -96,7 +96,7 @@ def _explained(reader: JournalReader, move: Callable[[], None]) -> Iterator[str]
             write = key % PORTS == WRITE
             watch.cycles(session.selected, when + span, span, times, write, value)
         else:
-            show(entry_of(number, when, when + span, key, value), sessions, watch)
+            show(reader.entry(number, when, span, key, value), sessions, watch)
             watch.drain()
         if ready:
             yield from ready

@@ -10,12 +10,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/io.h>
 #include <sys/select.h>
 #include <time.h>
 #include <unistd.h>
 
-#define BASE 0x340
+#include "lm629.h"
 
 static volatile sig_atomic_t signals;
 
@@ -25,29 +24,8 @@ static void on_signal(int number)
     signals++;
 }
 
-static void ready(void)
-{
-    while (inb(BASE) & 1)
-        ;
-}
-
-static void command(unsigned code, unsigned count, const unsigned char *data)
-{
-    unsigned turn;
-
-    ready();
-    outb((unsigned char)code, BASE);
-    for (turn = 0; turn + 1 < count; turn += 2) {
-        ready();
-        outb(data[turn], BASE + 1);
-        outb(data[turn + 1], BASE + 1);
-    }
-    ready();
-}
-
 static void reset_and_count(void)
 {
-    static const unsigned char nothing[] = {0, 0};
     int turn;
 
     while (inb(BASE) != 0x84)
@@ -65,17 +43,9 @@ static void reset_and_count(void)
 
 static void start_move(void)
 {
-    static const unsigned char filter[] = {0, 15, 0, 50, 0, 10, 0, 50, 0, 100};
-    static const unsigned char move[] = {0, 42, 0, 0, 0, 20, 0, 2, 0, 0, 0, 0, 4, 0};
-    static const unsigned char complete[] = {0, 4}, nothing[] = {0, 0};
-
     while (inb(BASE) != 0x84)
         ;
-    command(0x1D, 2, nothing);  /* RSTI: clear what is pending */
-    command(0x1C, 2, complete); /* MSKI: trajectory complete interrupts */
-    command(0x1E, sizeof filter, filter);
-    command(0x04, 0, NULL);
-    command(0x1F, sizeof move, move);
+    load_move(20, 1024);
     command(0x01, 0, NULL);
 }
 

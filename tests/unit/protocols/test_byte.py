@@ -3,7 +3,7 @@
 import pytest
 
 from tests.unit.fake_port import LINES, OUTPUTS, PINS, FakePort
-from vbus.kernel import NEVER, US
+from vbus.kernel import END, US
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.codes import NO_SUCH
 from vbus.protocols.hello import decode_hello
@@ -129,6 +129,11 @@ def test_pass_ends_at_an_edge_of_a_watched_line(wire: ByteProtocol, port: FakePo
     assert say(wire, "56 00000000000f4240") == "5700000000" + "00000000000f4240"
 
 
+def test_pass_ends_at_the_latest_when_time_does(wire: ByteProtocol, port: FakePort) -> None:
+    port.time = END - 9 * US
+    assert say(wire, "56 ffffffffffffffff") == "5700000000" + (9 * US).to_bytes(8, "big").hex()
+
+
 def test_sync_says_all_ones_when_no_edge_is_in_sight(wire: ByteProtocol, port: FakePort) -> None:
     port.outputs = 2
     assert say(wire, "53") == "5300000002ffffffffffffffff"
@@ -151,11 +156,6 @@ def test_something_that_is_not_there_is_refused_and_the_session_goes_on(
 
 def test_an_at_before_the_last_at_is_refused_and_the_session_goes_on(wire: ByteProtocol) -> None:
     assert say(wire, "51 0000000000000005 51 0000000000000004 02 01") == "580300014501"
-
-
-@pytest.mark.parametrize("when", [NEVER, (1 << 64) - 1])
-def test_an_at_beyond_the_end_of_time_is_refused(wire: ByteProtocol, when: int) -> None:
-    assert say(wire, f"51 {when:016x}") == "58030000"
 
 
 @pytest.mark.parametrize(

@@ -533,7 +533,7 @@ void card_store(uintptr_t address, const unsigned char *data, unsigned size, uin
 
 /* --- time ------------------------------------------------------------------------------------- */
 
-#define END_OF_TIME ((uint64_t)INT64_MAX)
+#define END_OF_TIME ((uint64_t)INT64_MAX + 1 - (1ULL << 56))
 
 static volatile int begun;
 

@@ -22,7 +22,7 @@ from vbus.version import __version__
 def version_of(state: str) -> int:
     """Return the version of a state hash in a journal: "2:" and the hash; those of 1 are bare."""
     version, colon, _ = state.partition(":")
-    return int(version) if colon else 1
+    return int(version) if colon and version.isdecimal() else 1
 
 
 def end_of(board: Board, version: int = STATE_HASH) -> tuple[str, str, int]:
