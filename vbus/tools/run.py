@@ -28,6 +28,9 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.argument("board")
 @click.option("--rate", callback=_rate, help='Chip seconds per second of wall time, or "max".')
 @click.option("--journal", metavar="FILE", help="Write every call of every host to FILE.")
+@click.option(
+    "--durable", type=click.Choice(["process", "machine"]), help="What a journal survives, whole."
+)
 @click.option("--report", metavar="FILE", help="Write violations: .txt, .json, .xml or .sarif.")
 @click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
 @click.option("--coverage", metavar="FILE", help="Write what is exercised: .txt, .json, .html.")
@@ -54,6 +57,7 @@ def command(
     board: str,
     rate: float | None,
     journal: str | None,
+    durable: str | None,
     report: str | None,
     suppress: str | None,
     coverage: str | None,
@@ -83,7 +87,7 @@ def command(
     if file.nodes:
         single = {
             "--journal": journal, "--report": report, "--wave": wave, "--coverage": coverage,
-            "--from": start, "--metrics": metrics, "--rate": rate,
+            "--from": start, "--metrics": metrics, "--rate": rate, "--durable": durable,
         }  # fmt: skip
         for option, value in single.items():
             if value is not None:
@@ -104,7 +108,7 @@ def command(
 
     record = {
         "journal": journal, "report": report, "suppress": suppress, "coverage": coverage,
-        "wave": wave,
+        "wave": wave, "durable": durable,
     }  # fmt: skip
     record = {key: value for key, value in record.items() if value is not None}
     serve(board, rate, ready, complain, record, metrics or "", start or "")

@@ -1,6 +1,7 @@
 """The journal: everything hosts did to a board, so that a run can be repeated exactly."""
 
 import hashlib
+import os
 import platform
 from collections.abc import Callable
 from typing import Any, BinaryIO
@@ -140,6 +141,20 @@ class Journal(Observer):
             self.entries += count
             self._write(rows_block(first, *self.rows.take()))
 
+    def settle(self, to_disk: bool) -> bool:
+        """Write what there is before a host gets its answer; tell whether the file holds it.
+
+        Args:
+            to_disk: wait until the disk has it too.
+        """
+        self.flush()
+        if to_disk and not self.error:
+            try:
+                os.fdatasync(self._file.fileno())
+            except OSError as error:
+                self._end(error)
+        return not self.error
+
     def _write(self, data: bytes) -> None:
         if self.error:
             return
@@ -150,12 +165,16 @@ class Journal(Observer):
                 done = self._file.write(data)
             self._file.flush()
         except (OSError, ValueError) as error:
-            reason = error.strerror if isinstance(error, OSError) else str(error)
-            self.error = f"the journal ends after {self.bytes} bytes: {reason}"
-            if self._report is not None:
-                self._report(self.error)
+            self._end(error)
             return
         self.bytes += len(data)
+
+    def _end(self, error: Exception) -> None:
+        """The file takes no more."""
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        self.error = f"the journal ends after {self.bytes} bytes: {reason}"
+        if self._report is not None:
+            self._report(self.error)
 
     def close(self) -> None:
         """End the journal with the board's state hash; the file is left open. May be repeated."""
