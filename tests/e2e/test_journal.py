@@ -189,4 +189,4 @@ def test_what_a_durable_journal_cannot_hold_is_not_answered(tmp_path: Path) -> N
         assert host.recv(10) == b""
     process.terminate()
     _, told = process.communicate(timeout=60)
-    assert told == "the journal ends after 0 bytes: No space left on device\n"
+    assert told == "vbus: the journal ends after 0 bytes: No space left on device\n"

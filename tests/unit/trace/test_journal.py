@@ -256,9 +256,8 @@ def test_a_journal_that_is_settled_holds_every_call_so_far(
         journal = Journal(board, file)
         board.open_port("h").read(0)
         assert journal.settle(to_disk)
-        assert [
-            entry.op for entry in JournalReader(io.BytesIO((tmp_path / "a.vbj").read_bytes()))
-        ] == ["open", "read"]
+        _, entries = read((tmp_path / "a.vbj").read_bytes())
+        assert [entry.op for entry in entries] == ["open", "read"]
         assert steps == [file.fileno()] * to_disk
 
 
