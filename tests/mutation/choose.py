@@ -13,7 +13,7 @@ from tests.mutation.mutants import Layout, Mutant
 
 OVERHEAD: Final = 0.02
 """Seconds of a test beside what is measured."""
-WORD: Final = re.compile(r"[A-Za-z_]\w{2,}|0x[0-9A-Fa-f]{2,}")
+WORD: Final = re.compile(r"[A-Za-z_]\w+|0x[0-9A-Fa-f]{2,}")
 
 
 def choose(root: Path, found: Map, mutant: Mutant, seconds: float) -> list[str]:
@@ -22,14 +22,15 @@ def choose(root: Path, found: Map, mutant: Mutant, seconds: float) -> list[str]:
     first, last = mutant.statement
     covering = _covering(found, mutant.file, layout, range(first, last + 1))
     weights: dict[str, float]
-    if mutant.runs:
+    names = _made_at_import(layout, mutant)
+    if not names:
         if not covering:
             # A fixture of a whole module is seen with the first test only.
             scope = layout.scope(mutant.line)
             covering = _covering(found, mutant.file, layout, range(scope.first, scope.last + 1))
         weights = {name: _share(found.tests[name], mutant.file) for name in covering}
     else:
-        weights = _by_words(root, found, mutant, layout) | dict.fromkeys(covering, 1.0)
+        weights = _by_words(root, found, mutant, layout, names) | dict.fromkeys(covering, 1.0)
     return _in_order(found, weights, seconds)
 
 
@@ -64,29 +65,39 @@ def _in_order(found: Map, weights: dict[str, float], seconds: float) -> list[str
 # -- values outside of functions ------------------------------------------------------------------
 
 
-def _by_words(root: Path, found: Map, mutant: Mutant, layout: Layout) -> dict[str, float]:
+def _made_at_import(layout: Layout, mutant: Mutant) -> set[str]:
+    """Return the names of what a mutant changes before any test; none if a test has to call it."""
+    if not mutant.runs:
+        return {mutant.scope.rpartition(".")[2]}
+    call = re.compile(rf"(?<!def )\b{re.escape(mutant.scope)}\(")
+    scopes = [layout.scope(n) for n, line in enumerate(layout.lines) if call.search(line)]
+    return {scope.name.rpartition(".")[2] for scope in scopes if not scope.runs}
+
+
+def _by_words(
+    root: Path, found: Map, mutant: Mutant, layout: Layout, names: set[str]
+) -> dict[str, float]:
     """Weigh tests for a table or constant that is there before any test.
 
     Those that name it, execute a line where its name stands, or anything in its folder, are tried;
     the more they name of what stands in the mutated line, the sooner.
     """
-    name = mutant.scope.rpartition(".")[2]
-    words = {*WORD.findall(layout.lines[mutant.line]), name}
+    words = {*WORD.findall(layout.lines[mutant.line]), *names}
     rarity = _rarity(root, tuple(sorted({test.partition("::")[0] for test in found.tests})))
-    users = _users(root, mutant.file.partition("/")[0], name)
-    masks = {
-        file: found.mask(file, (using.keys[line] for line in lines))
-        for file, (using, lines) in users.items()
-    }
+    masks = [
+        (file, found.mask(file, (using.keys[line] for line in lines)))
+        for name in names
+        for file, (using, lines) in _users(root, mutant.file.partition("/")[0], name).items()
+    ]
     folder = mutant.file.rpartition("/")[0]
     package = folder.replace("/", ".")
     weights = {}
     for test, measured in found.tests.items():
         named = words & _words(root, test)
         weight = 0.0
-        if any(measured.lines.get(file, 0) & mask for file, mask in masks.items()):
+        if any(measured.lines.get(file, 0) & mask for file, mask in masks):
             weight = 0.5
-        elif name in named and package in _text(root / test.partition("::")[0]):
+        elif names & named and package in _text(root / test.partition("::")[0]):
             weight = 0.2
         elif mutant.file in measured.lines:
             weight = 0.1

@@ -29,8 +29,14 @@ ALL = ("--only", "toy", "--sample", "1000")
 CODE = """\
 import os
 
-LIMIT = 5
-FIRST = {3: 7}[3]
+
+
+def half(value):
+    return value // 2
+
+
+UP = 5
+FIRST = {3: half(14)}[3]
 
 
 def double(value):
@@ -57,7 +63,7 @@ def stop():
 """
 
 TESTS = """\
-from toy.code import FIRST, LIMIT, double, forgotten, stop, wait
+from toy.code import FIRST, UP, double, forgotten, stop, wait
 
 
 def test_double():
@@ -69,7 +75,7 @@ def test_forgotten():
 
 
 def test_values():
-    assert (FIRST, LIMIT) == (7, 5)
+    assert (FIRST, UP) == (7, 5)
 
 
 def test_wait():
@@ -120,7 +126,8 @@ def results(root: Path) -> dict[str, set[tuple[str, str]]]:
 def test_killed_survived_hanging_crashed_and_not_importable_are_told_apart(toy: Path) -> None:
     tests = "checks/test_toy.py::test_"
     assert results(toy) == {
-        "LIMIT": {("killed", f"{tests}values")},
+        "half": {("killed", f"{tests}values")},
+        "UP": {("killed", f"{tests}values")},
         "FIRST": {("killed", f"{tests}values"), ("killed", "collection")},
         "double": {("killed", f"{tests}double")},
         "forgotten": {("survived", "")},
@@ -285,10 +292,10 @@ def test_is_and_equal_are_taken_as_the_same(tmp_path: Path) -> None:
 
 def test_a_mutant_keeps_its_name_when_something_else_is_edited(tmp_path: Path) -> None:
     plain = of(tmp_path, CODE)
-    edited = CODE.replace("LIMIT = 5", "LIMIT = 9\nMORE = 3").replace("value * 3", "value * 33")
+    edited = CODE.replace("UP = 5", "UP = 9\nMORE = 3").replace("value * 3", "value * 33")
     moved = of(tmp_path, edited)
     lost = {mutant.scope for mutant in plain if mutant.id not in {it.id for it in moved}}
-    assert lost == {"LIMIT", "forgotten"}
+    assert lost == {"UP", "forgotten"}
 
 
 def test_two_equal_lines_of_a_function_are_two_mutants_and_of_another_function_others(

@@ -15,7 +15,7 @@ from vbus.board.config import read_board_text
 from vbus.errors import NodeMismatchError, SnapshotError
 from vbus.kernel import END, NEVER, US
 from vbus.nodes.machine import Machine, conductor_of, trace_hash
-from vbus.nodes.messages import Report, decode, encode
+from vbus.nodes.messages import Message, Need, Report, decode, encode
 from vbus.nodes.plan import build_nodes, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.sync import Participant
@@ -309,6 +309,37 @@ def test_a_node_keeps_its_latest_65536_reports_for_those_that_rejoin() -> None:
     assert (min(part.log), max(part.log), len(part.log)) == (2, 65537, 65536)
 
 
+def test_a_snapshot_holds_the_latest_two_reports() -> None:
+    part = Participant(("a",), 0, 10, "1")
+    for _ in range(3):
+        part.report(NEVER, -1, [])
+        part.grant()
+    part.report(NEVER, -1, [])
+    assert [decode(data, "a", 1, 0).round for data in part.latest] == [2, 3]
+
+
+@pytest.mark.parametrize(
+    ("message", "text"),
+    [
+        (Report("1", 1, 0, 0, 0, -1, ()), "the state was made by another node"),
+        (Need("1", 0, 0, 1), "the state was made by another node"),
+        (Report("2", 0, 0, 0, 0, -1, ()), "the state was made with another board file or version"),
+    ],
+)
+def test_a_saved_report_of_another_node_or_board_is_refused(message: Message, text: str) -> None:
+    part = Participant(("a", "b"), 0, 10, "1")
+    part.report(NEVER, -1, [])
+    with pytest.raises(SnapshotError, match=text):
+        part.check({**state.save(part), "latest": [encode(message)]})
+
+
+def test_no_time_is_granted_beyond_the_last_instant() -> None:
+    part = Participant(("a",), 0, 10, "1")
+    part.report(NEVER, NEVER, [])
+    part.grant()
+    assert part.granted == NEVER - 1
+
+
 def test_a_node_that_tells_two_stories_is_refused_by_name() -> None:
     part = Participant(("a", "b"), 0, 10, "1")
     part.receive(Report("1", 1, 0, 0, 5, -1, ()))
@@ -353,6 +384,7 @@ GOOD = encode(Report("1", 1, 3, 50, 60, -1, ((40, 1, 0, 0, 1, False),)))
         (b"\x01" + GOOD[1:], "version 1; this vbus speaks version 2"),
         (GOOD[:-3], "bytes that are no message"),
         (b"\x02\xc1\xff", "bytes that are no message"),
+        (b"\x02\x99" + GOOD[2:] + b"\x07", "bytes that are no message"),  # a ninth element
         (encode(Report("1", 7, 0, 0, 0, -1, ())), "cannot be: node 7 of 4"),
         (encode(Report("1", 1, 0, 9, 5, -1, ())), "horizon 9, next event 5"),
         (encode(Report("1", 1, 0, 9, 9, -1, ((3, 1, 0, 9, 1, False),))), "on wire 9"),

@@ -49,6 +49,9 @@ class Circuit:
         self.limit: i64 = END
         """Time may run to this instant without the wall clock (ps); set by the pacer."""
         self.chips: list[Chip] = []
+        self.pins: list[Pin] = []
+        """The chips' pins."""
+        self._pin_nets: list[Net] = []
         self.plants: list[Plant] = []
         self.axes: dict[str, Plant] = {}
         """The plants by axis, ``"x.1"``."""
@@ -85,6 +88,7 @@ class Circuit:
         )
         self.chips.append(chip)
         for pin in chip.pins.values():
+            self.pins.append(pin)
             self._own(pin.net)
         return chip
 
@@ -111,6 +115,7 @@ class Circuit:
         for pin in members:
             if pin.net is not net:
                 pin.move(net)
+        self._pin_nets = []
         return net
 
     def adopt(self, net: Net) -> None:
@@ -134,6 +139,14 @@ class Circuit:
 
     def _own(self, net: Net) -> None:
         net.clash = self._clash
+        self._pin_nets = []
+
+    @property
+    def pin_nets(self) -> list[Net]:
+        """The nets at the chips' pins."""
+        if not self._pin_nets:
+            self._pin_nets = list(dict.fromkeys([pin.net for pin in self.pins]))
+        return self._pin_nets
 
     def power_on(self, done: bool = False) -> None:
         """Release every reset at the present instant; ``done`` starts after the resets."""

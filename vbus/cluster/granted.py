@@ -17,9 +17,7 @@ class GrantedPacer(Pacer):
     """
 
     def __init__(self, board: Board, changed: Callable[[], None]) -> None:
-        limit = board.limit
         super().__init__(board)
-        board.limit = limit
         self._changed: Callable[[], None] = changed
 
     def catch_up(self) -> bool:

@@ -116,7 +116,6 @@ class Pacer:
         """Time is moved no further than this (ps); hosts may be ahead of it."""
         self._near: int = END - DAY
         """Beyond this instant there is something to tell or to stop (ps)."""
-        board.limit = min(board.now + (AHEAD if self._paced else LEASE), END)
 
     # -- time ---------------------------------------------------------------------------------
 
@@ -214,7 +213,7 @@ class Pacer:
         self._asleep = 0
         self._tick_at = self.board.now + self._tick
         self._armed = NEVER
-        self.board.limit = min(self.board.now + (AHEAD if self._paced else LEASE), END)
+        self._hold()
         wakes, self._wakes = self._wakes, []
         for _, _, callback in sorted(wakes):
             callback()
@@ -226,6 +225,7 @@ class Pacer:
         """Begin to move the board's time; wall time counts from here."""
         self._loop = loop
         self._anchor_ns, self._anchor_ps = self.clock(), self.board.now
+        self._hold()
         if self.free:
             self._slice_soon()
         elif self.real:
@@ -233,6 +233,10 @@ class Pacer:
             loop.add_reader(self._timer.fd, self._woken)
             self._tick_at = self.board.now + self._tick
             self.arm()
+
+    def _hold(self) -> None:
+        """Let hosts move time no further than the wall clock has it, or than one slice."""
+        self.board.limit = min(self.board.now + (AHEAD if self._paced else LEASE), END)
 
     def stop(self) -> None:
         """Let time stand still."""

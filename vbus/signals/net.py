@@ -41,7 +41,7 @@ class Watcher(Task):
 
 
 class Pin:
-    """One part's connection to a net.
+    """One part's connection to a net, made by :meth:`Net.solder`.
 
     Args:
         name: the manual's name, with its slash or tilde (``"/CS"``).
@@ -59,7 +59,6 @@ class Pin:
         self.level: int = Z
         self.open_drain: bool = open_drain
         self.on_heard: Callable[[], None] | None = None
-        net.pins.append(self)
 
     @property
     def value(self) -> int:
@@ -140,6 +139,12 @@ class Net:
         self.clash: Callable[[Net], None] | None = None
         self.clashing: bool = False
         self.bends: list[Callable[[int], int]] = []
+
+    def solder(self, name: str, *, open_drain: bool = False) -> Pin:
+        """Join a part's pin to the net."""
+        pin = Pin(name, self, open_drain=open_drain)
+        self.pins.append(pin)
+        return pin
 
     @property
     def before(self) -> int:

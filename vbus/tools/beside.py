@@ -3,23 +3,23 @@
 import asyncio
 import os
 import signal
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 
-import click
-
+from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
+from vbus.runtime import private_runtime
 from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of, metrics_of
 from vbus.signals import Observer, Violation
 from vbus.tools import ending, preload
 from vbus.tools.outcome import Outcome
+from vbus.tools.output import complain
 from vbus.tools.transcript import Transcript
 
 
@@ -50,21 +50,40 @@ class Findings(Observer):
         return lines
 
 
-@contextmanager
-def private_runtime() -> Iterator[Path]:
-    """Give a folder for links; it is the runtime directory unless the user has named one.
+def host_of(file: BoardFile, pinmap: str | None = None) -> HostSection:
+    """Return the host of a board file that a program takes the place of.
 
-    So runs of one board beside each other, as in CI, do not meet.
+    Args:
+        file: the board file.
+        pinmap: the pin map it must have; None: the first host with a card or pin map, if any.
     """
-    with tempfile.TemporaryDirectory(prefix="vbus-") as folder:
-        named = os.environ.get("VBUS_RUNTIME")
-        if named is None:
-            os.environ["VBUS_RUNTIME"] = folder
-        try:
-            yield Path(folder)
-        finally:
-            if named is None:
-                del os.environ["VBUS_RUNTIME"]
+    wanted = [host for host in file.hosts if pinmap is None or host.pinmap == pinmap]
+    described = [host for host in wanted if host.pinmap or host.card] or wanted
+    return described[0] if described else HostSection(transport="", pinmap=pinmap or "")
+
+
+def link_of_program(
+    board: Board, file: BoardFile, host: HostSection, link: str, note: Path | None = None
+) -> tuple[LinkSpec, dict[str, str]]:
+    """Return what serves a program, and the variables by which it finds that.
+
+    Args:
+        board: the board, of that file.
+        file: the board file.
+        host: what the program reaches: chips, card, pin map.
+        link: address of the link.
+        note: the file the library makes when the program ends by a fault of its own.
+
+    Raises:
+        VbusError: the library that traps a card's accesses cannot be built.
+    """
+    card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
+    environment = {"VBUS_LINK": link}
+    if card is not None:
+        port = board.open_port("program", host.chips or None, host.cycle, card)
+        environment |= preload.environment(port.info(), link, note)
+        port.close()
+    return LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map), environment
 
 
 def run_on_board(
@@ -103,7 +122,7 @@ def run_on_board(
     if outcome is not None:
         board.observe(outcome)
     with ExitStack() as stack:
-        folder = stack.enter_context(private_runtime())
+        folder = stack.enter_context(private_runtime(unless_named=True))
         link = f"unix:{folder / 'host.sock'}"
         note = folder / "fault"
         written: Transcript | None = None
@@ -113,18 +132,13 @@ def run_on_board(
             except OSError as error:
                 raise VbusError(f"{transcript}: {error.strerror}") from error
             board.observe(written)
-        card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
-        environment = {"VBUS_LINK": link}
-        if card is not None:
-            port = board.open_port("program", host.chips or None, host.cycle, card)
-            environment = preload.environment(port.info(), link, note)
-            port.close()
-            preload.warn_of(command(link)[0])
-        mine = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map)
+        mine, environment = link_of_program(board, file, host, link, note)
+        if mine.card is not None:
+            preload.warn_of(command(link)[0], file.board.time)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
-        server = Server(board, [mine, *others], file.board.stall, _say, address)
-        recording = Recording(board, source.text, file.path, _say)
+        server = Server(board, [mine, *others], file.board.stall, complain, address)
+        recording = Recording(board, source.text, file.path, complain)
         stack.callback(recording.close)
         recording.open(file.record, file.waves)
         code = asyncio.run(_run_beside(server, recording, command(link), environment, note))
@@ -136,12 +150,8 @@ def run_on_board(
     if outcome is not None:
         lines = [*(f"{what}: {path}" for what, path in files), *lines, *outcome.lines()]
     for line in lines if summary else ():
-        _say(line)
+        complain(line)
     return code
-
-
-def _say(sentence: str) -> None:
-    click.echo(f"vbus: {sentence}", err=True)
 
 
 def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:
@@ -170,24 +180,28 @@ async def _run_beside(
     recording.start(loop)
     counted = server.statistics()["metrics"]
     if counted:
-        _say(f"metrics: {counted}")
+        complain(f"metrics: {counted}")
     try:
-        code = await run_program(command, environment, note)
+        code = await run_program(command, environment, note, alone=True)
         server.board.catch_up()
     finally:
         server.stop()
     return code
 
 
-async def run_program(command: list[str], environment: dict[str, str], note: Path) -> int:
+async def run_program(
+    command: list[str], environment: dict[str, str], note: Path, alone: bool = False
+) -> int:
     """Run ``command`` and return its exit code; if it died of a signal, 128 + its number.
 
-    SIGINT and SIGTERM are passed on, and end it in any case.
+    SIGINT and SIGTERM are passed on, and end it in any case, with all that comes from it. If this
+    process dies, so does the program.
 
     Args:
         command: program and arguments.
         environment: variables on top of those of this process.
         note: the file the library makes when the program ends by a fault of its own.
+        alone: whether the board ends with the program, and so what the program leaves behind.
 
     Raises:
         VbusError: it cannot be started.
@@ -196,6 +210,7 @@ async def run_program(command: list[str], environment: dict[str, str], note: Pat
     running: list[int] = []
     came: list[int] = []
     asked: list[asyncio.TimerHandle] = []
+    offspring = ending.Offspring()
 
     def pass_on(number: int) -> None:
         """Not by the process object, which would take the exit code from who waits for it."""
@@ -204,20 +219,30 @@ async def run_program(command: list[str], environment: dict[str, str], note: Pat
             with suppress(ProcessLookupError):
                 os.kill(pid, number)
             if not asked:
-                asked.append(loop.call_later(ending.PATIENCE, ending.end, pid, number))
+                asked.append(loop.call_later(ending.PATIENCE, offspring.kill, number))
 
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, pass_on, number)
-    try:
-        process = await asyncio.create_subprocess_exec(*command, env={**os.environ, **environment})
-    except OSError as error:
-        raise VbusError(f"{command[0]}: {error.strerror}") from error
-    running.append(process.pid)
-    for early in tuple(came):  # while it was being started
-        pass_on(early)
-    code = await process.wait()
-    for handle in asked:
-        handle.cancel()
+    with closing(offspring):
+        try:
+            process = await asyncio.create_subprocess_exec(
+                *command, env={**os.environ, **environment}, preexec_fn=offspring.die_with_parent
+            )
+        except OSError as error:
+            raise VbusError(f"{command[0]}: {error.strerror}") from error
+        running.append(process.pid)
+        loop.add_signal_handler(signal.SIGCHLD, offspring.bury, process.pid)
+        for early in tuple(came):  # while it was being started
+            pass_on(early)
+        code = await process.wait()
+        until = asked[0].when() if asked else loop.time() + ending.PATIENCE
+        for handle in asked:
+            handle.cancel()
+        left = offspring.there()
+        if left and alone and not came:
+            ending.say_left(left)
+        if left and (alone or came):
+            await offspring.end(until)
     if "VBUS_EXEC" in environment:
         ending.explain(code, note)
     return code if code >= 0 else 128 - code

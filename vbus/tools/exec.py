@@ -2,6 +2,8 @@
 
 import click
 
+from vbus.tools.output import record_options
+
 
 @click.command("exec", context_settings={"ignore_unknown_options": True})
 @click.option("--board", metavar="FILE", help="The board file; served while the program runs.")
@@ -12,12 +14,7 @@ import click
 @click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware; mmcu=atmega328p,f=16000000.")
 @click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
 @click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
-@click.option("--journal", metavar="FILE", help="Write every call of every host to FILE.")
-@click.option("--report", metavar="FILE", help="Write violations: .txt, .json, .xml or .sarif.")
-@click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
-@click.option("--coverage", metavar="FILE", help="Write what is exercised: .txt, .json, .html.")
-@click.option("--wave", metavar="FILE", help="Write a waveform of everything to FILE (VCD).")
-@click.option("--metrics", metavar="HOST:PORT", help="Numbers for Prometheus; port 0: a free one.")
+@record_options
 @click.option(
     "--summary/--no-summary",
     default=True,
@@ -97,7 +94,7 @@ def _join(link: str, program: list[str]) -> int:
         note = Path(folder) / "fault"
         variables = environment(info, link, note) if info.card else {"VBUS_LINK": link}
         if info.card:
-            warn_of(program[0])
+            warn_of(program[0], info.policy)
         return asyncio.run(run_program(program, variables, note))
 
 
@@ -111,16 +108,13 @@ def _run(
     metrics: str,
 ) -> int:
     from vbus.board.config import read_board_file
-    from vbus.board.sections import HostSection
     from vbus.errors import ConfigError
     from vbus.server.serving import recorded
-    from vbus.tools.beside import run_on_board
+    from vbus.tools.beside import host_of, run_on_board
 
     file, source = read_board_file(board)
     file = recorded(file, record, metrics)
     if pinmap is not None and all(section.name != pinmap for section in file.pinmaps):
         raise ConfigError(f"{board}: there is no [pinmaps.{pinmap}]")
-    wanted = [host for host in file.hosts if pinmap is None or host.pinmap == pinmap]
-    described = [host for host in wanted if host.pinmap or host.card] or wanted
-    host = described[0] if described else HostSection(transport="", pinmap=pinmap or "")
+    host = host_of(file, pinmap)
     return run_on_board(file, source, host, lambda _: program, transcript, summary)

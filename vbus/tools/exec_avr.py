@@ -1,5 +1,6 @@
 """``vbus exec --avr``: AVR firmware in simavr, its port bits wired to the chips of a board."""
 
+import asyncio
 import hashlib
 import os
 import shutil
@@ -14,7 +15,7 @@ from vbus.board.settings import listed, suggestion
 from vbus.errors import ConfigError, VbusError
 from vbus.native import include_dir
 from vbus.server.serving import recorded
-from vbus.tools.beside import run_on_board
+from vbus.tools.beside import run_on_board, run_program
 
 KEYS: Final = {
     "mmcu": "--mmcu",
@@ -140,7 +141,7 @@ def run_avr(
         raise ValueError("name either a board file or a link")
     if link is not None:
         command = [simulator(), "--link", link, *options, elf]
-        return subprocess.run(command).returncode
+        return asyncio.run(run_program(command, {}, Path()))
     assert board is not None
     file, source = read_board_file(board)
     file = recorded(file, record or {}, metrics)

@@ -5,13 +5,29 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Final
 
 import click
 
 from vbus.errors import VbusError
 
 no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
+
+_RECORDS: Final = (
+    ("--journal", "FILE", "Write every call of every host to FILE."),
+    ("--report", "FILE", "Write violations: .txt, .json, .xml or .sarif."),
+    ("--suppress", "FILE", "TOML file of accepted violations."),
+    ("--coverage", "FILE", "Write what is exercised: .txt, .json, .html."),
+    ("--wave", "FILE", "Write a waveform of everything to FILE (VCD)."),
+    ("--metrics", "HOST:PORT", "Numbers for Prometheus; port 0: a free one."),
+)
+
+
+def record_options(verb: Callable[..., int]) -> Callable[..., int]:
+    """Give a verb that has a board of its own the options for what is recorded of it."""
+    for name, metavar, text in reversed(_RECORDS):
+        verb = click.option(name, metavar=metavar, help=text)(verb)
+    return verb
 
 
 def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:

@@ -9,8 +9,7 @@ from time import monotonic, sleep
 from typing import Final
 
 from vbus.errors import NameInUseError, TransportError
-from vbus.runtime import lock_of
-from vbus.runtime import runtime_directory as runtime_directory
+from vbus.runtime import lock_of, locked_names, runtime_directory
 
 PATIENCE_SECONDS: Final = 0.2
 PAUSE_SECONDS: Final = 0.01
@@ -107,8 +106,7 @@ def sweep(directory: Path) -> None:
     Sockets only in the runtime directory: elsewhere they may be another program's.
     """
     ours = runtime_directory().resolve() in (directory.resolve(), *directory.resolve().parents)
-    for found in directory.glob(".*.lock"):
-        name = directory / found.name[1:].removesuffix(".lock")
+    for name in locked_names(directory):
         lock = NameLock(name)
         if leads_to_terminal(name) or (ours and name.is_socket()):
             with suppress(TransportError):

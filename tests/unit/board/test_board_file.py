@@ -360,8 +360,6 @@ MISTAKES = [
      'b.toml:5: plants.none: "none" stands for no plant; choose another name'),
     ("", '[violations]\ndefault = "of"\n', 'b.toml:9: violations.default: found "of"; did you mean'
      ' "off"? allowed are "off", "warn", "strict"'),
-    ("", '[violations]\n"toy.T2" = "off"\n', 'b.toml:9: violations."toy.T2": unknown rule; did you'
-     ' mean "toy.T1"? "vbus check --rules" lists them all'),
     # metrics
     ("", '[metrics]\nlisten = "0.0.0.0:9100"\n', 'b.toml:9: metrics.listen: "0.0.0.0:9100" lets'
      ' other computers in; write "127.0.0.1:9100", or say remote = true in [metrics] if that is'
@@ -470,6 +468,15 @@ def test_a_mistake_is_named_with_its_line_and_what_is_allowed(mistake: tuple[str
     with pytest.raises(ConfigError) as caught:
         load_board_text(text, "b.toml")
     assert str(caught.value).split("\n") == lines
+
+
+def test_a_rule_no_chip_has_is_named_also_beside_one_of_a_chip_that_is_not_there() -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_board_text(SMALL + '[violations]\n"toy.T1" = "off"\n"toy.T2" = "off"\n', "b.toml")
+    assert str(caught.value) == (
+        'b.toml:10: violations."toy.T2": unknown rule; did you mean "toy.T1"?'
+        ' "vbus check --rules" lists them all'
+    )
 
 
 def test_all_mistakes_are_named_in_the_order_of_their_lines() -> None:

@@ -31,7 +31,7 @@ from vbus.trace.journal.format import (
 )
 from vbus.trace.journal.journal import Journal, version_of
 from vbus.trace.journal.replay import Replay
-from vbus.trace.journal.rows import FULL, JournalRows
+from vbus.trace.journal.rows import JournalRows
 
 TWO = (
     LM629
@@ -96,6 +96,8 @@ def test_everything_a_host_can_do_is_written_down() -> None:
     two.close()
     journal.close()
     _, entries = read(file.getvalue())
+    opened = [(entry.port, entry.args[0]) for entry in entries if entry.op == "open"]
+    assert opened == [(0, "one"), (1, "two")]
     of_faults = {"fault", "arm", "clear"}
     assert {entry.op for entry in entries} >= set(OPERATIONS) - {"read", "edges"} - of_faults
     refused = [(entry.op, entry.error) for entry in entries if entry.error]
@@ -108,6 +110,7 @@ def test_everything_a_host_can_do_is_written_down() -> None:
 def test_a_violation_stands_before_the_call_it_was_found_in(moved: bytes) -> None:
     _, entries = read(moved)
     place = next(n for n, entry in enumerate(entries) if entry.op == "violation")
+    assert entries[place].port == -1
     assert entries[place].args[1:4] == ("x", "lm628.busy-write", "LM-BUS-10")
     assert entries[place + 1].op == "write"
     assert entries[place + 1].after == entries[place].args[0]
@@ -358,6 +361,10 @@ def test_cycles_that_follow_each_other_are_one_word_and_the_same_again_is_counte
     assert rows.take() == (bytes.fromhex("C000"), [0, 0x84, 0, 2])
 
 
+def test_a_block_is_compressed() -> None:
+    assert len(block([0x0A] * 10_000)) < 100
+
+
 def test_a_state_hash_without_a_version_is_of_the_first() -> None:
     assert version_of("0123abcd") == 1
     assert version_of("2:0123abcd") == 2
@@ -446,9 +453,9 @@ def test_a_driver_that_polls_for_ever_is_written_block_by_block() -> None:
     board = load_board_text(LM629)
     journal = Journal(board, file)
     port = board.open_port("h")
-    for _ in range(FULL - 2):
+    for _ in range(4096 - 2):
         port.read(0)
     assert journal.entries == 0
     port.read(0)
-    assert journal.entries == FULL
-    assert len(read(file.getvalue())[1]) == FULL
+    assert journal.entries == 4096
+    assert len(read(file.getvalue())[1]) == 4096

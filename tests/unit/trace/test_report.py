@@ -84,7 +84,10 @@ def test_the_text_marks_the_cycle_and_names_the_clause(report: Report) -> None:
     assert text.startswith("error: lm628.busy-write [LM-BUS-10]: x at 32us: command 01H written")
     assert "  > 32us host0 x w 0 01\n" in text
     assert "    31us host0 x w 0 02\n        x DFH  [LM-CMD-3]\n" in text
-    assert text.endswith("bench: 2 violations in 64 bus cycles, 0 accepted\n")
+    assert text.endswith(
+        "bench: 2 violations in 64 bus cycles, 0 accepted\n"
+        "without effect: 1 write not taken, 1 write of nothing\n"
+    )
 
 
 def test_json_has_instants_in_ps_and_both_transcripts(report: Report) -> None:
@@ -96,6 +99,7 @@ def test_json_has_instants_in_ps_and_both_transcripts(report: Report) -> None:
     assert len(first["before"]) == 20
     assert first["after"][0]["cycle"] == "host0 x w 0 01"
     assert value["counts"][0] == {"chip": "x", "rule": "lm628.busy-write", "count": 1}
+    assert value["no_effect"] == {"write not taken": 1, "write of nothing": 1}
 
 
 def test_junit_has_a_case_for_every_rule_and_fails_those_with_errors(report: Report) -> None:

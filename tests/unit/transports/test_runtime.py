@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from vbus.errors import NameInUseError, TransportError
-from vbus.transports.runtime import NameLock, runtime_directory
+from vbus.runtime import runtime_directory
+from vbus.transports.runtime import NameLock
 
 
 @pytest.fixture
