@@ -2,6 +2,7 @@
 
 import asyncio
 import io
+import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
@@ -134,7 +135,8 @@ class Recording:
         self.journal = Journal(self._board, file, self._text, self._name, self._report)
         self._opened.callback(self.journal.close)
         if durable != "no":
-            self.settle = partial(self.journal.settle, durable == "machine")
+            sync = partial(os.fdatasync, file.fileno()) if durable == "machine" else None
+            self.settle = partial(self.journal.settle, sync)
         self.told = {"file": path, "durable": durable}
 
     def _open_report(self, path: str, suppress_file: str) -> None:

@@ -1,7 +1,6 @@
 """The journal: everything hosts did to a board, so that a run can be repeated exactly."""
 
 import hashlib
-import os
 import platform
 from collections.abc import Callable
 from typing import Any, BinaryIO
@@ -141,16 +140,16 @@ class Journal(Observer):
             self.entries += count
             self._write(rows_block(first, *self.rows.take()))
 
-    def settle(self, to_disk: bool) -> bool:
+    def settle(self, sync: Callable[[], object] | None = None) -> bool:
         """Write what there is before a host gets its answer; tell whether the file holds it.
 
         Args:
-            to_disk: wait until the disk has it too.
+            sync: waits until the disk has it too.
         """
         self.flush()
-        if to_disk and not self.error:
+        if sync is not None and not self.error:
             try:
-                os.fdatasync(self._file.fileno())
+                sync()
             except OSError as error:
                 self._end(error)
         return not self.error
