@@ -2,8 +2,10 @@
 
 import asyncio
 import io
+import os
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO, Final, TextIO
 
@@ -21,6 +23,7 @@ from vbus.trace.wave.wave import Wave
 
 FLUSH_SECONDS: Final = 0.2
 """How long an entry of a journal may wait for company."""
+ALONE: Final = "durable is what a journal survives, and none is kept; give its file as journal"
 
 
 def create(path: str) -> BinaryIO:
@@ -83,10 +86,15 @@ class Recording:
 
     Attributes:
         journal: the one that is kept, if any.
+        settle: called before a host gets its answer; tells whether the journal holds what is
+            answered. None where it need not.
+        told: what ``vbus ls --json`` shows of the journal.
     """
 
     def __init__(self, board: Board, text: str, name: str, report: Callable[[str], None]) -> None:
         self.journal: Journal | None = None
+        self.settle: Callable[[], bool] | None = None
+        self.told: dict[str, str] = {}
         self._board: Board = board
         self._text: str = text
         self._name: str = name
@@ -100,8 +108,10 @@ class Recording:
         Raises:
             VbusError: a file cannot be written, or what is wanted makes no sense.
         """
+        if wanted.durable != "no" and not wanted.journal:
+            raise VbusError(ALONE)
         if wanted.journal:
-            self._open_journal(wanted.journal)
+            self._open_journal(wanted.journal, wanted.durable)
         if wanted.report:
             self._open_report(wanted.report, wanted.suppress)
         if wanted.coverage:
@@ -109,10 +119,14 @@ class Recording:
         for wave in waves:
             self._open_wave(wave)
 
-    def _open_journal(self, path: str) -> None:
+    def _open_journal(self, path: str, durable: str) -> None:
         file = self._opened.enter_context(create(path))
         self.journal = Journal(self._board, file, self._text, self._name, self._report)
         self._opened.callback(self.journal.close)
+        if durable != "no":
+            sync = partial(os.fdatasync, file.fileno()) if durable == "machine" else None
+            self.settle = partial(self.journal.settle, sync)
+        self.told = {"file": path, "durable": durable}
 
     def _open_report(self, path: str, suppress_file: str) -> None:
         try:

@@ -4,6 +4,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Mapping
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -148,6 +149,8 @@ def serve_read(
     recording = Recording(board, source.text, file.path, report or log.warning)
 
     def ready(server: Server) -> None:
+        if recording.told:
+            server.details = partial(dict, journal=recording.told)
         recording.start(asyncio.get_running_loop())
         if on_ready is not None:
             on_ready(server)
@@ -155,4 +158,4 @@ def serve_read(
 
     with closing(recording):
         recording.open(file.record, file.waves)
-        run(board, links_of(file), file.board.stall, ready, report, address)
+        run(board, links_of(file), file.board.stall, ready, report, address, recording.settle)

@@ -186,10 +186,11 @@ def run_beside(
             preload.warn_of(command(link)[0], file.board.time)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
-        server = Server(board, [mine, *others], file.board.stall, complain, address)
         recording = Recording(board, source.text, file.path, complain)
         stack.callback(recording.close)
         recording.open(file.record, file.waves)
+        links, stall = [mine, *others], file.board.stall
+        server = Server(board, links, stall, complain, address, settle=recording.settle)
         board.run_until(board.now + ahead)
         running = _run_beside(server, recording, command(link), environment, note, stdout)
         code = asyncio.run(running)
