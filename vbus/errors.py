@@ -21,6 +21,10 @@ The kind says whose mistake it was. A host that breaks a *datasheet* raises noth
 does what silicon would do and a :class:`~vbus.signals.violation.Violation` is filed.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 
 class VbusError(Exception):
     """Base of every error vbus raises on purpose."""
@@ -91,3 +95,22 @@ class NodeLostError(NodeError):
 
 class NodeMismatchError(NodeError):
     """A node that runs another board file or version, or whose messages make no sense."""
+
+
+@contextmanager
+def read_errors(path: str | Path, kind: type[VbusError] = VbusError) -> Iterator[None]:
+    """Raise an error of this kind where the file cannot be read, or is no text."""
+    try:
+        yield
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "this is no UTF-8 text"
+        raise kind(f"{path}: cannot be read: {reason}") from error
+
+
+@contextmanager
+def write_errors(path: str | Path) -> Iterator[None]:
+    """Raise a :class:`VbusError` where the file cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error

@@ -65,7 +65,8 @@ def lock_state(name: Path) -> tuple[bool, str]:
     Raises:
         OSError: nobody has locked it, or others may not look.
     """
-    lock = os.open(lock_of(name), os.O_RDONLY | os.O_CLOEXEC)
+    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    lock = os.open(lock_of(name), flags)
     try:
         fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:

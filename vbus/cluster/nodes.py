@@ -14,7 +14,7 @@ from vbus.cluster.node_link import NodeLink
 from vbus.cluster.peers import Group, Peers
 from vbus.cluster.realtime_nodes import RealTime
 from vbus.cluster.timebase import Timebase
-from vbus.errors import ConfigError, VbusError
+from vbus.errors import ConfigError, VbusError, read_errors, write_errors
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of
 from vbus.nodes.node import Node
@@ -77,11 +77,8 @@ def scenario_of(file: BoardFile, path: str) -> Scenario:
     Raises:
         ConfigError: it cannot be read, or makes no sense.
     """
-    try:
+    with read_errors(path, ConfigError):
         text = Path(path).read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "this is no UTF-8 text"
-        raise ConfigError(f"{path}: cannot be read: {reason}") from None
     return read_scenario(text, path, pins_of(file), 1_000_000)
 
 
@@ -131,10 +128,8 @@ def _conductors(
         )
     made = [conductor_of(file, source, name, scenario, bool(options.trace)) for name in names]
     if options.rejoin:
-        try:
+        with read_errors(options.rejoin):
             data = Path(options.rejoin).read_bytes()
-        except OSError as error:
-            raise VbusError(f"{options.rejoin}: cannot be read: {error.strerror}") from error
         made[0].load(data)
     return made
 
@@ -145,11 +140,8 @@ def write_trace(nodes: Sequence[Node], path: str) -> None:
     Raises:
         VbusError: the file cannot be written.
     """
-    try:
-        with Path(path).open("w", encoding="ascii", newline="\n") as file:
-            file.writelines(merged(_lines(nodes)))
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
+    with write_errors(path), Path(path).open("w", encoding="ascii", newline="\n") as file:
+        file.writelines(merged(_lines(nodes)))
 
 
 def _lines(nodes: Sequence[Node]) -> list[list[tuple[int, str]]]:
@@ -169,15 +161,13 @@ def read_traces(paths: Sequence[str]) -> tuple[str, int]:
     """
     lines: list[tuple[int, int, int, str]] = []
     for path in paths:
-        try:
-            with Path(path).open(encoding="ascii") as file:
+        with read_errors(path), Path(path).open(encoding="ascii") as file:
+            try:
                 for number, line in enumerate(file):
                     when, rank, _ = line.split(" ", 2)
                     lines.append((int(when), int(rank), number, line))
-        except OSError as error:
-            raise VbusError(f"{path}: cannot be read: {error.strerror}") from error
-        except ValueError:
-            raise VbusError(f"{path}: this is no trace of nodes") from None
+            except ValueError:
+                raise VbusError(f"{path}: this is no trace of nodes") from None
     lines.sort()
     return hash_of(line for *_, line in lines), len(lines)
 

@@ -134,6 +134,8 @@ class Server:
         report: takes sentences about what happens to links (a device was unplugged).
         metrics: host and port on which Prometheus may ask for numbers, if any.
         pacer: what moves the board's time; else a pacer of its own.
+        settle: called before a host gets its answer; see
+            :class:`~vbus.server.recording.Recording`.
 
     Raises:
         PluginError: a transport or protocol is missing, or prometheus-client for ``metrics``.
@@ -147,7 +149,9 @@ class Server:
         report: Callable[[str], None] | None = None,
         metrics: tuple[str, int] | None = None,
         pacer: Pacer | None = None,
+        settle: Callable[[], bool] | None = None,
     ) -> None:
+        self._settle: Callable[[], bool] | None = settle
         self.board: Board = board
         self.pacer: Pacer = pacer if pacer is not None else Pacer(board, stall)
         self._report: Callable[[str], None] = report if report is not None else log.warning
@@ -230,7 +234,7 @@ class Server:
             Served(board, chips, self.statistics, self.pacer.catch_up, host.spec.network)
         )
         self._closing.callback(self._close_host, host)
-        serving = Serving(loop, self.pacer, self.round_trips, hang_ups, host.ended)
+        serving = Serving(loop, self.pacer, self.round_trips, hang_ups, host.ended, self._settle)
         transport.open(loop, partial(self._connect, host, serving))
 
     def _connect(self, host: _Host, serving: Serving, link: Link) -> None:
@@ -347,6 +351,7 @@ def run(
     on_ready: Callable[[Server], None] | None = None,
     report: Callable[[str], None] | None = None,
     metrics: tuple[str, int] | None = None,
+    settle: Callable[[], bool] | None = None,
 ) -> None:
     """Serve ``board`` until SIGINT or SIGTERM.
 
@@ -355,7 +360,7 @@ def run(
     """
 
     async def serve(stop: asyncio.Event) -> None:
-        server = Server(board, links, stall, report, metrics)
+        server = Server(board, links, stall, report, metrics, settle=settle)
         await server.serve(stop, None if on_ready is None else partial(on_ready, server))
 
     run_until_signal(serve)

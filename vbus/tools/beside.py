@@ -5,7 +5,9 @@ import os
 import signal
 from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO, TextIO
 
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
@@ -113,45 +115,90 @@ def run_on_board(
         TransportError: a link cannot be opened.
         VbusError: the program cannot be started, or the transcript cannot be written.
     """
+    files = _files(file, transcript)
+    with ExitStack() as stack:
+        written = None
+        if transcript is not None:
+            try:
+                written = stack.enter_context(Path(transcript).open("w"))
+            except OSError as error:
+                raise VbusError(f"{transcript}: {error.strerror}") from error
+        ran = run_beside(file, source, host, command, written)
+    lines = ran.findings.lines()
+    if _files(file, None):
+        lines = [*(f"{what}: {path}" for what, path in files), *lines, *ran.outcome.lines()]
+    for line in lines if summary else ():
+        complain(line)
+    return ran.code
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """What came of a program's run.
+
+    Attributes:
+        code: its exit code.
+        findings: what was broken.
+        outcome: what became of each axis.
+    """
+
+    code: int
+    findings: Findings
+    outcome: Outcome
+
+
+def run_beside(
+    file: BoardFile,
+    source: Source,
+    host: HostSection,
+    command: Callable[[str], list[str]],
+    transcript: TextIO | None = None,
+    ahead: int = 0,
+    stdout: BinaryIO | None = None,
+) -> Ran:
+    """Run a program on a board, as :func:`run_on_board` does, and say nothing of it.
+
+    Args:
+        file: the board.
+        source: the same as text.
+        host: what the program reaches.
+        command: gives program and arguments, for the address of the link.
+        transcript: takes the bus cycles.
+        ahead: how long the board runs before the program begins (ps).
+        stdout: takes what the program says; else it goes where this process's goes.
+    """
     address = metrics_of(file)
     board = build(file, source)
-    findings = Findings()
+    findings, outcome = Findings(), Outcome(board)
     board.listen(findings)
-    files = _files(file, transcript)
-    outcome = Outcome(board) if _files(file, None) else None
-    if outcome is not None:
+    watched = stdout is not None or bool(_files(file, None))
+    if watched:
         board.observe(outcome)
     with ExitStack() as stack:
         folder = stack.enter_context(private_runtime(unless_named=True))
         link = f"unix:{folder / 'host.sock'}"
         note = folder / "fault"
-        written: Transcript | None = None
-        if transcript is not None:
-            try:
-                written = Transcript(stack.enter_context(Path(transcript).open("w")))
-            except OSError as error:
-                raise VbusError(f"{transcript}: {error.strerror}") from error
+        written = Transcript(transcript) if transcript is not None else None
+        if written is not None:
             board.observe(written)
         mine, environment = link_of_program(board, file, host, link, note)
-        if mine.card is not None:
+        if mine.card is not None and not ahead:
             preload.warn_of(command(link)[0], file.board.time)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
-        server = Server(board, [mine, *others], file.board.stall, complain, address)
         recording = Recording(board, source.text, file.path, complain)
         stack.callback(recording.close)
         recording.open(file.record, file.waves)
-        code = asyncio.run(_run_beside(server, recording, command(link), environment, note))
-        if outcome is not None:
+        links, stall = [mine, *others], file.board.stall
+        server = Server(board, links, stall, complain, address, settle=recording.settle)
+        board.run_until(board.now + ahead)
+        running = _run_beside(server, recording, command(link), environment, note, stdout)
+        code = asyncio.run(running)
+        if watched:
             outcome.look()
         if written is not None:
             written.flush()
-    lines = findings.lines()
-    if outcome is not None:
-        lines = [*(f"{what}: {path}" for what, path in files), *lines, *outcome.lines()]
-    for line in lines if summary else ():
-        complain(line)
-    return code
+    return Ran(code, findings, outcome)
 
 
 def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:
@@ -173,6 +220,7 @@ async def _run_beside(
     command: list[str],
     environment: dict[str, str],
     note: Path,
+    stdout: BinaryIO | None,
 ) -> int:
     """Serve while ``command`` runs."""
     loop = asyncio.get_running_loop()
@@ -182,7 +230,7 @@ async def _run_beside(
     if counted:
         complain(f"metrics: {counted}")
     try:
-        code = await run_program(command, environment, note, alone=True)
+        code = await run_program(command, environment, note, True, stdout)
         server.board.catch_up()
     finally:
         server.stop()
@@ -190,7 +238,11 @@ async def _run_beside(
 
 
 async def run_program(
-    command: list[str], environment: dict[str, str], note: Path, alone: bool = False
+    command: list[str],
+    environment: dict[str, str],
+    note: Path,
+    alone: bool = False,
+    stdout: BinaryIO | None = None,
 ) -> int:
     """Run ``command`` and return its exit code; if it died of a signal, 128 + its number.
 
@@ -202,6 +254,7 @@ async def run_program(
         environment: variables on top of those of this process.
         note: the file the library makes when the program ends by a fault of its own.
         alone: whether the board ends with the program, and so what the program leaves behind.
+        stdout: takes what the program says.
 
     Raises:
         VbusError: it cannot be started.
@@ -226,7 +279,10 @@ async def run_program(
     with closing(offspring):
         try:
             process = await asyncio.create_subprocess_exec(
-                *command, env={**os.environ, **environment}, preexec_fn=offspring.die_with_parent
+                *command,
+                env={**os.environ, **environment},
+                preexec_fn=offspring.die_with_parent,
+                stdout=stdout,
             )
         except OSError as error:
             raise VbusError(f"{command[0]}: {error.strerror}") from error

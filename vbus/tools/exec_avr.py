@@ -5,7 +5,7 @@ import hashlib
 import os
 import shutil
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -117,6 +117,7 @@ def run_avr(
     summary: bool = True,
     record: Mapping[str, object] | None = None,
     metrics: str = "",
+    runner: Callable[..., int] = run_on_board,
 ) -> int:
     """Run firmware on a board of its own, or on one that runs already; return its exit code.
 
@@ -130,6 +131,7 @@ def run_avr(
         summary: whether the rules that were broken are told (with ``board`` only).
         record: replaces keys of the file's ``[record]`` (with ``board`` only).
         metrics: replaces ``listen`` of its ``[metrics]`` (with ``board`` only).
+        runner: takes the arguments of ``run_on_board``, and runs the program.
 
     Raises:
         ValueError: the specification is wrong, or neither or both of board and link are given.
@@ -146,7 +148,7 @@ def run_avr(
     file, source = read_board_file(board)
     file = recorded(file, record or {}, metrics)
     program = simulator()
-    return run_on_board(
+    return runner(
         file,
         source,
         _host(file, pinmap),

@@ -9,7 +9,7 @@ from typing import Any, BinaryIO, Final
 
 import click
 
-from vbus.errors import VbusError
+from vbus.errors import VbusError, read_errors, write_errors
 
 no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
 
@@ -58,10 +58,8 @@ def reading(path: Path, kind: type[VbusError] = VbusError) -> Iterator[BinaryIO]
     Raises:
         VbusError: it cannot be opened; of this kind.
     """
-    try:
+    with read_errors(path, kind):
         file = path.open("rb")
-    except OSError as error:
-        raise kind(f"{path}: cannot be read: {error.strerror}") from error
     with file:
         yield file
 
@@ -72,10 +70,8 @@ def write_file(path: Path, data: bytes) -> None:
     Raises:
         VbusError: it cannot be written.
     """
-    try:
+    with write_errors(path):
         path.write_bytes(data)
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 @contextmanager

@@ -28,6 +28,9 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.argument("board")
 @click.option("--rate", callback=_rate, help='Chip seconds per second of wall time, or "max".')
 @record_options
+@click.option(
+    "--durable", type=click.Choice(["process", "machine"]), help="What a journal survives, whole."
+)
 @click.option("--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save).")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
 @click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
@@ -49,6 +52,7 @@ def command(
     board: str,
     rate: float | None,
     journal: str | None,
+    durable: str | None,
     report: str | None,
     suppress: str | None,
     coverage: str | None,
@@ -78,7 +82,7 @@ def command(
     if file.nodes:
         single = {
             "--journal": journal, "--report": report, "--wave": wave, "--coverage": coverage,
-            "--from": start, "--metrics": metrics, "--rate": rate,
+            "--from": start, "--metrics": metrics, "--rate": rate, "--durable": durable,
         }  # fmt: skip
         for option, value in single.items():
             if value is not None:
@@ -99,7 +103,7 @@ def command(
 
     record = {
         "journal": journal, "report": report, "suppress": suppress, "coverage": coverage,
-        "wave": wave,
+        "wave": wave, "durable": durable,
     }  # fmt: skip
     record = {key: value for key, value in record.items() if value is not None}
     serve(board, rate, ready, complain, record, metrics or "", start or "")

@@ -5,7 +5,7 @@ import pytest
 from tests.conformance.lm628.bench import BUSY, Bench
 from vbus.chips.lm628.datasheet import COMMANDS
 from vbus.kernel import NS, US
-from vbus.signals import HIGH, LOW
+from vbus.signals import HIGH, LOW, Z
 
 RDRP, RDSIGS, LPES = 0x0A, 0x0C, 0x1A
 
@@ -481,3 +481,16 @@ def test_a_host_that_just_waits_need_not_read_the_status(bench):
     assert bench.axis.threshold == 100
     assert bench.axis.sip
     assert bench.violations == []
+
+
+@pytest.mark.spec("LM-BUS-1", "LM-TIM-8", "LM-TIM-9", "LM-TIM-10", "LM-TIM-14", "LM-TIM-16")
+def test_edges_of_a_whole_cycle():
+    chip = Bench().chip
+    assert chip.strobes(True, 1, 0x5A) == [
+        (-130_000, "/PS", 1), (-130_000, "/CS", 0), (-100_000, "/WR", 0),
+        (-100_000, "D0-D7", 0x5A), (0, "/WR", 1), (30_000, "/CS", 1), (120_000, "D0-D7", Z),
+    ]  # fmt: skip
+    assert chip.strobes(False, 0, 0) == [
+        (-210_000, "/PS", 0), (-210_000, "/CS", 0), (-180_000, "/RD", 0),
+        (0, "/RD", 1), (30_000, "/CS", 1),
+    ]  # fmt: skip

@@ -514,5 +514,6 @@ def test_an_unknown_part_and_a_plant_that_takes_no_servo_command_are_refused():
         Bench(part="LM630")
     with pytest.raises(ValueError, match=r"^a LM628N-8 gives a servo command; Steps takes"):
         Bench(plant=Steps())
-    with pytest.raises(ValueError, match=r"^axis 1: a LM628N-8 has axis 0 only$"):
-        Bench().chip.connect(1, Course())
+    for axis in (1, -1):
+        with pytest.raises(ValueError, match=rf"^axis {axis}: a LM628N-8 has axis 0 only$"):
+            Bench().chip.connect(axis, Course())

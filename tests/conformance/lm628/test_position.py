@@ -512,19 +512,20 @@ def lagging(make, name: str, threshold: int) -> Bench:
 
 @pytest.mark.spec("LM-POS-6", "LM-CMD-16")
 @pytest.mark.parametrize("sign", [1, -1])
-def test_an_error_above_the_limit_is_flagged_in_its_sample_and_one_at_it_is_not(make, sign):
-    bench = lagging(make, "LPEI", 50)
-    bench.plant.counts = [sign * 50, sign * 51]
+@pytest.mark.parametrize("limit", [50, 0])
+def test_an_error_above_the_limit_is_flagged_in_its_sample_and_one_at_it_is_not(make, limit, sign):
+    bench = lagging(make, "LPEI", limit)
+    bench.plant.counts = [sign * limit, sign * (limit + 1)]
     bench.next_sample()
     bench.next_sample()
-    assert (bench.axis.error, bench.axis.flags) == (-sign * 50, 0)
+    assert (bench.axis.error, bench.axis.flags) == (-sign * limit, 0)
     sample = bench.now // SAMPLE + 1
     bench.at(sample * SAMPLE - 1)
     assert bench.axis.flags == 0
     bench.at(sample * SAMPLE)
     assert bench.axis.flags == 0x20
     assert bench.status() == 0x20, "the motor stays on"
-    assert bench.axis.command == -sign * 5100
+    assert bench.axis.command == -sign * (limit + 1) * 100
 
 
 @pytest.mark.spec("LM-POS-6")

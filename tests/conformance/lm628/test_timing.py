@@ -133,6 +133,13 @@ def test_a_write_beyond_the_limit_is_reported_and_carried_out(symbol, times, mea
     assert bench.violations[0].clause == f"LM-TIM-{symbol[1:]}"
 
 
+@pytest.mark.spec("LM-TIM-9")
+def test_a_port_that_moves_too_early_is_reported_at_that_instant():
+    bench = at_the_pins()
+    write(bench, SIP, ps_hold=29 * NS)
+    assert [(v.rule, v.when) for v in bench.violations] == [("lm628.T9", US + 329 * NS)]
+
+
 @WRITE_CLAUSES
 @pytest.mark.parametrize(("symbol", "times", "measured", "limit"), BROKEN_WRITES)
 def test_a_strict_limit_loses_the_write(symbol, times, measured, limit):
@@ -346,6 +353,22 @@ def test_driving_the_bus_before_it_is_let_go_breaks_the_hi_z_time(after, policy)
     assert read(bench, 1) == (0x11 if policy and broken else 0x22)
 
 
+@pytest.mark.spec("LM-TIM-12")
+def test_a_write_that_begins_meanwhile_does_not_end_the_hi_z_time():
+    bench = ready_to_report()
+    # The strobe rises 50 ns before many bits of the instant change.
+    bench.at(((bench.now >> 18) + 2 << 18) - 350 * NS)
+    play(
+        bench,
+        (0, "/PS", HIGH), (0, "/CS", LOW), (100 * NS, "/RD", LOW), (300 * NS, "/RD", HIGH),
+        (330 * NS, "/PS", LOW), (360 * NS, "/WR", LOW), (400 * NS, "D0-D7", SIP),
+        (600 * NS, "/WR", HIGH), (750 * NS, "D0-D7", Z),
+    )  # fmt: skip
+    assert [(v.measured, v.limit) for v in bench.violations if v.rule == "lm628.T12"] == [
+        (100 * NS, 180 * NS)
+    ]
+
+
 @pytest.mark.spec("LM-TIM-17")
 @pytest.mark.parametrize("policy", [None, strict("T17")], ids=["warn", "strict"])
 @pytest.mark.parametrize("recovery", [120 * NS, 120 * NS - 1])
@@ -376,6 +399,32 @@ def test_the_command_port_needs_no_recovery():
     write(bench, LPES)
     bench.ready()
     assert bench.violations == []
+
+
+@pytest.mark.spec("LM-TIM-17")
+def test_a_status_read_needs_no_recovery_after_data():
+    bench = ready_to_report()
+    play(
+        bench,
+        (0, "/PS", HIGH), (0, "/CS", LOW), (100 * NS, "/RD", LOW), (300 * NS, "/RD", HIGH),
+        (340 * NS, "/PS", LOW), (380 * NS, "/RD", LOW), (600 * NS, "/RD", HIGH),
+    )  # fmt: skip
+    assert bench.violations == []
+
+
+@pytest.mark.spec("LM-TIM-18")
+def test_a_command_needs_no_recovery_after_data():
+    bench = at_the_pins()
+    bench.command("LPES")
+    bench.run(US)
+    play(
+        bench,
+        (0, "/PS", HIGH), (0, "/CS", LOW), (50 * NS, "D0-D7", 0x55), (100 * NS, "/WR", LOW),
+        (300 * NS, "/WR", HIGH), (340 * NS, "/PS", LOW), (380 * NS, "/WR", LOW),
+        (450 * NS, "D0-D7", SIP), (600 * NS, "/WR", HIGH), (750 * NS, "D0-D7", Z),
+    )  # fmt: skip
+    bench.run(US)
+    assert bench.rules() == ["cut-packet"]
 
 
 @pytest.mark.spec("LM-TIM-18")

@@ -201,6 +201,14 @@ def test_a_refused_stt_may_still_stop_smoothly_with_the_active_acceleration(benc
     assert velocities(bench, 3) == [1, 2, 3], "the motion is over: accepted"
 
 
+@pytest.mark.spec("LM-TRJ-4", "LM-TRJ-6")
+def test_a_stop_of_a_refused_stt_does_not_add_relative_data_once_more(bench):
+    bench.move(0x1830, accel=2 * ONE, velocity=6 * ONE)
+    velocities(bench, 4)
+    bench.move(0x1C00, accel=ONE, velocity=9 * ONE)
+    assert velocities(bench, 4) == [4, 2, 0, 0]
+
+
 @pytest.mark.spec("LM-TRJ-4")
 def test_acceleration_may_be_changed_when_the_axis_is_on_target_or_off(bench):
     bench.move(0, accel=ONE, velocity=ONE, position=2)

@@ -125,6 +125,13 @@ def test_buffered_registers_read_back_at_once_and_act_at_an_update(
     assert chip.rules() == []
 
 
+@spec("PMD-CMD-70", "PMD-CMD-82")
+@pytest.mark.parametrize(("value", "rules"), [(0x000F, []), (0x001F, ["unused-bits"])])
+def test_limit_sense_has_four_bits(chip: Bench, value: int, rules: list[str]) -> None:
+    chip.send("SET_LMT_SENSE", value)
+    assert chip.rules() == rules
+
+
 @spec("PMD-CMD-14", "PMD-CMD-24", "PMD-AMB-9")
 @pytest.mark.parametrize("value", [0, 32768, 2**30 - 1])
 def test_start_velocity_is_unsigned_and_acts_at_once(chip: Bench, value: int) -> None:

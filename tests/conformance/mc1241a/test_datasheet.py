@@ -24,6 +24,15 @@ def test_fraction_bits_of_what_commands_carry() -> None:
         assert row.fraction == fractions.get(row.name[4:], 0), row.name
 
 
+@spec("PMD-UPD-1")
+def test_which_commands_are_double_buffered() -> None:
+    registers = ("POS", "VEL", "ACC", "MAX_ACC", "JERK", "RATIO", "BUF_MTR_CMD")
+    assert {row.name for row in ds.COMMANDS if row.buffered} == {
+        *(f"{verb}_{name}" for verb in ("SET", "GET") for name in registers),
+        "STOP", "SMOOTH_STOP", "SYNCH_PRFL",
+    }  # fmt: skip
+
+
 @spec("PMD-STA-1", "PMD-STA-5")
 def test_bits_of_the_status_and_mode_words() -> None:
     assert [bit.number for bit in ds.STATUS_BITS] == [*range(11), 12]

@@ -47,6 +47,16 @@ def test_a_switch_that_becomes_active_stops_the_axis_whichever_way_it_goes(
 
 
 @spec("PMD-LIM-1")
+def test_an_axis_rests_on_a_switch_whose_event_is_cleared(chip: Bench) -> None:
+    cruise(chip)
+    chip.drive("PosLimit1", 1)
+    chip.next_cycle()
+    chip.send("CLR_STATUS")
+    chip.next_cycle(2)
+    assert chip.chip.resting()
+
+
+@spec("PMD-LIM-1")
 def test_the_profile_stays_halted_until_the_next_update(chip: Bench) -> None:
     cruise(chip)
     chip.drive("PosLimit1", 1)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.conformance.mc1241a.conftest import BUSY, CLK, CYCLE, Bench
+from tests.conformance.mc1241a.conftest import BUSY, CLK, CYCLE, SLOT, Bench
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.kernel import MS, NEVER, NS, US
 from vbus.plant.stepper import StepperMotor
@@ -392,3 +392,16 @@ def test_reset_belongs_250_ms_after_power(cold: bool, at: int, found: list[str])
     bench.run_until(at)
     bench.drive("~Reset", Z)
     assert bench.rules() == found
+
+
+@spec("PMD-RST-1", "PMD-BUS-7")
+def test_slots_are_counted_from_the_end_of_the_last_reset() -> None:
+    bench = Bench(host_busy="slot")
+    bench.run_for(100 * US)
+    bench.command(0x39)
+    for _ in ("the command", "the reset"):
+        bench.wait_ready()
+    begin = bench.now
+    bench.run_for(SLOT + US)
+    bench.command(0x31)
+    assert bench.chip.ready_at() == begin + 2 * SLOT

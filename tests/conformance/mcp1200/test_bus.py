@@ -286,6 +286,14 @@ def test_oe_low_before_a_write_begins_is_contention_too(strobes: Strober) -> Non
     assert strobes.bench.seen("LEAD_ZERO") == 0x3C
 
 
+@pytest.mark.spec("MCP-BUS-8")
+def test_a_read_that_becomes_a_write_with_oe_low_is_contention(strobes: Strober) -> None:
+    strobes.begin(SEPARATE, PLAIN, 1)
+    strobes.set(bus=Z, oe=0)
+    strobes.set(rw=0)
+    assert strobes.bench.rules() == ["contention"]
+
+
 @pytest.mark.spec("MCP-BUS-9", "MCP-T-22")
 def test_bit_6_of_the_address_counts_only_with_extended_addressing(bench: Bench) -> None:
     bench.write(0x4B, 0x55)
@@ -322,6 +330,15 @@ def test_an_access_stalls_the_core_only_if_the_board_says_so(stall: int, late: i
     assert bench.pin("BUSY") == 1
     bench.until(start + 1000 + late)
     assert bench.pin("BUSY") == 0
+
+
+@pytest.mark.spec("MCP-BUS-11")
+def test_an_access_stalls_nothing_while_no_sample_is_computed() -> None:
+    bench = Bench(io_stall_clk=1)
+    bench.samples(1)
+    bench.read(PLAIN)
+    bench.samples(1)
+    assert bench.read(0x07) == 0xFC
 
 
 @pytest.mark.spec("MCP-BUS-12")

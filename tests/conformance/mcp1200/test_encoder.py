@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.conformance.mcp1200.conftest import Bench, Follower
+from tests.conformance.mcp1200.conftest import Bench, Follower, Rail
 from vbus.chips.mcp1200.encoder import Encoder
 from vbus.plant.ideal import IdealPlant
 
@@ -147,3 +147,16 @@ def test_an_edge_of_the_very_cycle_in_which_a_setting_changes_is_still_to_come()
         assert (encoder.at, encoder.at_count) == (254, 50)
         encoder.look_from(254)
         assert encoder.seen == 49
+
+
+@pytest.mark.spec("MCP-ENC-1")
+def test_the_position_moves_within_each_clock_of_a_period() -> None:
+    rail = Rail()
+    bench = Bench(plant=rail)
+    rail.speed = 16_000_000.0
+    start = bench.sample_start()
+    places = []
+    for cycle in range(4):
+        bench.until(start + cycle)
+        places.append(bench.position)
+    assert [place - places[0] for place in places] == [0, 2, 4, 6]

@@ -39,6 +39,7 @@ def servo(unipolar: str = "magnitude", **registers: int) -> Bench:
         (0xF0, 0x7F0, 0xFF0), (0xF0, 2048, 0xF00), (0xF0, -2048, 0x000), (0xF0, -2064, 0x0F0),
         (0xE7, 2048, 0xE70), (0xE7, -2064, 0x180), (0x18, 2048, 0xE70), (0x18, -2064, 0x180),
         (0xFF, 4800, 0xFF0), (0xFF, -4800, 0x000), (0x81, 2048, 0x810), (0x80, -4800, 0x7F0),
+        (0x7F, 2048, 0x800),
     ],
 )  # fmt: skip
 def test_the_dac_code_and_its_fold_back(limit: int, mc: int, code: int) -> None:
@@ -88,6 +89,15 @@ def test_unipolar_clipped_gives_zero_of_a_negative_command(
     bench.samples(1)
     bench.write(0x08, 0x12)
     assert bench.pin("MC0-MC11") == 0x120
+
+
+@pytest.mark.spec("MCP-OUT-2", "MCP-AMB-5")
+@pytest.mark.parametrize(("unipolar", "code"), [("magnitude", 0x801), ("clip", 0x800)])
+def test_the_smallest_negative_command_of_a_unipolar_output(unipolar: str, code: int) -> None:
+    bench = servo(unipolar=unipolar, FEATURE=0x0C, KP=2, KD=0)
+    bench.put("COMMAND_POSITION", 0xFFFFFF)
+    bench.samples(1)
+    assert (bench.chip.axis.loop.mc, bench.pin("MC0-MC11")) == (-1, code)
 
 
 @pytest.mark.spec("MCP-OUT-2")
@@ -265,13 +275,30 @@ def test_a_result_waits_for_the_next_frame_even_if_nobody_has_looked_for_long() 
 
 
 @pytest.mark.spec("MCP-OUT-7")
-def test_a_write_that_becomes_visible_just_after_a_frame_began_waits_too() -> None:
+@pytest.mark.parametrize(("visible", "level"), [(2, 0), (1, 0), (0, 1)])
+def test_a_write_that_becomes_visible_after_a_frame_began_waits_too(
+    visible: int, level: int
+) -> None:
     bench = Bench()
     frame = long_frames(bench) + 1600
-    bench.until(frame - 2)
+    bench.until(frame + visible - 4)
     bench.chip.write(0x09, 0x7F)
-    assert unseen(bench, frame + 10) == 0
+    assert unseen(bench, frame + 10) == level
     assert unseen(bench, frame + 1600) == 1
+
+
+@pytest.mark.spec("MCP-OUT-7", "MCP-MOD-2")
+def test_a_frame_that_begins_together_with_idle_is_off() -> None:
+    bench = Bench()
+    bench.put("COMMAND_POSITION", 100)
+    long_frames(bench)
+    bench.control()
+    bench.samples(2)
+    bench.write(0x05, 0x01)
+    idle = bench.sample_start()
+    assert idle % 2 == 0
+    bench.chip.axis.pwm.start = idle - 1600
+    assert unseen(bench, idle + 5) == 0
 
 
 @pytest.mark.spec("MCP-OUT-7", "MCP-MOD-2")

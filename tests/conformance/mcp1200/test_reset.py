@@ -570,3 +570,11 @@ def test_a_flag_set_in_idle_starts_its_mode_with_control(bench: Bench) -> None:
     bench.control()
     assert bench.trace("COMMAND_POSITION", 4) == [1, 2, 3, 3]
     assert bench.seen("FLAG") == 0
+
+
+@pytest.mark.spec("MCP-RST-4", "MCP-REG-31")
+def test_the_first_sample_after_a_reset_finds_no_velocity() -> None:
+    bench = Bench()
+    bench.control()
+    bench.until(bench.sample_start() + 1500)
+    assert (bench.pin("IDLE"), bench.seen("ACTUAL_VELOCITY")) == (0, 0)

@@ -272,6 +272,14 @@ def test_every_step_is_sent_and_counted(changes: list[int], backlash: int) -> No
         assert len(edges.of("PULSE", 1)) == sum(abs(change) for change in changes)
 
 
+@pytest.mark.spec("MCP-STP-1", "MCP-POS-2")
+@pytest.mark.parametrize("position", [0x5A5A5A, -0x5A5A5A])
+def test_steps_are_counted_in_24_bits(position: int) -> None:
+    bench = stepper()
+    bench.chip.axis.counter.preset(position, bench.cycle)
+    assert bench.position == position
+
+
 # -- stall check ----------------------------------------------------------------------------------
 
 
@@ -309,13 +317,18 @@ def run_at(bench: Bench, speed: int, samples: int) -> None:
 
 @pytest.mark.spec("MCP-STP-4", "MCP-AMB-6", "MCP-AMB-7")
 @pytest.mark.parametrize("speed", [8, -8])
-@pytest.mark.parametrize(("per_step", "stalled"), [(10.0, False), (2.0, False), (1.5, True)])
-def test_too_few_encoder_counts_are_a_stall(per_step: float, stalled: bool, speed: int) -> None:
+@pytest.mark.parametrize(
+    ("per_step", "fraction", "stalled"),
+    [(10.0, 0, False), (2.0, 0, False), (2.0, 1, True), (1.5, 0, True)],
+)
+def test_too_few_encoder_counts_are_a_stall(
+    per_step: float, fraction: int, stalled: bool, speed: int
+) -> None:
     plant = Slipping()
     plant.per_step = per_step
     bench = stepper(plant, EXCEPTION=0x00)
     run_at(bench, speed, 3)
-    bench.write(0x1C, 2, 0)
+    bench.write(0x1C, 2, fraction)
     bench.samples(8)
     assert bool(bench.seen("STATUS") & 0x10) != stalled
     bench.write(0x07, 0)

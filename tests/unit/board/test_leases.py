@@ -249,6 +249,13 @@ def test_what_comes_after_busy_is_foreseen_and_comes_true(
     assert told == FORESEEN.get(name, 0) or before, "busy phases, the byte between two aside"
 
 
+def test_what_comes_after_busy_is_foreseen_while_all_interrupts_are_masked() -> None:
+    mask = [(0, NAMES["MSKI"]), (1, 0), (1, 0)]
+    _, status, after = foreseen([*mask, (0, NAMES["UDF"])])
+    assert after is not None
+    assert after[1] == status & ~1
+
+
 def test_foreseeing_halves_what_a_driver_asks() -> None:
     hosts = []
     for ahead in (False, True):

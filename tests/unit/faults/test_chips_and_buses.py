@@ -57,6 +57,29 @@ def test_resets_fail_as_often_as_was_asked_for() -> None:
         assert host.status() == expected
 
 
+class Told(Observer):
+    """Takes down what faults say they change."""
+
+    def __init__(self) -> None:
+        self.seen: list[str] = []
+
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        self.seen.append(text)
+
+
+@pytest.mark.parametrize(
+    ("power_on", "text"),
+    [("reset", "this reset fails, and 2 more"), ("done", "the next 3 resets fail")],
+)
+def test_it_is_told_which_resets_fail(power_on: str, text: str) -> None:
+    board = build(power_on=power_on)
+    told = Told()
+    board.observe(told)
+    board.faults.arm("reset_fails", times=3)
+    settle(board, 1)
+    assert told.seen[0] == text
+
+
 @pytest.mark.spec("LM-BUS-8")
 def test_the_longest_busy_is_100_us() -> None:
     board = build()
@@ -263,3 +286,13 @@ def test_a_state_throws_the_switches_of_the_faults_it_has_and_no_others() -> Non
     other.load(board.save())
     chip = other.chips[0]
     assert (chip.host.worst, chip.axis.stuck_part) == (True, False)
+
+
+def test_hostrdy_rises_when_it_is_no_longer_stuck_with_nothing_to_do() -> None:
+    board = build(MC, STEPPER)
+    Mc(board).ready()
+    fault = board.faults.arm("ready_stuck")
+    board.run_for(MS)
+    assert board.chips[0].pins["HostRdy"].value == 0
+    board.faults.clear(fault)
+    assert board.chips[0].pins["HostRdy"].value == 1

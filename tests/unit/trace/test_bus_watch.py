@@ -75,5 +75,10 @@ def test_an_mcp1200_address_has_seven_bits_whatever_db7_is(address: int) -> None
     overlapped = [((1, 1, 1, 0), 0), ((0, 1, 1, 0), address), ((0, 0, 1, 0), address)]
     end = [((1, 0, 1, 0), 0x83), ((1, 1, 1, 0), 0x83)]
     assert cycles(Mcp1200Watch(), *overlapped, *end) == [Cycle(4, True, 0x05, 0x83)]
+    # What stands there while the latch is open is nobody's.
+    early = [((1, 1, 1, 1), 0), ((0, 1, 1, 1), 0x33), ((0, 1, 1, 0), address)]
+    assert cycles(Mcp1200Watch(), *early, ((1, 1, 1, 0), address), *write) == [
+        Cycle(5, True, 0x05, 0x83)
+    ]
     read = [((1, 1, 1, 1), 0), ((1, 0, 0, 1), 0), ((1, 1, 0, 1), 0x99), ((1, 1, 1, 1), 0x99)]
     assert cycles(Mcp1200Watch(), *latch, *read) == [Cycle(6, False, 0x05, 0x99)]

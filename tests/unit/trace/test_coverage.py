@@ -26,6 +26,7 @@ from vbus.trace.coverage.tables import (
     READS,
     RULES,
     WRITES,
+    exercises_of,
     items,
 )
 
@@ -67,12 +68,15 @@ def test_lm628_commands_control_bits_modes_and_flags_are_counted() -> None:
     board, observer = bench("LM629N-8")
     port = board.open_port("h")
     assert port.read(0) & 0x80
-    command(port, 0, lm628.COMMANDS["RSTI"].code, 0xFF7B, data=1)
+    command(port, 0, lm628.COMMANDS["RSTI"].code, 0xFFFA, data=1)
+    command(port, 0, lm628.COMMANDS["MSKI"].code, 0x0020, data=1)
     command(port, 0, lm628.COMMANDS["LTRJ"].code, 0x1808, 0x0001, 0x0000, data=1)
     for _ in range(2):
         command(port, 0, lm628.COMMANDS["LTRJ"].code, 0x0002, 0x0000, 0x0100, data=1)
     command(port, 0, lm628.COMMANDS["STT"].code, data=1)
-    assert counts(observer, "lm628", COMMANDS) == {"RSTI": 1, "LTRJ": 3, "STT": 1, "RDSTAT": 1}
+    assert counts(observer, "lm628", COMMANDS) == {
+        "RSTI": 1, "MSKI": 1, "LTRJ": 3, "STT": 1, "RDSTAT": 1,
+    }  # fmt: skip
     assert counts(observer, "lm628", MODES) == {"velocity mode": 1, "position mode": 2}
     assert counts(observer, "lm628", BITS) == {
         "LTRJ FORWARD": 1,
@@ -80,6 +84,7 @@ def test_lm628_commands_control_bits_modes_and_flags_are_counted() -> None:
         "LTRJ LOAD_VELOCITY": 1,
         "LTRJ LOAD_POSITION": 2,
         "RSTI TRAJECTORY_COMPLETE": 1,
+        "MSKI POSITION_ERROR": 1,
     }
     assert counts(observer, "lm628", FLAGS) == {
         "status MOTOR_OFF": 1,
@@ -119,6 +124,19 @@ def test_mcp1200_registers_count_by_direction_once_all_their_bytes_have_moved() 
     }
 
 
+@pytest.mark.parametrize(
+    ("family", "word", "bits"),
+    [
+        ("mc1241a", "SET_INTRPT_MASK", ["motion complete", "wrap", "breakpoint", "capture",
+          "motion error", "positive limit", "negative limit", "command error"]),
+        ("mcp1200", "FLAG", [f"{verb} F{n}" for n in range(6) for verb in ("sets", "clears")]),
+    ],
+)  # fmt: skip
+def test_bits_that_can_be_exercised(family: str, word: str, bits: list[str]) -> None:
+    names = [item.name for item in exercises_of(family).items() if item.group == BITS]
+    assert [name for name in names if name.startswith(word)] == [f"{word} {bit}" for bit in bits]
+
+
 def test_an_active_low_flag_counts_when_it_is_seen_low() -> None:
     names = {item.name for item in items("mcp1200") if item.group == FLAGS}
     assert {"STATUS LIMIT_OK=0", "STATUS IN_POSITION"} <= names
@@ -146,6 +164,11 @@ def test_mc1241a_status_words_and_checksums_are_counted() -> None:
     assert counts(observer, "mc1241a", ANSWERS) == {"checksum right": 2, "checksum 0": 1}
     assert counts(observer, "mc1241a", MODES) == {"trapezoidal": 1}
     assert "status axis on" in counts(observer, "mc1241a", FLAGS)
+    command(port, 1, mc1241a.COMMANDS["SET_ACTL_POS"].code, 0xFFFF, 0xFFFF, data=0)
+    command(port, 1, mc1241a.COMMANDS["SET_INTRPT_MASK"].code, 0x0006, data=0)
+    assert {
+        name: n for (group, name), n in observer.coverage.counts["mc1241a"].items() if group == BITS
+    } == {"SET_INTRPT_MASK wrap": 1, "SET_INTRPT_MASK breakpoint": 1}
 
 
 @pytest.mark.spec("PMD-CMD-4", "PMD-CMD-5", "PMD-CMD-6", "PMD-CMD-7")

@@ -246,6 +246,33 @@ def test_a_full_disk_ends_the_journal_with_a_sentence_and_not_the_board() -> Non
     assert JournalReader(io.BytesIO(disk.data)).header.board == "bench"
 
 
+def test_a_journal_that_is_settled_holds_every_call_so_far() -> None:
+    board = load_board_text(LM629)
+    file = io.BytesIO()
+    journal = Journal(board, file)
+    synced: list[int] = []
+    board.open_port("h").read(0)
+    assert journal.settle()
+    assert [entry.op for entry in read(file.getvalue())[1]] == ["open", "read"]
+    board.ports[0].read(0)
+    assert journal.settle(lambda: synced.append(len(read(file.getvalue())[1])))
+    assert synced == [3], "written first"
+
+
+def test_a_journal_on_a_disk_that_takes_no_more_cannot_be_settled() -> None:
+    def fail() -> None:
+        raise OSError(5, "Input/output error")
+
+    board = load_board_text(LM629)
+    told: list[str] = []
+    file = io.BytesIO()
+    journal = Journal(board, file, report=told.append)
+    assert journal.settle()
+    assert not journal.settle(fail)
+    assert not journal.settle(), "and never again"
+    assert told == [f"the journal ends after {len(file.getvalue())} bytes: Input/output error"]
+
+
 def test_a_journal_must_come_before_the_first_port() -> None:
     board = load_board_text(LM629)
     board.open_port("early")

@@ -105,6 +105,15 @@ def test_a_packet_has_the_manuals_name_and_scaled_values(
     assert packet.clause
 
 
+@pytest.mark.spec("MCP-BUS-9")
+@pytest.mark.parametrize(("config", "name"), [(0x02, "MODE"), (0x03, "DEADBAND")])
+def test_bit_6_of_an_address_is_looked_at_after_the_configuration_says_so(
+    config: int, name: str
+) -> None:
+    packets = typed("mcp1200", f"02 {config:02X} 45 03")
+    assert packets[1].name == f"write {name}"
+
+
 @pytest.mark.parametrize(
     ("family", "words"),
     [

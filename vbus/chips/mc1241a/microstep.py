@@ -11,7 +11,6 @@ from vbus.state import Names
 STEPS: Final = 256
 """Microsteps in an electrical cycle: four full steps of 64 (PMD-USTP-1)."""
 _CYCLE: Final = (STEPS << 32) - 1
-_FRACTION: Final = (1 << 32) - 1
 _WAY: Final = 8 * (STEPS << 32) - 1
 """Eighths of a way: what lies beyond makes whole electrical cycles."""
 

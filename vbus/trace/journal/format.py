@@ -140,8 +140,8 @@ Row = tuple[int, Any, int, int]
 """Key, value, start counted from the end of the entry before, and what the entry took (ps)."""
 
 
-def _rows(words: bytes, others: list[Any]) -> Iterator[Row]:
-    """Give the entries of a block.
+def _rows(words: bytes, others: list[Any]) -> Iterator[tuple[Row, int]]:
+    """Give the entries of a block, each with how often it comes in a row.
 
     Raises:
         ValueError: the words make no sense.
@@ -155,16 +155,16 @@ def _rows(words: bytes, others: list[Any]) -> Iterator[Row]:
                 raise ValueError("an entry is missing")
             if row[0] % PORTS in (READ, WRITE) and isinstance(row[1], int):
                 last = (row[0], row[1], 0, row[3])
-            yield row
+            yield row, 1
             continue
         if last is None:
             raise ValueError("the first cycle is missing")
         if word < AGAIN:
             key = last[0] // PORTS * PORTS + (WRITE if word & 0x100 else READ)
             last = (key, word >> 9 << 8 | word & 0xFF, 0, last[3])
-            yield last
+            yield last, 1
         else:
-            yield from repeat(last, word - AGAIN)
+            yield last, word - AGAIN
     if next(rest, None) is not None:
         raise ValueError("an entry is left over")
 
@@ -236,6 +236,20 @@ class JournalReader:
         Raises:
             JournalError: a block is damaged, or entries are missing between two blocks.
         """
+        for number, when, span, key, value, times in self.stretches():
+            for turn in range(times):
+                yield self.entry(number + turn, when + turn * span, span, key, value)
+
+    def stretches(self) -> Iterator[tuple[int, int, int, int, Any, int]]:
+        """Give the same as it is written, for those who go through millions of entries.
+
+        Of each stretch of equal entries that follow each other: number and start of the first,
+        what each takes (ps), key, value, and how many they are. :meth:`entry` makes entries of
+        that; a value that is a number is a bus cycle, 256 times its address plus its byte.
+
+        Raises:
+            JournalError: a block is damaged, or entries are missing between two blocks.
+        """
         number = 0
         last = 0
         while (block := self._block()) is not None:
@@ -246,9 +260,9 @@ class JournalReader:
                     raise JournalError(
                         f"{self._name()}: entries {number} to {first - 1} are missing"
                     )
-                for key, value, start, span in self._rows(columns):
+                for (key, value, start, span), times in self._rows(columns):
                     when = last + start
-                    last = when + span
+                    last = when + times * span
                     if not 0 <= when <= last <= END:
                         raise ValueError(f"from {when} to {last} ps; time ends at {END} ps")
                     if key % PORTS >= len(OPERATIONS):
@@ -256,16 +270,31 @@ class JournalReader:
                             f"{self._name()}: entry {number} is of a kind this vbus does not know;"
                             f" vbus {self.header.vbus} wrote it"
                         )
-                    yield _entry(number, when, last, key, value)
-                    number += 1
-                    if number - begun > FULL:
+                    if number + times - begun > FULL:
+                        number = begun + FULL + 1
                         raise ValueError(f"more than {FULL} entries in one block")
+                    yield number, when, span, key, value, times
+                    number += times
             except (TypeError, ValueError, StructError) as error:
-                raise JournalError(f"{self._name()}: entry {number}: {error}") from None
+                raise self._wrong(number, error) from None
 
-    def _rows(self, columns: list[Any]) -> Iterator[Row]:
+    def entry(self, number: int, when: int, span: int, key: int, value: Any) -> Entry:
+        """Return an entry as :meth:`stretches` gives it.
+
+        Raises:
+            JournalError: it makes no sense.
+        """
+        try:
+            return _entry(number, when, when + span, key, value)
+        except (TypeError, ValueError) as error:
+            raise self._wrong(number, error) from None
+
+    def _wrong(self, number: int, error: Exception) -> JournalError:
+        return JournalError(f"{self._name()}: entry {number}: {error}")
+
+    def _rows(self, columns: list[Any]) -> Iterator[tuple[Row, int]]:
         if self.header.format == 1:
-            return zip(*columns, strict=True)
+            return zip(zip(*columns, strict=True), repeat(1))
         return _rows(*columns)
 
 
