@@ -326,3 +326,8 @@ def test_a_status_read_goes_on_through_a_reset():
     assert bench.data() == 0x00
     bench.run(2000 * US)
     assert bench.data() == 0x84
+
+
+@pytest.mark.spec("LM-RST-1")
+def test_the_amplifier_gets_nothing_before_power_comes_on():
+    assert Bench(done=None).chip.telemetry()["output"] == 0.0
