@@ -5,8 +5,11 @@ machine hit both alike.
 """
 
 import io
+import os
 import statistics
+import sys
 import time
+from functools import partial
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
@@ -14,6 +17,7 @@ from typing import BinaryIO
 
 from benchmarks.in_process import CHIPS, board, command
 from vbus.board.host_bus import HostBus
+from vbus.protocols.byte import ByteProtocol
 from vbus.trace.journal.journal import Journal
 
 CYCLES = 40_000
@@ -83,8 +87,34 @@ def compare(chip: str, work: object, folder: Path) -> None:
     )
 
 
+def messages(folder: Path, durable: str) -> float:
+    """Return ns for a message of one read, with the journal settled as ``durable`` says."""
+    made = board("LM629")
+    with io.FileIO(folder / "run.vbj", "w") as file:
+        journal = Journal(made, file) if durable else None  # type: ignore[arg-type]
+        wire = ByteProtocol(made.open_port("bench"))
+        count = 200 if durable == "machine" else 5_000
+        start = time.perf_counter_ns()
+        for _ in range(count):
+            wire.receive(b"\x10")
+            if journal is not None and durable != "no":
+                journal.settle(partial(os.fdatasync, file) if durable == "machine" else None)
+            wire.take()
+        return (time.perf_counter_ns() - start) / count
+
+
+def durable(folder: Path) -> None:
+    """Print what a message costs in each mode."""
+    for mode in ("", "no", "process", "machine"):
+        cost = statistics.median(messages(folder, mode) for _ in range(ROUNDS))
+        print(f"durable = {mode or 'without a journal':18} {cost / 1000:8.1f} us a message")
+
+
 def main() -> None:
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory(dir=".") as folder:
+        if "durable" in sys.argv:
+            durable(Path(folder))
+            return
         for chip in CHIPS:
             compare(chip, polls, Path(folder))
         compare("LM629", moves, Path(folder))

@@ -11,6 +11,7 @@
     +-- ChecksumError     a chip's checksum of a packet is not the host's
     +-- PluginError       an entry point is missing or broken
     +-- CaptureError      a capture is none, or lacks what a chip's bus needs
+    +-- TimeEndedError    chip time has come to its end
     +-- SnapshotError     a saved state does not fit the board it is loaded into
     +-- NodeError         another node of the board: names it
         +-- NodeLostError     it has died, stalled or was cut off
@@ -19,6 +20,10 @@
 The kind says whose mistake it was. A host that breaks a *datasheet* raises nothing: the chip
 does what silicon would do and a :class:`~vbus.signals.violation.Violation` is filed.
 """
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 
 class VbusError(Exception):
@@ -68,6 +73,10 @@ class SnapshotError(VbusError):
     """A saved state that was made by another board, version or set of chips."""
 
 
+class TimeEndedError(VbusError):
+    """Chip time has come to its end; a board in real time ends there, in order."""
+
+
 class NodeError(VbusError):
     """Another node of the same board does not do its part.
 
@@ -86,3 +95,22 @@ class NodeLostError(NodeError):
 
 class NodeMismatchError(NodeError):
     """A node that runs another board file or version, or whose messages make no sense."""
+
+
+@contextmanager
+def read_errors(path: str | Path, kind: type[VbusError] = VbusError) -> Iterator[None]:
+    """Raise an error of this kind where the file cannot be read, or is no text."""
+    try:
+        yield
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "this is no UTF-8 text"
+        raise kind(f"{path}: cannot be read: {reason}") from error
+
+
+@contextmanager
+def write_errors(path: str | Path) -> Iterator[None]:
+    """Raise a :class:`VbusError` where the file cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error

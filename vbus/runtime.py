@@ -4,6 +4,8 @@ import fcntl
 import os
 import stat
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from vbus.errors import TransportError
@@ -29,6 +31,26 @@ def runtime_directory() -> Path:
     return _private(Path(tempfile.gettempdir()) / f"vbus-{os.getuid()}")
 
 
+@contextmanager
+def private_runtime(unless_named: bool = False) -> Iterator[Path]:
+    """Give a folder for links that nobody else has, while this lasts.
+
+    It is the runtime directory, or is not where the user has named one and that shall stay. So
+    runs of one board beside each other, as in CI, do not meet.
+    """
+    named = os.environ.get("VBUS_RUNTIME")
+    with tempfile.TemporaryDirectory(prefix="vbus-") as folder:
+        if named is None or not unless_named:
+            os.environ["VBUS_RUNTIME"] = folder
+        try:
+            yield Path(folder)
+        finally:
+            if named is None:
+                del os.environ["VBUS_RUNTIME"]
+            else:
+                os.environ["VBUS_RUNTIME"] = named
+
+
 def lock_of(name: Path) -> Path:
     """Return the file that is locked as long as the process lives that made ``name``.
 
@@ -43,7 +65,8 @@ def lock_state(name: Path) -> tuple[bool, str]:
     Raises:
         OSError: nobody has locked it, or others may not look.
     """
-    lock = os.open(lock_of(name), os.O_RDONLY | os.O_CLOEXEC)
+    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    lock = os.open(lock_of(name), flags)
     try:
         fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -51,6 +74,14 @@ def lock_state(name: Path) -> tuple[bool, str]:
     finally:
         os.close(lock)
     return False, ""
+
+
+def locked_names(directory: Path) -> list[Path]:
+    """Return the names in a directory beside which a lock lies."""
+    return [
+        directory / lock.name[1:].removesuffix(".lock")
+        for lock in sorted(directory.glob(".*.lock"))
+    ]
 
 
 def expanded(path: str) -> str:

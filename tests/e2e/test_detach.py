@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,8 @@ from vbus.client.patience import starting
 from vbus.errors import TransportError
 from vbus.transports.activation import handed_over
 from vbus.transports.runtime import NameLock
+
+Done = subprocess.CompletedProcess[str]
 
 LM629 = """
 [chips.x]
@@ -38,14 +41,14 @@ def board(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def detached(board: Path):  # type: ignore[no-untyped-def]
+def detached(board: Path) -> Iterator[Done]:
     done = vbus("run", str(board), "--detach")
     assert done.returncode == 0, done.stderr
     yield done
     vbus("stop", "bench")
 
 
-def test_a_board_is_ready_when_detach_returns(detached, runtime: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_board_is_ready_when_detach_returns(detached: Done, runtime: Path) -> None:
     lines = detached.stdout.splitlines()
 
     assert lines[0].startswith("bench: realtime, process ")
@@ -56,7 +59,7 @@ def test_a_board_is_ready_when_detach_returns(detached, runtime: Path) -> None: 
     assert vbus("logs", "bench").stdout.endswith("ready; Ctrl-C stops it\n")
 
 
-def test_it_has_left_terminal_session_and_input(detached) -> None:  # type: ignore[no-untyped-def]
+def test_it_has_left_terminal_session_and_input(detached: Done) -> None:
     process = int(detached.stdout.splitlines()[0].split()[-1])
 
     assert os.getsid(process) == process
@@ -77,7 +80,7 @@ def test_stop_returns_when_the_board_has_ended(board: Path, tmp_path: Path, runt
     assert vbus("logs", "bench").stdout.startswith("bench: ")
 
 
-def test_a_board_that_cannot_start_says_why_with_its_own_code(detached, board: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_board_that_cannot_start_says_why_with_its_own_code(detached: Done, board: Path) -> None:
     again = vbus("run", str(board), "--detach")
 
     assert again.returncode == 4

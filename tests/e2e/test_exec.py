@@ -218,6 +218,83 @@ def test_equal_polls_of_a_journal_are_one_line(board: Path, tmp_path: Path) -> N
     assert lines[1:] == ["1us x RDSTAT 00H -  [LM-CMD-23]  x 50, 0.049 ms"]
 
 
+# A driver of an LM629 that looks at the profile a fixed time after the start of a move: what it
+# finds hangs on when the chip's next sample comes. A careful one does not print that.
+SWEPT = """\
+import os, sys
+from vbus import connect
+with connect(os.environ["VBUS_LINK"]) as bus:
+    def put(code, *data):
+        bus.write(0, code)
+        bus.delay(50 * 10**6)
+        for at in range(0, len(data), 2):
+            for byte in data[at : at + 2]:
+                bus.write(1, byte)
+            bus.delay(50 * 10**6)
+    put(0x1F, 0, 0x2A, 0, 1, 0, 0, 0, 9, 0, 0, 0, 0, 0, 9)
+    put(0x01)
+    bus.delay(500 * 10**6)
+    bus.write(0, 0x08)
+    found = []
+    for _ in range(2):
+        bus.delay(50 * 10**6)
+        found += [bus.read(1), bus.read(1)]
+    print(found if sys.argv[1:] == ["hasty"] else "done")
+"""
+
+
+def test_a_sweep_tells_what_hangs_on_the_chips_phase(board: Path, tmp_path: Path) -> None:
+    board.write_text(BOARD.replace("[chips.x]", 'power_on = "done"\n[chips.x]'))
+    script = tmp_path / "host.py"
+    script.write_text(SWEPT)
+    done = vbus(
+        "exec", "--board", board, "--sweep", "4", "--", sys.executable, script, "hasty"
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (1, "")
+    assert done.stdout.splitlines() == [
+        "chips       exit    stdout  bus     rules   axes",
+        "+0us        a       a       a       a       a",
+        "+64us       a       b       b       a       a",
+        "+128us      a       a       a       a       a",
+        "+192us      a       a       a       a       a",
+        'stdout b: line 1 is "[0, 0, 0, 6]"; in a it is "[0, 0, 0, 3]"',
+        'bus b: line 13 is "x r 1 06"; in a it is "x r 1 03"',
+    ]
+    done = vbus("exec", "--board", board, "--sweep", "2:100us", "--", "sh", "-c", "echo x; exit 3")
+    assert (done.returncode, done.stderr) == (3, "")
+    assert done.stdout == "2 runs, the chips up to 100us ahead: one outcome\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--board", "BOARD", "--sweep", "1"], "it takes two runs at least"),
+        (["--board", "BOARD", "--sweep", "x"], "Invalid value for --sweep"),
+        (["--board", "BOARD", "--sweep", "4:3"], "is no duration"),
+        (["--board", "BOARD", "--sweep", "4", "--journal", "x"], "--sweep goes without records"),
+        (["--link", "unix:/nowhere", "--sweep", "4"], "--sweep goes with --board"),
+    ],
+)
+def test_a_sweep_that_cannot_be_is_refused(board: Path, words: list[str], message: str) -> None:
+    done = vbus(
+        "exec", *(str(board) if word == "BOARD" else word for word in words), "--", "true"
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert message in done.stderr
+
+
+def test_a_sweep_needs_virtual_time_and_a_cycle(board: Path) -> None:
+    text = BOARD.replace('"LM629N-8"', '"MCP-1200"')
+    for wrong, message in (
+        (text, "--sweep 16:500us"),
+        (BOARD.replace("lockstep", "realtime"), "in real time"),
+    ):
+        board.write_text(wrong)
+        done = vbus("exec", "--board", board, "--sweep", "4", "--", "true")
+        assert done.returncode == 3
+        assert message in done.stderr
+
+
 @pytest.mark.parametrize(
     ("words", "example"),
     [

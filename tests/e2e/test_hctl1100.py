@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -12,6 +12,7 @@ from vbus import connect
 from vbus.chips.mcp1200.compatible import Hctl1100Uses
 from vbus.client.bus import Bus
 
+Driven = Callable[..., tuple[int, list[dict[str, str]]]]
 ROOT = Path(__file__).parents[2]
 BOARD = """
 [board]
@@ -84,7 +85,7 @@ class Hctl1100:
 
 
 @pytest.fixture
-def driven(tmp_path: Path, runtime: Path):  # type: ignore[no-untyped-def]
+def driven(tmp_path: Path, runtime: Path) -> Driven:
     """Runs the driver on a board; gives where it ended and what the report notes."""
     (tmp_path / "bench.toml").write_text(BOARD.format(folder=tmp_path))
 
@@ -108,7 +109,7 @@ def driven(tmp_path: Path, runtime: Path):  # type: ignore[no-untyped-def]
     return drive
 
 
-def test_a_driver_is_told_each_use_that_is_another_here(driven) -> None:  # type: ignore[no-untyped-def]
+def test_a_driver_is_told_each_use_that_is_another_here(driven: Driven) -> None:
     end, notes = driven(careful=False)
 
     assert end & 0xFF == pytest.approx(2000 & 0xFF, abs=2), "only the low byte is of now"
@@ -122,7 +123,7 @@ def test_a_driver_is_told_each_use_that_is_another_here(driven) -> None:  # type
     assert "a sample of 4160 clocks, not of 1040" in timer["detail"]
 
 
-def test_a_driver_that_minds_them_runs_without_a_note(driven) -> None:  # type: ignore[no-untyped-def]
+def test_a_driver_that_minds_them_runs_without_a_note(driven: Driven) -> None:
     end, notes = driven(careful=True)
 
     assert end == pytest.approx(2000, abs=2)
@@ -152,7 +153,7 @@ def test_what_is_another_use_and_what_is_not(
     assert told == found
 
 
-def test_a_part_that_no_chip_stands_in_for_is_refused(driven, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_part_that_no_chip_stands_in_for_is_refused(driven: Driven, tmp_path: Path) -> None:
     driven(careful=True)
 
     done = vbus("report", tmp_path / "run.vbj", "--compatibility", "hctl-2000")

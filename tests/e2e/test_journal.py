@@ -3,14 +3,16 @@
 import json
 import os
 import signal
+import socket
 import time
 from pathlib import Path
 
 import pytest
 
-from tests.e2e.command import start, vbus
+from tests.e2e.command import running, start, vbus
 from vbus import connect
 from vbus.client.lm628 import Lm628
+from vbus.trace.journal.format import Entry, JournalReader
 
 BOARD = """\
 [board]
@@ -124,3 +126,67 @@ def test_what_is_no_journal_is_refused(tmp_path: Path) -> None:
     assert done.stderr == f"vbus: {other} is no journal of version 1 to 2\n"
     assert vbus("replay", tmp_path / "none").stderr.endswith("cannot be read: No such file or"
                                                               " directory\n")  # fmt: skip
+
+
+def answered_and_killed(folder: Path, *options: str) -> tuple[int, list[Entry]]:
+    """Kill a board while a host reads; return the answers it got, and the journal's reads."""
+    file = folder / "board.toml"
+    file.write_text(BOARD.format(time="lockstep", folder=folder))
+    process = start("run", file, *options)
+    assert process.stdout is not None
+    while not process.stdout.readline().startswith("ready"):
+        pass
+    with connect(f"pty:{folder}/run/x") as bus:
+        for _ in range(25):
+            bus.read(0)
+        process.kill()
+        process.communicate(timeout=60)
+    with (folder / "file.vbj").open("rb") as journal:
+        return 25, [entry for entry in JournalReader(journal) if entry.op == "read"]
+
+
+@pytest.mark.parametrize("durable", ["process", "machine"])
+def test_a_durable_journal_has_all_that_was_answered(tmp_path: Path, durable: str) -> None:
+    answered, reads = answered_and_killed(tmp_path, "--durable", durable)
+    assert len(reads) == answered
+
+
+def test_what_a_journal_may_lose_is_said_when_the_board_is_ready(tmp_path: Path) -> None:
+    file = tmp_path / "board.toml"
+    file.write_text(BOARD.format(time="lockstep", folder=tmp_path))
+    for options, said in (
+        ((), "of a process that is killed, the last 0.2 s may be missing"),
+        (("--durable", "process"), "has all that was answered, also if the process is killed"),
+        (("--durable", "machine"), "has all that was answered, also if the machine fails"),
+    ):
+        with running(file, *options) as (_, lines):
+            assert f"  journal {tmp_path}/file.vbj: {said}" in lines
+            (listed,) = json.loads(vbus("ls", "--json").stdout)
+            assert listed["journal"]["file"] == f"{tmp_path}/file.vbj"
+
+
+def test_durable_without_a_journal_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "board.toml"
+    text = BOARD.format(time="lockstep", folder=tmp_path)
+    file.write_text(text.replace(f'journal = "{tmp_path}/file.vbj"', 'durable = "process"'))
+    for done in (vbus("run", file), vbus("check", file)):
+        assert done.returncode != 0
+        assert "durable is what a journal survives, and none is kept" in done.stderr
+
+
+def test_what_a_durable_journal_cannot_hold_is_not_answered(tmp_path: Path) -> None:
+    file = tmp_path / "board.toml"
+    text = BOARD.format(time="lockstep", folder=tmp_path)
+    file.write_text(text.replace("pty:$VBUS_RUNTIME/x", "unix:$VBUS_RUNTIME/x"))
+    process = start("run", file, "--journal", "/dev/full", "--durable", "process")
+    assert process.stdout is not None
+    while not process.stdout.readline().startswith("ready"):
+        pass
+    with socket.socket(socket.AF_UNIX) as host:
+        host.settimeout(60)
+        host.connect(f"{tmp_path}/run/x")
+        host.sendall(b"\x02\x01")
+        assert host.recv(10) == b""
+    process.terminate()
+    _, told = process.communicate(timeout=60)
+    assert told == "vbus: the journal ends after 0 bytes: No space left on device\n"

@@ -11,9 +11,10 @@ import pytest
 from tests.e2e.serving import served
 from tests.e2e.test_pty import open_raw, read_exactly, toy_board, wait_for_sessions
 from tests.unit.board.toy import Toy
+from tests.unit.faults.bench import DC, LM, build
 from tests.waiting import until
 from vbus.board.board import Board
-from vbus.kernel import MS, NEVER
+from vbus.kernel import END, MS
 from vbus.server.registry import ask, status_path
 from vbus.server.server import LinkSpec
 from vbus.signals import Observer
@@ -55,11 +56,11 @@ run(board, links, on_ready=lambda server: print("ready", flush=True))
     ("policy", "wait"),
     [
         ("lockstep", b"\x50" + u64(WEEK)),
-        ("lockstep", b"\x50" + u64(NEVER - 1)),
+        ("lockstep", b"\x50" + u64(END)),
         ("slaved", b"\x51" + u64(WEEK) + b"\x10"),
         ("slaved", b"\x51" + u64(WEEK) + b"\x53"),
         ("lockstep", b"\x56" + u64(WEEK)),
-        ("slaved", b"\x56" + u64(NEVER - 1)),
+        ("slaved", b"\x56" + u64(1 << 63)),
     ],
     ids=["delay", "longest delay", "read", "sync", "pass", "longest pass"],
 )
@@ -159,12 +160,28 @@ def test_time_has_an_end_and_the_board_says_so(runtime: Path) -> None:
     refused = b"X\x03"
     with served(toy_board(), ONE) as server:
         fd = open_raw(runtime / "one")
-        os.write(fd, b"\x50" + u64(NEVER) + b"\x52")
+        os.write(fd, b"\x50" + u64(END + 1) + b"\x52")
         assert read_exactly(fd, 13) == refused + b"\x00\x00T" + u64(0), "no time has passed"
 
-        os.write(fd, b"\x50" + u64(NEVER - 1) + b"\x11\x21\x01\x52")
-        assert read_exactly(fd, 17) == (
-            refused + b"\x00\x03" + refused + b"\x00\x04T" + u64(NEVER - 1)
-        )
+        os.write(fd, b"\x50" + u64(END) + b"\x11\x21\x01\x52")
+        assert read_exactly(fd, 17) == (refused + b"\x00\x03" + refused + b"\x00\x04T" + u64(END))
         os.close(fd)
         wait_for_sessions(server, 0)
+
+
+def test_a_host_that_leaves_near_the_end_of_time_leaves_its_terminal_to_the_next(
+    runtime: Path,
+) -> None:
+    board = build(LM, DC)
+    with served(board, ONE) as server:
+        fd = open_raw(runtime / "one")
+        os.write(fd, b"\x50" + u64(END - MS) + b"\x44\x00\x00\x50" + u64(MS) + b"\x02\x01")
+        assert read_exactly(fd, 2) == b"E\x01"
+        assert board.now == END
+        assert board.chip("x").pins["/RST"].value == 0
+        os.close(fd)
+        wait_for_sessions(server, 0)
+        fd = open_raw(runtime / "one")
+        os.write(fd, b"\x02\x02")
+        assert read_exactly(fd, 2) == b"E\x02"
+        os.close(fd)

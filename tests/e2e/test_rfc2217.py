@@ -1,6 +1,7 @@
 """A board as a serial port of the network: pyserial's own RFC 2217 client."""
 
 import socket
+from collections.abc import Iterator
 
 import pytest
 import serial
@@ -23,7 +24,7 @@ plant = "none"
 
 
 @pytest.fixture
-def place():  # type: ignore[no-untyped-def]
+def place() -> Iterator[str]:
     with served(load_board_text(BOARD, "bench"), LinkSpec("rfc2217:0")) as server:
         url = server.urls[0]
         assert url.startswith("rfc2217:127.0.0.1:")

@@ -7,6 +7,11 @@ import pytest
 
 from tests.e2e.command import running, vbus
 from vbus import connect
+from vbus.board import snapshot
+from vbus.board.build import load_board_text
+from vbus.kernel import END, MS, SECOND
+from vbus.server.pacer import DAY
+from vbus.tools import exit_codes
 
 BOARD = """\
 [board]
@@ -104,3 +109,29 @@ def test_what_cannot_be_loaded_is_refused_with_the_reason(folder: Path) -> None:
     assert 'no board called "bench" takes orders' in done.stderr
     done = vbus("run", folder / "lockstep.toml", "--from", snap, "--journal", folder / "j.vbj")
     assert "a journal begins at power-on" in done.stderr
+
+
+def test_in_real_time_a_board_ends_in_order_where_time_does(folder: Path) -> None:
+    text = (folder / "realtime.toml").read_text()
+    board = load_board_text(text, str(folder / "realtime.toml"))
+    board.run_until(END - 10 * MS)
+    snap = folder / "late.snap"
+    snap.write_bytes(snapshot.write(snapshot.take(board)))
+
+    done = vbus("run", folder / "realtime.toml", "--from", snap)
+
+    assert done.returncode == exit_codes.TIME_ENDED == 7
+    told, ended = done.stderr.splitlines()
+    assert "106 days after power-on; less than a day is left" in told
+    assert ended == f"vbus: board bench has ended: chip time ends at {END} ps, and it is there"
+    assert not (folder / "run" / "x").exists()
+
+
+def test_a_board_on_its_last_day_is_listed_as_such(folder: Path) -> None:
+    with running(folder / "lockstep.toml"), connect(f"unix:{folder}/run/x") as bus:
+        bus.delay(END - DAY)
+        assert "ends in" not in vbus("ls").stdout
+        bus.delay(DAY - 90 * SECOND)
+        assert "  chip time ends in 90.000 s\n" in vbus("ls").stdout
+        (listed,) = json.loads(vbus("ls", "--json").stdout)
+        assert listed["time_left_ps"] == 90 * SECOND

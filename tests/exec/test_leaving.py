@@ -175,6 +175,71 @@ def test_what_does_not_end_is_killed_also_if_nobody_reads_why(
         process.stdout.close()
 
 
+@pytest.mark.parametrize("time", ["lockstep", "realtime"])
+@pytest.mark.parametrize("how", ["child", "orphan", "stubborn"])
+def test_what_a_program_leaves_behind_ends_with_its_board(
+    programs: Programs, tmp_path: Path, time: str, how: str
+) -> None:
+    """By SIGTERM, while the board still answers."""
+    (tmp_path / "board.toml").write_text(REGISTERS.format(time=time, card=PORTS))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vbus", "exec", "--board", "board.toml", "--transcript", "bus.txt",
+         "--", str(programs("leaving", 64)), "leaves", how],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert process.stdout is not None
+    child = process.stdout.readline().strip()
+    _, errors = process.communicate("\n", timeout=30)
+    assert process.returncode == 0
+    assert not Path(f"/proc/{child}").exists()
+    lines = errors.splitlines()
+    assert lines[0] == (
+        f"vbus exec: the program has ended and left behind: leaving64 (process {child}); that ends"
+        " too, with the board; what shall go on needs a board that runs already (--join)"
+    )
+    last = (tmp_path / "bus.txt").read_text().splitlines()[-1]
+    if how == "stubborn":
+        assert lines[1] == (
+            "vbus exec: SIGTERM has not ended the program within 0.7 s; it is killed"
+        )
+        assert last == "x r 20 01"
+    else:
+        assert (last, len(lines)) == ("x w 20 0F", 1)
+
+
+def test_a_signal_ends_what_a_shell_has_started_too(programs: Programs, tmp_path: Path) -> None:
+    (tmp_path / "board.toml").write_text(LOCKSTEP)
+    script = f"{programs('ends', 64)} pauses & echo $!; wait"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vbus", "exec", "--board", "board.toml", "--", "sh", "-c", script],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert process.stdout is not None
+    lines = {process.stdout.readline().strip(), process.stdout.readline().strip()}
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=30)
+    assert (process.returncode, errors) == (128 + signal.SIGTERM, "")
+    (child,) = lines - {"up"}
+    assert not Path(f"/proc/{child}").exists()
+
+
+def test_a_program_does_not_outlive_its_board_that_is_killed(
+    programs: Programs, tmp_path: Path
+) -> None:
+    """Though it waits for something else, in real time."""
+    (tmp_path / "board.toml").write_text(REGISTERS.format(time="realtime", card=PORTS))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vbus", "exec", "--board", "board.toml", "--",
+         str(programs("ends", 64)), "stubborn"],
+        stdout=subprocess.PIPE, text=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert process.stdout.readline() == "up\n"
+    process.kill()
+    process.communicate(timeout=30)  # its end closes the pipe
+
+
 def test_a_wild_pointer_is_called_one(programs: Programs, tmp_path: Path) -> None:
     done = execute(tmp_path, LOCKSTEP, programs("ends", 64), "wild")
     assert (done.returncode, done.stdout) == (128 + signal.SIGSEGV, "up\n")

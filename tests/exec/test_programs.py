@@ -2,6 +2,7 @@
 
 import os
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -15,6 +16,7 @@ from tests.exec.conftest import ALL, PROGRAMS, compile_c, require
 from tests.exec.forms import processor
 from tests.unit.board.test_leases import Leasing, reset_and_move
 from vbus.board.build import load_board
+from vbus.tools.reach import warnings_for
 
 REGISTERS = """
 [board]
@@ -331,6 +333,7 @@ def test_runs_repeat_exactly(
     ("how", "lines"),
     [
         ("uio", ["interrupt 1", "done 04, signals 0", "again 2"]),
+        ("early", ["interrupt 2", "done 04, signals 0", "again 3"]),
         ("poll", ["poll 0", "poll 1", "interrupt 1", "done 04, signals 0", "again 2"]),
         ("select", ["select 1", "interrupt 1", "done 04, signals 0", "again 2"]),
         ("signal", ["done 04, signals 1"]),
@@ -351,6 +354,7 @@ def test_an_interrupt_arrives(
     ("how", "lines"),
     [
         ("uio", ["interrupt 1", "done 04, signals 0", "again 2"]),
+        ("early", ["interrupt 2", "done 04, signals 0", "again 3"]),
         ("poll", ["poll 0", "poll 1", "interrupt 1", "done 04, signals 0", "again 2"]),
         ("select", ["select 1", "interrupt 1", "done 04, signals 0", "again 2"]),
         ("signal", ["done 04, signals 1"]),
@@ -365,6 +369,16 @@ def test_an_interrupt_arrives_in_real_time(
     done = execute(tmp_path, board, programs("interrupts", 64), how)
     assert done.returncode == 0
     assert done.stdout.splitlines()[-len(lines) :] == lines  # what comes before hangs on the pace
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved", "realtime"])
+def test_an_interrupt_sends_one_signal_which_is_there_at_the_next_access(
+    programs: Callable[[str, int], Path], bits: int, tmp_path: Path, policy: str
+) -> None:
+    board = SERVO.format(time=policy, card='signal = "SIGIO"')
+    assert said(execute(tmp_path, board, programs("interrupts", bits), "count")) == [
+        f"{20 * '1'} signals of 20 resets"
+    ]
 
 
 # -- faults ----------------------------------------------------------------------------------------
@@ -479,6 +493,66 @@ def test_with_address_sanitizer_the_bus_sees_the_same(
         runs.append((done.returncode, done.stdout, transcript.read_text()))
     assert runs[0] == runs[1]
     assert runs[0][0] == 0
+
+
+def test_calls_by_number_that_are_not_bent_are_told_or_refused(probe: Callable[..., Done]) -> None:
+    done = probe("numbers")
+    assert (done.returncode, done.stdout.splitlines()) == (
+        0, ["ppoll 0 0", "io_uring -1, as if it were not there 1", "vDSO 0"],
+    )  # fmt: skip
+    assert done.stderr.splitlines() == [
+        "vbus exec: the program calls ppoll by its number: that waits in real time, and chip time"
+        " stands still meanwhile; the C library's function of that name follows chip time",
+        "vbus exec: io_uring is refused where time is virtual: its waits are the kernel's own",
+    ]
+
+
+@pytest.mark.parametrize("time", ["lockstep", "realtime"])
+def test_what_keeps_a_time_of_its_own_is_named_at_the_start(tmp_path: Path, time: str) -> None:
+    """A library for io_uring, and the processor's counter; by a script's interpreter too."""
+    (tmp_path / "none.c").write_text("int none(void) { return 0; }\n")
+    (tmp_path / "own.c").write_text(
+        "#include <stdio.h>\n#include <x86intrin.h>\nextern int none(void);\n"
+        "int main(void) { return __rdtsc() == 0 ? none() : 0; }\n"
+    )
+    library = tmp_path / "liburing.so.2"
+    compile_c(library, "-shared", "-Wl,-soname,liburing.so.2", tmp_path / "none.c")
+    program = compile_c(
+        tmp_path / "own", "-O2", tmp_path / "own.c", library, f"-Wl,-rpath,{tmp_path}"
+    )
+    script = tmp_path / "script"
+    script.write_text(f"#!{program} -x\n")
+    script.chmod(0o755)
+    says = f"vbus exec: warning: {program}"
+    real = "which stays real time while the card's time is virtual"
+    warnings = [
+        f"{says} waits by io_uring (liburing), past the C library: by a clock {real}",
+        f"{says} reads the processor's counter (rdtsc), {real}",
+    ]
+    for command in (program, script):
+        done = execute(tmp_path, REGISTERS.format(time=time, card=PORTS), command)
+        assert done.returncode == 0
+        assert done.stderr.splitlines() == (warnings if time == "lockstep" else [])
+
+
+@pytest.mark.parametrize(
+    ("what", "says"),
+    [
+        (b"\x04\0\0\0\x04\0\0\0\x04\0\0\0Go\0\0abcd", "is written in Go"),
+        (b"/lib/ld-musl-x86_64.so.1\0", "uses musl in place of glibc"),
+    ],
+)
+def test_what_has_another_library_is_named(tmp_path: Path, what: bytes, says: str) -> None:
+    """The head of such a program: what it holds follows its one program header, PT_INTERP."""
+    head = struct.pack(
+        "<16sHHIQQQIHHHHHH", b"\x7fELF\x02\x01\x01", 3, 62, 1, 0, 64, 0, 0, 64, 56, 1, 0, 0, 0
+    )
+    program = tmp_path / "own"
+    program.write_bytes(head + struct.pack("<II", 3, 4).ljust(56, b"\0") + what)
+    program.chmod(0o755)
+    (warning,) = warnings_for(str(program), True, False)
+    assert warning.startswith(f"{program} {says}")
+    assert "its port and memory accesses do not reach the card" in warning
 
 
 @pytest.mark.parametrize("kind", ["static", "static-pie", "set-user-ID"])

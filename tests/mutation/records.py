@@ -5,8 +5,12 @@ import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Final
 
 from tests.mutation.mutants import Mutant
+
+KEPT: Final = 12
+"""Digits of a digest in the list that is checked in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +19,7 @@ class Result:
 
     Attributes:
         id: the mutant.
-        digest: of the source of its scope when it was tried.
+        digest: of the source of its scope when it was tried, or how it begins.
         verdict: "killed", "survived" or "timeout".
         by: the test that failed.
         tests: how many tests were chosen.
@@ -28,6 +32,24 @@ class Result:
     by: str
     tests: int
     cpu: float
+
+    def holds(self, mutant: Mutant) -> bool:
+        """Tell whether the mutant's scope is as it was when it was tried."""
+        return mutant.digest.startswith(self.digest)
+
+
+def read_kept(path: Path) -> dict[str, Result]:
+    """Return the verdicts of a list that is checked in; of how they came about it says nothing."""
+    if not path.exists():
+        return {}
+    rows = (line.split() for line in path.read_text().splitlines() if not line.startswith("#"))
+    return {name: Result(name, digest, verdict, "", 0, 0.0) for name, digest, verdict in rows}
+
+
+def keep(path: Path, results: Iterable[Result]) -> None:
+    """Write the list that is checked in."""
+    lines = sorted(f"{row.id} {row.digest[:KEPT]} {row.verdict}" for row in results)
+    path.write_text("\n".join(["# Made by `run.py keep`: mutant, digest, verdict.", *lines, ""]))
 
 
 def read_results(path: Path) -> dict[str, Result]:
@@ -109,7 +131,7 @@ def judge(
     problems, new = [], []
     for mutant in chosen:
         result = results.get(mutant.id)
-        if result is None or result.digest != mutant.digest:
+        if result is None or not result.holds(mutant):
             continue
         valid[mutant.id] = result
         entry = entries.get(mutant.id)

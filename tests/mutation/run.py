@@ -3,6 +3,7 @@
     python tests/mutation/run.py map                  which tests execute which lines
     python tests/mutation/run.py run --jobs 2         try the sample; goes on where it was ended
     python tests/mutation/run.py report               what was killed, and who survives
+    python tests/mutation/run.py keep                 write the verdicts down, to be checked in
     python tests/mutation/run.py gate                 thirty known mutants that must be killed
     python tests/mutation/run.py show ID              one mutant as a diff
     python tests/mutation/run.py try ID               one mutant, with what pytest says
@@ -78,6 +79,7 @@ class Bed:
         self.build: Path = self.root / "build" / "mutation"
         self.map: Path = self.build / "map.json"
         self.results: Path = options.results or self.build / "results.jsonl"
+        self.kept: Path = options.lists / "results.txt"
         self.survivors: Path = options.lists / "survivors.toml"
         self.gate: Path = options.lists / "gate.toml"
 
@@ -90,6 +92,10 @@ class Bed:
             return first(self.root, inside, options.sample, options.seed)
         found = sample(self.root, options.sample or SAMPLE, options.seed)
         return [mutant for mutant in found if not only or mutant.file.startswith(only)]
+
+    def known(self) -> dict[str, Result]:
+        """Return the verdicts that are checked in, and those found here since."""
+        return records.read_kept(self.kept) | records.read_results(self.results)
 
     def find(self, name: str) -> Mutant:
         """Return the mutant of an id."""
@@ -153,7 +159,7 @@ def do_run(bed: Bed) -> int:
         sys.exit("no coverage map: run `map` first")
     number, count = (int(part) for part in options.shard.split("/"))
     chosen = sorted(bed.sample(), key=lambda mutant: mutant.rank)[number - 1 :: count]
-    known = records.read_results(bed.results)
+    known = bed.known()
     todo = [mutant for mutant in chosen if _open(mutant, known.get(mutant.id), options.again)]
     print(f"{len(chosen)} mutants, {len(todo)} to try", flush=True)
     trial.warm(bed.root)
@@ -166,7 +172,7 @@ def do_run(bed: Bed) -> int:
 
 
 def _open(mutant: Mutant, result: Result | None, again: bool) -> bool:
-    if result is None or result.digest != mutant.digest:
+    if result is None or not result.holds(mutant):
         return True
     return again and result.verdict == "survived"
 
@@ -281,7 +287,7 @@ def do_report(bed: Bed) -> int:
     listed = records.read_entries(bed.survivors)
     if bed.options.only:
         listed = [entry for entry in listed if entry.file.startswith(tuple(bed.options.only))]
-    valid, problems, new = records.judge(chosen, records.read_results(bed.results), listed)
+    valid, problems, new = records.judge(chosen, bed.known(), listed)
     rows: dict[str, list[Result]] = {}
     for mutant in chosen:
         if mutant.id in valid:
@@ -308,6 +314,15 @@ def do_report(bed: Bed) -> int:
     for problem in problems:
         print(problem)
     return bool(problems)
+
+
+def do_keep(bed: Bed) -> int:
+    """Write down the verdicts of the sample, to be checked in."""
+    known = bed.known()
+    valid = [known[it.id] for it in bed.sample() if it.id in known and known[it.id].holds(it)]
+    records.keep(bed.kept, valid)
+    print(f"{len(valid)} verdicts in {bed.kept}")
+    return 0
 
 
 # -- gate -----------------------------------------------------------------------------------------
@@ -362,7 +377,7 @@ def _renew(bed: Bed) -> int:
     kept = [mutant for mutant in there if mutant.id in old]
     good = [
         mutant for mutant in there
-        if mutant.id not in old and (it := results.get(mutant.id)) and it.digest == mutant.digest
+        if mutant.id not in old and (it := results.get(mutant.id)) and it.holds(mutant)
         and it.verdict == "killed" and it.by in tests and tests[it.by].seconds < GATE_SECONDS
     ]  # fmt: skip
     for _ in range(min(GATE - len(kept), len(good))):
@@ -419,11 +434,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--results", type=Path, help="build/mutation/results.jsonl")
     orders = parser.add_subparsers(required=True)
     made = {}
-    for do in (do_map, do_run, do_report, do_gate, do_show, do_try):
+    for do in (do_map, do_run, do_report, do_keep, do_gate, do_show, do_try):
         name = do.__name__.removeprefix("do_")
         made[name] = orders.add_parser(name, help=(do.__doc__ or "").partition("\n")[0])
         made[name].set_defaults(do=do)
-    for name in ("run", "report"):
+    for name in ("run", "report", "keep"):
         made[name].add_argument("--sample", type=int, metavar="N", help=f"how many ({SAMPLE})")
         made[name].add_argument("--seed", default="", help="another sample")
         made[name].add_argument(

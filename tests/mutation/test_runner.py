@@ -1,5 +1,7 @@
 """The runner itself, on a package of a few lines: it tells killed from survived."""
 
+import re
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -150,6 +152,25 @@ def test_no_file_is_touched_and_what_is_done_is_not_done_again(toy: Path) -> Non
     assert (toy / "toy" / "code.py").read_text() == CODE
     again = run(toy, "run", *ALL, "--jobs", "1")
     assert ", 0 to try" in again.stdout
+
+
+def test_verdicts_that_are_kept_do_without_the_folder_until_their_function_changes(
+    toy: Path, tmp_path: Path
+) -> None:
+    copy = tmp_path / "toy"
+    shutil.copytree(toy, copy)
+    kept = run(copy, "keep", *ALL)
+    assert re.fullmatch(r"(\d+) verdicts in .*/results.txt\n", kept.stdout), kept.stderr
+    results = copy / "build" / "mutation" / "results.jsonl"
+    results.unlink()
+    assert ", 0 to try" in run(copy, "run", *ALL, "--jobs", "1").stdout
+    assert run(copy, "report", *ALL).stdout.startswith(run(toy, "report", *ALL).stdout[:200])
+    code = copy / "toy" / "code.py"
+    code.write_text(CODE.replace("return value * 2", "return value * (1 + 1)"))
+    again = run(copy, "run", *ALL, "--jobs", "1")
+    tried = {mutant.id: mutant.scope for mutant in mutants(copy, "toy/code.py")}
+    assert ", 0 to try" not in again.stdout
+    assert {tried[it] for it in read_results(results)} == {"double"}
 
 
 def test_the_report_fails_as_long_as_a_survivor_is_not_listed(toy: Path) -> None:

@@ -7,7 +7,7 @@ from vbus.board.build import load_board_text
 from vbus.board.config import read_board_text
 from vbus.board.source import BoardFileError
 from vbus.errors import ConfigError
-from vbus.kernel import US
+from vbus.kernel import END, US
 from vbus.nodes.plan import build_nodes, part_of, pins_of, plan_of
 from vbus.nodes.scenario import read_scenario
 
@@ -138,6 +138,19 @@ def test_a_line_of_a_scenario_that_makes_no_sense_is_named(line: str, message: s
     assert str(caught.value).startswith(f"s.txt:3: {message}")
 
 
+def test_a_pin_is_driven_low_or_high_or_let_go() -> None:
+    text = "".join(f"1ms x pin /RST {level}\n" for level in "01z")
+    assert [order.data for order in read_scenario(text, "s.txt", CHIPS, US).orders] == [0, 1, 2]
+
+
+def test_every_node_that_listens_too_is_told_which_does() -> None:
+    old = "[nodes.a]\n[nodes.b]\n[nodes.c]\n"
+    listen = 'listen = "tcp/127.0.0.1:7450"'
+    new = "".join(f"[nodes.{name}]\n{listen}\n" for name in "abc")
+    text = "node a listens already; one node does, and the others connect to it"
+    assert problems(old, new) == [f"nodes.b.listen: {text}", f"nodes.c.listen: {text}"]
+
+
 def test_bytes_of_one_line_follow_each_other_a_cycle_apart() -> None:
     read = read_scenario("2ms x+y w 1 a b\n1ms x r 0 2 # look\n", "s.txt", CHIPS, 3 * US)
     assert [(o.when // US, o.chips[0], o.kind, o.data) for o in read.orders] == [
@@ -147,6 +160,11 @@ def test_bytes_of_one_line_follow_each_other_a_cycle_apart() -> None:
     assert read.until == 2006 * US
     with pytest.raises(ConfigError, match="it ends at 1000000000 ps, and a request stands at"):
         read_scenario("2ms x r 0\nend 1ms", "s.txt", CHIPS, US)
+    last = END // US
+    late = f"it ends at {last * US + US} ps, and time ends at {END} ps"
+    with pytest.raises(ConfigError, match=late):
+        read_scenario(f"{last}us x r 0", "s.txt", CHIPS, US)
+    assert read_scenario(f"{last - 1}us x r 0", "s.txt", CHIPS, US).until == last * US
 
 
 def test_every_pin_of_every_chip_may_be_named() -> None:

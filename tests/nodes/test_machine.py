@@ -13,13 +13,14 @@ from tests.nodes.four_chips import BOARD, scenario
 from vbus import state
 from vbus.board.config import read_board_text
 from vbus.errors import NodeMismatchError, SnapshotError
-from vbus.kernel import NEVER, US
+from vbus.kernel import END, NEVER, US
 from vbus.nodes.machine import Machine, conductor_of, trace_hash
-from vbus.nodes.messages import Report, decode, encode
+from vbus.nodes.messages import Message, Need, Report, decode, encode
 from vbus.nodes.plan import build_nodes, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.sync import Participant
 from vbus.nodes.trace import merged
+from vbus.protocols.port import PortError
 
 FILE, SOURCE = read_board_text(BOARD, "four.toml")
 PLAN = plan_of(FILE)
@@ -46,6 +47,8 @@ def test_the_run_ends_where_the_scenario_does_and_takes_few_rounds(machine: Mach
     assert all(conductor.finished for conductor in machine.conductors)
     assert {conductor.participant.granted for conductor in machine.conductors} == {20_000 * US + 1}
     assert machine.conductors[0].participant.round <= 100
+    assert {conductor.state for conductor in machine.conductors} == {"rests"}
+    assert len({conductor.participant.round for conductor in machine.conductors}) == 1
 
 
 def test_an_edge_reaches_the_other_nodes_exactly_one_delay_later(machine: Machine) -> None:
@@ -111,6 +114,11 @@ def test_edges_of_one_instant_are_taken_in_order_of_node_and_number() -> None:
     sent = third.take_edges()
     assert [edge[4] for edge in sent] == [0, -1, 0, -1]
     assert [edge[2] for edge in sent] == list(range(sent[0][2], sent[0][2] + 4))
+
+
+def test_an_end_of_a_wire_is_always_listened_to() -> None:
+    _, second, _, _ = build_nodes(FILE, SOURCE)
+    assert {end.heard for end in second.ends.values()} == {True}
 
 
 # -- any network ----------------------------------------------------------------------------------
@@ -212,6 +220,18 @@ def test_nodes_agree_on_one_order_of_events_whatever_the_network_does(
     assert play(shuffle=True) == play(shuffle=False)
 
 
+def test_time_waits_for_a_host_that_has_begun_to_use_it_until_it_waits_itself() -> None:
+    conductor = conductor_of(FILE, SOURCE, "a")
+    port = conductor.node.board.open_port("h")
+    assert not conductor.busy()
+    assert not port.delay(US)
+    assert not conductor.busy()
+    conductor.participant.granted = US
+    assert not conductor.busy()
+    conductor.participant.granted = US + 1
+    assert conductor.busy()
+
+
 # -- snapshots, mistakes --------------------------------------------------------------------------
 
 
@@ -291,6 +311,8 @@ def test_the_worst_of_late_edges_is_told_whichever_comes_first() -> None:
     on_time = node.board.kernel.now - node.wires[wire].delay
     node.accept([(on_time - late, 2, 900 + late, wire, 1, False) for late in (0, 10, 30, 20)])
     assert (node.late, node.worst_late) == (3, 30)
+    node.accept([(0, 2, 999, wire, 1, False)])
+    assert (node.late, node.worst_late) == (4, on_time)
 
 
 def test_a_node_with_another_board_is_refused_by_name() -> None:
@@ -308,12 +330,69 @@ def test_a_node_keeps_its_latest_65536_reports_for_those_that_rejoin() -> None:
     assert (min(part.log), max(part.log), len(part.log)) == (2, 65537, 65536)
 
 
+def test_a_snapshot_holds_the_latest_two_reports() -> None:
+    part = Participant(("a",), 0, 10, "1")
+    for _ in range(3):
+        part.report(NEVER, -1, [])
+        part.grant()
+    part.report(NEVER, -1, [])
+    assert [decode(data, "a", 1, 0).round for data in part.latest] == [2, 3]
+
+
+@pytest.mark.parametrize(
+    ("message", "text"),
+    [
+        (Report("1", 1, 0, 0, 0, -1, ()), "the state was made by another node"),
+        (Need("1", 0, 0, 1), "the state was made by another node"),
+        (Report("2", 0, 0, 0, 0, -1, ()), "the state was made with another board file or version"),
+    ],
+)
+def test_a_saved_report_of_another_node_or_board_is_refused(message: Message, text: str) -> None:
+    part = Participant(("a", "b"), 0, 10, "1")
+    part.report(NEVER, -1, [])
+    with pytest.raises(SnapshotError, match=text):
+        part.check({**state.save(part), "latest": [encode(message)]})
+
+
+def test_no_time_is_granted_beyond_the_last_instant() -> None:
+    part = Participant(("a",), 0, 10, "1")
+    part.report(NEVER, NEVER, [])
+    part.grant()
+    assert part.granted == END + 1
+
+
 def test_a_node_that_tells_two_stories_is_refused_by_name() -> None:
     part = Participant(("a", "b"), 0, 10, "1")
     part.receive(Report("1", 1, 0, 0, 5, -1, ()))
     part.receive(Report("1", 1, 0, 0, 5, -1, ()))
     with pytest.raises(NodeMismatchError, match="node b has told of round 0 something else"):
         part.receive(Report("1", 1, 0, 0, 6, -1, ()))
+
+
+def test_time_is_granted_up_to_its_end_inclusive_and_no_further() -> None:
+    part = Participant(("a",), 0, 10, "1")
+    for until in (END, NEVER):
+        part.report(NEVER, until, [])
+        part.grant()
+        assert part.granted == END + 1, "everything before this instant"
+    part.report(NEVER, NEVER, [])
+    part.grant()
+    assert part.rested
+
+
+def test_a_host_on_a_node_comes_to_the_end_of_time_and_is_refused_what_lies_beyond() -> None:
+    made = Machine(FILE, SOURCE)
+    port = made.nodes[0].board.open_port("late")
+    assert not port.delay(END)
+    while not port.go_on():
+        for conductor in made.conductors:
+            made.poll(conductor)
+    assert port.delay(END)
+    assert made.nodes[0].board.now == END
+    with pytest.raises(PortError, match=f"time ends at {END} ps"):
+        port.delay(1)
+    with pytest.raises(PortError, match=f"time ends at {END} ps"):
+        port.read(0)
 
 
 GOOD = encode(Report("1", 1, 3, 50, 60, -1, ((40, 1, 0, 0, 1, False),)))
@@ -326,6 +405,7 @@ GOOD = encode(Report("1", 1, 3, 50, 60, -1, ((40, 1, 0, 0, 1, False),)))
         (b"\x01" + GOOD[1:], "version 1; this vbus speaks version 2"),
         (GOOD[:-3], "bytes that are no message"),
         (b"\x02\xc1\xff", "bytes that are no message"),
+        (b"\x02\x99" + GOOD[2:] + b"\x07", "bytes that are no message"),  # a ninth element
         (encode(Report("1", 7, 0, 0, 0, -1, ())), "cannot be: node 7 of 4"),
         (encode(Report("1", 1, 0, 9, 5, -1, ())), "horizon 9, next event 5"),
         (encode(Report("1", 1, 0, 9, 9, -1, ((3, 1, 0, 9, 1, False),))), "on wire 9"),

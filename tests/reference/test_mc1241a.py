@@ -153,7 +153,7 @@ class Pair:
         for number, mechanics in enumerate(self.mechanics):
             if pins and number + 1 == len(self.mechanics):
                 self.wired = [
-                    Pin(name, self.chip.pins[f"{name}{number + 1}"].net)
+                    self.chip.pins[f"{name}{number + 1}"].net.solder(name)
                     for name in ("~Home", "PosLimit", "NegLimit")
                 ]
             else:

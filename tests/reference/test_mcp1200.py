@@ -17,7 +17,7 @@ import pytest
 from tests.reference.mcp1200 import CONTROL, HALTED, IDLE, RESET, RESET_CLK, Reference
 from vbus.chips.mcp1200.chip import MCP1200
 from vbus.kernel import Clock, Kernel
-from vbus.signals import OFF, Pin, Plant, Policy
+from vbus.signals import OFF, Plant, Policy
 
 SAMPLES = int(os.environ.get("VBUS_REFERENCE", "100000"))
 EACH = 500
@@ -112,7 +112,7 @@ class Host:
         self.chip.connect(0, self.plant)
         # With somebody at TRIG, an output too, the chip has to act at every edge: slow.
         inputs = ["/LIMIT", "/STOP", "/RESET", "INDEX"] + ["TRIG"] * (random.random() < 0.15)
-        self.pins = {name: Pin(f"host:{name}", self.chip.pins[name].net) for name in inputs}
+        self.pins = {name: self.chip.pins[name].net.solder(f"host:{name}") for name in inputs}
         self.chip.power_on(True)
         for pin in self.pins.values():
             pin.drive(1)

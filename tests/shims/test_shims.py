@@ -321,6 +321,88 @@ def test_a_limit_ends_a_program_that_polls_for_ever(driver: Driver, run: Run) ->
     assert ran.errors == "vbus: done did not come within 1 ms\n"
 
 
+COMPUTED = (
+    "vbus: the program has computed for 1000 ms without an access to the bus, which is no chip"
+    " time; VBUS_LIMIT_MS ends it\n"
+)
+PRINTS = "#include <stdio.h>\n"
+
+
+@pytest.mark.parametrize(("until", "code"), [({}, 0), ({"VBUS_UNTIL": "done"}, 1)])
+def test_a_limit_ends_a_loop_without_an_access(
+    driver: Driver, run: Run, until: dict[str, str], code: int
+) -> None:
+    """Before or after the first access; what was printed is not lost."""
+    program = driver(
+        "avr",
+        PRINTS + AVR + 'int main(void) { init(); printf("%02X", in(1)); while (1); }',
+        "-DF_CPU=16000000UL",
+    )
+    ran = run(program, pins(), code=code, VBUS_LIMIT_MS="300", **until)
+    assert (ran.said.rstrip("\n"), ran.errors) == ("84", COMPUTED)
+    program = driver("linux-io", "int main(void) { while (1); }", compiler="gcc")
+    assert run(program, card(), code=code, VBUS_LIMIT_MS="300", **until).errors == COMPUTED
+
+
+LOOPS = 'for (;;) { printf("not d%s", "on"); puts("e"); fputs("almost: don\\n", stdout);'
+SAID = "not done\nalmost: don\nnot done\n"
+
+
+@pytest.mark.parametrize(
+    ("shim", "compiler", "loop"),
+    [
+        ("avr", "g++", "in(1); }"),
+        ("linux-io", "gcc", "inb(0x340); }"),
+        ("mmio", "gcc", "readb((void *)0x340); }"),
+    ],
+)
+def test_text_that_ends_a_program_may_come_from_printf(
+    driver: Driver, run: Run, shim: str, compiler: str, loop: str
+) -> None:
+    """It ends with the text, which may come in pieces."""
+    head = AVR if shim == "avr" else "#include <sys/io.h>\n"
+    start = "init();" if shim == "avr" else ""
+    more = ["-DF_CPU=16000000UL"] if shim == "avr" else []
+    source = f"{PRINTS}{head}int main(void) {{ {start} {LOOPS} {loop} }}"
+    board = pins() if shim == "avr" else card("memory = true" if shim == "mmio" else "")
+    program = driver(shim, source, *more, compiler=compiler)
+    ran = run(program, board, VBUS_UNTIL="don\nnot done", VBUS_LIMIT_MS="100")
+    assert (ran.said, ran.errors) == (SAID, "")
+
+
+@pytest.mark.parametrize("access", ["inb(0x340)", "usleep(100)"])
+def test_a_limit_ends_a_program_on_a_card(driver: Driver, run: Run, access: str) -> None:
+    source = "#include <sys/io.h>\n#include <unistd.h>\n"
+    program = driver(
+        "linux-io",
+        f"{source}int main(void) {{ inb(0x340); for (;;) {access}; }}",
+        "-D_DEFAULT_SOURCE",
+        compiler="gcc",
+    )
+    ran = run(program, card(), code=1, VBUS_LIMIT_MS="20", VBUS_UNTIL="done")
+    assert ran.errors == "vbus: done did not come within 20 ms\n"
+    assert ran.when // 10**9 == 20
+
+
+@pytest.mark.parametrize(
+    ("shim", "header"), [("avr", "avr/io.h"), ("arduino", "Arduino.h"), ("pic", "xc.h")]
+)
+def test_the_compiler_notes_once_that_int_is_wider_here(
+    tmp_path: Path, shim: str, header: str
+) -> None:
+    source = tmp_path / "driver.c"
+    source.write_text(f"#include <{header}>\nvoid setup(void) {{}}\nvoid loop(void) {{}}\n")
+    if shim != "arduino":
+        source.write_text(f"#include <{header}>\nint main(void) {{ return 0; }}\n")
+    command = [require("g++"), "-Wall", "-Wextra", "-Werror", "-D_XTAL_FREQ=4000000"]
+    command += ["-o", str(tmp_path / "driver"), str(source), *flags(shim)]
+    for more, count in (([], 1), (["-DVBUS_INT_IS_32_BITS"], 0)):
+        done = subprocess.run([*command, *more], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        noted = "note: \u2018#pragma message: int has 32 bits here and 16 on the microcontroller:"
+        assert done.stderr.count(noted.replace("\u2018", "'")) + done.stderr.count(noted) == count
+
+
 # -- Arduino ---------------------------------------------------------------------------------------
 
 

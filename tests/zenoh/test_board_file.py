@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.e2e.command import vbus
 from vbus.board.config import read_board_text, read_zenoh_file
 from vbus.board.source import BoardFileError
 from vbus.network.session import Network
@@ -66,3 +67,15 @@ def test_a_router_reads_the_same_section_from_any_file(tmp_path: Path) -> None:
 def test_without_the_section_nobody_outside_gets_in() -> None:
     file, _ = read_board_text(CHIP + '[[hosts]]\ntransport = "zenoh:"\n')
     assert network_of(file.zenoh) == Network()
+
+
+def test_check_prints_what_each_name_may_do(tmp_path: Path) -> None:
+    file = tmp_path / "b.toml"
+    file.write_text(
+        CHIP + '[[hosts]]\ntransport = "zenoh:"\n' + f"[zenoh]\n{FILES}[zenoh.allow]\n"
+        'far = ["serve far/**"]\nme = ["x/*/bus"]\n'
+    )
+    done = vbus("check", file)
+    assert done.returncode == 0
+    assert f"{file}: zenoh: far: asks, hears, answers and publishes far/**" in done.stdout
+    assert f"{file}: zenoh: me: asks and hears x/*/bus" in done.stdout

@@ -14,7 +14,7 @@ from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.errors import TransportError
 from vbus.network.discovery import boards_on
-from vbus.network.security import Security
+from vbus.network.security import Security, tokens, told
 from vbus.network.session import Network, close_session, open_session
 from vbus.server.server import LinkSpec
 from vbus.transports.zenoh import ZenohTransport
@@ -176,3 +176,75 @@ def test_a_router_keeps_the_rights_for_the_boards_behind_it(
     with pytest.raises(TransportError, match=r'forbidden: .*"alice".*not vbus/bench/y/bus'):
         connect(link("bench/y", endpoint, alice))
     assert [found["board"] for found in boards_on([endpoint], behind)] == ["bench"]
+
+
+def test_a_right_has_a_direction_nobody_publishes_or_answers_for_the_board(files: Files) -> None:
+    network, endpoint = secured(
+        files, alice=("bench/x/bus",), display=("bench/*/telemetry",), forger=("bench/**",)
+    )
+    alice, display, forger = files.of("alice"), files.of("display"), files.of("forger")
+    heard: list[bytes] = []
+    asked: list[str] = []
+    with served(board(), LinkSpec("zenoh:", network=network)):
+        hears = open_session(connect=[endpoint], mode="client", security=display)
+        forges = [
+            open_session(connect=[endpoint], mode="client", security=who)
+            for who in (alice, display, forger)
+        ]
+        key = "vbus/bench/x/telemetry"
+        hears.declare_subscriber(key, lambda sample: heard.append(sample.payload.to_bytes()))
+        for session in forges:
+            session.put(key, b"forged")
+            session.delete(key)
+            session.declare_queryable(
+                "vbus/bench/x/bus", lambda query: asked.append("stolen"), complete=True
+            )
+        with connect(link("bench/x", endpoint, alice)) as bus:
+            assert [bus.read(0) for _ in range(20)] == [0x84] * 20
+        # What the board publishes after the forged ones is heard, so they would have been.
+        until(lambda: bool(heard), "the board's own telemetry")
+        for session in (hears, *forges):
+            close_session(session)
+    assert b"forged" not in heard
+    assert not asked
+
+
+def test_a_board_behind_a_router_serves_what_it_may_and_nothing_else(
+    files: Files, processes: Processes
+) -> None:
+    endpoint = free_endpoint("tls")
+    own, behind, alice = files.of("router"), files.of("board"), files.of("alice")
+    (files.folder / "router.toml").write_text(
+        f'[zenoh]\nlisten = ["{endpoint}"]\ncertificate = "{own.certificate}"\nkey = "{own.key}"\n'
+        f'authority = "{own.authority}"\n[zenoh.allow]\nboard = ["serve bench/**"]\n'
+        'alice = ["bench/x/bus"]\n'
+    )
+    router = processes.start("router", "router.toml")
+    assert router.ready, router.said
+    processes.board(
+        "bench",
+        connected_to(
+            endpoint,
+            f'certificate = "{behind.certificate}"\nkey = "{behind.key}"\n'
+            f'authority = "{behind.authority}"\n',
+        ),
+    )
+    with connect(link("bench/x", endpoint, alice)) as bus:
+        assert bus.read(0) == 0x84
+
+
+def test_what_each_name_may_do_is_told_with_its_direction() -> None:
+    rights = {
+        "alice": ("bench/x/bus",), "far": ("serve far/**", "bench/status"), "all": ("**",),
+        "node": ("two/@nodes/**",), "nobody": (),
+    }  # fmt: skip
+    assert told(rights) == [
+        "alice: asks and hears bench/x/bus",
+        "far: asks and hears bench/status; asks, hears, answers and publishes far/**",
+        "all: asks, hears, answers and publishes **",
+        "node: asks, hears, answers and publishes two/@nodes/**",
+        "nobody: nothing",
+    ]
+    assert tokens(("bench/x/bus", "bus", "bench/**", "bench/status")) == [
+        "bench/x/bus/hosts/*", "bus/hosts/*", "bench/**/bus/hosts/*",
+    ]  # fmt: skip

@@ -12,7 +12,7 @@ from vbus.board.host_bus import HostBus, Hosts
 from vbus.board.loading import prepare
 from vbus.board.pin_maps import PinMap
 from vbus.chips.base import Chip
-from vbus.signals import Net, Policy, TraceHash
+from vbus.signals import Policy, TraceHash
 from vbus.state import Names, Saved, save
 from vbus.state.first import to_tuple
 
@@ -41,16 +41,16 @@ class Board(Circuit):
     """
 
     STATE: ClassVar[Names] = (
-        "levels: list[i64]", "ports: parts", "wires: list[(i64, i64, i64, i64)]",
+        "levels: list[i64, pins]", "ports: parts", "wires: list[(i64, i64, i64, i64), pin_nets]",
         "tail: list[(i64, i64, str, i64), ...]", "kernel: part", "chips: parts",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
         "_trace", "axes", "buses", "clock_step", "file", "limit", "listeners", "name", "nets",
-        "observers", "plants", "player", "policy", "port_type", "rate", "seed", "text",
+        "observers", "pins", "plants", "player", "policy", "port_type", "rate", "seed", "text",
         "violation_policy",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
-        "_counters", "_faults", "disturbed", "hosts", "reads", "violations", "writes",
+        "_counters", "_faults", "_pin_nets", "disturbed", "hosts", "reads", "violations", "writes",
     )  # fmt: skip
 
     def __init__(
@@ -145,11 +145,6 @@ class Board(Circuit):
     # -- state --------------------------------------------------------------------------------
 
     @property
-    def pin_nets(self) -> list[Net]:
-        """The nets at the chips' pins."""
-        return list(dict.fromkeys([pin.net for chip in self.chips for pin in chip.pins.values()]))
-
-    @property
     def wires(self) -> list[tuple[int, ...]]:
         """The level of each net at the chips' pins, and its history."""
         return [(net.value, *net.history) for net in self.pin_nets]
@@ -162,12 +157,11 @@ class Board(Circuit):
     @property
     def levels(self) -> list[int]:
         """What each pin of the chips drives."""
-        return [pin.level for chip in self.chips for pin in chip.pins.values()]
+        return [pin.level for pin in self.pins]
 
     @levels.setter
     def levels(self, levels: list[int]) -> None:
-        pins = [pin for chip in self.chips for pin in chip.pins.values()]
-        for pin, level in zip(pins, levels, strict=True):
+        for pin, level in zip(self.pins, levels, strict=True):
             pin.level = level
 
     @property
@@ -199,6 +193,11 @@ class Board(Circuit):
             SnapshotError: the state was made by another board, or is none; the board is as it was.
         """
         prepare(self, saved)()
+
+    def after_load(self) -> None:
+        """Find out which pins disagree."""
+        for net in self.pin_nets:
+            net.after_load()
 
     def state_hash(self, version: int = STATE_HASH) -> str:
         """Return the SHA-256 (hex) over :meth:`save`; version 1 is that of the first version."""

@@ -9,7 +9,7 @@ from mypy_extensions import i64
 from vbus.board.interrupt_check import check_interrupts
 from vbus.board.strobe_player import StrobePlayer
 from vbus.chips.base import Chip
-from vbus.kernel import NEVER, Clock, Kernel
+from vbus.kernel import END, Clock, Kernel
 from vbus.options import Settings
 from vbus.signals import Net, Observer, Pin, Plant, Policy, Rule, Violation
 
@@ -46,9 +46,12 @@ class Circuit:
         self.clock_step: int = clock_step
         self.violation_policy: Policy = violations if violations is not None else Policy()
         self.kernel: Kernel = Kernel()
-        self.limit: i64 = NEVER - 1
+        self.limit: i64 = END
         """Time may run to this instant without the wall clock (ps); set by the pacer."""
         self.chips: list[Chip] = []
+        self.pins: list[Pin] = []
+        """The chips' pins."""
+        self._pin_nets: list[Net] = []
         self.plants: list[Plant] = []
         self.axes: dict[str, Plant] = {}
         """The plants by axis, ``"x.1"``."""
@@ -85,6 +88,7 @@ class Circuit:
         )
         self.chips.append(chip)
         for pin in chip.pins.values():
+            self.pins.append(pin)
             self._own(pin.net)
         return chip
 
@@ -111,6 +115,7 @@ class Circuit:
         for pin in members:
             if pin.net is not net:
                 pin.move(net)
+        self._pin_nets = []
         return net
 
     def adopt(self, net: Net) -> None:
@@ -134,6 +139,14 @@ class Circuit:
 
     def _own(self, net: Net) -> None:
         net.clash = self._clash
+        self._pin_nets = []
+
+    @property
+    def pin_nets(self) -> list[Net]:
+        """The nets at the chips' pins."""
+        if not self._pin_nets:
+            self._pin_nets = list(dict.fromkeys([pin.net for pin in self.pins]))
+        return self._pin_nets
 
     def power_on(self, done: bool = False) -> None:
         """Release every reset at the present instant; ``done`` starts after the resets."""
@@ -183,7 +196,7 @@ class Circuit:
             ValueError: ``when`` is before now, or beyond the end of time.
         """
         kernel = self.kernel
-        if kernel.now + STRETCH < when < NEVER:
+        if kernel.now + STRETCH < when <= END:
             stretch = max(STRETCH // (len(self.chips) + 1), SHORTEST)
             while True:
                 # A board at rest stays so until something is due.

@@ -15,7 +15,7 @@ from vbus.board.host_selection import Selection
 from vbus.board.pin_maps import PinMap, wiring
 from vbus.board.strobe_watch import SETTLE_EVERY, StrobeWatch
 from vbus.chips.base import Chip
-from vbus.kernel import NEVER, US, Kernel
+from vbus.kernel import END, NEVER, US, Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import ChipInfo, HostPort, PortError, PortInfo
 from vbus.protocols.requests import FORESEEING
@@ -391,7 +391,7 @@ class HostBus(HostPort):
         clock = self.clock
         if clock.target < 0:
             begun: int = self._kernel.now
-            clock.target = min(begun + longest, NEVER - 1)
+            clock.target = min(begun + longest, END)
         deadline = clock.target
         while True:
             for chip in self.selection.selected:

@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.board.circuit import Circuit
-from vbus.kernel import NEVER, US, Kernel
+from vbus.kernel import END, US, Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import HostPort, PortError
 from vbus.state import Names
@@ -73,8 +73,8 @@ class HostClock:
         """
         when = self.now() if self.stamp >= 0 else self.now() + cycle
         self.stamp = -1
-        if when >= NEVER:
-            raise PortError(codes.BAD_AT, f"time ends at {NEVER - 1} ps")
+        if when > END:
+            raise PortError(codes.BAD_AT, f"time ends at {END} ps")
         return when
 
     def run_until(self, when: i64) -> None:
@@ -114,8 +114,8 @@ class HostClock:
         self.timed = True
         if self.target < 0:
             until = self.now() + duration
-            if until > _FAR and until >= NEVER:
-                raise PortError(codes.BAD_AT, f"delay {duration}: time ends at {NEVER - 1} ps")
+            if until > _FAR and until > END:
+                raise PortError(codes.BAD_AT, f"delay {duration}: time ends at {END} ps")
             self.target = until
             self.stamp = -1
         if not self.pass_to(self.target):
@@ -127,7 +127,8 @@ class HostClock:
         """Refuse a time stamp that cannot be.
 
         Raises:
-            PortError: the board is not slaved, or the host's clock runs backwards.
+            PortError: the board is not slaved, the host's clock runs backwards, or time ends
+                before.
         """
         if self._board.policy != "slaved":
             raise PortError(
@@ -135,6 +136,8 @@ class HostClock:
             )
         if when < self.last_at:
             raise PortError(codes.BAD_AT, f"at {when}: before the last at, {self.last_at}")
+        if when > END:
+            raise PortError(codes.BAD_AT, f"at {when}: time ends at {END} ps")
 
     def at(self, when: int) -> None:
         """Set the host's own clock (slaved boards only)."""

@@ -85,7 +85,7 @@ class HostPins:
         net = chip_pin.net
         pin = self._soldered.get(id(net))
         if pin is None:
-            pin = Pin(f"{self._label}:{chip_pin.name}", net)
+            pin = net.solder(f"{self._label}:{chip_pin.name}")
             self._soldered[id(net)] = pin
         return pin
 

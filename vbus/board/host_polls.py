@@ -7,7 +7,7 @@ from typing import ClassVar
 from vbus.board.circuit import Circuit
 from vbus.board.host_clock import HostClock
 from vbus.board.host_selection import Selection
-from vbus.kernel import NEVER
+from vbus.kernel import END
 from vbus.protocols import codes
 from vbus.protocols.port import HostPort, PortError
 from vbus.state import Names
@@ -65,8 +65,8 @@ class HostPolls:
         instants = list(accumulate(steps, initial=first))
         if self.left < 0:
             clock.check_at(first)
-            if instants[-1] >= NEVER:
-                raise PortError(codes.BAD_AT, f"at {instants[-1]}: time ends at {NEVER - 1} ps")
+            if instants[-1] > END:
+                raise PortError(codes.BAD_AT, f"at {instants[-1]}: time ends at {END} ps")
             self.left = len(instants)
         session.held = False
         while self.left:

@@ -64,8 +64,6 @@ def _load(board: Any, loading: Load, wires: Any, breaking: Load | None) -> None:
         board.faults.go_on()
     # Who listens now has begun to listen since.
     board.wires = wires
-    for net in board.pin_nets:
-        net.after_load()
     for chip in board.chips:
         chip.heard_changed()
         chip.rearm()

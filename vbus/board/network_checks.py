@@ -9,7 +9,7 @@ from vbus.board.source import Source
 
 NETWORK_SCHEME: Final = "zenoh"
 _ENDPOINT: Final = re.compile(r"(tcp|tls)/(\[[0-9a-fA-F:.]+\]|[^/:#?]+):(\d{1,5})")
-_RIGHT: Final = re.compile(r"(\*\*|\*|[^/*$?#]+)(/(\*\*|\*|[^/*$?#]+))*")
+_RIGHT: Final = re.compile(r"(?:serve )?(\*\*|\*|[^/*$?#]+)(/(\*\*|\*|[^/*$?#]+))*")
 
 
 def check_network(file: BoardFile, source: Source) -> None:

@@ -48,7 +48,7 @@ def rows(section: type[Struct]) -> Iterator[Option]:
             )
 
 
-class Section(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Section(Struct, frozen=True, kw_only=True):
     """Base of all sections."""
 
 
@@ -278,6 +278,15 @@ class RecordSection(Section, frozen=True, kw_only=True):
     journal: Annotated[
         str, _key("text", "file that takes every call of every host, for vbus replay")
     ] = ""
+    durable: Annotated[
+        str,
+        _key(
+            "choice",
+            "what the journal holds whenever a host has its answer: all but the last 0.2 s, all"
+            " even if the process is killed, or all even if the machine fails",
+            ("no", "process", "machine"),
+        ),
+    ] = "no"
     report: Annotated[
         str,
         _key("text", "file that takes the violations at the end: .txt, .json, .xml or .sarif"),

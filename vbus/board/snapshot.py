@@ -7,15 +7,17 @@ board has run. It is loaded into a board built from the same file.
 
 import hashlib
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import msgpack
+import msgspec
 
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.loading import prepare
 from vbus.errors import SnapshotError
+from vbus.kernel import END, MS, NEVER
 from vbus.protocols.base import Protocol
 from vbus.state import plan, save
 from vbus.state.first import from_tuple
@@ -25,6 +27,9 @@ from vbus.version import __version__
 MAGIC: Final = b"vbus snapshot\n"
 VERSION: Final = 2
 """Version of the file format: 1 had states as nested tuples, 2 has fields by name."""
+
+TRIED: Final = 2 * MS
+"""Chip time that a snapshot from elsewhere is tried for on a twin."""
 
 Hosts = dict[int, Protocol]
 """Wire formats of sessions, by the place of their port in ``board.ports``."""
@@ -45,8 +50,8 @@ class HostState:
     label: str
     chips: tuple[str, ...]
     cycle_ps: int
-    leased_until: int = 0
-    wire: Any = None
+    leased_until: int
+    wire: Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +69,7 @@ class Snapshot:
         state: what :meth:`Board.save` gives.
         counters: the board's totals.
         digest: SHA-256 (hex) over the state.
+        taken: whether :func:`take` made it; what comes from elsewhere is tried on a twin first.
     """
 
     when: int
@@ -76,6 +82,7 @@ class Snapshot:
     state: Any
     counters: dict[str, int] = field(default_factory=dict)
     digest: str = ""
+    taken: bool = field(default=False, compare=False, repr=False)
 
 
 def take(board: Board, wires: Hosts | None = None) -> Snapshot:
@@ -107,6 +114,7 @@ def take(board: Board, wires: Hosts | None = None) -> Snapshot:
     return Snapshot(
         board.now, board.name, board.file, board.text, __version__,
         {chip.name: chip.part for chip in board.chips}, hosts, state, dict(board.counters), digest,
+        taken=True,
     )  # fmt: skip
 
 
@@ -135,6 +143,9 @@ def restore(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> Non
     snapshot takes over its state; what other sessions of the snapshot held (pins, claims) is let
     go, as if they had just ended; other open sessions go on with nothing held.
 
+    A snapshot from elsewhere is loaded into a twin of the board first: what does not hold
+    together never reaches the board.
+
     Args:
         board: a board built from the same file.
         snapshot: made by :func:`take` or :func:`read`.
@@ -145,6 +156,37 @@ def restore(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> Non
             as it was.
     """
     _check(board, snapshot)
+    if not snapshot.taken:
+        _try(snapshot)
+    _bring(board, snapshot, wires or {})
+
+
+def _try(snapshot: Snapshot) -> None:
+    """Load a snapshot into a board of its own, and let that run a little.
+
+    Raises:
+        SnapshotError: it cannot be loaded, does not run, or belongs to another instant.
+    """
+    if not snapshot.text:
+        return  # nobody knows how to build another board
+    twin = rebuild(snapshot)
+    try:
+        for host in snapshot.hosts:
+            twin.open_port(host.label, host.chips, host.cycle_ps)
+        _bring(twin, snapshot, {})
+        begun = twin.now
+        twin.catch_up()
+        twin.run_until(min(begun + TRIED, END))
+        twin.catch_up()
+    except SnapshotError:
+        raise
+    except Exception as error:
+        raise SnapshotError(f"the state does not hold together: {error!r}") from error
+    if begun != snapshot.when:
+        raise SnapshotError(f"the state is of {begun} ps, the snapshot of {snapshot.when} ps")
+
+
+def _bring(board: Board, snapshot: Snapshot, wires: Hosts) -> None:
     mine = list(board.ports)
     order: list[HostBus] = []
     guests: list[HostBus] = []
@@ -161,7 +203,7 @@ def restore(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> Non
     try:
         halves = [
             _half(wire, snapshot.hosts[order.index(attached[number])].wire)
-            for number, wire in (wires or {}).items()
+            for number, wire in wires.items()
             if attached[number] in order
         ]
         loading = prepare(board, snapshot.state)
@@ -244,6 +286,12 @@ def rebuild(snapshot: Snapshot) -> Board:
 
 # -- as a file ----------------------------------------------------------------------------------
 
+_Count = Annotated[int, msgspec.Meta(ge=0, le=NEVER)]
+_Host = tuple[str, tuple[str, ...], _Count, Annotated[int, msgspec.Meta(ge=-1, le=NEVER)], Any]
+_Content = tuple[
+    int, _Count, str, str, str, str, dict[str, str], tuple[_Host, ...], Any, dict[str, int], str
+]  # fmt: skip
+
 
 def write(snapshot: Snapshot) -> bytes:
     """Return a snapshot as the content of a file."""
@@ -282,10 +330,14 @@ def read(data: bytes, name: str = "the snapshot") -> Snapshot:
         version = content[0]
         if version not in (1, VERSION):
             raise SnapshotError(f"{name}: format {version}; this vbus reads formats 1 to {VERSION}")
-        _, when, board, file, text, made_by, parts, hosts, state, counters, digest = content
+        _, when, board, file, text, made_by, parts, hosts, state, counters, digest = (
+            msgspec.convert(content, _Content)
+        )
+        if _digest(state) != digest:
+            raise ValueError("the state has not the hash that stands beside it")
         return Snapshot(
             when, board, file, text, made_by, parts, tuple(HostState(*host) for host in hosts),
             state, counters, digest,
         )  # fmt: skip
-    except (ValueError, TypeError, IndexError) as error:
+    except (ValueError, TypeError, LookupError, OverflowError, RecursionError) as error:
         raise SnapshotError(f"{name}: its content makes no sense: {error}") from error

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final
 
+from vbus.kernel import END, SECOND
+
 _NUMBER: Final = re.compile(r"([+-]?)(\d[\d_]*)(?:\.(\d+))?(?:[eE]([+-]?\d+))?")
 _LONGEST: Final = 40
 _LARGEST_EXPONENT: Final = 30
@@ -152,6 +154,8 @@ def parse(value: object, kind: str) -> int | float:
     if amount.denominator != 1:
         step = "a picosecond" if kind == "s" else "a hertz"
         raise UnitError(f"{row.title} is a whole multiple of {step}")
+    if kind == "s" and amount > END:
+        raise UnitError(f"time ends at {END // SECOND} s; nothing takes longer")
     return int(amount)
 
 

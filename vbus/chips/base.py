@@ -97,7 +97,7 @@ class Chip:
         self._heard: bool = False
         for row in self.pin_rows:
             net = Net(kernel, f"{name}.{row.name}", rest=row.rest, width=row.width)
-            pin = Pin(row.name, net, open_drain=row.direction == "od")
+            pin = net.solder(row.name, open_drain=row.direction == "od")
             if row.direction != "in":
                 pin.on_heard = self.heard_changed
             self.pins[row.name] = pin

@@ -17,9 +17,7 @@ class GrantedPacer(Pacer):
     """
 
     def __init__(self, board: Board, changed: Callable[[], None]) -> None:
-        limit = board.limit
         super().__init__(board)
-        board.limit = limit
         self._changed: Callable[[], None] = changed
 
     def catch_up(self) -> bool:
@@ -42,4 +40,6 @@ class GrantedPacer(Pacer):
 
     def granted(self) -> None:
         """Time may run further: go on with the sessions that waited for it."""
+        if self.board.limit > self._near:
+            self._nearing(self.board.limit)
         self._wake(self.board.limit)

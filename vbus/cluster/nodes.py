@@ -14,7 +14,7 @@ from vbus.cluster.node_link import NodeLink
 from vbus.cluster.peers import Group, Peers
 from vbus.cluster.realtime_nodes import RealTime
 from vbus.cluster.timebase import Timebase
-from vbus.errors import ConfigError, VbusError
+from vbus.errors import ConfigError, VbusError, read_errors, write_errors
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of
 from vbus.nodes.node import Node
@@ -77,11 +77,8 @@ def scenario_of(file: BoardFile, path: str) -> Scenario:
     Raises:
         ConfigError: it cannot be read, or makes no sense.
     """
-    try:
+    with read_errors(path, ConfigError):
         text = Path(path).read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "this is no UTF-8 text"
-        raise ConfigError(f"{path}: cannot be read: {reason}") from None
     return read_scenario(text, path, pins_of(file), 1_000_000)
 
 
@@ -131,10 +128,8 @@ def _conductors(
         )
     made = [conductor_of(file, source, name, scenario, bool(options.trace)) for name in names]
     if options.rejoin:
-        try:
+        with read_errors(options.rejoin):
             data = Path(options.rejoin).read_bytes()
-        except OSError as error:
-            raise VbusError(f"{options.rejoin}: cannot be read: {error.strerror}") from error
         made[0].load(data)
     return made
 
@@ -145,11 +140,8 @@ def write_trace(nodes: Sequence[Node], path: str) -> None:
     Raises:
         VbusError: the file cannot be written.
     """
-    try:
-        with Path(path).open("w", encoding="ascii", newline="\n") as file:
-            file.writelines(merged(_lines(nodes)))
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
+    with write_errors(path), Path(path).open("w", encoding="ascii", newline="\n") as file:
+        file.writelines(merged(_lines(nodes)))
 
 
 def _lines(nodes: Sequence[Node]) -> list[list[tuple[int, str]]]:
@@ -169,15 +161,13 @@ def read_traces(paths: Sequence[str]) -> tuple[str, int]:
     """
     lines: list[tuple[int, int, int, str]] = []
     for path in paths:
-        try:
-            with Path(path).open(encoding="ascii") as file:
+        with read_errors(path), Path(path).open(encoding="ascii") as file:
+            try:
                 for number, line in enumerate(file):
                     when, rank, _ = line.split(" ", 2)
                     lines.append((int(when), int(rank), number, line))
-        except OSError as error:
-            raise VbusError(f"{path}: cannot be read: {error.strerror}") from error
-        except ValueError:
-            raise VbusError(f"{path}: this is no trace of nodes") from None
+            except ValueError:
+                raise VbusError(f"{path}: this is no trace of nodes") from None
     lines.sort()
     return hash_of(line for *_, line in lines), len(lines)
 
@@ -216,6 +206,7 @@ class _Run:
         self._options: NodeOptions = options
         self._report: Callable[[str], None] = report
         self._servers: list[Server] = []
+        self._stop: asyncio.Event = asyncio.Event()
         plan = plan_of(file)
         names = names_of(plan, options)
         scenario = scenario_of(file, options.scenario) if options.scenario else None
@@ -244,7 +235,7 @@ class _Run:
         self, stop: asyncio.Event, on_ready: Callable[[list[Server]], None] | None
     ) -> None:
         """Run until the scenario is over, a node is lost, or ``stop`` is set."""
-        peers = self._peers
+        peers, self._stop = self._peers, stop
         ends = (asyncio.ensure_future(stop.wait()), asyncio.ensure_future(peers.finished.wait()))
         with ExitStack() as closing:
             closing.callback(self._leave_trace)
@@ -263,6 +254,8 @@ class _Run:
                 if self._link is not None:
                     await asyncio.sleep(LAST_WORDS)
                 raise peers.failure
+        for server in self._servers:
+            server.pacer.check_over()
 
     async def _begin(self, ends: tuple[asyncio.Future[Any], ...]) -> bool:
         """Meet the other nodes and serve hosts; return whether that was done before an end came."""
@@ -288,6 +281,7 @@ class _Run:
         for node in self._nodes:
             part = part_of(self._file, node.name)
             pacer = self._peers.pacer(node, part)
+            pacer.on_end = self._stop.set
             server = Server(node.board, links_of(part), report=self._report, pacer=pacer)
             server.details = partial(self._details, node)
             # What is ordered from outside, such as another state, would leave the others behind.

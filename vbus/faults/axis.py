@@ -227,7 +227,7 @@ class AxisFaults:
             if level == Z:
                 return
             name = plugins.family(self.chip.FAMILY).limits[which].format(self.axis + 1)
-            pin = self._pins[which] = Pin(f"fault:{which}", self.chip.pins[name].net)
+            pin = self._pins[which] = self.chip.pins[name].net.solder(f"fault:{which}")
         pin.drive(level)
         self.chip.kernel.settle()
         if level == Z:

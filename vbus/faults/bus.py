@@ -60,7 +60,7 @@ class BusFault(Observer):
             chip.bus_net.bends.append(self._flip)
         elif self._name == "contention":
             text = f"D0-D7 driven with {int(values['data']):02X}H"
-            self._pin = Pin("fault", chip.bus_net)
+            self._pin = chip.bus_net.solder("fault")
             self._pin.level = int(values["data"])
         else:
             lost = self._name == "strobe_lost"

@@ -310,10 +310,8 @@ class Faults:
                 call = self._calls.pop(number, None)
                 if call is not None:
                     call()
-                continue
-            armed = self._armed[number]
-            if armed.state != OVER:
-                self._happen(armed, kind)
+            elif self._armed[number].state != OVER:
+                self._happen(self._armed[number], kind)
         if self._queue:
             self._timer.at(self._queue[0][0])
 

@@ -6,6 +6,7 @@ from typing import Final
 from vbus.board.settings import quoted, suggestion
 from vbus.board.units import UnitError, parse
 from vbus.faults.row import LASTS, ONCE, Fault
+from vbus.kernel import END, SECOND
 
 NOW: Final = "now"
 AT: Final = "at"
@@ -67,7 +68,7 @@ def read_when(value: object) -> When:
     if value is None:
         return When(NOW, 0, "", NOW)
     if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
-        return When(AT, value, "", f"at {value} ps")
+        return When(AT, _before_the_end(value), "", f"at {value} ps")
     if not isinstance(value, str):
         raise ValueError(f"when = {quoted(value)}: write {WHEN_FORMS}")
     text = value.strip()
@@ -96,6 +97,12 @@ def read_when(value: object) -> When:
         raise ValueError(f"when = {quoted(text)}: {error}") from None
     hint = suggestion(kind, (NOW, AT, CYCLE, POSITION, COMMAND, EDGE, RATE))
     raise ValueError(f"when = {quoted(text)}: {hint}write {WHEN_FORMS}")
+
+
+def _before_the_end(ps: int) -> int:
+    if ps > END:
+        raise ValueError(f"{ps} ps: time ends at {END // SECOND} s; nothing takes longer")
+    return ps
 
 
 def _ordinal(text: str) -> int:
@@ -127,7 +134,7 @@ def _until(value: object, fault: Fault) -> Until:
     if value is None:
         return Until(ONCE, 0, ONCE) if fault.acts != LASTS else Until(CLEARED, 0, CLEARED)
     if isinstance(value, int) and not isinstance(value, bool) and value > 0:
-        return Until(FOR, value, f"for {value} ps")
+        return Until(FOR, _before_the_end(value), f"for {value} ps")
     text = value.strip() if isinstance(value, str) else ""
     if text in (ONCE, CLEARED):
         return Until(text, 0, text)

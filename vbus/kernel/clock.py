@@ -5,13 +5,14 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.kernel.kernel import NEVER
+from vbus.kernel.kernel import END, NEVER
 from vbus.state import Names
 
 PS_PER_SECOND: Final = 10**12
 MILLION: Final = 10**6
-HELD: Final = 1 << 62
-"""While a clock stands, what would be due so many ps later is due at this instant plus that."""
+HELD: Final = END
+"""While a clock stands, what would be due so many ps later is due at this instant plus that: time
+does not come there."""
 _NEVER: Final[i64] = int(NEVER)
 _STANDING: Final = 1 << 62
 """Period of a clock that stands (ps)."""

@@ -16,6 +16,10 @@ SECOND: Final = 1_000_000_000_000
 NEVER: Final = (1 << 63) - 1
 """An instant that does not come: what a timer that is not set is due at."""
 
+END: Final = (1 << 63) - (1 << 56)
+"""Time ends at this instant (ps), 106 days after power-on. Between it and :data:`NEVER` lie 20
+hours: no chip adds more to an instant, so no sum of its leaves a machine word."""
+
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Task:
@@ -142,8 +146,8 @@ class Kernel:
         """
         if when < self.now:
             raise ValueError(f"time does not run backwards: now {self.now} ps, asked {when} ps")
-        if when >= NEVER:
-            raise ValueError(f"time ends at {NEVER - 1} ps, asked {when} ps")
+        if when > END:
+            raise ValueError(f"time ends at {END} ps, asked {when} ps")
         self.settle()
         while self.next_due <= when:
             due, rank = heappop(self._heap)

@@ -5,6 +5,7 @@
 
 #include "card_link.h"
 #include "link_text.h"
+#include "run_end.h"
 #include "vbus.h"
 
 #include <errno.h>
@@ -134,6 +135,7 @@ static const struct port *find(unsigned long address, int write)
     unsigned turn;
 
     open_card();
+    run_end_access(run_end_limited() ? card_now() : 0);
     for (turn = 0; turn < card.count; turn++)
         if (card.ports[turn].address == address && card.ports[turn].write == write)
             return &card.ports[turn];
@@ -217,6 +219,7 @@ void card_pass(uint64_t duration)
     else
         must(vbus_delay(&card.bus, duration));
     inside--;
+    run_end_access(run_end_limited() ? card_now() : 0);
 }
 
 int card_rules_time(void)

@@ -39,7 +39,8 @@ def register(place: Path, endpoints: Sequence[str]) -> Path:
     The file stays locked as long as this process lives, so that one left behind is known.
     """
     temporary = place.with_name(f".{place.name}.{os.getpid()}")
-    fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+    flags = os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NOFOLLOW
+    fd = os.open(temporary, flags, 0o600)
     fcntl.flock(fd, fcntl.LOCK_SH)
     os.write(fd, "\n".join(endpoints).encode())
     temporary.replace(place)

@@ -24,6 +24,16 @@ _MESSAGES: Final = (
     "liveliness_query",
     "declare_liveliness_subscriber",
 )
+_ASKED: Final = (
+    "declare_subscriber",
+    "query",
+    "liveliness_query",
+    "declare_liveliness_subscriber",
+)
+"""What comes from somebody who uses a key: questions, and the wish to hear."""
+
+SERVE: Final = "serve "
+"""Stands before a right whose holder answers and publishes under the key, as a board does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +47,9 @@ class Security:
             link show theirs.
         allow: what the holder of a certificate may use, by its common name: keys below
             ``vbus/``, such as ``"bench/x/bus"``, ``"bench/**"`` or ``"**"``. Others may use
-            nothing. None: every accepted certificate may use everything.
+            nothing. To use is to ask and to hear; with ``"serve "`` before it, a key is also
+            answered and published at, as by a board behind a router. ``"**"`` and the keys of
+            nodes are both. None: every accepted certificate may use everything.
     """
 
     certificate: str
@@ -139,28 +151,53 @@ class Security:
         return ""
 
 
+def serves(right: str) -> bool:
+    """Whether the holder of a right answers and publishes, as a board does."""
+    return right.startswith(SERVE) or right == "**" or "/@nodes/" in f"{right}/"
+
+
+def told(allow: Mapping[str, tuple[str, ...]]) -> list[str]:
+    """Return in words what each name may do, and in which direction."""
+    lines = []
+    for name, rights in allow.items():
+        uses = ", ".join(right for right in rights if not serves(right))
+        both = ", ".join(right.removeprefix(SERVE) for right in rights if serves(right))
+        parts = [f"asks and hears {uses}"] * bool(uses)
+        parts += [f"asks, hears, answers and publishes {both}"] * bool(both)
+        lines.append(f"{name}: {'; '.join(parts) or 'nothing'}")
+    return lines
+
+
 def access_control(allow: Mapping[str, tuple[str, ...]]) -> dict[str, Any]:
     """Return Zenoh's access control for rights by certificate name."""
-    rules = [
-        {
-            "id": f"rule {number}",
-            "permission": "allow",
-            "flows": ["ingress", "egress"],
-            "messages": list(_MESSAGES),
-            "key_exprs": [ROOT + "/" + key for key in expand(keys)],
-        }
-        for number, keys in enumerate(allow.values())
-    ]
-    subjects: list[dict[str, Any]] = [
-        {"id": f"subject {number}", "cert_common_names": [name]}
-        for number, name in enumerate(allow)
-    ]
-    policies = [
-        {"rules": [f"rule {number}"], "subjects": [f"subject {number}"]}
-        for number in range(len(rules))
-        if rules[number]["key_exprs"]
-    ]
-    rules = [rule for rule in rules if rule["key_exprs"]]
+    rules: list[dict[str, Any]] = []
+    subjects: list[dict[str, Any]] = []
+    policies: list[dict[str, Any]] = []
+    everything = list(_MESSAGES)
+    for number, (name, rights) in enumerate(allow.items()):
+        used = tuple(right for right in rights if not serves(right))
+        served = tuple(right for right in rights if serves(right))
+        mine = []
+        for what, keys, flows, messages in (
+            ("hears", expand(used), ["egress"], everything),
+            ("asks", expand(used), ["ingress"], list(_ASKED)),
+            ("is there", tokens(used), ["ingress"], ["liveliness_token"]),
+            ("serves", expand(served), ["ingress", "egress"], everything),
+        ):
+            if keys:
+                mine.append(f"{number} {what}")
+                rules.append(
+                    {
+                        "id": mine[-1],
+                        "permission": "allow",
+                        "flows": flows,
+                        "messages": messages,
+                        "key_exprs": [f"{ROOT}/{key}" for key in keys],
+                    }
+                )
+        subjects.append({"id": f"subject {number}", "cert_common_names": [name]})
+        if mine:
+            policies.append({"rules": mine, "subjects": [f"subject {number}"]})
     rules.append(
         {
             "id": "access",
@@ -181,11 +218,20 @@ def access_control(allow: Mapping[str, tuple[str, ...]]) -> dict[str, Any]:
     }
 
 
-def expand(keys: tuple[str, ...]) -> list[str]:
+def expand(rights: tuple[str, ...]) -> list[str]:
     """Return the keys with what lies below a bus: its hosts and their events belong to it."""
     expanded: list[str] = []
-    for key in keys:
+    for right in rights:
+        key = right.removeprefix(SERVE)
         expanded.append(key)
         if key == "bus" or key.endswith("/bus"):
             expanded.append(f"{key}/**")
     return expanded
+
+
+def tokens(rights: tuple[str, ...]) -> list[str]:
+    """Return the keys at which hosts with these rights say that they are there."""
+    below = {"bus": "hosts/*", "**": "bus/hosts/*"}
+    return [
+        f"{right}/{below[last]}" for right in rights if (last := right.rpartition("/")[2]) in below
+    ]

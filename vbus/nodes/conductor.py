@@ -41,7 +41,7 @@ class Conductor:
         state: what the node does.
     """
 
-    def __init__(self, node: Node, lookahead: int, digest: str, until: int = -1) -> None:
+    def __init__(self, node: Node, lookahead: int, digest: str, until: int) -> None:
         self.node: Node = node
         self.participant: Participant = Participant(node.names, node.rank, lookahead, digest)
         self.until: int = until

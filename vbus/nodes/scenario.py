@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 
 from vbus.errors import ConfigError
+from vbus.kernel import END
 from vbus.nodes.orders import PIN, READ, WRITE, Order
 from vbus.protocols.quantities import parse_duration
 
@@ -63,6 +64,8 @@ def read_scenario(text: str, file: str, chips: dict[str, set[str]], cycle: int) 
     last = orders[-1].when if orders else 0
     if until < 0:
         until = last + cycle
+    if until > END:
+        raise ConfigError(f"{file}: it ends at {until} ps, and time ends at {END} ps")
     if until < last:
         raise ConfigError(f"{file}: it ends at {until} ps, and a request stands at {last} ps")
     return Scenario(tuple(orders), until)

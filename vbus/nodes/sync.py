@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import ClassVar, Final
 
 from vbus.errors import NodeMismatchError, SnapshotError
-from vbus.kernel import NEVER
+from vbus.kernel import END, NEVER
 from vbus.nodes.messages import MOST_WIRES, Report, decode, encode
 from vbus.nodes.node import Edge
 from vbus.state import Names, Saved, plan
@@ -148,7 +148,7 @@ class Participant:
         for own in reports.values():
             for edge in own.edges:
                 first = min(first, max(edge[0] + self.lookahead, self.granted))
-        following = min(first + self.lookahead, until + 1, NEVER - 1)
+        following = min(first + self.lookahead, until + 1, END + 1)
         self.rested = following <= self.granted
         self.granted = max(following, self.granted)
         self.round += 1

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from struct import pack, unpack_from
 from typing import ClassVar, Final
 
-from vbus.kernel.kernel import NEVER
+from vbus.kernel.kernel import END, NEVER
 from vbus.protocols import codes
 from vbus.protocols.base import Protocol
 from vbus.protocols.hello import encode_hello
@@ -318,10 +318,7 @@ class ByteProtocol(Protocol):
         return self.port.delay(_u64(data, start))
 
     def _do_at(self, data: bytes, start: int) -> bool:
-        when = _u64(data, start)
-        if when >= NEVER:
-            raise PortError(codes.BAD_AT, f"at {when}: time ends at {NEVER - 1} ps")
-        self.port.at(when)
+        self.port.at(_u64(data, start))
         return True
 
     def _do_now(self, data: bytes, start: int) -> bool:
@@ -355,7 +352,7 @@ class ByteProtocol(Protocol):
             self._partial.clear()
             if begun < 0:
                 begun = now = port.now()
-            longest = min(longest, NEVER - 1 - begun)
+            longest = min(longest, END - begun)
             mark = len(self.out)
             self.report_events()
             if len(self.out) > mark or now - begun >= longest:

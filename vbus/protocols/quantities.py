@@ -3,7 +3,7 @@
 import re
 from typing import Final
 
-from vbus.kernel.kernel import MS, NEVER, NS, SECOND, US
+from vbus.kernel.kernel import END, MS, NS, SECOND, US
 
 _UNITS: Final = {"ps": 1, "ns": NS, "us": US, "ms": MS, "s": SECOND}
 _DURATION: Final = re.compile(r"(\d{1,18})(?:\.(\d{1,12}))?\s*(ps|ns|us|ms|s)")
@@ -24,8 +24,8 @@ def parse_duration(text: str) -> int:
     duration, rest = divmod(scaled, scale)
     if rest:
         raise ValueError(f"{text!r} is finer than a picosecond; that is as fine as time gets")
-    if duration >= NEVER:
-        raise ValueError(f"{text!r} is too long; at most {(NEVER - 1) // SECOND} s are possible")
+    if duration > END:
+        raise ValueError(f"{text!r} is too long; at most {END // SECOND} s are possible")
     return duration
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from vbus.kernel.kernel import NEVER, NS
+from vbus.kernel.kernel import END, NEVER, NS
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort, NotYet, PortError
 from vbus.protocols.quantities import format_instant, parse_duration
@@ -295,8 +295,8 @@ class TextProtocol(Protocol):
     def _do_clock_step(self, arguments: list[str]) -> str | None:
         if arguments:
             duration = _c_number(arguments[0], "ns") * NS
-            if duration >= NEVER:
-                raise _Mistake(f"ns {arguments[0]}; at most {(NEVER - 1) // NS}")
+            if duration > END:
+                raise _Mistake(f"ns {arguments[0]}; at most {END // NS}")
         else:
             edge = self.port.sync()[1]
             duration = 0 if edge >= NEVER else max(0, edge - self.port.now())

@@ -64,6 +64,8 @@ class MessageSession(Session):
             self._serve(self._rest.popleft())
 
     def _answer(self) -> None:
+        if not self._settled():
+            return
         reply = bytes(self._collected)
         self._collected.clear()
         self._answering = False

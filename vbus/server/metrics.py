@@ -196,6 +196,10 @@ def _families(board: str, statistics: dict[str, Any]) -> Iterator[Metric]:
             [((), statistics["time_ps"] / 1e12)],
         ),
         (
+            GaugeMetricFamily, "vbus_chip_time_left_seconds", "Chip time until time ends", (),
+            [((), statistics["time_left_ps"] / 1e12)],
+        ),
+        (
             CounterMetricFamily, "vbus_slipped_seconds", "Chip time left out after stalls", (),
             [((), statistics["slipped_ps"] / 1e12)],
         ),

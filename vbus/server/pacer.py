@@ -2,6 +2,7 @@
 
 import asyncio
 import heapq
+import logging
 import time
 from collections.abc import Callable
 from fractions import Fraction
@@ -9,7 +10,8 @@ from math import isinf
 from typing import Final
 
 from vbus.board.board import Board
-from vbus.kernel import MS, NEVER
+from vbus.errors import TimeEndedError
+from vbus.kernel import END, MS, NEVER, SECOND
 from vbus.server.slices import SLICE_NS, Slices
 from vbus.server.statistics import LAG_PS, Histogram
 from vbus.transports.linux import TimerFd
@@ -33,6 +35,15 @@ SLICE: Final = 10 * MS
 """Chip time computed in one go; between slices the event loop answers others."""
 LEASE: Final = 20 * MS
 """Chip time by which a host that is master of time may move it in one go; more is sliced."""
+DAY: Final = 24 * 3600 * SECOND
+"""How long before the end of time people are told that it comes near (ps)."""
+
+
+log = logging.getLogger("vbus")
+
+
+def _nothing() -> None:
+    """Do nothing."""
 
 
 class Pacer:
@@ -95,7 +106,16 @@ class Pacer:
         self._wakes: list[tuple[int, int, Callable[[], None]]] = []
         self._wake_number: int = 0
         self._paced: bool = self.real and not self.free
-        board.limit = board.now + (AHEAD if self._paced else LEASE)
+        self.report: Callable[[str], None] = log.warning
+        """Takes the sentence that time comes near its end."""
+        self.on_end: Callable[[], None] = _nothing
+        """Called when time has ended on a board that nobody but the pacer moves."""
+        self.over: bool = False
+        """Whether that is so."""
+        self._last: int = END - AHEAD if self._paced else END
+        """Time is moved no further than this (ps); hosts may be ahead of it."""
+        self._near: int = END - DAY
+        """Beyond this instant there is something to tell or to stop (ps)."""
 
     # -- time ---------------------------------------------------------------------------------
 
@@ -113,10 +133,13 @@ class Pacer:
         board = self.board
         kernel = board.kernel
         if not self._paced:
-            board.limit = min(kernel.now + LEASE, NEVER - 1)
+            target = kernel.now + LEASE
+            board.limit = target if target <= self._near else self._nearing(target)
             return True
         numerator, denominator = self._ps_per_ns
         target = self._anchor_ps + (self.clock() - self._anchor_ns) * numerator // denominator
+        if target > self._near:
+            target = self._nearing(target)
         if target - kernel.now > self._stalled and target - self._asleep > self._stalled:
             return self._recover(target)
         if self._slices.open:
@@ -128,6 +151,32 @@ class Pacer:
             board.limit = kernel.now + AHEAD
             return False
         return True
+
+    def _nearing(self, target: int) -> int:
+        """Time comes near its end: tell people once; return how far towards ``target`` it goes."""
+        if self._near < self._last:
+            self._near = self._last
+            self.report(
+                f"board {self.board.name}: chip time ends at {END} ps, 106 days after power-on;"
+                " less than a day is left"
+            )
+        if target <= self._last:
+            return target
+        if self.real and not self.over:
+            self.over = True
+            self.on_end()
+        return self._last
+
+    def check_over(self) -> None:
+        """Say so if time has ended.
+
+        Raises:
+            TimeEndedError: it has, on a board that nobody but the pacer moves.
+        """
+        if self.over:
+            raise TimeEndedError(
+                f"board {self.board.name} has ended: chip time ends at {END} ps, and it is there"
+            )
 
     def _recover(self, wall: int) -> bool:
         """Go on after a stall; tell whether the board is at the present."""
@@ -164,7 +213,7 @@ class Pacer:
         self._asleep = 0
         self._tick_at = self.board.now + self._tick
         self._armed = NEVER
-        self.board.limit = self.board.now + (AHEAD if self._paced else LEASE)
+        self._hold()
         wakes, self._wakes = self._wakes, []
         for _, _, callback in sorted(wakes):
             callback()
@@ -176,6 +225,7 @@ class Pacer:
         """Begin to move the board's time; wall time counts from here."""
         self._loop = loop
         self._anchor_ns, self._anchor_ps = self.clock(), self.board.now
+        self._hold()
         if self.free:
             self._slice_soon()
         elif self.real:
@@ -183,6 +233,10 @@ class Pacer:
             loop.add_reader(self._timer.fd, self._woken)
             self._tick_at = self.board.now + self._tick
             self.arm()
+
+    def _hold(self) -> None:
+        """Let hosts move time no further than the wall clock has it, or than one slice."""
+        self.board.limit = min(self.board.now + (AHEAD if self._paced else LEASE), END)
 
     def stop(self) -> None:
         """Let time stand still."""
@@ -279,7 +333,9 @@ class Pacer:
         if self._loop is None or not (self._wakes or self.free):
             return
         board = self.board
-        target = min(board.now + self._slice, NEVER - 1)
+        target = board.now + self._slice
+        if target > self._near:
+            target = self._nearing(target)
         if not self.free:
             target = min(target, self._wakes[0][0])
         slices = self._slices
@@ -289,11 +345,11 @@ class Pacer:
             there = slices.run(target)
         ran = self.clock() - began
         if slices.catch_up():
-            board.limit = min(board.now + LEASE, NEVER - 1)
+            board.limit = min(board.now + LEASE, END)
             if not self.free and there:
                 self._adapt_slice(ran + slices.took)
             self._wake(board.now)
-        if self.free or self._wakes:
+        if (self.free and not self.over) or self._wakes:
             self._slice_soon()
 
     def _adapt_slice(self, took: int) -> None:

@@ -2,15 +2,17 @@
 
 import asyncio
 import io
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+import os
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO, Final, TextIO
 
 from vbus.board.board import Board
 from vbus.board.checks import all_rules
 from vbus.board.sections import RecordSection, WaveSection
-from vbus.errors import VbusError
+from vbus.errors import VbusError, read_errors, write_errors
 from vbus.signals import Observer
 from vbus.trace.decode import settings_for_decoders
 from vbus.trace.findings.formats import FORMATS, format_of
@@ -21,14 +23,7 @@ from vbus.trace.wave.wave import Wave
 
 FLUSH_SECONDS: Final = 0.2
 """How long an entry of a journal may wait for company."""
-
-
-@contextmanager
-def _writing(path: str) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
+ALONE: Final = "durable is what a journal survives, and none is kept; give its file as journal"
 
 
 def create(path: str) -> BinaryIO:
@@ -37,7 +32,7 @@ def create(path: str) -> BinaryIO:
     Raises:
         VbusError: it cannot be opened.
     """
-    with _writing(path):
+    with write_errors(path):
         return Path(path).open("wb", buffering=0)
 
 
@@ -47,7 +42,7 @@ def open_text(path: str) -> TextIO:
     Raises:
         VbusError: it cannot be opened.
     """
-    with _writing(path):
+    with write_errors(path):
         return Path(path).open("w", encoding="ascii", newline="\n")
 
 
@@ -59,11 +54,8 @@ def suppressions_of(path: str) -> list[Suppression]:
     """
     if not path:
         return []
-    try:
+    with read_errors(path):
         text = Path(path).read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "this is no UTF-8 text"
-        raise VbusError(f"{path}: cannot be read: {reason}") from error
     return read_suppressions(text, path, [rule.name for rule in all_rules()])
 
 
@@ -94,10 +86,15 @@ class Recording:
 
     Attributes:
         journal: the one that is kept, if any.
+        settle: called before a host gets its answer; tells whether the journal holds what is
+            answered. None where it need not.
+        told: what ``vbus ls --json`` shows of the journal.
     """
 
     def __init__(self, board: Board, text: str, name: str, report: Callable[[str], None]) -> None:
         self.journal: Journal | None = None
+        self.settle: Callable[[], bool] | None = None
+        self.told: dict[str, str] = {}
         self._board: Board = board
         self._text: str = text
         self._name: str = name
@@ -111,8 +108,10 @@ class Recording:
         Raises:
             VbusError: a file cannot be written, or what is wanted makes no sense.
         """
+        if wanted.durable != "no" and not wanted.journal:
+            raise VbusError(ALONE)
         if wanted.journal:
-            self._open_journal(wanted.journal)
+            self._open_journal(wanted.journal, wanted.durable)
         if wanted.report:
             self._open_report(wanted.report, wanted.suppress)
         if wanted.coverage:
@@ -120,10 +119,14 @@ class Recording:
         for wave in waves:
             self._open_wave(wave)
 
-    def _open_journal(self, path: str) -> None:
+    def _open_journal(self, path: str, durable: str) -> None:
         file = self._opened.enter_context(create(path))
         self.journal = Journal(self._board, file, self._text, self._name, self._report)
         self._opened.callback(self.journal.close)
+        if durable != "no":
+            sync = partial(os.fdatasync, file.fileno()) if durable == "machine" else None
+            self.settle = partial(self.journal.settle, sync)
+        self.told = {"file": path, "durable": durable}
 
     def _open_report(self, path: str, suppress_file: str) -> None:
         try:

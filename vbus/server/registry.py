@@ -9,7 +9,8 @@ from time import monotonic
 from typing import Any, Final
 
 from vbus.errors import TransportError, VbusError
-from vbus.transports.runtime import NameLock, runtime_directory, socket_address
+from vbus.runtime import runtime_directory
+from vbus.transports.runtime import NameLock, socket_address
 
 ANSWER_SECONDS: Final = 2.0
 """How long a running board may take to tell about itself."""

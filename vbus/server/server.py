@@ -17,6 +17,7 @@ from vbus.board.cards import Card
 from vbus.board.pin_maps import PinMap
 from vbus.compiled import core
 from vbus.errors import NameInUseError, PluginError
+from vbus.kernel import END
 from vbus.network.session import Network
 from vbus.protocols.base import Protocol
 from vbus.server.control import Control, ControlConnection
@@ -31,6 +32,7 @@ from vbus.server.registry import control_path, status_path, watch_path
 from vbus.server.session import Serving, Session
 from vbus.server.snapshots import SnapshotOrders
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
+from vbus.server.watchdog import Watchdog
 from vbus.server.watching import Watcher
 from vbus.trace.decode import settings_for_decoders
 from vbus.transports.base import Link, MessageLink, Served, Transport, split_url
@@ -132,6 +134,8 @@ class Server:
         report: takes sentences about what happens to links (a device was unplugged).
         metrics: host and port on which Prometheus may ask for numbers, if any.
         pacer: what moves the board's time; else a pacer of its own.
+        settle: called before a host gets its answer; see
+            :class:`~vbus.server.recording.Recording`.
 
     Raises:
         PluginError: a transport or protocol is missing, or prometheus-client for ``metrics``.
@@ -145,10 +149,13 @@ class Server:
         report: Callable[[str], None] | None = None,
         metrics: tuple[str, int] | None = None,
         pacer: Pacer | None = None,
+        settle: Callable[[], bool] | None = None,
     ) -> None:
+        self._settle: Callable[[], bool] | None = settle
         self.board: Board = board
         self.pacer: Pacer = pacer if pacer is not None else Pacer(board, stall)
         self._report: Callable[[str], None] = report if report is not None else log.warning
+        self.pacer.report = self._report
         self._hosts: list[_Host] = [_Host(spec, f"host{n}") for n, spec in enumerate(links)]
         self.faults: FaultOrders = FaultOrders(board.faults, self.sessions_of)
         self.control: Control = Control(self.pacer.catch_up)
@@ -227,7 +234,7 @@ class Server:
             Served(board, chips, self.statistics, self.pacer.catch_up, host.spec.network)
         )
         self._closing.callback(self._close_host, host)
-        serving = Serving(loop, self.pacer, self.round_trips, hang_ups, host.ended)
+        serving = Serving(loop, self.pacer, self.round_trips, hang_ups, host.ended, self._settle)
         transport.open(loop, partial(self._connect, host, serving))
 
     def _connect(self, host: _Host, serving: Serving, link: Link) -> None:
@@ -265,7 +272,12 @@ class Server:
         self._closing.close()
 
     async def serve(self, stop: asyncio.Event, ready: Callable[[], None] | None = None) -> None:
-        """Serve until ``stop`` is set."""
+        """Serve until ``stop`` is set.
+
+        Raises:
+            TimeEndedError: chip time has come to its end; every link has been closed.
+        """
+        self.pacer.on_end = stop.set
         self.start(asyncio.get_running_loop())
         try:
             if ready is not None:
@@ -273,6 +285,7 @@ class Server:
             await stop.wait()
         finally:
             self.stop()
+        self.pacer.check_over()
 
     # -- telling about itself -------------------------------------------------------------------
 
@@ -292,6 +305,7 @@ class Server:
             "policy": board.policy,
             "rate": "max" if self.pacer.free else board.rate,
             "time_ps": board.now,
+            "time_left_ps": END - board.now,
             "lag_ps": self.pacer.lag,
             "worst_lag_ps": self.pacer.worst_lag,
             "slipped_ps": self.pacer.slipped,
@@ -337,6 +351,7 @@ def run(
     on_ready: Callable[[Server], None] | None = None,
     report: Callable[[str], None] | None = None,
     metrics: tuple[str, int] | None = None,
+    settle: Callable[[], bool] | None = None,
 ) -> None:
     """Serve ``board`` until SIGINT or SIGTERM.
 
@@ -345,20 +360,33 @@ def run(
     """
 
     async def serve(stop: asyncio.Event) -> None:
-        server = Server(board, links, stall, report, metrics)
+        server = Server(board, links, stall, report, metrics, settle=settle)
         await server.serve(stop, None if on_ready is None else partial(on_ready, server))
 
     run_until_signal(serve)
 
 
 def run_until_signal(serve: Callable[[asyncio.Event], Coroutine[Any, Any, None]]) -> None:
-    """Run a coroutine in a loop of its own; SIGINT and SIGTERM set the event it is given."""
+    """Run a coroutine in a loop of its own; SIGINT and SIGTERM set the event it is given.
 
-    async def main() -> None:
+    One that is stuck and cannot is killed within a second; see :mod:`vbus.server.watchdog`.
+    """
+
+    async def main(watchdog: Watchdog) -> None:
         stop = asyncio.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            asyncio.get_running_loop().add_signal_handler(number, stop.set)
-        await serve(stop)
+        loop = asyncio.get_running_loop()
 
-    with asyncio.Runner(loop_factory=HostLoop) as runner:
-        runner.run(main())
+        def end(number: int, frame: object) -> None:
+            watchdog.heard()
+            loop.call_soon_threadsafe(stop.set)
+
+        # Not the loop's own handlers: the one descriptor C's handler writes to is the watchdog's.
+        before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            await serve(stop)
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    with Watchdog() as watchdog, asyncio.Runner(loop_factory=HostLoop) as runner:
+        runner.run(main(watchdog))

@@ -4,6 +4,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Mapping
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -14,7 +15,7 @@ from vbus.board.metrics_checks import metrics_address
 from vbus.board.sections import BoardFile, WaveSection, ZenohSection
 from vbus.board.snapshot import read
 from vbus.board.source import Source
-from vbus.errors import ConfigError, VbusError
+from vbus.errors import ConfigError, VbusError, read_errors
 from vbus.network.security import Security
 from vbus.network.session import Network
 from vbus.server.readiness import tell_ready
@@ -43,10 +44,8 @@ def links_of(file: BoardFile) -> list[LinkSpec]:
 
 
 def _content(path: str) -> bytes:
-    try:
+    with read_errors(path):
         return Path(path).read_bytes()
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be read: {error.strerror}") from error
 
 
 def network_of(zenoh: ZenohSection) -> Network:
@@ -150,6 +149,8 @@ def serve_read(
     recording = Recording(board, source.text, file.path, report or log.warning)
 
     def ready(server: Server) -> None:
+        if recording.told:
+            server.details = partial(dict, journal=recording.told)
         recording.start(asyncio.get_running_loop())
         if on_ready is not None:
             on_ready(server)
@@ -157,4 +158,4 @@ def serve_read(
 
     with closing(recording):
         recording.open(file.record, file.waves)
-        run(board, links_of(file), file.board.stall, ready, report, address)
+        run(board, links_of(file), file.board.stall, ready, report, address, recording.settle)

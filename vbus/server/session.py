@@ -50,6 +50,7 @@ class Serving:
         round_trips: takes how long each message took, from its arrival to its answer (ns).
         hang_ups: notices hosts that go while nothing is read from them.
         on_end: called once when a session has ended.
+        settle: called before an answer leaves; False if it must not. None where nobody minds.
     """
 
     loop: asyncio.AbstractEventLoop
@@ -57,6 +58,7 @@ class Serving:
     round_trips: Histogram
     hang_ups: HangUps
     on_end: Callable[["Session"], None]
+    settle: Callable[[], bool] | None = None
 
 
 class Session:
@@ -84,6 +86,7 @@ class Session:
         )
         self._pacer: Pacer = serving.pacer
         self._on_end: Callable[[Session], None] = serving.on_end
+        self._settle: Callable[[], bool] | None = serving.settle
         self._clock: Callable[[], int] = serving.pacer.clock
         self._note: Callable[[int], None] = serving.round_trips.note
         self._changed: Callable[[], bool] = link.changed
@@ -183,7 +186,7 @@ class Session:
         except Exception:
             self._broken()
             return
-        if protocol.out:
+        if protocol.out and (self._settle is None or self._settled()):
             self._send()
         if self.port.held:
             self._wait()
@@ -252,7 +255,7 @@ class Session:
             except Exception:
                 self._broken()
                 return
-            if self.protocol.out:
+            if self.protocol.out and self._settled():
                 self._push()
 
     def _push(self) -> None:
@@ -260,6 +263,13 @@ class Session:
         self._send()
 
     # -- writing ------------------------------------------------------------------------------
+
+    def _settled(self) -> bool:
+        """Whether what is about to be answered may be; else the session ends."""
+        if self._settle is None or self._settle():
+            return True
+        self.end("the journal takes no more, and what it does not hold is not answered", True)
+        return False
 
     def _send(self) -> None:
         out = self.protocol.out

@@ -41,7 +41,7 @@ class Watcher(Task):
 
 
 class Pin:
-    """One part's connection to a net.
+    """One part's connection to a net, made by :meth:`Net.solder`.
 
     Args:
         name: the manual's name, with its slash or tilde (``"/CS"``).
@@ -53,13 +53,12 @@ class Pin:
     STATE: ClassVar[Names] = ("level",)
     WIRING: ClassVar[Names] = ("name", "net", "on_heard", "open_drain")
 
-    def __init__(self, name: str, net: "Net", *, open_drain: bool = False) -> None:
+    def __init__(self, name: str, net: "Net", open_drain: bool) -> None:
         self.name: str = name
         self.net: Net = net
         self.level: int = Z
         self.open_drain: bool = open_drain
         self.on_heard: Callable[[], None] | None = None
-        net.pins.append(self)
 
     @property
     def value(self) -> int:
@@ -140,6 +139,12 @@ class Net:
         self.clash: Callable[[Net], None] | None = None
         self.clashing: bool = False
         self.bends: list[Callable[[int], int]] = []
+
+    def solder(self, name: str, *, open_drain: bool = False) -> Pin:
+        """Join a part's pin to the net."""
+        pin = Pin(name, self, open_drain)
+        self.pins.append(pin)
+        return pin
 
     @property
     def before(self) -> int:
@@ -259,5 +264,5 @@ class Net:
             if pin.level != Z:
                 if level != Z and pin.level != level:
                     fight = fight or not pin.open_drain
-                level = pin.level if level == Z else level & pin.level
+                level = pin.level
         self.clashing = fight

@@ -59,7 +59,7 @@ class WireEnd(Net):
 
     def add_far(self, node: int, name: str) -> None:
         """Solder the pin at which node ``node`` arrives."""
-        self.far[node] = Pin(name, self)
+        self.far[node] = self.solder(name)
 
     def resolve(self) -> None:
         """Work out the level here, and what the other ends must be told."""

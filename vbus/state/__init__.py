@@ -17,18 +17,14 @@ before those of the parts inside, numbers and flags first. A field may be a prop
 
 A field without a kind is an integer of 64 bits. The other kinds:
 
-``int``                   an integer of any size
-``value``                 a number, a text, true or false
-``bool``, ``float``, ``str``, ``i64 | bool``
-``bytes``                 as many as there are; ``bytes[...]``: any number of them
-=======
 =========================  =======================================================================
 ``int``                    an integer of any size
 ``value``                  a number, a text, true or false
 ``bool``, ``float``        one of that type
 ``str``, ``i64 | bool``    one of that type
-``bytes``                  as many as there are; ``bytes[...]``: any number of them
-``list[K]``, ``tuple[K]``  as many of kind K as there are; ``list[K, ...]``: any number of them
+``bytes[128]``             so many; ``bytes[...]``: any number of them
+``list[K]``, ``tuple[K]``  as many of kind K as there are; ``list[K, ...]``: any number of them;
+                           ``list[K, name]``: as many as attribute ``name`` has
 ``set[K]``, ``heap[K]``    any number of them, kept in order
 ``(K, L)``                 a row: a tuple of one of each
 ``bytearray``              as many bytes, which stay in their place; ``bytearray[...]``: any number

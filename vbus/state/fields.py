@@ -1,12 +1,14 @@
 """Declarations, and what follows from them: saving, loading, comparing."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
+from mypy_extensions import mypyc_attr
+
 from vbus.errors import SnapshotError
+from vbus.state.functions import written
 from vbus.state.kinds import (
     FLAG,
-    MOST,
     InPlace,
     Integer,
     Kind,
@@ -36,25 +38,15 @@ class Part(Kind):
     """Another part; None where there is none."""
 
     STAYS: ClassVar[bool] = True
+    PART: ClassVar[bool] = True
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
-        if value is None:
-            return None
-        layout = _LAYOUTS.get(type(value)) or layout_of(type(value))
-        return value.save() if layout.own else save_fields(value, layout)
+        return layout_of(type(value)).save(value)
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the part as it is; its fields come with the others."""
-        if now is not None:
-            layout = _LAYOUTS.get(type(now)) or layout_of(type(now))
-            if layout.own:
-                load.foreign = load.foreign or not type(now).__module__.startswith("vbus.")
-                load.put(_load_own, now, saved)
-            else:
-                check_fields(now, layout, saved, load)
-        elif saved is not None:
-            raise Refused("there is nothing here to load it into")
+        layout_of(type(now)).check(now, saved, load)
         return now
 
 
@@ -100,7 +92,7 @@ class Kept(Kind):
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
         if saved != {}:
-            check_fields(now, kept_layout(type(now)), saved, Load())
+            kept_layout(type(now)).fit(now, saved, Load())
         return saved
 
 
@@ -110,14 +102,11 @@ SIMPLE: Final[dict[str, Kind]] = {
     "i64": Kind("an integer of 64 bits", int), "bool": FLAG, "str": Kind("a text", str),
     "i64 | bool": Kind("an integer of 64 bits, true or false", int, bool),
     "value": Kind("a number, a text, true or false", int, float, str, bool),
-    "int": Integer("an integer", int), "float": Real("a number", float, int),
-    "bytes": Octets(True), "bytes[...]": Octets(False), "bytearray": InPlace(True),
-    "bytearray[...]": InPlace(False),
+    "int": Integer("an integer", int), "float": Real(),
+    "bytes[...]": Octets(), "bytearray": InPlace(True), "bytearray[...]": InPlace(False),
     "part": PART, "part | None": PART, "parts": Parts(PART),
 }  # fmt: skip
-MAKERS: Final[dict[str, Callable[[Iterable[Any]], Any]]] = {
-    "list": list, "tuple": tuple, "set": set, "heap": list,
-}  # fmt: skip
+MAKERS: Final[dict[str, type]] = {"list": list, "tuple": tuple, "set": set, "heap": list}
 
 
 def kind_of(text: str) -> Kind:
@@ -135,11 +124,13 @@ def kind_of(text: str) -> Kind:
     outer, _, inner = text.partition("[")
     if outer == "kept":
         return Kept(inner[:-1])
+    if outer == "bytes" and inner.removesuffix("]").isdecimal():
+        return Octets(int(inner[:-1]))
     if outer in MAKERS and inner.endswith("]"):
-        each = inner.removesuffix("]").removesuffix(", ...")
+        each, *like = _split(inner[:-1])
         if outer in ("set", "heap"):
-            return Sorted(MAKERS[outer], kind_of(each), False)
-        return Several(MAKERS[outer], kind_of(each), not inner.endswith(", ...]"))
+            return Sorted(MAKERS[outer], kind_of(each))
+        return Several(MAKERS[outer], kind_of(each), "".join(like).strip())
     raise ValueError(f"{text!r} is no kind of field")
 
 
@@ -156,106 +147,108 @@ def _split(text: str) -> list[str]:
     return kinds
 
 
-CHECKS: Final[dict[type, str]] = {
-    bool: "type({0}) is bool", float: "type({0}) is float",
-    int: "type({0}) is int and LEAST <= {0} <= MOST",
-}  # fmt: skip
-"""What a value of a usual type must be."""
-
-
 class Layout:
     """The declaration of a class, read once.
 
     Attributes:
         names: its fields.
         kinds: what they hold, by name.
-        usual: the fields that are numbers and flags of 64 bits.
-        others: the other fields, with what they hold, and what says what they may hold.
-        parts: fields that keep their objects.
-        get: returns the fields of a part, as they are kept.
-        pick: returns those of :attr:`usual` from what was saved; None if one may be none.
-        put: sets those and the others.
         version: of the declaration.
         own: it has a save() and load() of its own instead.
-        prepares: it has a before_save().
-        refreshes: it has an after_load().
+        get: returns the fields of a part, as they are kept.
+        fit: checks fields that were kept, and adds what sets them to a :class:`Load`.
+        save: returns what a part is kept as: its fields, or what its own save() gives.
+        check: checks that, and adds what loads it to a :class:`Load`.
     """
 
-    __slots__ = (
-        "get", "kinds", "names", "others", "own", "parts", "pick", "prepares", "put", "refreshes",
-        "usual", "version",
-    )  # fmt: skip
+    __slots__ = ("check", "fit", "get", "kinds", "names", "own", "save", "version")
 
     def __init__(self, cls: Any, declaration: str = "STATE") -> None:
         self.names: list[str] = []
         self.kinds: dict[str, Kind] = {}
-        self.usual: list[str] = []
-        self.others: list[tuple[str, Kind, str]] = []
-        self.parts: list[tuple[str, Kind]] = []
-        self.get: Callable[[Any], Saved] = dict
-        self.pick: Callable[[Saved], tuple[Any, ...] | None] = tuple
-        self.put: Callable[[Any, tuple[Any, ...]], None] = _put_nothing
         self.version: int = getattr(cls, "STATE_VERSION", 1)
         self.own: bool = False
-        self.prepares: bool = hasattr(cls, "before_save")
-        self.refreshes: bool = hasattr(cls, "after_load")
+        self.get: Callable[[Any], Any] = _save_own
+        self.fit: Callable[[Any, Any, Load], None] = _check_own
         for base in cls.__mro__:
             inside = vars(base)
             if "STATE" in inside:
                 break
             self.own = self.own or "save" in inside or "load" in inside
         declared: Names = getattr(cls, declaration, UNDECLARED)
-        if declared == UNDECLARED:
-            if self.own:
-                return
+        if declared != UNDECLARED:
+            for field in declared:
+                name, colon, text = field.partition(":")
+                self.kinds[name] = kind_of(text if colon else "i64")
+            self.names = list(self.kinds)
+            whole = declaration == "STATE"
+            self.get, self.fit = written(
+                self.kinds, self.version, whole and hasattr(cls, "before_save"),
+                hasattr(cls, "after_load"), self._present, _SAVES, _CHECKS,
+            )  # fmt: skip
+        elif cls is type(None):
+            self.get, self.fit = _save_none, _check_none
+        elif not self.own:
             raise NotImplementedError(f"{cls.__name__} declares no STATE and has no save()")
-        for field in declared:
-            name, colon, text = field.partition(":")
-            kind = kind_of(text if colon else "i64")
-            self.kinds[name] = kind
-            if kind.STAYS:
-                self.parts.append((name, kind))
-            elif kind.usual is None:
-                self.others.append((name, kind, kind.owner(name)))
-            else:
-                self.usual.append(name)
-        self.names = list(self.kinds)
-        self._compile()
+        self.save: Callable[[Any], Any] = _save_own if self.own else self.get
+        self.check: Callable[[Any, Any, Load], None] = _check_own if self.own else self.fit
 
-    def _compile(self) -> None:
-        """Write out what saving and loading do: it takes a third of the time of names in a loop."""
-        known: dict[str, Any] = {
-            "LEAST": -MOST - 1, "MOST": MOST,
-            **{f"keep_{name}": kind.save for name, kind in self.kinds.items()},
-        }  # fmt: skip
-        kept = [
-            f"{name!r}: part.{name}" if kind.plain else f"{name!r}: keep_{name}(part.{name})"
-            for name, kind in self.kinds.items()
-        ]
-        if self.version > 1:
-            kept.append(f"{VERSION!r}: {self.version}")
-        usual = [
-            CHECKS[kind.usual].format(name, kind.usual.__name__)
-            for name, kind in self.kinds.items()
-            if kind.usual is not None
-        ]
-        taken = "".join(f"{name} = saved[{name!r}]; " for name in self.usual)
-        names = "".join(f"{name}, " for name in self.usual)
-        settable = [*self.usual, *(name for name, _, _ in self.others)]
-        attributes = "".join(f"part.{name}, " for name in settable) or "_"
-        exec(
-            f"def get(part): return {{{', '.join(kept)}}}\n"
-            f"def pick(saved): {taken}return ({names}) if {' and '.join(usual) or True} else None\n"
-            f"def put(part, values): {attributes} = values\n",
-            known,
-        )
-        self.get, self.pick, self.put = known["get"], known["pick"], known["put"]
+    def _present(self, part: Any, saved: Any) -> Saved:
+        """Return the fields as the present version declares them."""
+        cls = type(part).__name__
+        if type(saved) is not dict:
+            raise Refused(f"wants the fields of {cls} by name, not {saved!r:.60}")
+        fields: Saved = saved
+        version = fields.get(VERSION, 1)
+        if type(version) is not int or not 1 <= version <= self.version:
+            raise Refused(f"version {version} of {cls}: this vbus knows 1 to {self.version}")
+        if version < self.version:
+            fields = part.migrate(version, dict(saved))
+        unknown = sorted(fields.keys() - {VERSION, *self.names})
+        if unknown:
+            raise Refused(f"is no field of {cls}", unknown[0])
+        return fields
 
 
-def _put_nothing(_part: Any, _values: tuple[Any, ...]) -> None:
-    pass
+def _save_own(part: Any) -> Any:
+    return part.save()
 
 
+def _check_own(part: Any, saved: Any, load: Load) -> None:
+    load.foreign = load.foreign or not type(part).__module__.startswith("vbus.")
+    load.put(_load_own, part, saved)
+
+
+def _load_own(part: Any, saved: Any) -> None:
+    part.load(saved)
+
+
+def _save_none(_part: None) -> None:
+    return None
+
+
+def _check_none(_part: None, saved: Any, _load: Load) -> None:
+    if saved is not None:
+        raise Refused("there is nothing here to load it into")
+
+
+@mypyc_attr(native_class=False)
+class Functions(dict[type, Callable[..., Any]]):
+    """A function of the declaration of each class, by class."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.name: str = name
+
+    def __missing__(self, cls: type) -> Callable[..., Any]:
+        """Return that of a class of which none has been wanted before."""
+        found: Callable[..., Any] = getattr(layout_of(cls), self.name)
+        self[cls] = found
+        return found
+
+
+_SAVES: Final = Functions("save")
+_CHECKS: Final = Functions("check")
 _LAYOUTS: Final[dict[Any, Layout]] = {}
 
 
@@ -267,7 +260,6 @@ def kept_layout(cls: Any) -> Layout:
     found = _KEPT.get(cls)
     if found is None:
         found = _KEPT[cls] = Layout(cls, "KEPT")
-        found.prepares = False
     return found
 
 
@@ -311,60 +303,6 @@ def save(part: Any) -> Any:
     return PART.save(part)
 
 
-def save_fields(part: Any, layout: Layout) -> Saved:
-    """Return the fields that a part declares."""
-    if layout.prepares:
-        part.before_save()
-    return layout.get(part)
-
-
-def _load_own(part: Any, saved: Any) -> None:
-    part.load(saved)
-
-
-def check_fields(part: Any, layout: Layout, saved: Any, load: Load) -> None:
-    """Check the fields that a part declares."""
-    fields = saved
-    if type(saved) is not dict or len(saved) != len(layout.names) or layout.version > 1:
-        fields = _present(part, layout, saved)
-    name = ""
-    try:
-        values = layout.pick(fields)
-        if values is None:
-            values = ()
-            for name in layout.usual:
-                values += (layout.kinds[name].take(fields[name], None, load),)
-        for name, kind, owner in layout.others:
-            values += (kind.take(fields[name], getattr(part, owner) if owner else None, load),)
-        if values:
-            load.put(layout.put, part, values)
-        for name, kind in layout.parts:
-            kind.take(fields[name], getattr(part, name), load)
-    except KeyError as missing:
-        raise Refused("is missing", str(missing.args[0])) from None
-    except Refused as refused:
-        raise refused.below(name) from None
-    if layout.refreshes:
-        load.hook(part.after_load)
-
-
-def _present(part: Any, layout: Layout, saved: Any) -> Saved:
-    """Return the fields as the present version declares them."""
-    cls = type(part).__name__
-    if type(saved) is not dict:
-        raise Refused(f"wants the fields of {cls} by name, not {saved!r:.60}")
-    fields: Saved = saved
-    version = fields.get(VERSION, 1)
-    if type(version) is not int or not 1 <= version <= layout.version:
-        raise Refused(f"version {version} of {cls}: this vbus knows 1 to {layout.version}")
-    if version < layout.version:
-        fields = part.migrate(version, dict(saved))
-    unknown = sorted(fields.keys() - {VERSION, *layout.names})
-    if unknown:
-        raise Refused(f"is no field of {cls}", unknown[0])
-    return fields
-
-
 def plan(part: Any, saved: Any, where: str) -> Load:
     """Check a saved state; return what loads it.
 
@@ -376,19 +314,14 @@ def plan(part: Any, saved: Any, where: str) -> Load:
     Raises:
         SnapshotError: it does not fit: names part and field; nothing has been set.
     """
-    layout = layout_of(type(part))
-    if not layout.own:
-        return plan_fields(part, saved, where, layout)
-    found = Load()
-    PART.take(saved, part, found)
-    return found
+    return plan_with(layout_of(type(part)).check, part, saved, where)
 
 
-def plan_fields(part: Any, saved: Any, where: str, layout: Layout) -> Load:
-    """Check the fields that a part declares; return what loads them."""
+def plan_with(check: Callable[[Any, Any, Load], None], part: Any, saved: Any, where: str) -> Load:
+    """Check a saved state so; return what loads it."""
     found = Load()
     try:
-        check_fields(part, layout, saved, found)
+        check(part, saved, found)
     except Refused as refused:
         place = f"{where}.{refused.place}" if refused.place else where
         raise SnapshotError(f"{place}: {refused.text}") from None
@@ -406,12 +339,13 @@ def load(part: Any, saved: Any, where: str = "state") -> None:
 
 def keep(part: Any) -> Saved:
     """Return the fields that a part names in ``KEPT``, as they are, to be taken back soon."""
-    return save_fields(part, kept_layout(type(part)))
+    kept: Saved = kept_layout(type(part)).get(part)
+    return kept
 
 
 def take_back(part: Any, saved: Saved) -> None:
     """Take back what :func:`keep` gave."""
-    plan_fields(part, saved, "kept", kept_layout(type(part))).apply()
+    plan_with(kept_layout(type(part)).fit, part, saved, "kept").apply()
 
 
 def differences(one: Any, other: Any, where: str = "") -> list[str]:

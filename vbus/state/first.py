@@ -22,7 +22,7 @@ from importlib.util import find_spec
 from typing import Any, Final
 
 from vbus.errors import SnapshotError
-from vbus.state.fields import Kept, Part, Parts, Saved, layout_of, plan_fields, save_fields
+from vbus.state.fields import Kept, Part, Parts, Saved, layout_of, plan_with
 from vbus.state.kinds import FLAG, Integer, Kind
 
 BITS: Final = ("+",)
@@ -184,7 +184,7 @@ def _new(kind: Kind, now: Any, old: Any) -> Any:
 
 def save_tuple(part: Any) -> Any:
     """Return the tuple of what a part declares, whatever save() its class has."""
-    return _to_tuple(part, save_fields(part, layout_of(type(part))))
+    return _to_tuple(part, layout_of(type(part)).get(part))
 
 
 def load_tuple(part: Any, old: Any) -> None:
@@ -194,4 +194,4 @@ def load_tuple(part: Any, old: Any) -> None:
         SnapshotError: it does not fit; the part is as it was.
     """
     name = type(part).__name__
-    plan_fields(part, _from_tuple(part, old, name), name, layout_of(type(part))).apply()
+    plan_with(layout_of(type(part)).fit, part, _from_tuple(part, old, name), name).apply()

@@ -1,18 +1,22 @@
 """What a declared field may hold, but for other parts."""
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, ClassVar, Final
+from collections.abc import Callable, Iterable
+from functools import reduce
+from operator import or_
+from sys import float_info
+from types import GenericAlias
+from typing import Annotated, Any, ClassVar, Final
+
+from msgspec import Meta, ValidationError, convert, defstruct
 
 MOST: Final = (1 << 63) - 1
 NUMBERS: Final[frozenset[type]] = frozenset((int, bool, float))
-"""Types whose values can be compared with each other, to check many at once."""
-
-
-def small(numbers: Sequence[Any]) -> bool:
-    """Tell whether all numbers and flags lie within 64 bits."""
-    return not numbers or bool(min(numbers) >= -MOST - 1 and max(numbers) <= MOST)
-
-
+"""Types of numbers and flags."""
+SCHEMAS: Final[dict[type, Any]] = {
+    int: Annotated[int, Meta(ge=-MOST - 1, le=MOST)], bool: bool, str: str,
+    float: Annotated[float, Meta(ge=-float_info.max, le=float_info.max)],
+}  # fmt: skip
+"""What msgspec is told of values of a type, to check many at once."""
 ALL: Final = slice(None)
 
 
@@ -37,27 +41,23 @@ class Refused(Exception):
 class Load:
     """What loading does once everything has been checked."""
 
-    __slots__ = ("_hooks", "_steps", "foreign")
+    __slots__ = ("foreign", "hooks", "steps")
 
     def __init__(self) -> None:
         self.foreign: bool = False
         """Whether a part of somebody else's is among it, which checks nothing before."""
-        self._steps: list[tuple[Callable[[Any, Any], object], Any, Any]] = []
-        self._hooks: list[Callable[[], None]] = []
+        self.steps: list[tuple[Callable[[Any, Any], object], Any, Any]] = []
+        self.hooks: list[Callable[[], None]] = []
 
     def put(self, call: Callable[[Any, Any], object], what: Any, value: Any) -> None:
         """Call this in its turn, with both."""
-        self._steps.append((call, what, value))
-
-    def hook(self, call: Callable[[], None]) -> None:
-        """Call this when all values are set."""
-        self._hooks.append(call)
+        self.steps.append((call, what, value))
 
     def apply(self) -> None:
         """Do it."""
-        for call, what, value in self._steps:
+        for call, what, value in self.steps:
             call(what, value)
-        for hook in self._hooks:
+        for hook in self.hooks:
             hook()
 
 
@@ -71,6 +71,8 @@ class Kind:
 
     STAYS: ClassVar[bool] = False
     """The field keeps its object; what is inside takes other values."""
+    PART: ClassVar[bool] = False
+    """That is another part, with a declaration of its own."""
 
     def __init__(self, text: str, *types: type) -> None:
         self.text: str = text
@@ -79,6 +81,10 @@ class Kind:
         """Kept as it is, whatever the field holds now."""
         self.usual: type | None = types[0] if types and types[0] in NUMBERS else None
         """Type of a number or flag that needs no other check than that of its size."""
+        self.schema: Any = None
+        """What msgspec is told of such values; None: it cannot check them."""
+        if self.plain and self.types <= SCHEMAS.keys():
+            self.schema = reduce(or_, [SCHEMAS[one] for one in types])
 
     def owner(self, name: str) -> str:
         """Return the attribute that says what the field ``name`` may hold, "" if none does."""
@@ -111,13 +117,6 @@ class Kind:
             raise self.refuse(saved)
         return saved
 
-    def take_all(self, saved: Sequence[Any], load: Load) -> Sequence[Any]:
-        """Return the values for several that were kept."""
-        if self.usual is not None and {self.usual}.issuperset(map(type, saved)) and small(saved):
-            return saved
-        take = self.take
-        return [take(value, None, load) for value in saved]
-
     def refuse(self, saved: Any) -> Refused:
         """Return the exception that says what was wanted."""
         text = repr(saved)
@@ -141,7 +140,11 @@ class Integer(Kind):
 
 
 class Real(Kind):
-    """A number."""
+    """A finite number."""
+
+    def __init__(self) -> None:
+        super().__init__("a number", float, int)
+        self.schema = SCHEMAS[float]
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
@@ -149,19 +152,18 @@ class Real(Kind):
 
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
-        return float(super().take(saved, now, load))
+        number = float(super().take(saved, now, load))
+        if number - number != 0.0:
+            raise self.refuse(saved)
+        return number
 
 
 class Octets(Kind):
-    """Bytes."""
+    """Bytes: so many, or any number of them."""
 
-    def __init__(self, fixed: bool) -> None:
+    def __init__(self, count: int | None = None) -> None:
         super().__init__("bytes", bytes)
-        self.fixed: bool = fixed
-
-    def owner(self, name: str) -> str:
-        """Return the attribute that says how many there are."""
-        return name if self.fixed or self.STAYS else ""
+        self.count: int | None = count
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
@@ -170,8 +172,8 @@ class Octets(Kind):
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
         super().take(saved, now, load)
-        if self.fixed and len(saved) != len(now):
-            raise Refused(f"wants {len(now)} bytes, not {len(saved)}")
+        if self.count is not None and len(saved) != self.count:
+            raise Refused(f"wants {self.count} bytes, not {len(saved)}")
         return saved
 
 
@@ -180,25 +182,36 @@ class InPlace(Octets):
 
     STAYS: ClassVar[bool] = True
 
+    def __init__(self, fixed: bool) -> None:
+        super().__init__()
+        self.fixed: bool = fixed
+
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the array as it is; its content comes with the others."""
         super().take(saved, now, load)
+        if self.fixed and len(saved) != len(now):
+            raise Refused(f"wants {len(now)} bytes, not {len(saved)}")
         load.put(now.__setitem__, ALL, saved)
         return now
 
 
 class Several(Kind):
-    """Several values of one kind."""
+    """Several values of one kind: as many as ``like`` has, or ``"..."``, as the field has now."""
 
-    def __init__(self, make: Callable[[Iterable[Any]], Any], each: Kind, fixed: bool) -> None:
+    def __init__(self, make: type, each: Kind, like: str = "...") -> None:
         super().__init__("several values", tuple, list)
-        self.make: Callable[[Iterable[Any]], Any] = make
+        self.make: type = make
         self.each: Kind = each
-        self.fixed: bool = fixed
+        self.like: str = like
+        self._struct: Any = None
+        """What msgspec is told of them, in a field: it looks only once at a struct."""
+        if each.schema is not None:
+            more = (...,) if make is tuple else ()
+            self.schema = GenericAlias(make, (each.schema, *more))
 
     def owner(self, name: str) -> str:
         """Return the attribute that says how many there are."""
-        return name if self.fixed else ""
+        return "" if self.like == "..." else self.like or name
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
@@ -208,9 +221,18 @@ class Several(Kind):
         """Return the value for what was kept."""
         if type(saved) not in self.types:
             raise self.refuse(saved)
-        if self.fixed and len(saved) != len(now):
+        if self.like != "..." and len(saved) != len(now):
             raise Refused(f"wants {len(now)} values, not {len(saved)}")
-        return self.make(self.each.take_all(saved, load))
+        if self.schema is not None:
+            if self._struct is None:
+                self._struct = defstruct("Values", [("values", self.schema)])
+            try:
+                return convert({"values": saved}, self._struct).values
+            except ValidationError:
+                # One of them is none, or wants to be converted: they are taken one by one.
+                pass
+        take = self.each.take
+        return self.make([take(value, None, load) for value in saved])
 
 
 class Sorted(Several):
@@ -229,6 +251,8 @@ class Row(Kind):
         self.kinds: list[Kind] = kinds
         self.kept: bool = all(kind.plain for kind in kinds)
         """Kept as it is."""
+        if all(kind.schema is not None for kind in kinds):
+            self.schema = GenericAlias(tuple, tuple([kind.schema for kind in kinds]))
 
     def save(self, value: Any) -> Any:
         """Return the value as it is kept."""
@@ -243,14 +267,6 @@ class Row(Kind):
         return tuple(
             [kind.take(one, None, load) for kind, one in zip(self.kinds, saved, strict=True)]
         )
-
-    def take_all(self, saved: Sequence[Any], load: Load) -> Sequence[Any]:
-        """Return the rows for several that were kept, column by column."""
-        shaped = self.types.issuperset(map(type, saved))
-        if not saved or not shaped or {*map(len, saved)} != {len(self.kinds)}:
-            return super().take_all(saved, load)
-        columns = zip(self.kinds, zip(*saved, strict=True), strict=True)
-        return list(zip(*[kind.take_all(each, load) for kind, each in columns], strict=True))
 
 
 FLAG: Final = Kind("true or false", bool)

@@ -3,9 +3,10 @@
 import io
 import re
 import shlex
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, TextIO, TypeVar
 
@@ -16,17 +17,21 @@ from vbus.board.source import Source
 from vbus.errors import ConfigError, VbusError
 from vbus.kernel import NEVER
 from vbus.protocols.quantities import format_instant
+from vbus.runtime import private_runtime
 from vbus.server.server import LinkSpec
 from vbus.signals import Violation
 from vbus.testing.boards import board_text, default_part, for_test
 from vbus.testing.clock import BoardClock
+from vbus.testing.judge import FAIL, Judge, Judged, choice
 from vbus.testing.limits import Limits, Watch
-from vbus.testing.serving import ServedBoard, private_runtime
+from vbus.testing.serving import ServedBoard
 from vbus.trace.journal.journal import Journal
 
 _T = TypeVar("_T")
 KEYWORDS: Final = ("board", "plant", "clock", "seed", "rate", "strict")
 """What may be said of a board: keywords of the marker, and of :meth:`Bench.make`."""
+VERDICT: Final = ("accept", "violations", "after_fault")
+"""What may be said of a test: keywords of the marker."""
 _BOUNDLESS: Final = Limits(cycles=1 << 62, chip_time=NEVER)
 
 
@@ -61,6 +66,7 @@ class TestedBoard:
         self._bytes = io.BytesIO()
         self._journal = Journal(board, self._bytes, source.text, file.path)
         self.watch = Watch(board, _BOUNDLESS, times=True)
+        self.judged: Judged | None = None
         self.served: ServedBoard | None = None
         self.address: str = ""
         self._wave: Any = None
@@ -107,11 +113,12 @@ class Bench:
         folders: those that board files, programs and sources are looked for in.
         folder: makes the folder for files that stay.
         seed: for boards that say nothing else; None keeps the board file's.
-        strict: whether a breach of a datasheet fails a test that says nothing else.
+        strict: whether a cycle that breaks a datasheet is lost, where a test says nothing else.
         waves: ``"never"``, ``"on-failure"`` or ``"always"``.
+        judge: which violations fail a test that says nothing else.
 
     Raises:
-        VbusError: a keyword is unknown.
+        VbusError: a keyword is unknown, or makes no sense.
     """
 
     def __init__(
@@ -123,9 +130,18 @@ class Bench:
         seed: int | None = None,
         strict: bool = False,
         waves: str = "never",
+        judge: Judge | None = None,
     ) -> None:
-        _check_keywords(keywords)
         self.name = name
+        judge = judge or Judge()
+        if "violations" in keywords:
+            said = choice("vbus", "violations", keywords.pop("violations"))
+            judge = replace(judge, violations=said)
+        if "after_fault" in keywords:
+            said = choice("vbus", "after_fault", keywords.pop("after_fault"))
+            judge = replace(judge, after_fault=said)
+        self.judge: Judge = judge
+        _check_keywords(keywords, VERDICT)
         self.folders = list(folders)
         self.folder = folder
         self.boards: list[TestedBoard] = []
@@ -240,10 +256,19 @@ class Bench:
                 for armed in tested.faults()
                 if not armed.fired and not armed.cleared
             ]
-            if tested.strict:
-                found = tested.watch.violations
-                lines += [_line(v, "broke ") for v in found if v.severity != "note"]
+            judged = self.judged(tested)
+            if tested.strict or self.judge.violations == FAIL:
+                lines += _by_rule(judged.failing)
+            if self.judge.after_fault == FAIL:
+                lines += _by_rule(judged.after_fault, ", after a fault")
         return lines
+
+    def judged(self, tested: TestedBoard) -> Judged:
+        """Return the violations of a board, sorted; what accepts them is counted once."""
+        if tested.judged is None:
+            watch = tested.watch
+            tested.judged = self.judge.sort(watch.violations, watch.faulted)
+        return tested.judged
 
     def failure_report(self) -> FailureReport:
         """Keep the recordings of a failing test and return what to tell; the same when repeated."""
@@ -268,9 +293,8 @@ class Bench:
             f'board "{board.name}" at {format_instant(board.now)}, seed {board.seed},'
             f" {board.policy}; {tested.watch.cycles} bus cycles",
             *(f"    {line}" for line in lines),
-            f"violations: {len(tested.watch.violations) or 'none'}",
+            *self._violations(tested),
         ]
-        report.lines += [f"    {_line(v)}" for v in tested.watch.violations[-20:]]
         report.lines += ["faults:", *(f"    {armed}" for armed in faults)] if faults else []
         report.lines += [f"journal: {journal}", f"replay:  {replay}"]
         report.properties += [
@@ -288,6 +312,22 @@ class Bench:
             report.lines.append(f"wave:    {path}")
             report.properties.append(("vbus.wave", str(path)))
 
+    def _violations(self, tested: TestedBoard) -> Iterator[str]:
+        judged = self.judged(tested)
+        yield f"violations: {len(judged.failing) or 'none'}"
+        yield from (f"    {line}" for line in _by_rule(judged.failing))
+        if judged.after_fault:
+            yield f"violations after a fault: {len(judged.after_fault)}"
+            yield from (f"    {line}" for line in _by_rule(judged.after_fault))
+        reasons = Counter((v.chip, v.rule, reason) for v, reason in judged.accepted)
+        for (chip, rule, reason), count in reasons.items():
+            yield f"accepted:  {chip} broke {rule} {count} times: {reason}"
+        if judged.notes:
+            yield f"notes: {len(judged.notes)}"
+            yield from (f"    {line}" for line in _by_rule(judged.notes, verb="notes"))
+        if tested.watch.no_effect.counts:
+            yield f"without effect: {tested.watch.no_effect.text()}"
+
     def _keep(self, tested: TestedBoard, suffix: str, content: bytes) -> Path:
         number = self.boards.index(tested)
         test = re.sub(r"[^\w.-]+", "_", self.name.rpartition("/")[2])[-100:]
@@ -296,11 +336,22 @@ class Bench:
         return path
 
 
-def _line(v: Violation, verb: str = "") -> str:
-    return f"{format_instant(v.when)} {v.chip} {verb}{v.rule}: {v.detail}  [{v.clause}]"
+def _by_rule(violations: Iterable[Violation], when: str = "", verb: str = "broke") -> list[str]:
+    """Return a sentence for each rule that the host of each chip broke."""
+    found: dict[tuple[str, str], list[Violation]] = {}
+    for v in violations:
+        found.setdefault((v.chip, v.rule), []).append(v)
+    lines = []
+    for (chip, rule), several in found.items():
+        first = several[0]
+        times = f"{len(several)} times, first " if len(several) > 1 else ""
+        at = format_instant(first.when)
+        lines.append(f"{chip} {verb} {rule} {times}at {at}{when}: {first.detail}  [{first.clause}]")
+    return lines
 
 
-def _check_keywords(keywords: Iterable[str]) -> None:
+def _check_keywords(keywords: Iterable[str], also: Iterable[str] = ()) -> None:
     for key in keywords:
         if key not in KEYWORDS:
-            raise ConfigError(f"vbus: unknown keyword {key!r}; allowed are {', '.join(KEYWORDS)}")
+            allowed = ", ".join((*KEYWORDS, *also))
+            raise ConfigError(f"vbus: unknown keyword {key!r}; allowed are {allowed}")

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from vbus.board.board import Board
+from vbus.faults.armed import BEGUN
 from vbus.kernel import SECOND
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets
+from vbus.trace.findings.no_effect import NoEffect
 from vbus.trace.latest_lines import LatestLines
 from vbus.trace.packets import Packet
 
@@ -53,6 +55,10 @@ class Watch(BoardPackets):
         self.stuck: str = ""
         """Which bound was passed, as a sentence; "" if none was."""
         self.violations: list[Violation] = []
+        self.faulted: dict[str, int] = {}
+        """Instant at which a fault first began, by chip; "" is a link, and so every chip."""
+        self.no_effect: NoEffect = NoEffect()
+        self._chips: list[str] = [chip.name for chip in board.chips]
         self._lines: LatestLines = LatestLines(maxlen=KEPT)
         self._limits: Limits = limits
         self._over: Callable[[str], None] | None = over
@@ -68,6 +74,7 @@ class Watch(BoardPackets):
         ]
 
     def _packet(self, chip: str, packet: Packet) -> None:
+        self.no_effect.add(packet)
         self._lines.add(packet.end, f"{chip} {packet.text}")
 
     def bus_cycle(
@@ -87,8 +94,16 @@ class Watch(BoardPackets):
         """Keep a violation."""
         super().violation(violation)
         self.violations.append(violation)
+        if self.loses(violation):  # its cycle says so
+            return
         text = f"{violation.chip} ! {violation.rule}: {violation.detail}"
         self._lines.add(violation.when, text)
+
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        """Remember on which chip a fault has begun."""
+        if what == BEGUN:
+            chip = target.partition(".")[0]
+            self.faulted.setdefault(chip if chip in self._chips else "", when)
 
     def pass_bound(self, sentence: str) -> None:
         """Say that the host hangs, if nothing has said so before."""

@@ -4,22 +4,29 @@ Importing it costs next to nothing: vbus itself is loaded by the first fixture t
 """
 
 import re
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
+from traceback import walk_tb
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
+    from vbus.testing.acceptance import Acceptances
     from vbus.testing.bench import Bench
     from vbus.testing.chips import ChipBench
     from vbus.testing.clock import BoardClock
     from vbus.testing.execute import Execute
 
+PACKAGE = Path(__file__).parents[1]
 BENCH: pytest.StashKey["Bench"] = pytest.StashKey()
 FOLDER: pytest.StashKey[Path] = pytest.StashKey()
+ACCEPTED: pytest.StashKey["Acceptances"] = pytest.StashKey()
+DESELECTED: pytest.StashKey[list[pytest.Item]] = pytest.StashKey()
+NEEDLESS: pytest.StashKey[list[str]] = pytest.StashKey()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -29,6 +36,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--vbus-strict",
         action="store_true",
         help="bus cycles that break a datasheet are lost, and fail the test",
+    )
+    group.addoption(
+        "--vbus-violations",
+        choices=("fail", "report"),
+        help="what a breach of a datasheet does to a test: fail it (the default), or be reported"
+        " if it fails anyway",
     )
     group.addoption(
         "--vbus-seed", type=int, metavar="N", help="seed of boards that are given no other"
@@ -58,9 +71,11 @@ def pytest_configure(config: pytest.Config) -> None:
             ) from None
     config.addinivalue_line(
         "markers",
-        "vbus(board, plant, clock, seed, rate, strict): the board of a test: a board file's path,"
-        " its text, or a part number; its seed; chip seconds per second, for real time; whether"
-        " breaking a datasheet fails the test",
+        "vbus(board, plant, clock, seed, rate, strict, accept, violations, after_fault): the board"
+        " of a test: a board file's path, its text, or a part number; its seed; chip seconds per"
+        " second, for real time; whether cycles that break a datasheet are lost; rules that may be"
+        ' broken, each with the reason; whether violations "fail" the test or are a "report", and'
+        " those after a fault",
     )
 
 
@@ -77,6 +92,24 @@ def _folder(item: pytest.Item, factory: pytest.TempPathFactory) -> Path:
     return found
 
 
+def _acceptances(session: pytest.Session) -> "Acceptances":
+    """Return what is accepted in this run, read when a board is first asked for."""
+    from vbus.errors import VbusError
+    from vbus.testing.acceptance import Acceptances
+
+    found = session.config.stash.get(ACCEPTED, None)
+    if found is None:
+        try:
+            found = Acceptances(session.config)
+            found.collect(session.items)
+        except VbusError as error:
+            raise pytest.UsageError(str(error)) from None
+        left_out = session.config.stash.setdefault(DESELECTED, [])
+        found.deselect(left_out)
+        session.config.stash[ACCEPTED] = found
+    return found
+
+
 @pytest.fixture
 def vbus_bench(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
@@ -84,6 +117,7 @@ def vbus_bench(
     """Everything the plug-in keeps for this test; the other fixtures are made from it."""
     from vbus.errors import VbusError
     from vbus.testing.bench import Bench
+    from vbus.testing.judge import Judge
 
     item = request.node
     keywords: dict[str, Any] = {}
@@ -92,7 +126,14 @@ def vbus_bench(
             raise pytest.UsageError(f"{item.nodeid}: @pytest.mark.vbus takes one board")
         keywords |= {"board": mark.args[0]} if mark.args else {}
         keywords |= mark.kwargs
+    keywords.pop("accept", None)
     option = item.config.getoption
+    known = _acceptances(request.session)
+    judge = Judge(
+        option("--vbus-violations") or known.project.violations,
+        known.project.after_fault,
+        known.of(item.nodeid),
+    )
     try:
         bench = Bench(
             item.nodeid,
@@ -102,6 +143,7 @@ def vbus_bench(
             option("--vbus-seed"),
             option("--vbus-strict"),
             option("--vbus-wave"),
+            judge,
         )
     except VbusError as error:
         raise pytest.UsageError(f"{item.nodeid}: @pytest.mark.vbus: {error}") from None
@@ -165,15 +207,23 @@ for _entry in sorted(entry_points(group="vbus.chips"), reverse=True):
     globals()[_name] = _chip_fixture(_name, _entry.name)
 
 
+def pytest_deselected(items: Sequence[pytest.Item]) -> None:
+    """Take note of tests that do not run."""
+    if items:
+        items[0].config.stash.setdefault(DESELECTED, []).extend(items)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
-    """Fail a test whose armed fault never fired, or, if strict, whose host broke a datasheet."""
+    """Fail a test whose host broke a datasheet, or whose fault or acceptance was not needed."""
     result = yield
     bench = item.stash.get(BENCH, None)
-    if bench is not None:
-        complaints = bench.complaints()
-        if complaints:
-            pytest.fail("\n".join(complaints), pytrace=False)
+    accepted = item.config.stash.get(ACCEPTED, None)
+    complaints = bench.complaints() if bench else []
+    if accepted is not None and not complaints:
+        complaints = accepted.needless_in(item.nodeid)
+    if complaints:
+        pytest.fail("\n".join(complaints), pytrace=False)
     return result
 
 
@@ -182,7 +232,13 @@ def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Let the report of a failing test carry what its boards saw."""
+    whole = item.config.getoption("fulltrace") or item.stash.get(BENCH, None) is None
+    if call.excinfo is not None and not whole:
+        call.excinfo = _cut_short(call.excinfo)
     report = yield
+    accepted = item.config.stash.get(ACCEPTED, None)
+    if accepted is not None and call.when == "call" and report.passed:
+        accepted.passed(item.nodeid)
     bench = item.stash.get(BENCH, None)
     if bench is not None and report.failed and bench.boards and call.when != "teardown":
         failure = bench.failure_report()
@@ -190,3 +246,56 @@ def pytest_runtest_makereport(
         report.user_properties += failure.properties
         item.user_properties += failure.properties
     return report
+
+
+def _cut_short(found: pytest.ExceptionInfo[BaseException]) -> pytest.ExceptionInfo[BaseException]:
+    """Leave only the test's own lines of a mistake that vbus has put in a sentence."""
+    from vbus.errors import VbusError
+
+    own = None
+    for frame, line in reversed(list(walk_tb(found.tb))):
+        if not Path(frame.f_code.co_filename).is_relative_to(PACKAGE):
+            own = TracebackType(own, frame, frame.f_lasti, line)
+    if own is None or not isinstance(found.value, VbusError | ValueError):
+        return found
+    return pytest.ExceptionInfo.from_exception(found.value.with_traceback(own))
+
+
+# -- what was accepted in vain ------------------------------------------------------------------
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any, error: object) -> None:
+    """Take over what a worker of pytest-xdist has seen."""
+    exported = getattr(node, "workeroutput", {}).get("vbus")
+    if exported is not None:
+        from vbus.testing.acceptance import Acceptances
+
+        stash = node.config.stash
+        stash.setdefault(ACCEPTED, Acceptances(node.config)).merge(exported)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Fail a run in which a module or the project accepts what never happened."""
+    config = session.config
+    accepted = config.stash.get(ACCEPTED, None)
+    if accepted is None:
+        return
+    if hasattr(config, "workeroutput"):
+        config.workeroutput["vbus"] = accepted.export()
+        return
+    needless = accepted.needless(config)
+    if needless and session.exitstatus == pytest.ExitCode.OK:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+    config.stash[NEEDLESS] = needless
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    """Say what was accepted in vain."""
+    needless = config.stash.get(NEEDLESS, [])
+    if needless:
+        terminalreporter.section("vbus: accepted violations that never happened", red=True)
+        for sentence in needless:
+            terminalreporter.line(sentence)

@@ -9,16 +9,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from vbus.board.board import Board
-from vbus.board.build import build, card_of, pin_map_of
-from vbus.board.sections import BoardFile, HostSection
+from vbus.board.build import build
+from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.errors import VbusError
-from vbus.server.server import LinkSpec
+from vbus.runtime import private_runtime
 from vbus.server.serving import links_of
 from vbus.signals import Violation
 from vbus.testing.limits import Limits, Watch
-from vbus.testing.serving import ServedBoard, private_runtime
-from vbus.tools import preload
+from vbus.testing.serving import ServedBoard
+from vbus.tools.beside import host_of, link_of_program
 
 
 @dataclass(slots=True)
@@ -66,15 +66,9 @@ class _Run(ServedBoard):
     ) -> None:
         board.run_for(start)
         self.link: str = f"unix:{folder / 'host.sock'}"
-        self.environment: dict[str, str] = {"VBUS_LINK": self.link, "VBUS_RUNTIME": str(folder)}
-        described = [host for host in file.hosts if host.pinmap or host.card] or list(file.hosts)
-        host = described[0] if described else HostSection(transport="")
-        card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
-        if card is not None:
-            port = board.open_port("program", host.chips or None, host.cycle, card)
-            self.environment |= preload.environment(port.info(), self.link)
-            port.close()
-        mine = LinkSpec(self.link, "byte", list(host.chips), host.cycle, card, pin_map)
+        host = host_of(file)
+        mine, variables = link_of_program(board, file, host, self.link)
+        self.environment: dict[str, str] = {**variables, "VBUS_RUNTIME": str(folder)}
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host or not section.card]
         super().__init__(board, [mine, *others], file.board.stall)

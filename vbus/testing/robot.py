@@ -10,6 +10,8 @@ from vbus.protocols.quantities import format_instant
 from vbus.testing.bench import Bench, TestedBoard
 from vbus.testing.execute import Execute
 from vbus.testing.in_process import connect_in_process
+from vbus.testing.judge import FAIL, Judge, accepted
+from vbus.trace.findings.suppress import Suppression
 
 
 class robot:
@@ -26,22 +28,36 @@ class robot:
     def __init__(self) -> None:
         self.ROBOT_LIBRARY_LISTENER = self
         self._bench: Bench | None = None
+        self._accepted: list[Suppression] = []
         self._bus: Bus | None = None
 
     def open_board(
-        self, board: str, seed: int | None = None, strict: bool = False, plant: str = ""
+        self,
+        board: str,
+        seed: int | None = None,
+        strict: bool = False,
+        plant: str = "",
+        violations: str = FAIL,
     ) -> None:
-        """Build the test's board from a board file, or from a part number."""
+        """Build the test's board from a board file, or from a part number.
+
+        A breach of a datasheet fails the test, unless ``violations=report``.
+        """
         if self._bench is not None:
             raise VbusError("Open Board: this test has a board already")
-        keywords: dict[str, Any] = {"board": board, "strict": strict}
+        keywords: dict[str, Any] = {"board": board, "strict": strict, "violations": violations}
         if seed is not None:
             keywords["seed"] = seed
         if plant:
             keywords["plant"] = plant
-        bench = Bench("robot test", keywords, [Path.cwd()], _folder)
+        judge = Judge(accepted=self._accepted)
+        bench = Bench("robot test", keywords, [Path.cwd()], _folder, judge=judge)
         bench.main()
         self._bench = bench
+
+    def accept_violation(self, rule: str, reason: str) -> None:
+        """Let the test's host break a rule; it fails if that never happens."""
+        self._accepted += accepted("Accept Violation", {rule: reason})
 
     def advance_time(self, duration: str) -> None:
         """Let chip time pass."""
@@ -100,11 +116,17 @@ class robot:
         return self._bus
 
     def _end_test(self, data: Any, result: Any) -> None:
-        """Fail a test whose fault never fired; tell what was on the bus of a failed one."""
+        """Fail a test whose host broke a datasheet or whose fault never fired, and say why."""
         bench = self._bench
         if bench is None:
             return
         complaints = bench.complaints() if result.passed else []
+        if result.passed and not complaints:
+            complaints = [
+                f"{one.rule} is accepted ({one.reason}), and never happened; take it out"
+                for one in self._accepted
+                if not one.used
+            ]
         if complaints:
             result.status, result.message = "FAIL", "\n".join(complaints)
         if not result.passed:
@@ -116,6 +138,7 @@ class robot:
             self._bus.close()
         bench.close()
         self._bench = self._bus = None
+        self._accepted = []
 
 
 def _folder() -> Path:

@@ -1,36 +1,17 @@
 """A board served in a thread of this process: for programs and terminals beside a test."""
 
 import asyncio
-import os
-import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, wait
-from contextlib import contextmanager
-from pathlib import Path
 from typing import TypeVar
 
 from vbus.board.board import Board
 from vbus.errors import VbusError
-from vbus.kernel import NEVER
+from vbus.kernel import END
 from vbus.server.server import LinkSpec, Server
 
 _T = TypeVar("_T")
-
-
-@contextmanager
-def private_runtime() -> Iterator[Path]:
-    """Let names of links and status files lie in a folder nobody else has, while this lasts."""
-    before = os.environ.get("VBUS_RUNTIME")
-    with tempfile.TemporaryDirectory(prefix="vbus-") as folder:
-        os.environ["VBUS_RUNTIME"] = folder
-        try:
-            yield Path(folder)
-        finally:
-            if before is None:
-                del os.environ["VBUS_RUNTIME"]
-            else:
-                os.environ["VBUS_RUNTIME"] = before
 
 
 class ServedBoard:
@@ -80,7 +61,7 @@ class ServedBoard:
         if self._loop is not None and self._stop is not None and self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._stop.set)
         self._thread.join()
-        self.board.limit = NEVER - 1
+        self.board.limit = END
 
     def call(self, what: Callable[[], _T]) -> _T:
         """Do something to the board while no host does; return or raise what it does.

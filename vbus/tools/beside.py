@@ -3,23 +3,25 @@
 import asyncio
 import os
 import signal
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, closing, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO, TextIO
 
-import click
-
+from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
+from vbus.runtime import private_runtime
 from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of, metrics_of
 from vbus.signals import Observer, Violation
 from vbus.tools import ending, preload
 from vbus.tools.outcome import Outcome
+from vbus.tools.output import complain
 from vbus.tools.transcript import Transcript
 
 
@@ -50,21 +52,40 @@ class Findings(Observer):
         return lines
 
 
-@contextmanager
-def private_runtime() -> Iterator[Path]:
-    """Give a folder for links; it is the runtime directory unless the user has named one.
+def host_of(file: BoardFile, pinmap: str | None = None) -> HostSection:
+    """Return the host of a board file that a program takes the place of.
 
-    So runs of one board beside each other, as in CI, do not meet.
+    Args:
+        file: the board file.
+        pinmap: the pin map it must have; None: the first host with a card or pin map, if any.
     """
-    with tempfile.TemporaryDirectory(prefix="vbus-") as folder:
-        named = os.environ.get("VBUS_RUNTIME")
-        if named is None:
-            os.environ["VBUS_RUNTIME"] = folder
-        try:
-            yield Path(folder)
-        finally:
-            if named is None:
-                del os.environ["VBUS_RUNTIME"]
+    wanted = [host for host in file.hosts if pinmap is None or host.pinmap == pinmap]
+    described = [host for host in wanted if host.pinmap or host.card] or wanted
+    return described[0] if described else HostSection(transport="", pinmap=pinmap or "")
+
+
+def link_of_program(
+    board: Board, file: BoardFile, host: HostSection, link: str, note: Path | None = None
+) -> tuple[LinkSpec, dict[str, str]]:
+    """Return what serves a program, and the variables by which it finds that.
+
+    Args:
+        board: the board, of that file.
+        file: the board file.
+        host: what the program reaches: chips, card, pin map.
+        link: address of the link.
+        note: the file the library makes when the program ends by a fault of its own.
+
+    Raises:
+        VbusError: the library that traps a card's accesses cannot be built.
+    """
+    card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
+    environment = {"VBUS_LINK": link}
+    if card is not None:
+        port = board.open_port("program", host.chips or None, host.cycle, card)
+        environment |= preload.environment(port.info(), link, note)
+        port.close()
+    return LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map), environment
 
 
 def run_on_board(
@@ -94,54 +115,90 @@ def run_on_board(
         TransportError: a link cannot be opened.
         VbusError: the program cannot be started, or the transcript cannot be written.
     """
-    address = metrics_of(file)
-    board = build(file, source)
-    findings = Findings()
-    board.listen(findings)
     files = _files(file, transcript)
-    outcome = Outcome(board) if _files(file, None) else None
-    if outcome is not None:
-        board.observe(outcome)
     with ExitStack() as stack:
-        folder = stack.enter_context(private_runtime())
-        link = f"unix:{folder / 'host.sock'}"
-        note = folder / "fault"
-        written: Transcript | None = None
+        written = None
         if transcript is not None:
             try:
-                written = Transcript(stack.enter_context(Path(transcript).open("w")))
+                written = stack.enter_context(Path(transcript).open("w"))
             except OSError as error:
                 raise VbusError(f"{transcript}: {error.strerror}") from error
+        ran = run_beside(file, source, host, command, written)
+    lines = ran.findings.lines()
+    if _files(file, None):
+        lines = [*(f"{what}: {path}" for what, path in files), *lines, *ran.outcome.lines()]
+    for line in lines if summary else ():
+        complain(line)
+    return ran.code
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """What came of a program's run.
+
+    Attributes:
+        code: its exit code.
+        findings: what was broken.
+        outcome: what became of each axis.
+    """
+
+    code: int
+    findings: Findings
+    outcome: Outcome
+
+
+def run_beside(
+    file: BoardFile,
+    source: Source,
+    host: HostSection,
+    command: Callable[[str], list[str]],
+    transcript: TextIO | None = None,
+    ahead: int = 0,
+    stdout: BinaryIO | None = None,
+) -> Ran:
+    """Run a program on a board, as :func:`run_on_board` does, and say nothing of it.
+
+    Args:
+        file: the board.
+        source: the same as text.
+        host: what the program reaches.
+        command: gives program and arguments, for the address of the link.
+        transcript: takes the bus cycles.
+        ahead: how long the board runs before the program begins (ps).
+        stdout: takes what the program says; else it goes where this process's goes.
+    """
+    address = metrics_of(file)
+    board = build(file, source)
+    findings, outcome = Findings(), Outcome(board)
+    board.listen(findings)
+    watched = stdout is not None or bool(_files(file, None))
+    if watched:
+        board.observe(outcome)
+    with ExitStack() as stack:
+        folder = stack.enter_context(private_runtime(unless_named=True))
+        link = f"unix:{folder / 'host.sock'}"
+        note = folder / "fault"
+        written = Transcript(transcript) if transcript is not None else None
+        if written is not None:
             board.observe(written)
-        card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
-        environment = {"VBUS_LINK": link}
-        if card is not None:
-            port = board.open_port("program", host.chips or None, host.cycle, card)
-            environment = preload.environment(port.info(), link, note)
-            port.close()
-            preload.warn_of(command(link)[0])
-        mine = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map)
+        mine, environment = link_of_program(board, file, host, link, note)
+        if mine.card is not None and not ahead:
+            preload.warn_of(command(link)[0], file.board.time)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
-        server = Server(board, [mine, *others], file.board.stall, _say, address)
-        recording = Recording(board, source.text, file.path, _say)
+        recording = Recording(board, source.text, file.path, complain)
         stack.callback(recording.close)
         recording.open(file.record, file.waves)
-        code = asyncio.run(_run_beside(server, recording, command(link), environment, note))
-        if outcome is not None:
+        links, stall = [mine, *others], file.board.stall
+        server = Server(board, links, stall, complain, address, settle=recording.settle)
+        board.run_until(board.now + ahead)
+        running = _run_beside(server, recording, command(link), environment, note, stdout)
+        code = asyncio.run(running)
+        if watched:
             outcome.look()
         if written is not None:
             written.flush()
-    lines = findings.lines()
-    if outcome is not None:
-        lines = [*(f"{what}: {path}" for what, path in files), *lines, *outcome.lines()]
-    for line in lines if summary else ():
-        _say(line)
-    return code
-
-
-def _say(sentence: str) -> None:
-    click.echo(f"vbus: {sentence}", err=True)
+    return Ran(code, findings, outcome)
 
 
 def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:
@@ -163,6 +220,7 @@ async def _run_beside(
     command: list[str],
     environment: dict[str, str],
     note: Path,
+    stdout: BinaryIO | None,
 ) -> int:
     """Serve while ``command`` runs."""
     loop = asyncio.get_running_loop()
@@ -170,24 +228,33 @@ async def _run_beside(
     recording.start(loop)
     counted = server.statistics()["metrics"]
     if counted:
-        _say(f"metrics: {counted}")
+        complain(f"metrics: {counted}")
     try:
-        code = await run_program(command, environment, note)
+        code = await run_program(command, environment, note, True, stdout)
         server.board.catch_up()
     finally:
         server.stop()
     return code
 
 
-async def run_program(command: list[str], environment: dict[str, str], note: Path) -> int:
+async def run_program(
+    command: list[str],
+    environment: dict[str, str],
+    note: Path,
+    alone: bool = False,
+    stdout: BinaryIO | None = None,
+) -> int:
     """Run ``command`` and return its exit code; if it died of a signal, 128 + its number.
 
-    SIGINT and SIGTERM are passed on, and end it in any case.
+    SIGINT and SIGTERM are passed on, and end it in any case, with all that comes from it. If this
+    process dies, so does the program.
 
     Args:
         command: program and arguments.
         environment: variables on top of those of this process.
         note: the file the library makes when the program ends by a fault of its own.
+        alone: whether the board ends with the program, and so what the program leaves behind.
+        stdout: takes what the program says.
 
     Raises:
         VbusError: it cannot be started.
@@ -196,6 +263,7 @@ async def run_program(command: list[str], environment: dict[str, str], note: Pat
     running: list[int] = []
     came: list[int] = []
     asked: list[asyncio.TimerHandle] = []
+    offspring = ending.Offspring()
 
     def pass_on(number: int) -> None:
         """Not by the process object, which would take the exit code from who waits for it."""
@@ -204,20 +272,33 @@ async def run_program(command: list[str], environment: dict[str, str], note: Pat
             with suppress(ProcessLookupError):
                 os.kill(pid, number)
             if not asked:
-                asked.append(loop.call_later(ending.PATIENCE, ending.end, pid, number))
+                asked.append(loop.call_later(ending.PATIENCE, offspring.kill, number))
 
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, pass_on, number)
-    try:
-        process = await asyncio.create_subprocess_exec(*command, env={**os.environ, **environment})
-    except OSError as error:
-        raise VbusError(f"{command[0]}: {error.strerror}") from error
-    running.append(process.pid)
-    for early in tuple(came):  # while it was being started
-        pass_on(early)
-    code = await process.wait()
-    for handle in asked:
-        handle.cancel()
+    with closing(offspring):
+        try:
+            process = await asyncio.create_subprocess_exec(
+                *command,
+                env={**os.environ, **environment},
+                preexec_fn=offspring.die_with_parent,
+                stdout=stdout,
+            )
+        except OSError as error:
+            raise VbusError(f"{command[0]}: {error.strerror}") from error
+        running.append(process.pid)
+        loop.add_signal_handler(signal.SIGCHLD, offspring.bury, process.pid)
+        for early in tuple(came):  # while it was being started
+            pass_on(early)
+        code = await process.wait()
+        until = asked[0].when() if asked else loop.time() + ending.PATIENCE
+        for handle in asked:
+            handle.cancel()
+        left = offspring.there()
+        if left and alone and not came:
+            ending.say_left(left)
+        if left and (alone or came):
+            await offspring.end(until)
     if "VBUS_EXEC" in environment:
         ending.explain(code, note)
     return code if code >= 0 else 128 - code

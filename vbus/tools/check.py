@@ -39,6 +39,7 @@ def _check(path: str) -> dict[str, Any]:
     from vbus.board.build import build
     from vbus.board.config import read_board_file
     from vbus.board.source import BoardFileError
+    from vbus.network.security import told
     from vbus.tools.check_records import check_records
 
     try:
@@ -76,6 +77,7 @@ def _check(path: str) -> dict[str, Any]:
         },
         "chips": {chip.name: chip.part for chip in file.chips},
         "hosts": [host.transport for host in file.hosts],
+        "rights": told(file.zenoh.allow or {}),
         "notes": notes,
     }
 
@@ -100,6 +102,8 @@ def _lines(report: dict[str, Any]) -> Iterator[str]:
         yield f"{board['file']}: ok: {chips}; {hosts}; {board['time']}"
         for node, members in board["nodes"].items():
             yield f"{board['file']}: node {node}: {', '.join(members)}"
+        for right in board["rights"]:
+            yield f"{board['file']}: zenoh: {right}"
         for note in board["notes"]:
             yield f"{board['file']}: note: {note}"
     rules = report.get("rules", [])

@@ -8,6 +8,7 @@ from vbus.board.board import Board
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.errors import VbusError
+from vbus.server.recording import ALONE, suppressions_of
 
 
 def check_records(file: BoardFile, board: Board, source: Source) -> None:
@@ -25,6 +26,8 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
         except (ValueError, VbusError) as error:
             source.fail(place, str(error))
 
+    if record.durable != "no" and not record.journal:
+        source.fail(("record", "durable"), ALONE)
     if record.report:
         from vbus.trace.findings.formats import format_of
 
@@ -40,8 +43,6 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
                 f"{record.coverage}: a coverage file's name ends in one of {known}",
             )
     if record.suppress:
-        from vbus.server.recording import suppressions_of
-
         with checked("record", "suppress"):
             suppressions_of(record.suppress)
     for wave in file.waves:

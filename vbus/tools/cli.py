@@ -8,7 +8,14 @@ from typing import Any, Final
 import click
 
 from vbus.compiled import core
-from vbus.errors import CaptureError, ConfigError, PluginError, TransportError, VbusError
+from vbus.errors import (
+    CaptureError,
+    ConfigError,
+    PluginError,
+    TimeEndedError,
+    TransportError,
+    VbusError,
+)
 from vbus.tools import exit_codes
 from vbus.version import __version__
 
@@ -51,6 +58,7 @@ _CODES: Final = {
     TransportError: exit_codes.NO_LINK,
     PluginError: exit_codes.NO_PLUGIN,
     CaptureError: exit_codes.BAD_CAPTURE,
+    TimeEndedError: exit_codes.TIME_ENDED,
 }
 
 

@@ -20,21 +20,21 @@ def detach(name: str) -> int | None:
     log = log_path(name)
     # Until it is ready, a board of this name that runs already keeps its log.
     begun = log.with_name(f".{log.name}.{os.getpid()}")
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as told:
-        told.bind("")  # an address of its own, which the system chooses
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notices:
+        notices.bind("")  # an address of its own, which the system chooses
         sys.stdout.flush()
         sys.stderr.flush()
         child = os.fork()
         if child == 0:
-            os.environ["NOTIFY_SOCKET"] = f"@{told.getsockname()[1:].decode()}"
+            os.environ["NOTIFY_SOCKET"] = f"@{notices.getsockname()[1:].decode()}"
             _leave(str(begun))
             return None
         ended = os.pidfd_open(child)
         try:
-            ready, _, _ = select.select([told.fileno(), ended], [], [])
+            ready, _, _ = select.select([notices.fileno(), ended], [], [])
         finally:
             os.close(ended)
-        if told.fileno() in ready:
+        if notices.fileno() in ready:
             begun.replace(log)
             click.echo(log.read_text().rpartition("\nready; ")[0])
             click.echo(f'ready; "vbus stop {name}" stops it')
@@ -48,7 +48,7 @@ def _leave(log: str) -> None:
     """Leave the terminal: a session of its own, no input, and output to a file."""
     os.setsid()
     nothing = os.open(os.devnull, os.O_RDONLY)
-    output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o600)
     for descriptor, place in ((nothing, 0), (output, 1), (output, 2)):
         os.dup2(descriptor, place)
     os.close(nothing)

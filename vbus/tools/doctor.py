@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -209,17 +210,15 @@ def runtime() -> Iterator[Finding]:
 
 def _stale(folder: Path) -> list[Path]:
     """Return the locks in ``folder`` that no living process holds, and the names they guard."""
-    import fcntl
+    from vbus.runtime import lock_of, lock_state, locked_names
 
     found = []
-    for lock in sorted(folder.glob(".*.lock")):
-        try:
-            with lock.open() as file:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            continue
-        name = folder / lock.name[1:].removesuffix(".lock")
-        found += [lock, name] if name.is_symlink() or name.exists() else [lock]
+    for name in locked_names(folder):
+        with suppress(OSError):
+            alive, _ = lock_state(name)
+            if not alive:
+                there = name.is_symlink() or name.exists()
+                found += [lock_of(name), name] if there else [lock_of(name)]
     return found
 
 

@@ -1,7 +1,10 @@
-"""The end of a program under ``vbus exec``: signals passed on, and what is said when it hangs."""
+"""The end of a program under ``vbus exec``: what hangs or is left behind is ended, and named."""
 
+import asyncio
+import ctypes
 import os
 import signal
+import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -11,20 +14,108 @@ import click
 PATIENCE: Final = 0.7
 """Seconds a program has, after SIGTERM or SIGINT, to end by itself."""
 
+_LOOK: Final = 0.02
+"""Seconds between looks whether what was left behind has ended."""
+
+_DEATH_SIGNAL: Final = 1
+_SUBREAPER: Final = 36
+"""What the system call prctl is asked for: PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER."""
+
 _STATES: Final = {
     "R": "is running", "S": "sleeps in the kernel", "D": "waits for a device", "T": "is stopped",
     "t": "is stopped by a debugger",
 }  # fmt: skip
 
 
-def descendants(pid: int) -> list[int]:
-    """Return a process and all that come from it, the youngest last."""
-    found = [pid]
-    for one in found:
-        for task in _tasks(one):
-            children = _read(f"/proc/{one}/task/{task}/children")
-            found += [int(child) for child in children.split()]
-    return found
+class Offspring:
+    """The program and the processes that come from it, also where their parents have ended.
+
+    Those become children of this process, as long as this object is in use.
+    """
+
+    def __init__(self) -> None:
+        self._others = set(_children(os.getpid()))
+        self._parent = os.getpid()
+        _ask(_SUBREAPER, 1)
+
+    def close(self) -> None:
+        """Care for orphans no more."""
+        _ask(_SUBREAPER, 0)
+
+    def die_with_parent(self) -> None:
+        """Have the system kill this process, the program's, once its parent is no more."""
+        _ask(_DEATH_SIGNAL, signal.SIGKILL)
+        if os.getppid() != self._parent:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    def there(self) -> list[int]:
+        """Return those that run, the youngest last."""
+        found = [child for child in _children(os.getpid()) if child not in self._others]
+        for one in found:
+            found += _children(one)
+        return [pid for pid in found if _state(pid) not in ("", "Z", "X")]
+
+    def bury(self, program: int = 0) -> None:
+        """Take notice of the ends of orphans; of the program's somebody else does."""
+        for child in _children(os.getpid()):
+            if child not in self._others and child != program:
+                with suppress(ChildProcessError):
+                    os.waitpid(child, os.WNOHANG)
+
+    def kill(self, number: int) -> None:
+        """Kill what has not ended after signal ``number``, and say what it was doing."""
+        hangs = what_hangs(self.there())
+        for pid in self.there():
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        _say(
+            f"{signal.Signals(number).name} has not ended the program within {PATIENCE:g} s; it is"
+            " killed",
+            *hangs,
+        )
+
+    async def end(self, until: float) -> None:
+        """End those that run: by SIGTERM, and by SIGKILL at ``until`` by the loop's clock."""
+        loop = asyncio.get_running_loop()
+        for pid in self.there():
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGTERM)
+        while self.there() and loop.time() < until:
+            await asyncio.sleep(_LOOK)
+            self.bury()
+        if self.there():
+            self.kill(signal.SIGTERM)
+
+
+def _ask(what: int, value: int) -> None:
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(what, value, 0, 0, 0)
+
+
+def _children(pid: int) -> list[int]:
+    texts = [_read(f"/proc/{pid}/task/{task}/children") for task in _tasks(pid)]
+    return [int(child) for text in texts for child in text.split()]
+
+
+def _state(pid: int, task: int | str = "") -> str:
+    """Return the letter that the kernel has for what a process, or a thread, does; "" for none."""
+    where = f"/proc/{pid}/task/{task}/stat" if task else f"/proc/{pid}/stat"
+    return next(iter(_read(where).rpartition(")")[2].split()), "")
+
+
+def _say(*sentences: str) -> None:
+    with suppress(OSError):  # nobody may be there who reads it
+        for sentence in sentences:
+            click.echo(f"vbus exec: {sentence}", err=True)
+
+
+def say_left(pids: list[int]) -> None:
+    """Name the processes that a program has left behind on a board that ends with it."""
+    names = ", ".join(f"{_read(f'/proc/{pid}/comm').strip()} (process {pid})" for pid in pids)
+    _say(
+        f"the program has ended and left behind: {names}; that ends too, with the board; what shall"
+        " go on needs a board that runs already (--join)"
+    )
 
 
 def _tasks(pid: int) -> list[str]:
@@ -41,37 +132,21 @@ def _read(path: str) -> str:
         return ""
 
 
-def what_hangs(pid: int) -> list[str]:
-    """Return a sentence for each thread of the processes that are left."""
+def what_hangs(pids: list[int]) -> list[str]:
+    """Return a sentence for each thread of these processes."""
     lines = []
-    for one in descendants(pid):
+    for one in pids:
         for task in _tasks(one):
             name = _read(f"/proc/{one}/task/{task}/comm").strip()
-            state = _read(f"/proc/{one}/task/{task}/stat").rpartition(")")[2].split()[:1]
-            if not state or state[0] in "ZX":
+            state = _state(one, task)
+            if state in ("", "Z", "X"):
                 continue
             where = _read(f"/proc/{one}/task/{task}/wchan").strip("0")
-            does = _STATES.get(state[0], f"is in state {state[0]}")
+            does = _STATES.get(state, f"is in state {state}")
             lines.append(
                 f"{name} (process {one}, thread {task}) {does}" + (f" in {where}" if where else "")
             )
     return lines
-
-
-def end(pid: int, number: int) -> None:
-    """Kill what has not ended, and say what it was doing."""
-    hangs = what_hangs(pid)
-    for one in descendants(pid):
-        with suppress(ProcessLookupError):
-            os.kill(one, signal.SIGKILL)
-    with suppress(OSError):  # nobody may be there who reads it
-        click.echo(
-            f"vbus exec: {signal.Signals(number).name} has not ended the program within"
-            f" {PATIENCE:g} s; it is killed",
-            err=True,
-        )
-        for line in hangs:
-            click.echo(f"vbus exec: {line}", err=True)
 
 
 def explain(code: int, note: Path) -> None:
@@ -82,10 +157,9 @@ def explain(code: int, note: Path) -> None:
         note: the file the library makes when the fault is the program's own.
     """
     if code == -signal.SIGSEGV and not note.exists():
-        click.echo(
-            "vbus exec: the program died of SIGSEGV and the library was not asked: by a system call"
+        _say(
+            "the program died of SIGSEGV and the library was not asked: by a system call"
             " of its own, not by the C library, it has blocked that signal or taken its handler"
             " away, and each access to the card needs both; a program without the C library"
-            " cannot be served",
-            err=True,
+            " cannot be served"
         )

@@ -1,6 +1,12 @@
 """``vbus exec``: a program and a board that live as long as each other."""
 
+from collections.abc import Callable
+
 import click
+
+from vbus.tools.output import record_options
+
+Runner = Callable[..., int]
 
 
 @click.command("exec", context_settings={"ignore_unknown_options": True})
@@ -12,12 +18,12 @@ import click
 @click.option("--avr", metavar="SPEC", help="PROGRAM is AVR firmware; mmcu=atmega328p,f=16000000.")
 @click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
 @click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
-@click.option("--journal", metavar="FILE", help="Write every call of every host to FILE.")
-@click.option("--report", metavar="FILE", help="Write violations: .txt, .json, .xml or .sarif.")
-@click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
-@click.option("--coverage", metavar="FILE", help="Write what is exercised: .txt, .json, .html.")
-@click.option("--wave", metavar="FILE", help="Write a waveform of everything to FILE (VCD).")
-@click.option("--metrics", metavar="HOST:PORT", help="Numbers for Prometheus; port 0: a free one.")
+@record_options
+@click.option(
+    "--sweep",
+    metavar="N[:CYCLE]",
+    help="Run N times, the chips' cycle 1/N further each time; tell where outcomes differ.",
+)
 @click.option(
     "--summary/--no-summary",
     default=True,
@@ -34,6 +40,7 @@ def command(
     summary: bool,
     program: tuple[str, ...],
     metrics: str | None,
+    sweep: str | None,
     **records: str | None,
 ) -> int:
     """Run a program on a board of its own; the exit code is the program's.
@@ -42,6 +49,7 @@ def command(
     vbus exec --board board.toml -- ./host          finds the board's link in $VBUS_LINK
     vbus exec --join bench -- ./host                on the board that vbus ls calls bench
     vbus exec --board board.toml --avr mmcu=atmega328p,f=16000000 firmware.elf
+    vbus exec --board board.toml --sweep 16 -- ./host       a table of what hangs on the phase
 
     SPEC is a list of mmcu=, f= (clock in Hz), cycles= (end after so many), until= (end when the
     firmware has sent this text), pin= (end when it drives a pin, PB5=1), uart=, pty= (a terminal
@@ -54,12 +62,20 @@ def command(
         )
     wanted = {key: value for key, value in records.items() if value is not None}
     given = {"transcript": transcript, "metrics": metrics, **wanted}
+    if sweep is not None and any(value is not None for value in given.values()):
+        raise click.UsageError("--sweep goes without records: a run of its own writes them")
+    given["sweep"] = sweep
     for option, value in given.items():
         if board is None and value is not None:
             raise click.UsageError(
                 f"--{option} goes with --board; a running board keeps its records if it was"
                 " started with such options of vbus run"
             )
+    runner: Runner
+    if sweep is not None:
+        runner = _sweep(sweep)
+    else:
+        from vbus.tools.beside import run_on_board as runner
     if join is not None:
         from vbus.tools.joining import link_of
 
@@ -71,14 +87,38 @@ def command(
             raise click.UsageError("--avr takes one firmware file and no arguments")
         try:
             return run_avr(
-                avr, program[0], board, link, pinmap, transcript, summary, wanted, metrics or ""
+                avr,
+                program[0],
+                board,
+                link,
+                pinmap,
+                transcript,
+                summary,
+                wanted,
+                metrics or "",
+                runner,
             )
         except ValueError as error:
             raise click.BadParameter(str(error), param_hint="--avr") from None
     if board is None:
         assert link is not None
         return _join(link, list(program))
-    return _run(board, pinmap, transcript, summary, list(program), wanted, metrics or "")
+    return _run(board, pinmap, transcript, summary, list(program), wanted, metrics or "", runner)
+
+
+def _sweep(text: str) -> Runner:
+    """Return what runs a program as ``--sweep`` says, in the place of ``run_on_board``."""
+    from vbus.protocols.quantities import parse_duration
+    from vbus.tools.sweep import sweep
+
+    number, _, cycle = text.partition(":")
+    try:
+        count, length = int(number), parse_duration(cycle) if cycle else 0
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--sweep") from None
+    if count < 2:
+        raise click.BadParameter("it takes two runs at least", param_hint="--sweep")
+    return lambda file, source, host, command, *_: sweep(count, length, file, source, host, command)
 
 
 def _join(link: str, program: list[str]) -> int:
@@ -97,7 +137,7 @@ def _join(link: str, program: list[str]) -> int:
         note = Path(folder) / "fault"
         variables = environment(info, link, note) if info.card else {"VBUS_LINK": link}
         if info.card:
-            warn_of(program[0])
+            warn_of(program[0], info.policy)
         return asyncio.run(run_program(program, variables, note))
 
 
@@ -109,18 +149,16 @@ def _run(
     program: list[str],
     record: dict[str, str],
     metrics: str,
+    runner: Runner,
 ) -> int:
     from vbus.board.config import read_board_file
-    from vbus.board.sections import HostSection
     from vbus.errors import ConfigError
     from vbus.server.serving import recorded
-    from vbus.tools.beside import run_on_board
+    from vbus.tools.beside import host_of
 
     file, source = read_board_file(board)
     file = recorded(file, record, metrics)
     if pinmap is not None and all(section.name != pinmap for section in file.pinmaps):
         raise ConfigError(f"{board}: there is no [pinmaps.{pinmap}]")
-    wanted = [host for host in file.hosts if pinmap is None or host.pinmap == pinmap]
-    described = [host for host in wanted if host.pinmap or host.card] or wanted
-    host = described[0] if described else HostSection(transport="", pinmap=pinmap or "")
-    return run_on_board(file, source, host, lambda _: program, transcript, summary)
+    host = host_of(file, pinmap)
+    return runner(file, source, host, lambda _: program, transcript, summary)

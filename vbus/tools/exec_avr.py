@@ -1,10 +1,11 @@
 """``vbus exec --avr``: AVR firmware in simavr, its port bits wired to the chips of a board."""
 
+import asyncio
 import hashlib
 import os
 import shutil
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +15,7 @@ from vbus.board.settings import listed, suggestion
 from vbus.errors import ConfigError, VbusError
 from vbus.native import include_dir
 from vbus.server.serving import recorded
-from vbus.tools.beside import run_on_board
+from vbus.tools.beside import run_on_board, run_program
 
 KEYS: Final = {
     "mmcu": "--mmcu",
@@ -116,6 +117,7 @@ def run_avr(
     summary: bool = True,
     record: Mapping[str, object] | None = None,
     metrics: str = "",
+    runner: Callable[..., int] = run_on_board,
 ) -> int:
     """Run firmware on a board of its own, or on one that runs already; return its exit code.
 
@@ -129,6 +131,7 @@ def run_avr(
         summary: whether the rules that were broken are told (with ``board`` only).
         record: replaces keys of the file's ``[record]`` (with ``board`` only).
         metrics: replaces ``listen`` of its ``[metrics]`` (with ``board`` only).
+        runner: takes the arguments of ``run_on_board``, and runs the program.
 
     Raises:
         ValueError: the specification is wrong, or neither or both of board and link are given.
@@ -140,12 +143,12 @@ def run_avr(
         raise ValueError("name either a board file or a link")
     if link is not None:
         command = [simulator(), "--link", link, *options, elf]
-        return subprocess.run(command).returncode
+        return asyncio.run(run_program(command, {}, Path()))
     assert board is not None
     file, source = read_board_file(board)
     file = recorded(file, record or {}, metrics)
     program = simulator()
-    return run_on_board(
+    return runner(
         file,
         source,
         _host(file, pinmap),

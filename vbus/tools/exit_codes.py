@@ -9,6 +9,7 @@ BAD_BOARD: Final = 3
 NO_LINK: Final = 4
 NO_PLUGIN: Final = 5
 BAD_CAPTURE: Final = 6
+TIME_ENDED: Final = 7
 INTERRUPTED: Final = 130
 
 MEANINGS: Final = {
@@ -19,5 +20,6 @@ MEANINGS: Final = {
     NO_LINK: "no such board runs, or a PTY, socket or serial device cannot be opened",
     NO_PLUGIN: "a plug-in is missing or broken",
     BAD_CAPTURE: "a capture cannot be read, or lacks what is needed",
+    TIME_ENDED: "chip time has come to its end, 106 days after power-on",
     INTERRUPTED: "interrupted by Ctrl-C",
 }

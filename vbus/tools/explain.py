@@ -1,6 +1,7 @@
 """``vbus explain``: bytes, status words, rules and journal entries in the manual's words."""
 
 import re
+import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
@@ -14,6 +15,8 @@ _HEX: Final = re.compile(r"(?:0x)?([0-9A-Fa-f]{1,2})[hH]?")
 _WORD: Final = re.compile(r"([a-z]+)=(?:0x)?([0-9A-Fa-f]{1,8})[hH]?")
 _LINE: Final = re.compile(r"\b([rw]) ([0-9A-Fa-f]{1,2}) ([0-9A-Fa-f]{2})(?: x(\d{1,6}))?\b")
 _ENTRY: Final = re.compile(r"(.+?)(?::(\d+)(?:-(\d+))?)?")
+_TOGETHER: Final = 1000
+"""Lines that are printed together where no person waits for the first."""
 _VALUES: Final = ("status", "signals", "mode")
 
 
@@ -42,8 +45,22 @@ def command(
         for name, value in (("status", status), ("signals", signals), ("mode", mode))
         if value is not None
     ]
-    for line in _lines(what, [*words, *items], no_progress):
-        click.echo(line)
+    _print(_lines(what, [*words, *items], no_progress))
+
+
+def _print(lines: Iterable[str]) -> None:
+    """Print lines: each at once on a terminal, many together elsewhere."""
+    waiting: list[str] = []
+    most = 1 if sys.stdout.isatty() else _TOGETHER
+    try:
+        for line in lines:
+            waiting.append(line)
+            if len(waiting) >= most:
+                click.echo("\n".join(waiting))
+                waiting.clear()
+    finally:
+        if waiting:
+            click.echo("\n".join(waiting))
 
 
 def _lines(what: str, items: list[str], quiet: bool) -> Iterable[str]:

@@ -14,9 +14,9 @@ from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
 from vbus.tools.output import bar, reading
 from vbus.trace.decode import BoardPackets
-from vbus.trace.journal.format import Entry, Header, JournalReader
+from vbus.trace.journal.format import PORTS, WRITE, Entry, Header, JournalReader
 from vbus.trace.journal.view import Sessions, show, violation_of
-from vbus.trace.packets import Packet
+from vbus.trace.packets import STATUS, CommandPackets, Cycle, Decoder, Packet
 
 _WAITING: Final = 5000
 
@@ -78,17 +78,35 @@ def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> It
             yield from _entries(reader, first, last)
             return
         yield f"# {path}: {_header(reader.header)}"
-        watch = _Lines(reader.header)
-        with progress(path, reader, "decoding", quiet or sys.stdout.isatty()) as entries:
-            sessions = Sessions()
-            for entry in entries:
-                show(entry, sessions, watch)
-                yield from watch.lines()
-            watch.finish()
-            yield from watch.lines()
-            yield from watch.rest()
+        quiet = quiet or sys.stdout.isatty()
+        with bar("decoding", path.stat().st_size, lambda: reader.position, quiet) as move:
+            yield from _explained(reader, move)
         if reader.damage:
             yield f"# {path}: {reader.damage}"
+
+
+def _explained(reader: JournalReader, move: Callable[[], None]) -> Iterator[str]:
+    """Give a whole journal as lines; equal cycles in a row are gone through at once."""
+    watch = _Lines(reader.header)
+    sessions = Sessions()
+    ready = watch.ready
+    for count, (number, when, span, key, value, times) in enumerate(reader.stretches()):
+        session = sessions.by_port.get(key // PORTS)
+        if key % PORTS <= WRITE and session is not None and type(value) is int:
+            write = key % PORTS == WRITE
+            watch.cycles(session.selected, when + span, span, times, write, value)
+        else:
+            show(reader.entry(number, when, span, key, value), sessions, watch)
+            watch.drain()
+        if ready:
+            yield from ready
+            ready.clear()
+        if not count & 0xFFF:
+            move()
+    watch.finish()
+    watch.drain()
+    watch.tell()
+    yield from ready
 
 
 def _header(header: Header) -> str:
@@ -110,7 +128,15 @@ class _Lines(BoardPackets):
 
     def __init__(self, header: Header) -> None:
         super().__init__(header.families, self._packet, header.settings)
-        self._waiting: list[tuple[int, int, str]] = []
+        self.ready: list[str] = []
+        """Lines before which none can come any more."""
+        self._statuses: dict[tuple[str, bool, int], str] = {}
+        """What a status byte reads, by chip, way, and address with byte: it stands outside
+        packets, so its text hangs on nothing else."""
+        self._first: int | None = None
+        """Instant of the last cycle of the oldest packet still open (ps), if any is."""
+        self._waiting: list[tuple[int, int, str, int, int]] = []
+        """Instant, number, text, how often in a row, instant of the last time."""
         self._count: int = 0
         self._text: str = ""
         """The line that is held back to be counted: its text, how often, from when until when."""
@@ -118,40 +144,100 @@ class _Lines(BoardPackets):
         self._begun: int = 0
         self._ended: int = 0
 
-    def _add(self, when: int, text: str) -> None:
-        heappush(self._waiting, (when, self._count, text))
-        self._count += 1
+    def cycles(self, chip: str, when: int, span: int, times: int, write: bool, value: int) -> None:
+        """Take bus cycles that follow each other and are equal.
+
+        Args:
+            chip: names of the chips.
+            when: latching edge of the first (ps).
+            span: from each to the next (ps).
+            times: how many they are.
+            write: whether the host wrote.
+            value: 256 times the address, plus the byte.
+        """
+        decoder = self._decoders.get(chip)
+        if decoder is None or self._lost:  # several chips, or one that has not taken a cycle
+            for turn in range(times):
+                self.bus_cycle(when + turn * span, "", chip, write, value >> 8, value & 0xFF)
+                self.drain()
+            return
+        text = self._statuses.get((chip, write, value))
+        if text is not None:
+            self._put(when, text, times, when + (times - 1) * span)
+            return
+        told = ""
+        for turn in range(times):
+            before = told
+            told = self._cycle(chip, decoder, Cycle(when, write, value >> 8, value & 0xFF))
+            if turn == 1 and told and told == before:  # so does each of the rest
+                self._put(when + span, told, times - 2, when + (times - 2) * span)
+                return
+            when += span
+
+    def _cycle(self, chip: str, decoder: Decoder, cycle: Cycle) -> str:
+        """Take one cycle; return its line if it is one by itself and no packet is open."""
+        packets = decoder.feed(cycle)
+        if not packets:
+            self._first = cycle.when  # it belongs to one that is open
+            return ""
+        for packet in packets:
+            text = self._told(chip, packet)
+        self.drain()
+        if len(packets) > 1 or len(packet.cycles) > 1:
+            return ""
+        if packet.kind == STATUS and isinstance(decoder, CommandPackets):
+            self._statuses[chip, cycle.write, cycle.address << 8 | cycle.data] = text
+        return text if self._first is None else ""
 
     def _packet(self, chip: str, packet: Packet) -> None:
+        self._told(chip, packet)
+
+    def _told(self, chip: str, packet: Packet) -> str:
         clause = f"  [{packet.clause}]" if packet.clause else ""
-        self._add(packet.end, f"{chip} {packet.text}{clause}")
+        text = f"{chip} {packet.text}{clause}"
+        self._wait(packet.end, text)
+        return text
 
     def violation(self, violation: Violation) -> None:
         """Show a finding where it was made."""
         super().violation(violation)
         v = violation
-        self._add(v.when, f"{v.chip} ! {v.rule}: {v.detail}  [{v.clause}]")
+        self._wait(v.when, f"{v.chip} ! {v.rule}: {v.detail}  [{v.clause}]")
 
-    def lines(self) -> Iterator[str]:
-        """Give the lines before which none can come any more."""
-        waiting = self._waiting
-        if not waiting:
+    def _wait(self, when: int, text: str, times: int = 1, last: int = 0) -> None:
+        heappush(self._waiting, (when, self._count, text, times, last or when))
+        self._count += 1
+
+    def _put(self, when: int, text: str, times: int, last: int) -> None:
+        """Take a line that opens and ends no packet, so many times."""
+        if times < 1:
             return
-        first = self.unfinished()
-        while waiting and (first is None or waiting[0][0] <= first or len(waiting) > _WAITING):
-            when, _, text = heappop(waiting)
-            if text != self._text:
-                yield from self.rest()
-                self._text, self._begun = text, when
-            self._times += 1
-            self._ended = when
+        if self._waiting or self._first is not None:
+            self._wait(when, text, times, last)
+        else:
+            self._fold(when, text, times, last)
 
-    def rest(self) -> Iterator[str]:
-        """Give the line that is held back."""
+    def drain(self) -> None:
+        """Tell the lines before which none can come any more."""
+        waiting = self._waiting
+        self._first = first = self.unfinished()
+        while waiting and (first is None or waiting[0][0] <= first or len(waiting) > _WAITING):
+            when, _, text, times, last = heappop(waiting)
+            self._fold(when, text, times, last)
+
+    def _fold(self, when: int, text: str, times: int, last: int) -> None:
+        if text != self._text:
+            self.tell()
+            self._text, self._begun = text, when
+        self._times += times
+        self._ended = last
+
+    def tell(self) -> None:
+        """Tell the line that is held back."""
         if self._times:
             more = self._ended - self._begun
             folded = f"  x {self._times}, {more / MS:.6g} ms" if self._times > 1 else ""
-            yield f"{instant(self._begun)} {self._text}{folded}"
+            self.ready.append(f"{instant(self._begun)} {self._text}{folded}")
         self._times = 0
 
 

@@ -1,13 +1,16 @@
 """``vbus ls``: the boards that run on this machine."""
 
 import os
-from typing import Any
+from typing import Any, Final
 
 import click
 
 from vbus.errors import TransportError
 from vbus.tools import exit_codes
 from vbus.tools.output import complain, show
+
+DAY: Final = 24 * 3600 * 10**12
+"""How long before the end of chip time it is shown (ps)."""
 
 
 @click.command("ls")
@@ -70,6 +73,8 @@ def _lines(board: dict[str, Any]) -> list[str]:
         f" lag {_seconds(board['lag_ps'])} (worst {_seconds(board['worst_lag_ps'])}),"
         f" {board['counters']['violations']} violations"
     ]
+    if board.get("time_left_ps", DAY) < DAY:
+        lines.append(f"  chip time ends in {_seconds(board['time_left_ps'])}")
     if "node" in board:
         lines += _node_lines(board["node"])
     for chip in board["chips"]:

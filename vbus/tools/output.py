@@ -5,13 +5,29 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Final
 
 import click
 
-from vbus.errors import VbusError
+from vbus.errors import VbusError, read_errors, write_errors
 
 no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
+
+_RECORDS: Final = (
+    ("--journal", "FILE", "Write every call of every host to FILE."),
+    ("--report", "FILE", "Write violations: .txt, .json, .xml or .sarif."),
+    ("--suppress", "FILE", "TOML file of accepted violations."),
+    ("--coverage", "FILE", "Write what is exercised: .txt, .json, .html."),
+    ("--wave", "FILE", "Write a waveform of everything to FILE (VCD)."),
+    ("--metrics", "HOST:PORT", "Numbers for Prometheus; port 0: a free one."),
+)
+
+
+def record_options(verb: Callable[..., int]) -> Callable[..., int]:
+    """Give a verb that has a board of its own the options for what is recorded of it."""
+    for name, metavar, text in reversed(_RECORDS):
+        verb = click.option(name, metavar=metavar, help=text)(verb)
+    return verb
 
 
 def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
@@ -42,10 +58,8 @@ def reading(path: Path, kind: type[VbusError] = VbusError) -> Iterator[BinaryIO]
     Raises:
         VbusError: it cannot be opened; of this kind.
     """
-    try:
+    with read_errors(path, kind):
         file = path.open("rb")
-    except OSError as error:
-        raise kind(f"{path}: cannot be read: {error.strerror}") from error
     with file:
         yield file
 
@@ -56,10 +70,8 @@ def write_file(path: Path, data: bytes) -> None:
     Raises:
         VbusError: it cannot be written.
     """
-    try:
+    with write_errors(path):
         path.write_bytes(data)
-    except OSError as error:
-        raise VbusError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 @contextmanager

@@ -51,12 +51,16 @@ def has_32_bits() -> bool:
     return (_cache() / f"exec-{_digest()}" / _FOLDERS[32][0] / NAME).exists()
 
 
-def warn_of(program: str) -> None:
-    """Say on stderr if the library cannot enter ``program``; call after :func:`environment`."""
-    from vbus.tools.reach import warning_for
+def warn_of(program: str, policy: str) -> None:
+    """Say on stderr what cannot be bent in ``program``; call after :func:`environment`.
 
-    text = warning_for(program, has_32_bits())
-    if text is not None:
+    Args:
+        program: as on the command line.
+        policy: who is the board's master of time.
+    """
+    from vbus.tools.reach import warnings_for
+
+    for text in warnings_for(program, has_32_bits(), policy != "realtime"):
         click.echo(f"vbus exec: warning: {text}", err=True)
 
 

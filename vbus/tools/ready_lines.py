@@ -5,6 +5,13 @@ from typing import Any, Final
 READY: Final = "ready; Ctrl-C stops it"
 """The last of them."""
 
+DURABLE: Final = {
+    "no": "of a process that is killed, the last 0.2 s may be missing",
+    "process": "has all that was answered, also if the process is killed",
+    "machine": "has all that was answered, also if the machine fails",
+}
+"""What a journal says of itself, by the setting ``durable``."""
+
 
 def lines_of(status: dict[str, Any]) -> list[str]:
     """Return what people are told of a board that is ready."""
@@ -19,6 +26,9 @@ def lines_of(status: dict[str, Any]) -> list[str]:
     for link in status["links"]:
         chips = ", ".join(link["chips"])
         lines.append(f"  link {link['url']}: {link['protocol']} protocol, to {chips}")
+    if "journal" in status:
+        journal = status["journal"]
+        lines.append(f"  journal {journal['file']}: {DURABLE[journal['durable']]}")
     if status["metrics"]:
         lines.append(f"  metrics {status['metrics']}")
     return lines

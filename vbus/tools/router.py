@@ -1,7 +1,7 @@
 """``vbus router``: where boards and hosts of several processes or computers meet."""
 
+import os
 import signal
-import threading
 from contextlib import ExitStack
 
 import click
@@ -42,9 +42,10 @@ def command(file: str | None, listen: tuple[str, ...], connect: tuple[str, ...])
     with ExitStack() as stack:
         session = open_network(network)
         stack.callback(close_session, session)
-        stop = threading.Event()
+        # Not an Event: its lock may be held by wait() at the moment a handler sets it.
+        ended, end = os.pipe()
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: stop.set())
+            signal.signal(number, lambda *_: os.write(end, b"\0"))
         place = places.register(places.router_place(), endpoints)
         stack.callback(places.unregister, place)
         access = answer_access(session, network.security) if network.security else None
@@ -52,5 +53,5 @@ def command(file: str | None, listen: tuple[str, ...], connect: tuple[str, ...])
         for endpoint in network.connect:
             click.echo(f"  connected to {endpoint}")
         click.echo(READY)
-        stop.wait()
+        os.read(ended, 1)
         del access

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vbus.tools import exit_codes
-from vbus.tools.output import complain, show
+from vbus.tools.output import complain, record_options, show
 
 if TYPE_CHECKING:
     from vbus.server.server import Server
@@ -27,12 +27,10 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.command("run")
 @click.argument("board")
 @click.option("--rate", callback=_rate, help='Chip seconds per second of wall time, or "max".')
-@click.option("--journal", metavar="FILE", help="Write every call of every host to FILE.")
-@click.option("--report", metavar="FILE", help="Write violations: .txt, .json, .xml or .sarif.")
-@click.option("--suppress", metavar="FILE", help="TOML file of accepted violations.")
-@click.option("--coverage", metavar="FILE", help="Write what is exercised: .txt, .json, .html.")
-@click.option("--wave", metavar="FILE", help="Write a waveform of everything to FILE (VCD).")
-@click.option("--metrics", metavar="HOST:PORT", help="Numbers for Prometheus; port 0: a free one.")
+@record_options
+@click.option(
+    "--durable", type=click.Choice(["process", "machine"]), help="What a journal survives, whole."
+)
 @click.option("--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save).")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
 @click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
@@ -54,6 +52,7 @@ def command(
     board: str,
     rate: float | None,
     journal: str | None,
+    durable: str | None,
     report: str | None,
     suppress: str | None,
     coverage: str | None,
@@ -83,7 +82,7 @@ def command(
     if file.nodes:
         single = {
             "--journal": journal, "--report": report, "--wave": wave, "--coverage": coverage,
-            "--from": start, "--metrics": metrics, "--rate": rate,
+            "--from": start, "--metrics": metrics, "--rate": rate, "--durable": durable,
         }  # fmt: skip
         for option, value in single.items():
             if value is not None:
@@ -104,7 +103,7 @@ def command(
 
     record = {
         "journal": journal, "report": report, "suppress": suppress, "coverage": coverage,
-        "wave": wave,
+        "wave": wave, "durable": durable,
     }  # fmt: skip
     record = {key: value for key, value in record.items() if value is not None}
     serve(board, rate, ready, complain, record, metrics or "", start or "")

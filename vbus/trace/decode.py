@@ -97,9 +97,13 @@ class BoardPackets(Observer):
 
     def violation(self, violation: Violation) -> None:
         """Remember a breach for which the cycle at this instant is lost: it comes right after."""
-        decoder = self._decoders.get(violation.chip)
-        if decoder is not None and violation.rule in decoder.LOST:
+        if self.loses(violation):
             self._lost[violation.chip] = (violation.when, violation.rule)
+
+    def loses(self, violation: Violation) -> bool:
+        """Tell whether the cycle of a breach is lost, which its packet will say."""
+        decoder = self._decoders.get(violation.chip)
+        return decoder is not None and violation.rule in decoder.LOST
 
     def unfinished(self) -> int | None:
         """Return the instant of the last cycle of the oldest packet still open (ps), if any is."""

@@ -1,7 +1,9 @@
 """Names in the runtime directory that survive a crash of their owner."""
 
+import errno
 import fcntl
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -9,13 +11,17 @@ from time import monotonic, sleep
 from typing import Final
 
 from vbus.errors import NameInUseError, TransportError
-from vbus.runtime import lock_of
-from vbus.runtime import runtime_directory as runtime_directory
+from vbus.runtime import lock_of, locked_names, runtime_directory
 
 PATIENCE_SECONDS: Final = 0.2
 PAUSE_SECONDS: Final = 0.01
 LONGEST_ADDRESS: Final = 107
 """Bytes of a Unix socket's path that the system takes."""
+
+
+_PLANTED: Final = (
+    "is no lock of vbus: it leads elsewhere, and would be overwritten there; remove it"
+)
 
 
 @contextmanager
@@ -70,8 +76,17 @@ class NameLock:
         """Return the lock's descriptor; -1 if its last owner has removed the file meanwhile."""
         path = lock_of(self._path)
         with ExitStack() as closing:
-            fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+            try:
+                fd = os.open(path, flags, 0o600)
+            except OSError as error:
+                if error.errno == errno.ELOOP:
+                    raise TransportError(f"{path} {_PLANTED}") from None
+                raise
             closing.callback(os.close, fd)
+            found = os.fstat(fd)
+            if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+                raise TransportError(f"{path} {_PLANTED}")
             while not _flock(fd):
                 if monotonic() > deadline:
                     owner = os.read(fd, 32).decode("ascii", "replace").partition("\n")[0] or "?"
@@ -107,8 +122,7 @@ def sweep(directory: Path) -> None:
     Sockets only in the runtime directory: elsewhere they may be another program's.
     """
     ours = runtime_directory().resolve() in (directory.resolve(), *directory.resolve().parents)
-    for found in directory.glob(".*.lock"):
-        name = directory / found.name[1:].removesuffix(".lock")
+    for name in locked_names(directory):
         lock = NameLock(name)
         if leads_to_terminal(name) or (ours and name.is_socket()):
             with suppress(TransportError):

@@ -4,7 +4,7 @@ from vbus.chips.lm628.axis import Axis
 from vbus.chips.lm628.chip import LM628
 from vbus.chips.lm628.datasheet import AC, COMMANDS
 from vbus.kernel import NS, US, Clock, Kernel
-from vbus.signals import HIGH, LOW, Observer, Pin, Plant, Policy, Violation, Z
+from vbus.signals import HIGH, LOW, Observer, Plant, Policy, Violation, Z
 
 SETUP = 30 * NS
 LOW_TIME = 180 * NS
@@ -117,7 +117,7 @@ class Bench:
         if plant is not None:
             self.chip.connect(0, plant)
         self.host = {
-            name: Pin(f"host {name}", self.chip.pins[name].net)
+            name: self.chip.pins[name].net.solder(f"host {name}")
             for name in ("/CS", "/PS", "/RD", "/WR", "D0-D7", "/RST", "A", "B", "/IN")
         }
         self.chip.judged = mode == "strobe"

@@ -52,7 +52,7 @@ class Bench:
     def drive(self, name: str, level: int) -> None:
         """Move a pin of the host (or of anything outside); -1 lets go."""
         if name not in self._host:
-            self._host[name] = Pin(f"host:{name}", self.chip.pins[name].net)
+            self._host[name] = self.chip.pins[name].net.solder(f"host:{name}")
         self._host[name].drive(level)
         self.kernel.settle()
 

@@ -209,7 +209,7 @@ class Bench:
         """Move a pin of the host, or of anything outside; -1 lets go."""
         pin = self._host.get(name)
         if pin is None:
-            pin = self._host[name] = Pin(f"host:{name}", self.chip.pins[name].net)
+            pin = self._host[name] = self.chip.pins[name].net.solder(f"host:{name}")
         pin.drive(level)
         self.kernel.settle()
 

@@ -6,7 +6,7 @@ from tests.conformance.mcp1200.conftest import Bench, Edges, Rail
 from vbus.board.board import Board
 from vbus.chips.mcp1200.chip import MCP1200
 from vbus.kernel import NEVER, NS, US, Kernel
-from vbus.signals import HIGH, LOW, Pin
+from vbus.signals import HIGH, LOW
 
 MS = 1_000 * US
 
@@ -69,7 +69,7 @@ def test_four_chips_on_one_sync_net_start_their_samples_in_the_same_clock() -> N
         bench.until(bench.sample_start() + 1 + number)
         bench.put("SAMPLE_TIMER", 0x40)
     watches = [bench.watch("BUSY") for bench in chips]
-    host = Pin("host:/SYNC", chips[0].chip.pins["/SYNC"].net)
+    host = chips[0].chip.pins["/SYNC"].net.solder("host:/SYNC")
     host.drive(LOW)
     kernel.settle()
     for bench in chips:

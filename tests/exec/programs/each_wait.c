@@ -18,7 +18,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>
-#include <sys/io.h>
 #include <sys/ipc.h>
 #include <sys/sem.h>
 #include <sys/select.h>
@@ -30,7 +29,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#define BASE 0x340
+#include "lm629.h"
 
 static volatile sig_atomic_t signals;
 static int seconds; /* 0: 20 ms */
@@ -42,41 +41,13 @@ static void on_signal(int number)
     signals = signals + 1;
 }
 
-static void ready(void)
-{
-    while (inb(BASE) & 1)
-        ;
-}
-
-static void command(unsigned code, unsigned count, const unsigned char *data)
-{
-    unsigned turn;
-
-    ready();
-    outb((unsigned char)code, BASE);
-    for (turn = 0; turn + 1 < count; turn += 2) {
-        ready();
-        outb(data[turn], BASE + 1);
-        outb(data[turn + 1], BASE + 1);
-    }
-    ready();
-}
-
 static void prepare(void)
 {
-    static const unsigned char filter[] = {0, 15, 0, 50, 0, 10, 0, 50, 0, 100};
-    static const unsigned char move[] = {0, 42, 0, 0, 0, 200, 0, 2, 0, 0, 0, 0, 0, 40};
-    static const unsigned char complete[] = {0, 4}, nothing[] = {0, 0};
-
     ready();
     outb(0, BASE); /* RESET: another program may have been here */
     while ((inb(BASE) & 0xBF) != 0x84)
         ;
-    command(0x1D, 2, nothing);
-    command(0x1C, 2, complete);
-    command(0x1E, sizeof filter, filter);
-    command(0x04, 0, NULL);
-    command(0x1F, sizeof move, move);
+    load_move(200, 40);
 }
 
 static long long now(void)

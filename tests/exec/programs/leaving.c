@@ -99,6 +99,34 @@ static void add(void)
     printf("%02x\n", inb(KEEP));
 }
 
+/* Tell a process that goes on when this one has ended; it uses the card again when asked to end. */
+static void end_softly(int number)
+{
+    outb((unsigned char)number, KEEP);
+    _exit(0);
+}
+
+static void leaves(const char *how)
+{
+    pid_t child;
+
+    own();
+    outb(1, KEEP);
+    child = fork();
+    if (child == 0 && strcmp(how, "orphan") == 0 && fork() != 0)
+        _exit(0);
+    if (child == 0) {
+        signal(SIGTERM, strcmp(how, "stubborn") == 0 ? SIG_IGN : end_softly);
+        inb(KEEP);
+        printf("%d\n", (int)getpid());
+        fflush(stdout);
+        for (;;)
+            pause();
+    }
+    while (getchar() != '\n')
+        ;
+}
+
 static void on_signal(int number)
 {
     printf("handler %d\n", number == SIGTERM);
@@ -203,6 +231,8 @@ int main(int count, char **arguments)
         starts(how);
     else if (strcmp(part, "add") == 0)
         add();
+    else if (strcmp(part, "leaves") == 0)
+        leaves(how);
     else if (strcmp(part, "dies") == 0)
         dies(how);
     else if (strcmp(part, "cut") == 0)

@@ -162,6 +162,16 @@ static void cancel_in(const char *how)
     printf("cancelled %d in %s\n", result == PTHREAD_CANCELED && cleaned, how);
 }
 
+/* An access is no point at which a thread may be cancelled. */
+static void *cancel_itself(void *data)
+{
+    pthread_cancel(pthread_self());
+    inb(KEEP);
+    cleaned = 1;
+    pthread_testcancel();
+    return data;
+}
+
 static void *wait_for(void *data)
 {
     sem_wait(data);
@@ -269,6 +279,11 @@ int main(void)
     cancel_in("sleep");
     cancel_in("condition");
     cancel_in("access");
+    cleaned = 0;
+    pthread_create(&thread, NULL, cancel_itself, NULL);
+    pthread_join(thread, &result);
+    inb(KEEP);
+    printf("cancelled %d after an access\n", result == PTHREAD_CANCELED && cleaned);
     pthread_create(&thread, NULL, leave, (void *)5);
     pthread_join(thread, &result);
     printf("left by exit %d\n", (int)(intptr_t)result);

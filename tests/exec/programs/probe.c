@@ -14,9 +14,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/auxv.h>
 #include <sys/io.h>
 #include <sys/mman.h>
 #include <sys/select.h>
+#include <sys/syscall.h>
 #include <sys/time.h>
 #include <sys/wait.h>
 #include <time.h>
@@ -421,6 +423,23 @@ static void times(void)
     printf("busy loop ends\n");
 }
 
+/* Calls by number: what is not bent is told, or refused. */
+static void numbers(void)
+{
+    struct timespec brief = {0, 1000};
+    long result;
+
+    own();
+    inb(KEEP);
+    result = syscall(SYS_ppoll, NULL, 0, &brief, NULL, 8);
+    printf("ppoll %ld", result);
+    result = syscall(SYS_ppoll, NULL, 0, &brief, NULL, 8);
+    printf(" %ld\n", result);
+    result = syscall(SYS_io_uring_setup, 4, NULL);
+    printf("io_uring %ld, as if it were not there %d\n", result, errno == ENOSYS);
+    printf("vDSO %lu\n", getauxval(AT_SYSINFO_EHDR));
+}
+
 int main(int count, char **arguments)
 {
     static const struct {
@@ -432,7 +451,7 @@ int main(int count, char **arguments)
         {"faults", faults},   {"handler", handler},     {"crash", crash},     {"threads", threads},
         {"forks", forks},     {"closes", closes},       {"posted", posted},   {"show", show},
         {"endless", endless}, {"times", times},         {"store", store},
-        {"unsupported", unsupported},
+        {"unsupported", unsupported}, {"numbers", numbers},
     };
     unsigned turn;
 

@@ -13,12 +13,11 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>
-#include <sys/io.h>
 #include <sys/select.h>
 #include <time.h>
 #include <unistd.h>
 
-#define BASE 0x340
+#include "lm629.h"
 
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
 static pthread_cond_t condition = PTHREAD_COND_INITIALIZER;
@@ -27,41 +26,11 @@ static volatile int served, ended;
 static int device;
 static const char *how;
 
-static void ready(void)
+static void command_in_turn(unsigned code, unsigned count, const unsigned char *data)
 {
-    while (inb(BASE) & 1)
-        ;
-}
-
-static void command(unsigned code, unsigned count, const unsigned char *data)
-{
-    unsigned turn;
-
     pthread_mutex_lock(&mutex);
-    ready();
-    outb((unsigned char)code, BASE);
-    for (turn = 0; turn + 1 < count; turn += 2) {
-        ready();
-        outb(data[turn], BASE + 1);
-        outb(data[turn + 1], BASE + 1);
-    }
-    ready();
+    command(code, count, data);
     pthread_mutex_unlock(&mutex);
-}
-
-static void start_move(void)
-{
-    static const unsigned char filter[] = {0, 15, 0, 50, 0, 10, 0, 50, 0, 100};
-    static const unsigned char move[] = {0, 42, 0, 0, 0, 200, 0, 2, 0, 0, 0, 0, 0, 40};
-    static const unsigned char complete[] = {0, 4}, nothing[] = {0, 0};
-
-    while (inb(BASE) != 0x84)
-        ;
-    command(0x1D, 2, nothing);
-    command(0x1C, 2, complete);
-    command(0x1E, sizeof filter, filter);
-    command(0x04, 0, NULL);
-    command(0x1F, sizeof move, move);
 }
 
 static uint32_t wait_for_interrupt(void)
@@ -92,14 +61,12 @@ static uint32_t wait_for_interrupt(void)
 
 static void *serve(void *data)
 {
-    static const unsigned char nothing[] = {0, 0};
-
     (void)data;
     while (served < 2) {
         uint32_t number = wait_for_interrupt();
 
         printf("interrupt %u, status %02x\n", (unsigned)number, inb(BASE));
-        command(0x1D, 2, nothing); /* RSTI */
+        command_in_turn(0x1D, 2, nothing); /* RSTI */
         pthread_mutex_lock(&mutex);
         served++;
         pthread_cond_signal(&condition);
@@ -129,7 +96,9 @@ int main(int count, char **arguments)
     how = count > 1 ? arguments[1] : "";
     if (ioperm(BASE, 2, 1) != 0)
         return 1;
-    start_move();
+    while (inb(BASE) != 0x84)
+        ;
+    load_move(200, 40);
     sem_init(&semaphore, 0, 0);
     if (strcmp(how, "nobody") != 0) {
         device = open("/dev/uio0", O_RDWR);
@@ -142,7 +111,7 @@ int main(int count, char **arguments)
     if (strcmp(how, "nobody") == 0)
         return 0;
     for (turn = 1; turn <= 2; turn++) {
-        command(0x01, 0, NULL); /* STT */
+        command_in_turn(0x01, 0, NULL); /* STT */
         before = polls;
         if (strcmp(work, "condition") == 0) {
             pthread_mutex_lock(&mutex);

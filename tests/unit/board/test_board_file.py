@@ -8,7 +8,7 @@ from tests.unit.board.parts import Acme, Motor
 from vbus.board import plugins
 from vbus.board.board import Board
 from vbus.board.build import card_of, load_board, load_board_text
-from vbus.board.cards import card_of_rows
+from vbus.board.cards import Card, card_of_rows
 from vbus.board.config import read_board_text
 from vbus.board.source import BoardFileError
 from vbus.chips.tables import CardRow
@@ -135,6 +135,11 @@ def test_violations_have_a_policy_by_default_family_and_rule(board: Board) -> No
     assert policy.of("board.contention") == STRICT
     assert policy.of("acme.slow") == WARN
     assert policy.of("toy.T1") == OFF
+
+
+def test_what_floats_of_a_card_is_counted_from_its_base() -> None:
+    card = Card("c", 3, {}, {}, {0: 0x0F, 1: 0x80})
+    assert [card.floating(address) for address in (3, 4, 5)] == [0x0F, 0x80, 0]
 
 
 def test_a_dotted_rule_needs_no_quotes() -> None:
@@ -360,8 +365,6 @@ MISTAKES = [
      'b.toml:5: plants.none: "none" stands for no plant; choose another name'),
     ("", '[violations]\ndefault = "of"\n', 'b.toml:9: violations.default: found "of"; did you mean'
      ' "off"? allowed are "off", "warn", "strict"'),
-    ("", '[violations]\n"toy.T2" = "off"\n', 'b.toml:9: violations."toy.T2": unknown rule; did you'
-     ' mean "toy.T1"? "vbus check --rules" lists them all'),
     # metrics
     ("", '[metrics]\nlisten = "0.0.0.0:9100"\n', 'b.toml:9: metrics.listen: "0.0.0.0:9100" lets'
      ' other computers in; write "127.0.0.1:9100", or say remote = true in [metrics] if that is'
@@ -470,6 +473,52 @@ def test_a_mistake_is_named_with_its_line_and_what_is_allowed(mistake: tuple[str
     with pytest.raises(ConfigError) as caught:
         load_board_text(text, "b.toml")
     assert str(caught.value).split("\n") == lines
+
+
+CERTIFICATES = 'certificate = "a"\nkey = "b"\nauthority = "c"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "problems"),
+    [
+        ('listen = ["tcp/127.0.0.1:7447"]\n', {}),
+        ('connect = ["tcp/127.0.0.1:7447"]\n' + CERTIFICATES, {}),
+        ('listen = ["tls/127.0.0.1:7447"]\n' + CERTIFICATES, {}),
+        ('listen = ["tcp/127.0.0.1:7447"]\n' + CERTIFICATES, {
+            "zenoh.listen[0]": '"tcp/127.0.0.1:7447" lets hosts in that show no certificate; write'
+            ' "tls/127.0.0.1:7447", or leave certificate, key and authority out',
+        }),
+        ('connect = ["tls/127.0.0.1:7447"]\n', {
+            "zenoh.connect[0]": '"tls/127.0.0.1:7447" needs certificates: give certificate, key and'
+            " authority",
+        }),
+        ('certificate = "a"\n', {
+            "zenoh": "certificate, key and authority belong together; missing: key, authority",
+        }),
+    ],
+)  # fmt: skip
+def test_certificates_fit_each_other_and_the_endpoints(text: str, problems: dict[str, str]) -> None:
+    found = {}
+    try:
+        read_board_text(f"{SMALL}[zenoh]\n{text}", "b.toml")
+    except BoardFileError as error:
+        found = {it.key: str(it).partition(f"{it.key}: ")[2] for it in error.problems}
+    assert found == problems
+
+
+def test_what_follows_an_unknown_key_is_checked_too() -> None:
+    with pytest.raises(BoardFileError) as caught:
+        load_board_text(SMALL + "[zenoh]\nnope = 1\nmode = 2\n", "b.toml")
+    assert [problem.key for problem in caught.value.problems] == ["zenoh.nope", "zenoh.mode"]
+
+
+def test_a_rule_no_chip_has_is_named_also_beside_one_of_a_chip_that_is_not_there() -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_board_text(SMALL + '[violations]\n"toy.T1" = "off"\n"toy.T2" = "off"\n', "b.toml")
+    assert str(caught.value) == (
+        'b.toml:10: violations."toy.T2": unknown rule; did you mean "toy.T1"?'
+        ' "vbus check --rules" lists them all'
+    )
 
 
 def test_all_mistakes_are_named_in_the_order_of_their_lines() -> None:

@@ -452,6 +452,45 @@ def test_a_claim_holds_the_other_session_until_it_is_given_back() -> None:
     assert one.held
 
 
+def test_a_session_that_is_held_by_a_claim_goes_on_no_sooner() -> None:
+    board, one = bench()
+    two = board.open_port("two")
+    one.claim()
+    assert not two.go_on()
+    one.unclaim()
+    assert two.go_on()
+
+
+def test_a_session_held_by_a_claim_goes_on_with_another_chip() -> None:
+    board, one = bench(chips=2)
+    two = board.open_port("two")
+    one.claim()
+    two.select(0b10)
+    assert two.go_on()
+
+
+def test_a_wait_ends_when_its_time_is_over() -> None:
+    _, port = bench()
+    port.write(0, 100)
+    assert port.wait(2 * US) == (False, 3 * US)
+
+
+def test_a_slaved_host_may_be_a_millisecond_ahead_before_it_is_held() -> None:
+    board, port = bench("slaved")
+    board.limit = US
+    port.at(1001 * US)
+    assert not port.held
+    port.at(1001 * US + 1)
+    assert (port.held, port.hold_until) == (True, US + 1)
+
+
+def test_a_cycle_stamped_with_instant_0_is_at_instant_0() -> None:
+    board, port = bench("slaved")
+    port.at(0)
+    port.read(0)
+    assert board.now == 0
+
+
 def test_a_claim_on_one_chip_leaves_the_others_free() -> None:
     board, one = bench(chips=2)
     two = board.open_port("two")

@@ -10,7 +10,7 @@ from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.host_leases import LONGEST_LEASE
 from vbus.chips.lm628.datasheet import COMMANDS
-from vbus.kernel import MS, NEVER, US
+from vbus.kernel import END, MS, NEVER, US
 from vbus.protocols.port import PortError
 from vbus.signals import Observer
 
@@ -370,6 +370,13 @@ def test_a_slaved_host_stamps_each_of_its_polls() -> None:
     assert [when for when, *_ in log.cycles] == [7 * US, 9 * US]
 
 
+def test_polls_of_a_slaved_host_begin_at_its_stamp() -> None:
+    board, port, _ = toy_bench("slaved")
+    port.at(100 * US)
+    assert port.polled(0, 3)
+    assert (board.now, board.counters["reads"]) == (102 * US, 3)
+
+
 @pytest.mark.parametrize("watched", [False, True])
 def test_stamped_polls_are_run_at_their_stamps_and_counted(watched: bool) -> None:
     board, port, _ = toy_bench("slaved")
@@ -382,8 +389,8 @@ def test_stamped_polls_are_run_at_their_stamps_and_counted(watched: bool) -> Non
         assert [when // US for when, *_ in log.cycles] == [7, 9, 9, 14]
     with pytest.raises(PortError, match="before the last at"):
         port.polled_at(0, 13 * US, ())
-    with pytest.raises(PortError, match="time ends"):
-        port.polled_at(0, (1 << 63) - 3, (5,))
+    with pytest.raises(PortError, match=f"^at {END + 2}: time ends at {END} ps$"):
+        port.polled_at(0, END - 3, (2, 3))
     assert board.counters["reads"] == 4, "a refused request has run no poll"
 
 
@@ -429,7 +436,7 @@ def test_polls_wait_for_the_time_they_take(watched: bool) -> None:
 
 def test_polls_beyond_the_end_of_time_are_refused() -> None:
     board, port, _ = toy_bench()
-    assert port.delay((1 << 63) - 2 - 5 * US)
+    assert port.delay(END - 5 * US)
     with pytest.raises(PortError, match="time ends"):
         port.polled(0, 10)
     assert board.counters["reads"] == 5

@@ -110,3 +110,9 @@ def test_the_part_decides_which_settings_there_are(checker: Any) -> None:
 
 def test_a_part_of_a_package_that_is_not_installed_is_left_to_the_reader(checker: Any) -> None:
     assert wrong(checker, BOARD.replace("LM629N-8", "XY-1")) == []
+
+
+def test_a_section_has_no_keys_but_its_own() -> None:
+    board = schema()["properties"]["board"]
+    assert board["additionalProperties"] is False
+    assert board["properties"]["seed"]["minimum"] == 0

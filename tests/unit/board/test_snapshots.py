@@ -19,6 +19,7 @@ from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.framed import FramedProtocol
 from vbus.protocols.text import TextProtocol
 from vbus.signals import Observer
+from vbus.state.first import to_tuple
 from vbus.trace.journal.journal import Journal
 
 BENCH = """\
@@ -304,9 +305,21 @@ def test_a_snapshot_of_another_version_of_vbus_is_loaded() -> None:
     assert board.now == snapshot.when
 
 
+def test_a_state_of_the_first_version_that_lacks_a_chip_is_refused() -> None:
+    board = load_board_text(BENCH)
+    before = board.save()
+    first = to_tuple(board, before)
+    with pytest.raises(SnapshotError):
+        board.load((*first[:2], first[2][:-1], *first[3:]))
+    assert board.save() == before
+
+
 @pytest.mark.core("interpreted")  # an object of a compiled class keeps its class
+@pytest.mark.parametrize(
+    "error", [ZeroDivisionError, AttributeError, KeyError, TypeError, ValueError]
+)
 def test_a_part_that_fails_while_it_is_loaded_leaves_the_board_as_it_was(
-    monkeypatch: pytest.MonkeyPatch,
+    error: type[Exception],
 ) -> None:
     board = load_board_text(BENCH)
     snapshot = snapshots.take(board)
@@ -314,7 +327,7 @@ def test_a_part_that_fails_while_it_is_loaded_leaves_the_board_as_it_was(
     class Odd(type(board.chips[1])):  # type: ignore[misc]
         def load(self, state):
             if state == "bad":
-                raise ValueError("three")
+                raise error("three")
             super().load(state)
 
         def save(self):
@@ -325,7 +338,7 @@ def test_a_part_that_fails_while_it_is_loaded_leaves_the_board_as_it_was(
     before = board.save()
     first, _, third = snapshot.state["chips"]
     bad = {**snapshot.state, "chips": (first, "bad", third)}
-    with pytest.raises(SnapshotError, match="the state does not fit: ValueError"):
+    with pytest.raises(SnapshotError, match=f"the state does not fit: {error.__name__}"):
         snapshots.restore(board, replace(snapshot, state=bad))
     assert board.save() == before
 

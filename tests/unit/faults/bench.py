@@ -16,10 +16,16 @@ LIMIT = '[plants.m.switches."limit+"]\nfirst = 500\nlast = 100000\n'
 SAMPLE = 256 * US
 
 
-def build(chip: str = LM, plant: str = DC, extra: str = "", power_on: str = "done") -> Board:
-    """Return a lockstep board."""
+def build(
+    chip: str = LM,
+    plant: str = DC,
+    extra: str = "",
+    power_on: str = "done",
+    policy: str = "lockstep",
+) -> Board:
+    """Return a board."""
     return load_board_text(
-        f'[board]\nname = "bench"\ntime = "lockstep"\npower_on = "{power_on}"\n{chip}{plant}{extra}'
+        f'[board]\nname = "bench"\ntime = "{policy}"\npower_on = "{power_on}"\n{chip}{plant}{extra}'
     )
 
 

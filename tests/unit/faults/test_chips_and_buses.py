@@ -280,6 +280,14 @@ def test_bus_faults_of_other_chips_come_and_go(name: str, family: str) -> None:
     assert host.port.read(address) == whole
 
 
+def test_a_state_throws_the_switches_of_the_faults_it_has_and_no_others() -> None:
+    board, other = build(), build()
+    board.faults.arm("busy_longest")
+    other.load(board.save())
+    chip = other.chips[0]
+    assert (chip.host.worst, chip.axis.stuck_part) == (True, False)
+
+
 def test_hostrdy_rises_when_it_is_no_longer_stuck_with_nothing_to_do() -> None:
     board = build(MC, STEPPER)
     Mc(board).ready()

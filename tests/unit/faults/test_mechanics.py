@@ -319,6 +319,16 @@ def test_a_limit_switch_stuck_open_lets_the_axis_pass() -> None:
     assert host.read(0x07) & 0x80
 
 
+def test_a_fault_of_one_switch_leaves_the_others_alone() -> None:
+    home = "[plants.m.switches.home]\nfirst = 300\nlast = 400\n"
+    board = build(MCP, DC, LIMIT + home)
+    board.faults.arm("limit_stuck", state="open", switch="limit+")
+    switches = board.plants[0].switches
+    assert [switches[name].level(count) for name, count in (("home", 350), ("limit+", 600))] == [
+        switches["home"].active, not switches["limit+"].active,
+    ]  # fmt: skip
+
+
 def test_a_bouncing_limit_switch_closes_again_and_again() -> None:
     board = build(MCP, DC)
     pin = board.chips[0].pins["/LIMIT"]

@@ -53,6 +53,13 @@ def test_a_stuck_channel_leaves_the_decoder_between_two_states(
     assert [plant.drive(0.0, 1) for _ in range(12)] == 3 * seen
 
 
+@pytest.mark.parametrize("step", [1, -1])
+def test_every_second_step_is_lost_one_by_one(step: int) -> None:
+    plant = FaultyPlant(IdealPlant())
+    plant.lose_every = 2
+    assert [plant.pulses(step) for _ in range(4)] == [10 * step, 10 * step, 20 * step, 20 * step]
+
+
 @pytest.mark.parametrize("share", [1 << 20, -(1 << 20), 1 << 19])
 def test_a_count_is_reached_when_it_is_first_shown(share: int) -> None:
     plant = follower()

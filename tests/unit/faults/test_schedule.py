@@ -12,6 +12,17 @@ from vbus.board.board import Board
 from vbus.errors import SnapshotError
 from vbus.faults.row import LINK
 from vbus.faults.table import faults
+from vbus.faults.trigger import (
+    AT,
+    COMMAND,
+    CYCLE,
+    EDGE,
+    NOW,
+    POSITION,
+    RATE,
+    When,
+    read_when,
+)
 from vbus.kernel import MS, US
 from vbus.signals import Observer
 
@@ -97,9 +108,13 @@ def test_a_register_write_is_seen_by_name_or_address(name: str) -> None:
 def test_an_edge_begins_it_at_its_own_instant() -> None:
     board = build()
     host = Lm(board)
-    fault = board.faults.arm("jam", when="edge /RST low")
     pin = host.port.pin_number("x./RST")
+    host.port.pin(pin, 0)
+    fault = board.faults.arm("jam", when="edge /RST low")
+    board.run_until(2 * MS)
+    host.port.pin(pin, 1)
     board.run_until(3 * MS)
+    assert fault.state == "waiting"
     host.port.pin(pin, 0)
     board.run_for(US)
     assert fault.state == "acting"
@@ -271,6 +286,36 @@ def test_a_link_fault_without_a_server_fails_and_says_so() -> None:
     fault = board.faults.arm("link_closed")
     assert fault in board.faults.unfired()
     assert board.faults.log[-1].text == "no link is served: this board runs without a server"
+
+
+def test_a_command_to_the_only_chip_begins_a_fault_of_a_link() -> None:
+    board = build()
+    board.faults.arm("link_closed", when="command DFH")
+    host = Lm(board)
+    host.ready()
+    host.port.write(0, 0x02)
+    board.run_for(0)
+    assert [(e.when, e.name) for e in board.faults.log] == [(board.now, "link_closed")]
+    board = build(extra='[chips.y]\npart = "MCP-1200"\nclock = "20 MHz"\nplant = "none"\n')
+    with pytest.raises(ValueError, match='when = "command DFH": a fault of a link has no command'):
+        board.faults.arm("link_closed", when="command DFH")
+
+
+@pytest.mark.parametrize(
+    ("text", "when"),
+    [
+        ("now", When(NOW, 0, "", "now")),
+        ("at 5 ms", When(AT, 5 * MS, "", "at 5 ms")),
+        ("cycle 12", When(CYCLE, 12, "", "cycle 12")),
+        ("position -0x10", When(POSITION, -16, "", "position -0x10")),
+        ("command LTRJ", When(COMMAND, 0, "LTRJ", "command LTRJ")),
+        ("edge x./RST low", When(EDGE, 0, "x./RST", "edge x./RST low")),
+        ("edge HI high", When(EDGE, 1, "HI", "edge HI high")),
+        ("rate 10 Hz", When(RATE, 100 * MS, "", "rate 10 Hz")),
+    ],
+)
+def test_a_trigger_is_read_into_its_kind_and_its_number(text: str, when: When) -> None:
+    assert read_when(text) == when
 
 
 NAMES = sorted(name for name, fault in FAULTS.items() if fault.target != LINK)

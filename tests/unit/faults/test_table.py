@@ -18,7 +18,7 @@ NUMBERS = {
     ("index_double", "distance"): (40, 4, 1 << 30),
     ("offset_jump", "counts"): (100, -(1 << 30), 1 << 30),
     ("limit_bouncing", "period"): (1_000_000_000, 2_000_000, None),
-    ("busy_longest", "extra"): (500_000_000, 0, None),
+    ("busy_longest", "extra"): (500_000_000, 0, 10**15),
     ("reset_fails", "times"): (1, 1, 1000),
     ("clock_off", "ppm"): (100, -100_000, 100_000),
     ("bit_stuck", "bit"): (0, 0, 7),

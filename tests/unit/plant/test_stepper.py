@@ -204,3 +204,10 @@ def test_slow_periods_are_cut_finely_enough_for_the_rotor():
 def test_full_steps_that_make_no_whole_electrical_cycles_are_refused():
     with pytest.raises(ValueError, match="must be a multiple of 4"):
         StepperMotor({"full_steps": 202})
+
+
+def test_a_shaft_that_gains_speed_does_not_rest_though_its_place_stays() -> None:
+    plant = StepperMotor({"inertia": 1e9, "static_friction": 0.0, "coulomb_friction": 0.0})
+    assert plant.phases(0.7, 0.7, 0.0) == 0
+    assert plant.velocity != 0.0
+    assert not plant.resting()

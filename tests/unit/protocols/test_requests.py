@@ -105,6 +105,13 @@ def test_a_name_given_twice_is_refused() -> None:
         RequestTable(Request("A", 0x10, ""), Request("A", 0x11, ""))
 
 
+def test_a_run_of_bytes_may_stand_behind_numbers() -> None:
+    layout = Layout(Field("a", "u8"), Field("data", "bytes8"))
+    assert layout.counted
+    assert layout.size == 2
+    assert Request("X", 1, "", layout).size == 3
+
+
 def test_a_run_of_bytes_must_stand_last() -> None:
     with pytest.raises(ValueError, match=r"^a run of bytes must stand last$"):
         Layout(Field("data", "bytes8"), Field("a", "u8"))

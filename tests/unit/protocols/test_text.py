@@ -109,7 +109,7 @@ def test_a_session_without_chips_says_so(
         ("lines /RD=0 /RD=1", "error: /RD stands there twice; name each line once"),
         ("step 10", "error: '10' is no duration; a number with ps, ns, us, ms or s is"),
         ("step 0.1ps", "error: '0.1ps' is finer than a picosecond; that is as fine as time gets"),
-        ("wait 9999999999s", "error: '9999999999s' is too long; at most 9223372 s are possible"),
+        ("wait 9999999999s", "error: '9999999999s' is too long; at most 9151314 s are possible"),
         ("help q", f"error: no help on 'q'; allowed are {', '.join(VERBS)}"),
         ("frob", f"error: unknown request 'frob'; allowed are {', '.join(VERBS)}"),
         ("R 1f", f"error: unknown request 'R'; allowed are {', '.join(VERBS)}"),
@@ -251,7 +251,7 @@ def test_clock_step_stands_still_when_nothing_is_in_sight(
             "inb 0x8000000000000000",
             "FAIL address 0x8000000000000000; allowed are numbers below 2^63",
         ),
-        (f"clock_step {NEVER}", f"FAIL ns {NEVER}; at most 9223372036854775"),
+        (f"clock_step {NEVER}", f"FAIL ns {NEVER}; at most 9151314442816847"),
     ],
 )
 def test_qtest_verbs_fail_as_qtest_does(wire: TextProtocol, line: str, answer: str) -> None:

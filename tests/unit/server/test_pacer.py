@@ -1,6 +1,8 @@
 """Pacer: wall time to chip time, with a wall clock under the test's control."""
 
+import asyncio
 from collections.abc import Callable
+from contextlib import closing
 from typing import Any
 
 import pytest
@@ -9,8 +11,9 @@ from tests.unit.board.toy import Toy
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.chips.mc1241a.datasheet import COMMANDS
-from vbus.kernel import MS, NEVER, SECOND, US
-from vbus.server.pacer import AHEAD, LEASE, SLICE, Pacer
+from vbus.errors import TimeEndedError
+from vbus.kernel import END, MS, NEVER, SECOND, US
+from vbus.server.pacer import AHEAD, DAY, LEASE, SLICE, Pacer
 from vbus.server.slices import SLICE_NS
 
 
@@ -62,10 +65,14 @@ def test_an_hour_of_small_steps_does_not_drift() -> None:
 
 def test_time_may_run_two_milliseconds_ahead_of_the_wall_clock_and_no_further() -> None:
     board, pacer, wall = paced()
-    assert board.limit == AHEAD == 2 * MS
+    assert board.limit == END, "nobody holds it back yet"
+    with closing(asyncio.new_event_loop()) as loop:
+        pacer.start(loop)
+        assert board.limit == AHEAD == 2 * MS
 
-    wall.ns += 3_000_000
-    pacer.catch_up()
+        wall.ns += 3_000_000
+        pacer.catch_up()
+        pacer.stop()
 
     assert board.limit == 5 * MS
 
@@ -239,14 +246,70 @@ def test_without_a_limit_of_rate_time_runs_by_itself_one_slice_at_a_time() -> No
         assert board.now == step * SLICE
 
 
-def test_time_without_a_limit_of_rate_stops_before_the_end_of_all_instants() -> None:
-    board, _, loop = laborious(cost_ns=0, rate=float("inf"), policy="realtime")
-    board.run_until(NEVER - 2 * SLICE)
+def test_time_without_a_limit_of_rate_ends_and_the_board_with_it() -> None:
+    board, pacer, loop = laborious(cost_ns=0, rate=float("inf"), policy="realtime")
+    ended: list[int] = []
+    pacer.on_end = lambda: ended.append(board.now)
+    board.run_until(END - 2 * SLICE)
 
-    for _ in range(5):
-        loop.step()
+    steps = 0
+    while loop.step():
+        steps += 1
 
-    assert board.now == NEVER - 1
+    assert board.now == END
+    assert (steps, len(ended)) == (2, 1), "and nothing is left to be done"
+    with pytest.raises(
+        TimeEndedError, match=rf"^board bench has ended: chip time ends at {END} ps"
+    ):
+        pacer.check_over()
+
+
+@pytest.mark.parametrize("rate", [1.0, 1000.0, 10**6])
+def test_real_time_stands_at_the_end_and_the_board_ends(rate: float) -> None:
+    board, pacer, wall = paced(rate)
+    board.run_until(END - AHEAD - 1)
+    pacer.jumped()
+    ended: list[int] = []
+    pacer.on_end = lambda: ended.append(board.now)
+    pacer.check_over()
+
+    for _ in range(3):
+        wall.ns += 50_000_000
+        pacer.catch_up()
+
+    assert board.now == END - AHEAD
+    assert board.limit == END, "hosts may be ahead of the wall clock, and not of the end"
+    assert len(ended) == 1
+
+
+@pytest.mark.parametrize("policy", ["realtime", "lockstep", "slaved"])
+def test_people_are_told_once_when_less_than_a_day_is_left(policy: str) -> None:
+    board, pacer, wall = paced(policy=policy)
+    told: list[str] = []
+    pacer.report = told.append
+    board.run_until(END - DAY - LEASE - 1)
+    pacer.jumped()
+    pacer.catch_up()
+    assert not told
+
+    board.run_until(board.now + LEASE + 2)
+    pacer.jumped()
+    for _ in range(3):
+        wall.ns += 1_000_000
+        pacer.catch_up()
+
+    assert told == [
+        f"board bench: chip time ends at {END} ps, 106 days after power-on; less than a day is left"
+    ]
+
+
+def test_a_board_that_is_moved_by_its_hosts_does_not_end() -> None:
+    board, pacer, _ = paced(policy="lockstep")
+    board.run_until(END - 1)
+    pacer.jumped()
+    assert pacer.catch_up()
+    assert board.limit == END
+    pacer.check_over()
 
 
 def test_a_stall_is_a_gap_in_wall_time_at_any_rate() -> None:

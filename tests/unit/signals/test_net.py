@@ -1,7 +1,7 @@
 """Nets and pins: drive, release, open drain, contention, watchers."""
 
 from vbus.kernel import Kernel
-from vbus.signals import HIGH, LOW, Net, Observer, Pin, Watcher, Z
+from vbus.signals import HIGH, LOW, Net, Observer, Watcher, Z
 
 
 class Edges(Observer):
@@ -21,7 +21,7 @@ def test_an_undriven_net_rests_at_its_pull() -> None:
 
 def test_a_released_pin_gives_the_net_back_to_its_pull() -> None:
     net = Net(Kernel(), "/RST", rest=HIGH)
-    pin = Pin("/RST", net)
+    pin = net.solder("/RST")
 
     pin.drive(LOW)
     assert net.value == LOW
@@ -32,7 +32,7 @@ def test_a_released_pin_gives_the_net_back_to_its_pull() -> None:
 
 def test_a_floating_bus_without_a_pull_keeps_its_last_value() -> None:
     net = Net(Kernel(), "D0-D7", rest=Z, width=8)
-    pin = Pin("D0-D7", net)
+    pin = net.solder("D0-D7")
 
     pin.drive(0xA5)
     pin.release()
@@ -40,9 +40,21 @@ def test_a_floating_bus_without_a_pull_keeps_its_last_value() -> None:
     assert net.value == 0xA5
 
 
+def test_a_bundle_keeps_its_history_when_somebody_begins_to_listen() -> None:
+    kernel = Kernel()
+    net = Net(kernel, "D0-D7", rest=Z, width=8)
+    pin = net.solder("D0-D7")
+    for when, level in ((5, 0xA5), (9, Z)):
+        kernel.run_until(when)
+        pin.drive(level)
+    kernel.run_until(20)
+    net.observe(Edges())
+    assert (net.changed_at, net.let_go_at) == (5, 9)
+
+
 def test_open_drain_pins_share_a_wire_and_any_of_them_pulls_it_low() -> None:
     net = Net(Kernel(), "/INT", rest=HIGH)
-    pins = [Pin("/INT", net, open_drain=True) for _ in range(3)]
+    pins = [net.solder("/INT", open_drain=True) for _ in range(3)]
     clashes: list[Net] = []
     net.clash = clashes.append
 
@@ -60,7 +72,7 @@ def test_open_drain_pins_share_a_wire_and_any_of_them_pulls_it_low() -> None:
 
 def test_two_outputs_that_disagree_are_reported_once_and_low_wins() -> None:
     net = Net(Kernel(), "D0-D7", rest=Z, width=8)
-    one, two = Pin("one", net), Pin("two", net)
+    one, two = net.solder("one"), net.solder("two")
     clashes: list[str] = []
     net.clash = lambda n: clashes.append(n.name)
 
@@ -77,7 +89,7 @@ def test_two_outputs_that_disagree_are_reported_once_and_low_wins() -> None:
 def test_several_lines_moved_together_are_one_event_to_a_watcher() -> None:
     kernel = Kernel()
     nets = [Net(kernel, name) for name in ("/CS", "/RD")]
-    pins = [Pin(net.name, net) for net in nets]
+    pins = [net.solder(net.name) for net in nets]
     calls: list[tuple[int, int]] = []
     watcher = Watcher(kernel, lambda: calls.append((nets[0].value, nets[1].value)))
     for net in nets:
@@ -94,7 +106,7 @@ def test_several_lines_moved_together_are_one_event_to_a_watcher() -> None:
 def test_an_observer_sees_every_edge_with_its_instant() -> None:
     kernel = Kernel()
     net = Net(kernel, "x.HI", rest=LOW)
-    pin = Pin("HI", net)
+    pin = net.solder("HI")
     edges = Edges()
     net.observe(edges)
 
@@ -110,7 +122,7 @@ def test_an_observer_sees_every_edge_with_its_instant() -> None:
 def test_a_net_remembers_the_level_before_its_last_change() -> None:
     kernel = Kernel()
     net = Net(kernel, "D0-D7", rest=0, width=8)
-    pin = Pin("D0-D7", net)
+    pin = net.solder("D0-D7")
 
     pin.drive(0x1F)
     kernel.run_until(70)
@@ -122,7 +134,7 @@ def test_a_net_remembers_the_level_before_its_last_change() -> None:
 def test_an_output_pin_learns_that_somebody_listens() -> None:
     kernel = Kernel()
     net = Net(kernel, "HI")
-    pin = Pin("HI", net)
+    pin = net.solder("HI")
     heard: list[bool] = []
     pin.on_heard = lambda: heard.append(net.heard)
     edges = Edges()
@@ -136,10 +148,10 @@ def test_an_output_pin_learns_that_somebody_listens() -> None:
 def test_a_pin_soldered_to_another_net_takes_its_watchers_along() -> None:
     kernel = Kernel()
     old, shared = Net(kernel, "a./SYNC"), Net(kernel, "/SYNC")
-    pin = Pin("/SYNC", old)
+    pin = old.solder("/SYNC")
     calls: list[int] = []
     old.watch(Watcher(kernel, lambda: calls.append(shared.value)))
-    driver = Pin("host", shared)
+    driver = shared.solder("host")
 
     pin.move(shared)
     driver.drive(LOW)
@@ -152,7 +164,7 @@ def test_a_pin_soldered_to_another_net_takes_its_watchers_along() -> None:
 def test_what_moves_together_with_an_edge_is_known_by_its_level_before() -> None:
     kernel = Kernel()
     data, strobe = Net(kernel, "D0-D7", rest=0, width=8), Net(kernel, "/WR")
-    data_pin, strobe_pin = Pin("D0-D7", data), Pin("/WR", strobe)
+    data_pin, strobe_pin = data.solder("D0-D7"), strobe.solder("/WR")
     taken: list[int] = []
     strobe.watch(Watcher(kernel, lambda: taken.append(data.before)))
 

@@ -28,6 +28,7 @@ class Everything:
 
     STATE: ClassVar[state.Names] = (
         "word", "wide: int", "flag: bool", "real: float", "text: str", "octets: bytes[...]",
+        "pair: bytes[2]", "rows: list[(i64, float, tuple[str, ...]), levels]",
         "file: bytearray", "line: bytearray[...]", "levels: list[i64]", "names: list[str, ...]",
         "course: tuple[i64, ...]", "noted: set[i64]", "queue: heap[(i64, str)]", "inner: part",
         "spare: part | None", "axes: parts",
@@ -41,6 +42,8 @@ class Everything:
         self.real = 0.25
         self.text = "t"
         self.octets = b"o"
+        self.pair = b"pq"
+        self.rows = [(1, 0.5, ("a", "b")), (2, 1.5, ())]
         self.file = bytearray(b"abc")
         self.line = bytearray(b"1")
         self.levels = [1, 0]
@@ -63,7 +66,8 @@ class Everything:
 INNER = {"place": 1, "level": 0.5}
 SAVED = {
     "word": 3, "wide": 4, "flag": True, "real": 0.25, "text": "t",
-    "octets": b"o", "file": b"abc", "line": b"1", "levels": (1, 0), "names": ("x",),
+    "octets": b"o", "pair": b"pq", "rows": ((1, 0.5, ("a", "b")), (2, 1.5, ())),
+    "file": b"abc", "line": b"1", "levels": (1, 0), "names": ("x",),
     "course": (1, 2, 3), "noted": (2, 5), "queue": ((2, "b"), (7, "c")), "inner": INNER,
     "spare": None, "axes": (INNER, INNER),
 }  # fmt: skip
@@ -81,6 +85,7 @@ def test_what_was_saved_is_loaded_through_a_file() -> None:
     part.word, part.wide, part.flag, part.real = -(1 << 63), -(1 << 70), False, -0.5
     part.text, part.octets, part.line, part.names = "other", b"", bytearray(), ["a", "b"]
     part.file[:] = b"xyz"
+    part.pair, part.rows = b"xy", [(-1, 8.0, ()), (MOST, 0.0, ("c",))]
     part.levels, part.course, part.noted, part.queue = [0, 9], (), set(), [(1, "a")]
     part.inner.place, part.axes[1].level = 77, 8.0
     saved = state.save(part)
@@ -94,6 +99,7 @@ def test_what_was_saved_is_loaded_through_a_file() -> None:
     assert twin.file is file
     assert file == b"xyz"
     assert twin.inner is inner
+    assert twin.rows == part.rows
     assert type(twin.levels) is list
     assert type(twin.course) is tuple
     assert type(twin.noted) is set
@@ -115,10 +121,18 @@ def test_what_was_saved_is_loaded_through_a_file() -> None:
         ("real", True, "p.real: wants a number, not True"),
         ("text", b"t", "p.text: wants a text, not b't'"),
         ("octets", "o", "p.octets: wants bytes, not 'o'"),
+        ("pair", b"p", "p.pair: wants 2 bytes, not 1"),
+        ("rows", (), "p.rows: wants 2 values, not 0"),
+        ("rows", ((MOST + 1, 0.5, ()), (1, 0.5, ())), "p.rows: wants an integer of 64 bits, not 9"),
+        ("rows", ((1, 0.5, ()), (True, 0.5, ())), "p.rows: wants an integer of 64 bits, not True"),
+        ("rows", ((1, 0.5, ()), (1, 0.5)), "p.rows: wants 3 values in a row, not (1, 0.5)"),
+        ("rows", ((1, 0.5, ()), (1, 0.5, (1,))), "p.rows: wants a text, not 1"),
         ("file", b"abcd", "p.file: wants 3 bytes, not 4"),
         ("line", 7, "p.line: wants bytes, not 7"),
         ("levels", (1, 0, 0), "p.levels: wants 2 values, not 3"),
         ("levels", (1, None), "p.levels: wants an integer of 64 bits, not None"),
+        ("levels", (1, True), "p.levels: wants an integer of 64 bits, not True"),
+        ("levels", (1, -MOST - 2), "p.levels: wants an integer of 64 bits, not -92"),
         ("names", ("a", 1), "p.names: wants a text, not 1"),
         ("course", 5, "p.course: wants several values, not 5"),
         ("noted", ("2",), "p.noted: wants an integer of 64 bits, not '2'"),

@@ -179,7 +179,7 @@ def test_a_failing_test_tells_what_was_on_the_bus_and_its_line_replays_it(
             "*x RSTI resets *",
             "*x RDSTAT 80H MOTOR_OFF",
             "violations: 1",
-            "*lm628.busy-write: *",
+            "*x broke lm628.busy-write at *",
             "journal: *",
             "replay:  vbus replay *",
             "wave:    *.vcd",
@@ -228,26 +228,6 @@ def test_a_waveform_that_cannot_be_written_is_refused_before_the_first_test(
     result.stderr.fnmatch_lines(["*--vbus-wave needs pyvcd; install it with: pip install*"])
 
 
-def test_strict_fails_a_test_whose_host_breaks_the_datasheet(suite: pytest.Pytester) -> None:
-    suite.makepyfile(
-        """
-        import pytest
-
-        def test_it(vbus_lm629):
-            vbus_lm629.bus.write(0, 0x1E)
-            vbus_lm629.bus.write(0, 0x1E)
-
-        @pytest.mark.vbus(strict=False)
-        def test_tolerant(vbus_lm629):
-            test_it(vbus_lm629)
-        """
-    )
-    suite.runpytest("-q").assert_outcomes(passed=2)
-    result = suite.runpytest("-q", "--vbus-strict")
-    result.assert_outcomes(failed=1, passed=1)
-    result.stdout.fnmatch_lines(["*x broke lm628.busy-write*", "again: *--vbus-strict"])
-
-
 def test_a_fault_that_never_fired_fails_its_test(suite: pytest.Pytester) -> None:
     suite.makepyfile(
         """
@@ -268,6 +248,32 @@ def test_a_fault_that_never_fired_fails_its_test(suite: pytest.Pytester) -> None
     result.stdout.fnmatch_lines(
         ['fault #1 jam*of board "lm629n-8" never fired*', "faults:", "*#1 jam*", "replay: *"]
     )
+
+
+def test_a_mistake_in_words_is_shown_with_the_lines_of_the_test_alone(
+    suite: pytest.Pytester,
+) -> None:
+    suite.makepyfile(
+        """
+        def arm(board):
+            board.faults.arm("jam", when="at ten o'clock")
+
+        def test_it(vbus_board):
+            arm(vbus_board)
+        """
+    )
+    result = suite.runpytest("-q")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            ">       arm(vbus_board)",
+            ">       board.faults.arm(*",
+            "E*o'clock*",
+            "*.py:2: ValueError",
+        ]
+    )
+    assert "vbus/faults" not in result.stdout.str()
+    assert "vbus/faults" in suite.runpytest("-q", "--full-trace").stdout.str()
 
 
 def test_a_failing_test_with_a_fault_replays_with_the_fault(suite: pytest.Pytester) -> None:

@@ -27,6 +27,23 @@ Fault That Never Fires
     Open Board    LM629N-8
     Arm Fault    jam    when=at 10 s
 
+Write Too Early
+    Open Board    LM629N-8
+    Write Bus    0    0x1E
+
+Write Too Early Is Reported
+    Open Board    LM629N-8    violations=report
+    Write Bus    0    0x1E
+
+Write Too Early Is Accepted
+    Accept Violation    lm628.reset-write    the bootloader cannot wait
+    Open Board    LM629N-8
+    Write Bus    0    0x1E
+
+Accepted In Vain
+    Accept Violation    lm628.reset-write    the bootloader cannot wait
+    Open Board    LM629N-8
+
 No Board
     Read Bus    0
 """
@@ -43,11 +60,15 @@ def test_keywords_do_what_the_fixtures_do(tmp_path: Path) -> None:
         timeout=100,
     )  # fmt: skip
     printed = done.stdout
-    assert done.returncode == 3, printed + done.stderr
+    assert done.returncode == 5, printed + done.stderr
     assert re.search(r"Reset Is Shown +\| PASS", printed), printed
     assert "a read at 0H gave 84h, not 55h" in printed
     assert "x RDSTAT 84H MOTOR_OFF TRAJECTORY_COMPLETE" in printed
     assert "never fired" in printed
+    assert re.search(r"Write Too Early +\| FAIL", printed), printed
+    assert "x broke lm628.reset-write at 1us: Nothing is written during reset" in printed
+    assert len(re.findall(r"Write Too Early Is (Reported|Accepted) +\| PASS", printed)) == 2
+    assert "lm628.reset-write is accepted (the bootloader cannot wait), and never hap" in printed
     assert "there is no board yet: begin with Open Board" in printed
     replay = re.search(r"^replay:  vbus (replay .*)$", printed, re.MULTILINE)
     assert replay is not None

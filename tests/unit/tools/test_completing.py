@@ -1,5 +1,6 @@
 """What a shell completes after ``vbus``."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -9,9 +10,11 @@ from click.shell_completion import ShellComplete
 from vbus.server.registry import boards_directory
 from vbus.tools.cli import cli
 
+Complete = Callable[[str], list[str]]
+
 
 @pytest.fixture
-def complete(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):  # type: ignore[no-untyped-def]
+def complete(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Complete:
     """Completes a command line; the last word is what was begun."""
     monkeypatch.setenv("_VBUS_COMPLETE", "bash_complete")
     monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
@@ -27,7 +30,7 @@ def complete(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):  # type: ignore[n
     return completed
 
 
-def test_commands_and_options(complete) -> None:  # type: ignore[no-untyped-def]
+def test_commands_and_options(complete: Complete) -> None:
     assert complete("re") == ["replay", "report"]
     assert complete("fault ") == ["arm", "clear", "list", "log"]
     assert complete("run --jo") == ["--journal"]
@@ -36,7 +39,7 @@ def test_commands_and_options(complete) -> None:  # type: ignore[no-untyped-def]
 @pytest.mark.parametrize(
     "line", ["monitor ", "ls ", "fault arm ", "fault log ", "snap save ", "order "]
 )
-def test_names_of_running_boards(complete, line: str) -> None:  # type: ignore[no-untyped-def]
+def test_names_of_running_boards(complete: Complete, line: str) -> None:
     for name in ("bench", "bend", "second"):
         (boards_directory() / f"{name}.sock").touch()
 
@@ -44,13 +47,13 @@ def test_names_of_running_boards(complete, line: str) -> None:  # type: ignore[n
     assert complete(f"{line}ben") == ["bench", "bend"]
 
 
-def test_faults_parts_and_demonstrations(complete) -> None:  # type: ignore[no-untyped-def]
+def test_faults_parts_and_demonstrations(complete: Complete) -> None:
     assert complete("fault arm bench ja") == ["jam"]
     assert complete("conform LM629N") == ["LM629N-6", "LM629N-8"]
     assert complete("demo mc") == ["mc1241a", "mcp1200"]
 
 
-def test_journals_and_board_files(complete, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_journals_and_board_files(complete: Complete, tmp_path: Path) -> None:
     assert complete("replay ") == ["file:"]
     (tmp_path / "logs").mkdir()
     for name in ("a.vbj", "b.toml", "logs/c.vbj", "logs/d.txt"):
@@ -64,7 +67,7 @@ def test_journals_and_board_files(complete, tmp_path: Path) -> None:  # type: ig
 
 
 def test_nothing_of_it_touches_a_command_that_runs(
-    complete,  # type: ignore[no-untyped-def]
+    complete: Complete,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     assert complete("replay ") == ["file:"]

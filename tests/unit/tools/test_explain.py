@@ -1,17 +1,24 @@
 """``vbus explain`` in process: bytes, words, rules, clauses, and what it refuses."""
 
+from itertools import groupby
 from pathlib import Path
+from random import Random
 
 import pytest
 from click.testing import CliRunner
 
 from vbus.board.build import load_board_text
 from vbus.chips.clauses import proofs_of
+from vbus.chips.lm628.packets import Lm628Packets
 from vbus.chips.mcp1200.packets import Mcp1200Packets
-from vbus.kernel import US
+from vbus.kernel import MS, US
 from vbus.tools.explain import command
+from vbus.tools.journal_lines import instant
+from vbus.trace.decode import BoardPackets
+from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
-from vbus.trace.packets import CUT, Cycle
+from vbus.trace.journal.view import Sessions, show, violation_of
+from vbus.trace.packets import CUT, Cycle, Packet
 
 
 def explain(*arguments: str) -> list[str]:
@@ -233,6 +240,85 @@ def test_a_journal_is_told_in_the_order_of_time(tmp_path: Path) -> None:
         "m write COMMAND_POSITION 0CH=01H 0EH=02H, 1 of 3 bytes not touched",
         "x RDSTAT 86H MOTOR_OFF TRAJECTORY_COMPLETE COMMAND_ERROR",
     ]
+
+
+def test_equal_polls_are_gone_through_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also those in the middle of a packet."""
+    taken: list[Cycle] = []
+    take = Lm628Packets.take
+
+    def count(self: Lm628Packets, cycle: Cycle) -> list[Packet]:
+        taken.append(cycle)
+        return take(self, cycle)
+
+    monkeypatch.setattr(Lm628Packets, "take", count)
+    board = load_board_text(BOARD)
+    with (tmp_path / "a.vbj").open("wb") as file:
+        recorder = Journal(board, file)
+        port = board.open_port("host", ["x"], 1 * US)
+        for _ in range(5000):
+            port.read(0)
+        port.write(0, 0x0A)
+        for _ in range(5000):
+            port.read(0)
+        port.read(1)
+        port.write(1, 0)
+        recorder.close()
+    lines = explain(str(tmp_path / "a.vbj"))[1:]
+    assert len(taken) <= 10
+    assert (
+        lines[0] == "1us x RDSTAT 84H MOTOR_OFF TRAJECTORY_COMPLETE  [LM-CMD-23]  x 5000, 4.999 ms"
+    )
+    assert lines[1].endswith(" BUSY  [LM-CMD-23]  x 14, 0.013 ms")
+    assert lines[2].endswith(" TRAJECTORY_COMPLETE  [LM-CMD-23]  x 4986, 4.985 ms")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_lines_are_those_of_one_cycle_after_the_other(tmp_path: Path, seed: int) -> None:
+    """Drivers that poll, cut packets short, and write to two chips at once."""
+    random = Random(seed)
+    board = load_board_text(BOARD.replace("MCP-1200", "LM629N-8") if seed % 2 else BOARD)
+    path = tmp_path / "a.vbj"
+    with path.open("wb") as file:
+        recorder = Journal(board, file)
+        ports = [board.open_port("one", ["x"]), board.open_port("two", ["x", "m"])]
+        for _ in range(300):
+            port = random.choice(ports)
+            if random.random() < 0.2:
+                port.select(random.choice([1, 2, 3]) if port is ports[1] else 1)
+            address = random.choice([0, 0, 0, 1, 1, 7, 0x14, 0x15])
+            code = random.choice([0x0A, 0x1F, 0x00, 0x02, 0x1E])
+            write = random.random() < 0.5
+            for _ in range(random.choice([1, 1, 1, 2, 3, 40])):
+                if write:
+                    port.write(address, code)
+                else:
+                    port.read(address)
+        recorder.close()
+    with path.open("rb") as file:
+        reader, sessions = JournalReader(file), Sessions()
+        found: list[tuple[int, str]] = []
+        watch = BoardPackets(
+            reader.header.families,
+            lambda chip, packet: found.append(
+                (packet.end, f"{chip} {packet.text}" + f"  [{packet.clause}]" * bool(packet.clause))
+            ),
+            reader.header.settings,
+        )
+        for entry in reader:
+            show(entry, sessions, watch)
+            if entry.op == "violation":
+                v = violation_of(entry)
+                found.append((v.when, f"{v.chip} ! {v.rule}: {v.detail}  [{v.clause}]"))
+        watch.finish()
+    expected: list[str] = []
+    for text, times in groupby(sorted(found, key=lambda one: one[0]), key=lambda one: one[1]):
+        whens = [when for when, _ in times]
+        folded = f"  x {len(whens)}, {(whens[-1] - whens[0]) / MS:.6g} ms" if whens[1:] else ""
+        expected.append(f"{instant(whens[0])} {text}{folded}")
+    assert explain(str(path))[1:] == expected
 
 
 def test_a_register_whose_other_bytes_do_not_move_is_not_waited_for_for_ever() -> None:

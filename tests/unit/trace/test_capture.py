@@ -5,11 +5,12 @@ import zipfile
 from contextlib import suppress
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.unit.trace.captures import BOARDS, Shot, board_of, vcd
 from vbus.errors import CaptureError
+from vbus.kernel import MS, NS, SECOND, US
 from vbus.trace.silicon.capture import Capture, frequency, unit_of
 from vbus.trace.silicon.capture_csv import read_csv
 from vbus.trace.silicon.capture_sr import read_sr
@@ -44,7 +45,7 @@ def session(
         archive.writestr(
             "metadata",
             "[global]\nsigrok version=0.5.2\n\n[device 1]\ncapturefile=logic-1\n"
-            f"total probes={probes}\nsamplerate={rate}\n{names}unitsize={unit}\n",
+            f"total probes={probes}\nunits7=V\nsamplerate={rate}\n{names}unitsize={unit}\n",
         )
         size = -(-len(data) // parts)
         for part in range(parts):
@@ -77,6 +78,16 @@ def test_names_of_bits_of_one_vector_and_of_equal_wires_in_two_scopes() -> None:
         "#0\n0!\n",
     )
     assert capture.channels == ["D3", "Q4", "Q5", "top.a.CS", "top.b.CS"]
+
+
+@pytest.mark.parametrize(
+    ("scale", "when"),
+    [("1 s", 20 * SECOND), ("10 ms", 200 * MS), ("1 us", 20 * US), ("1 ns", 20 * NS),
+     ("10 ps", 200), ("100 fs", 2)],
+)  # fmt: skip
+def test_instants_are_counted_in_the_timescale(scale: str, when: int) -> None:
+    text = HEAD.replace("1 ns", scale).format("$var wire 1 ! a $end\n") + "#20\n1!\n"
+    assert samples(read_vcd(io.BytesIO(text.encode()), "a.vcd")) == [(when, 1)]
 
 
 def test_the_sample_rate_libsigrok_leaves_in_a_comment_is_the_period() -> None:
@@ -118,6 +129,7 @@ def test_a_session_gives_its_changes_at_their_instants() -> None:
     assert samples(capture) == [(0, 1), (20_000, 3), (40_000, 0)]
 
 
+@example([(0x001, 2), (0x101, 1)], 1)
 @settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.tuples(st.integers(0, 511), st.integers(1, 9000)), min_size=1, max_size=12),
@@ -206,6 +218,7 @@ def test_a_table_without_time_needs_a_rate() -> None:
         ("Time [s],a\n0,1,1\n", "line 2: 2 values for 1 channels"),
         ("Time [s],a\nsoon,1\n", 'line 2: "soon" is no time'),
         ("Time [s],a\ninf,1\n", 'line 2: "inf" is no time'),
+        (f"Time [s],a\n{'x' * 41},1\n", f'line 2: "{"x" * 40}" is no time'),
         ("Time [s],a\n1,1\n0,0\n", "time runs backwards"),
         ("1,0\n1,0\n", "line 1: the names of the channels are missing"),
         ("; Channels (1/1): a\n; Samplerate: 1 MHz\nlogic,logic\n", "2 columns, 1 channels"),
@@ -257,6 +270,7 @@ def test_frequencies_and_the_units_of_sigrok() -> None:
     assert frequency("24 MHz") == 24_000_000
     assert frequency("12500000") == 12_500_000
     assert frequency("1.5 kHz") == 1500
+    assert frequency("2 GHz") == 2_000_000_000
     assert frequency("fast") == 0
     assert [unit_of(rate) for rate in (1000, 1001, 10**6, 10**9, 10**10)] == [
         10**9, 10**6, 10**6, 1000, 1,
@@ -281,6 +295,7 @@ def wired(channels: list[str], family: str = "lm628", **wanted: str) -> Wiring:
         ["x_CS", "x_PS", "x_RD", "x_WR", *(f"x_{name}" for name in DATA)],
         ["vbus.x_CS", "vbus.x_PS", "vbus.x_RD", "vbus.x_WR", *(f"vbus.x_{name}" for name in DATA)],
         ["x./CS", "x./PS", "x./RD", "x./WR", *(f"x.{name}" for name in DATA)],
+        ["a.C_S", "a.P_S", "a.R_D", "a.W_R", *(f"a.D_{n}" for n in range(8))],
     ],
 )
 def test_channels_are_found_by_the_names_of_the_pins(names: list[str]) -> None:

@@ -12,7 +12,7 @@ from vbus.chips.mc1241a.bus import Mc1241aWatch
 from vbus.chips.mcp1200.bus import Mcp1200Watch
 from vbus.errors import CaptureError
 from vbus.kernel import MS, NS, US, Kernel
-from vbus.signals import Net, Pin
+from vbus.signals import Net
 from vbus.trace.silicon.conform import Mismatch, Verdict
 from vbus.trace.silicon.outputs import OutputWatch
 
@@ -183,7 +183,7 @@ def test_a_status_that_changes_within_the_slack_before_an_edge_may_be_either() -
 def test_a_pulse_too_short_to_be_sampled_may_be_missing() -> None:
     kernel = Kernel()
     net = Net(kernel, "x.HI", rest=0)
-    pin = Pin("HI", net)
+    pin = net.solder("HI")
 
     def pulse(width: int, slack: int) -> bool:
         output = OutputWatch("HI", net, slack)
@@ -198,6 +198,20 @@ def test_a_pulse_too_short_to_be_sampled_may_be_missing() -> None:
 
     assert pulse(20 * NS, 20 * NS)
     assert not pulse(21 * NS, 20 * NS)
+
+
+def test_edges_are_paired_in_the_order_they_came_in() -> None:
+    kernel = Kernel()
+    net = Net(kernel, "x.HI", rest=1)
+    pin = net.solder("HI")
+    output = OutputWatch("HI", net, 20 * NS)
+    output.begin(0, 1, False)
+    for when, level in ((50, 0), (80, 1), (110, 0)):
+        kernel.run_until(when * NS)
+        pin.drive(level)
+    kernel.run_until(120 * NS)
+    found = output.compare(kernel.now, 0)
+    assert found == (50 * NS, "falls at 0.12us", "falls at 0.05us")
 
 
 def test_who_drives_the_data_bus_and_when_it_is_idle() -> None:
@@ -254,6 +268,15 @@ def test_an_output_that_moves_late_is_found_at_its_edge(family: str, pin: str) -
     assert found.model == f"rises at {rose / US:.6f}".rstrip("0").rstrip(".") + "us"
     assert capture.compare(slack=5 * US).mismatch is None
     assert capture.compare(names=[pin]).mismatch is None
+
+
+def test_a_byte_that_differs_is_found_where_its_packet_is_cut_off() -> None:
+    capture = shot("lm628")
+    data = [pulse for pulse in capture.pulses("/RD") if _level(capture, "/PS", pulse[0])]
+    (begin, end), (following, _) = data[:2]
+    capture.change(begin, end, flip=1 << capture.wiring.data[2])
+    capture.samples = [sample for sample in capture.samples if sample[0] < following]
+    assert difference(capture.compare()).when == end
 
 
 def test_an_output_that_never_moves_is_found() -> None:

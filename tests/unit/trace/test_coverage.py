@@ -187,6 +187,14 @@ def test_a_profile_mode_that_was_set_counts_as_used(name: str, mode: str) -> Non
     assert counts(observer, "mc1241a", MODES) == {mode: 1}
 
 
+def test_the_text_has_what_was_never_exercised() -> None:
+    text = as_text(Coverage(["a"], {"lm628": {(COMMANDS, "STT"): 2}}))
+    assert "      never RESET  Reset LM628  [LM-CMD-1]\n" in text
+    assert "never STT" not in text
+    assert "no chip took part" not in text
+    assert as_text(Coverage([], {})) == "nothing was exercised: no chip took part\n"
+
+
 def test_a_broken_ac_limit_is_shown_and_does_not_raise_the_percentage() -> None:
     coverage = Coverage(["a"], {"lm628": {}})
     before = coverage.percent()

@@ -29,7 +29,7 @@ from vbus.trace.journal.format import (
 )
 from vbus.trace.journal.journal import Journal, version_of
 from vbus.trace.journal.replay import Replay
-from vbus.trace.journal.rows import FULL, JournalRows
+from vbus.trace.journal.rows import JournalRows
 
 TWO = (
     LM629
@@ -94,6 +94,8 @@ def test_everything_a_host_can_do_is_written_down() -> None:
     two.close()
     journal.close()
     _, entries = read(file.getvalue())
+    opened = [(entry.port, entry.args[0]) for entry in entries if entry.op == "open"]
+    assert opened == [(0, "one"), (1, "two")]
     of_faults = {"fault", "arm", "clear"}
     assert {entry.op for entry in entries} >= set(OPERATIONS) - {"read", "edges"} - of_faults
     refused = [(entry.op, entry.error) for entry in entries if entry.error]
@@ -106,6 +108,7 @@ def test_everything_a_host_can_do_is_written_down() -> None:
 def test_a_violation_stands_before_the_call_it_was_found_in(moved: bytes) -> None:
     _, entries = read(moved)
     place = next(n for n, entry in enumerate(entries) if entry.op == "violation")
+    assert entries[place].port == -1
     assert entries[place].args[1:4] == ("x", "lm628.busy-write", "LM-BUS-10")
     assert entries[place + 1].op == "write"
     assert entries[place + 1].after == entries[place].args[0]
@@ -243,6 +246,33 @@ def test_a_full_disk_ends_the_journal_with_a_sentence_and_not_the_board() -> Non
     assert JournalReader(io.BytesIO(disk.data)).header.board == "bench"
 
 
+def test_a_journal_that_is_settled_holds_every_call_so_far() -> None:
+    board = load_board_text(LM629)
+    file = io.BytesIO()
+    journal = Journal(board, file)
+    synced: list[int] = []
+    board.open_port("h").read(0)
+    assert journal.settle()
+    assert [entry.op for entry in read(file.getvalue())[1]] == ["open", "read"]
+    board.ports[0].read(0)
+    assert journal.settle(lambda: synced.append(len(read(file.getvalue())[1])))
+    assert synced == [3], "written first"
+
+
+def test_a_journal_on_a_disk_that_takes_no_more_cannot_be_settled() -> None:
+    def fail() -> None:
+        raise OSError(5, "Input/output error")
+
+    board = load_board_text(LM629)
+    told: list[str] = []
+    file = io.BytesIO()
+    journal = Journal(board, file, report=told.append)
+    assert journal.settle()
+    assert not journal.settle(fail)
+    assert not journal.settle(), "and never again"
+    assert told == [f"the journal ends after {len(file.getvalue())} bytes: Input/output error"]
+
+
 def test_a_journal_must_come_before_the_first_port() -> None:
     board = load_board_text(LM629)
     board.open_port("early")
@@ -320,6 +350,10 @@ def test_cycles_that_follow_each_other_are_one_word_and_the_same_again_is_counte
     # The next block begins with a whole cycle, counted from the end of the last one.
     rows.cycle(0, 0x0084, 15, 17)
     assert rows.take() == (bytes.fromhex("C000"), [0, 0x84, 0, 2])
+
+
+def test_a_block_is_compressed() -> None:
+    assert len(block([0x0A] * 10_000)) < 100
 
 
 def test_a_state_hash_without_a_version_is_of_the_first() -> None:
@@ -410,9 +444,9 @@ def test_a_driver_that_polls_for_ever_is_written_block_by_block() -> None:
     board = load_board_text(LM629)
     journal = Journal(board, file)
     port = board.open_port("h")
-    for _ in range(FULL - 2):
+    for _ in range(4096 - 2):
         port.read(0)
     assert journal.entries == 0
     port.read(0)
-    assert journal.entries == FULL
-    assert len(read(file.getvalue())[1]) == FULL
+    assert journal.entries == 4096
+    assert len(read(file.getvalue())[1]) == 4096

@@ -9,7 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.unit.trace.conftest import LM629, board_of, lm629_move, read, record, strobed
+from tests.unit.trace.conftest import (
+    LM629,
+    board_of,
+    lm629_move,
+    lm629_words,
+    read,
+    record,
+    strobed,
+)
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
@@ -103,6 +111,13 @@ def test_another_byte_is_shown_with_both_packets_and_the_clause(moved: bytes) ->
     value = int.from_bytes(bytes(e.reply for e in data_reads[:4]), "big")
     assert found.now == f"{wrong.reply:02X}H in RDRP +{value} cnt"
     assert found.recorded == f"{wrong.reply ^ 1:02X}H in RDRP +{value ^ 1} cnt"
+
+
+def test_a_packet_is_that_of_the_command_that_was_written() -> None:
+    data = record(LM629, lambda port: lm629_words(port, 0x0D, 1))  # type: ignore[arg-type, return-value]
+    entry = find(data, op="read", args=(1,))
+    found = difference(played(data, changed={entry.number: {"reply": entry.reply ^ 1}}))
+    assert found.now == f"{entry.reply:02X}H in RDSUM +0"
 
 
 def test_a_first_byte_that_differs_is_shown_in_its_whole_packet(moved: bytes) -> None:

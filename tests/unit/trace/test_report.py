@@ -6,13 +6,15 @@ from xml.etree import ElementTree
 import pytest
 
 from tests.unit.trace.conftest import LM629, lm629_move, read, record
+from vbus.board import plugins
 from vbus.board.build import load_board_text
 from vbus.board.checks import all_rules
 from vbus.board.host_bus import HostBus
-from vbus.errors import VbusError
+from vbus.errors import ConfigError, VbusError
 from vbus.kernel import MS
 from vbus.signals import Violation
 from vbus.trace.findings import formats
+from vbus.trace.findings.compatibility import Compatibility
 from vbus.trace.findings.report import CONTEXT, DETAILED, Report
 from vbus.trace.findings.suppress import Suppression, read_suppressions
 from vbus.trace.journal.view import play
@@ -84,11 +86,16 @@ def test_the_text_marks_the_cycle_and_names_the_clause(report: Report) -> None:
     assert text.startswith("error: lm628.busy-write [LM-BUS-10]: x at 32us: command 01H written")
     assert "  > 32us host0 x w 0 01\n" in text
     assert "    31us host0 x w 0 02\n        x DFH  [LM-CMD-3]\n" in text
-    assert text.endswith("bench: 2 violations in 64 bus cycles, 0 accepted\n")
+    assert text.endswith(
+        "bench: 2 violations in 64 bus cycles, 0 accepted\n"
+        "without effect: 1 write not taken, 1 write of nothing\n"
+    )
 
 
 def test_json_has_instants_in_ps_and_both_transcripts(report: Report) -> None:
-    value = json.loads(formats.as_json(report))
+    text = formats.as_json(report)
+    assert text.startswith('{\n "')
+    value = json.loads(text)
     assert value["cycles"] == 64
     first = value["violations"][0]
     assert (first["when_ps"], first["chip"], first["rule"]) == (32_000_000, "x", "lm628.busy-write")
@@ -96,6 +103,7 @@ def test_json_has_instants_in_ps_and_both_transcripts(report: Report) -> None:
     assert len(first["before"]) == 20
     assert first["after"][0]["cycle"] == "host0 x w 0 01"
     assert value["counts"][0] == {"chip": "x", "rule": "lm628.busy-write", "count": 1}
+    assert value["no_effect"] == {"write not taken": 1, "write of nothing": 1}
 
 
 def test_junit_has_a_case_for_every_rule_and_fails_those_with_errors(report: Report) -> None:
@@ -135,6 +143,13 @@ def test_sarif_has_rules_results_levels_and_places(report: Report) -> None:
     assert first["properties"]["when_ps"] == 32_000_000
 
 
+def test_sarif_of_a_rule_nobody_has_points_at_none() -> None:
+    report = Report("b", {"x": "lm628"}, [])
+    report.violation(Violation(1, "x", "acme.slow", "p. 3", "error", 0, 0, "a"))
+    (run,) = json.loads(formats.sarif(report))["runs"]
+    assert run["results"][0]["ruleIndex"] == -1
+
+
 def test_intervals_are_shown_in_nanoseconds_and_other_figures_as_they_are() -> None:
     report = Report("b", {"x": "lm628"}, all_rules())
     report.violation(
@@ -145,6 +160,19 @@ def test_intervals_are_shown_in_nanoseconds_and_other_figures_as_they_are() -> N
     assert "too short (measured 20 ns, limit 30.5 ns)" in text
     assert "too far (measured 9, limit 8)" in text
     assert json.loads(formats.as_json(report))["violations"][0]["unit"] == "ps"
+
+
+def test_a_run_is_seen_with_the_eyes_of_a_driver_for_another_part() -> None:
+    families = {"x": plugins.family("lm628"), "y": plugins.family("mcp1200")}
+    report = Report("b", {"x": "lm628", "y": "mcp1200"}, all_rules())
+    watch = Compatibility("hctl-1100", families, report)
+    for chip in families:
+        watch.bus_cycle(MS, "h", chip, True, 0x18, 0)
+    found = [(it.violation.chip, it.violation.rule) for it in report.findings]
+    assert found == [("y", "mcp1200.hctl-1100.commutator")]
+    with pytest.raises(ConfigError) as caught:
+        Compatibility("z80", families, report)
+    assert str(caught.value) == 'no chip of this run stands in for "z80"; known are hctl-1100'
 
 
 def test_an_accepted_violation_is_shown_with_its_reason_in_every_format() -> None:

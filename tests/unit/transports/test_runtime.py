@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from vbus.errors import NameInUseError, TransportError
-from vbus.transports.runtime import NameLock, runtime_directory
+from vbus.runtime import lock_of, lock_state, runtime_directory
+from vbus.transports.runtime import NameLock
 
 
 @pytest.fixture
@@ -99,3 +100,26 @@ def test_a_lock_left_by_a_process_that_died_is_taken_over(tmp_path: Path) -> Non
     lock.take()
     assert (tmp_path / ".x.lock").read_text() == f"{os.getpid()}\n"
     lock.give_back()
+
+
+@pytest.mark.parametrize("how", ["symlink", "hard link", "pipe"])
+def test_a_lock_that_leads_elsewhere_is_refused_and_nothing_is_overwritten(
+    tmp_path: Path, how: str
+) -> None:
+    precious = tmp_path / "precious"
+    precious.write_text("of somebody else")
+    planted = lock_of(tmp_path / "x")
+    if how == "symlink":
+        planted.symlink_to(precious)
+    elif how == "hard link":
+        planted.hardlink_to(precious)
+    else:
+        os.mkfifo(planted)
+    with pytest.raises(TransportError, match=r"is no lock of vbus: it leads elsewhere"):
+        NameLock(tmp_path / "x").take()
+    assert precious.read_text() == "of somebody else"
+
+
+def test_a_pipe_in_the_place_of_a_lock_keeps_nobody_waiting(tmp_path: Path) -> None:
+    os.mkfifo(lock_of(tmp_path / "x"))
+    assert lock_state(tmp_path / "x") == (False, "")

@@ -90,7 +90,8 @@ class BusPins:
     def _moved(self) -> None:
         chip = self._chip
         chip.advance()
-        now = self._kernel.now
+        # No machine word: the end of time less an edge long ago does not fit one.
+        now: int = self._kernel.now
         old_cs, old_ps, old_rd, old_wr = self._old
         cs, ps, rd, wr = self._cs.value, self._ps.value, self._rd.value, self._wr.value
         self._old = (cs, ps, rd, wr)

@@ -18,7 +18,8 @@ class Mc1241aUpsets(Upsets):
 
     FAULTS = (
         Fault("busy_longest", "chip", "Busy lasts as long as it may.", CHIP, LASTS,
-              (Option("extra", "s", 500_000_000, "added to each busy time (MC1241A)", low=0),)),
+              (Option("extra", "s", 500_000_000, "added to each busy time (MC1241A)", low=0,
+                      high=10**15),)),
         Fault("ready_stuck", "chip", "HostRdy stays low.", CHIP, LASTS),
     )  # fmt: skip
     LIMIT_CLOSED = HIGH

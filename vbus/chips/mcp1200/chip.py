@@ -129,10 +129,11 @@ class MCP1200(HostInterface):
 
     def _too_soon(self, clocks: int) -> bool:
         """Note a /CS rise; judge the time since the last one (MCP-BUS-12)."""
-        now = self.kernel.now
+        # No machine words: the end of time less a rise long ago does not fit one.
+        now: int = self.kernel.now
         passed = now - self._last_rise
         self._last_rise = now
-        least = self.clock.span_up(clocks)
+        least: int = self.clock.span_up(clocks)
         return passed < least and self.report(ds.RECOVERY, passed, least)
 
     def _stall(self) -> None:

@@ -54,7 +54,7 @@ class ControlLoop:
     STATE: ClassVar[Names] = (
         "mode", "mc", "halted: bool", "abrupt: bool", "steps", "goal_step", "last_position",
         "point", "velocity_point", "command_written: bool", "increment_written: bool",
-        "image: bytes", "_position", "_action", "_last_mode", "_dropped", "_entering: bool",
+        "image: bytes[128]", "_position", "_action", "_last_mode", "_dropped", "_entering: bool",
         "_stopping: bool", "_sampled_point", "_sampled_velocity", "command: part",
         "trapezoid: part", "scurve: part", "velocity: part", "interpolation: part", "ramps: part",
         "following: part", "lead: part", "pid: part", "stall: part", "faults: part",

@@ -153,7 +153,8 @@ class SidePins:
     def _moved(self) -> None:
         chip = self._chip
         chip.advance()
-        now = chip.kernel.now
+        # No machine word: the end of time less an edge long ago does not fit one.
+        now: int = chip.kernel.now
         for place, (name, limit) in enumerate(PULSES):
             level = chip.pins[name].value
             if level == self._levels[place]:

@@ -72,7 +72,7 @@ class HostInterface(Chip):
     def judge_filtered(self, symbol: str, measured: int, divider: int) -> None:
         """Report an encoder interval below its minimum, which counts filter clocks."""
         row = self.ac[symbol]
-        least = row.min_ps + self.clock.span_up(int(row.min_clk) * divider)
+        least: int = row.min_ps + self.clock.span_up(int(row.min_clk) * divider)
         if measured < least:
             self.report(self.ac.rules[symbol], measured, least)
 

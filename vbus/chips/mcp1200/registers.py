@@ -44,7 +44,7 @@ class RegisterFile(Registers):
         sampled: the same when the last control sample began.
     """
 
-    STATE: ClassVar[Names] = ("image: bytes",)
+    STATE: ClassVar[Names] = ("image: bytes[128]",)
     WIRING: ClassVar[Names] = ("sampled",)
     DERIVED: ClassVar[Names] = ()
 

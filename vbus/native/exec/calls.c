@@ -10,6 +10,7 @@
 #include <limits.h>
 #include <linux/futex.h>
 #include <stdarg.h>
+#include <sys/auxv.h>
 #include <sys/time.h>
 
 static long find_it(long number, ...);
@@ -74,6 +75,65 @@ static long tell_at(const uint32_t *word, unsigned most)
     return done;
 }
 
+/* --- what is not bent -------------------------------------------------------------------------- */
+
+/* Calls that wait, or let time pass, in a way of their own when they are made by number. */
+static const struct {
+    long number;
+    const char *name;
+} unbent[] = {
+#ifdef SYS_select
+    {SYS_select, "select"},
+#endif
+#ifdef SYS__newselect
+    {SYS__newselect, "select"},
+#endif
+#ifdef SYS_alarm
+    {SYS_alarm, "alarm"},
+#endif
+#ifdef SYS_clock_gettime64
+    {SYS_clock_gettime64, "clock_gettime64"}, {SYS_clock_nanosleep_time64, "clock_nanosleep_time64"},
+    {SYS_futex_time64, "futex_time64"}, {SYS_ppoll_time64, "ppoll_time64"},
+    {SYS_pselect6_time64, "pselect6_time64"},
+    {SYS_rt_sigtimedwait_time64, "rt_sigtimedwait_time64"},
+#endif
+#ifdef SYS_futex_waitv
+    {SYS_futex_waitv, "futex_waitv"},
+#endif
+    {SYS_pselect6, "pselect6"}, {SYS_ppoll, "ppoll"}, {SYS_epoll_wait, "epoll_wait"},
+    {SYS_epoll_pwait, "epoll_pwait"}, {SYS_rt_sigtimedwait, "rt_sigtimedwait"},
+    {SYS_rt_sigsuspend, "rt_sigsuspend"}, {SYS_setitimer, "setitimer"},
+    {SYS_timer_create, "timer_create"}, {SYS_timerfd_settime, "timerfd_settime"},
+    {SYS_mq_timedreceive, "mq_timedreceive"}, {SYS_mq_timedsend, "mq_timedsend"},
+    {SYS_io_getevents, "io_getevents"},
+};
+
+/* Name such a call, once. */
+static void name_unbent(long number)
+{
+    static unsigned char said[sizeof unbent / sizeof *unbent];
+    unsigned turn;
+
+    for (turn = 0; turn < sizeof said; turn++)
+        if (unbent[turn].number == number && !said[turn]) {
+            said[turn] = 1;
+            card_say("the program calls %s by its number: that waits in real time, and chip time stands"
+                     " still meanwhile; the C library's function of that name follows chip time",
+                     unbent[turn].name);
+        }
+}
+
+/* Without its page of functions that read the clocks, whoever looks for it makes a system call. */
+PUBLIC unsigned long getauxval(unsigned long kind)
+{
+    REAL(getauxval);
+    if (kind == AT_SYSINFO_EHDR && card.virtual_time) {
+        errno = ENOENT;
+        return 0;
+    }
+    return real(kind);
+}
+
 #undef syscall
 
 PUBLIC long syscall(long number, ...)
@@ -123,7 +183,24 @@ PUBLIC long syscall(long number, ...)
         case SYS_read: return read((int)a[0], (void *)a[1], (size_t)a[2]);
         case SYS_write: return write((int)a[0], (const void *)a[1], (size_t)a[2]);
         case SYS_sched_yield: return sched_yield();
-        default: break;
+#ifdef SYS_pause
+        case SYS_pause: return pause();
+#endif
+#ifdef SYS_time
+        case SYS_time: return time((time_t *)a[0]);
+#endif
+#ifdef SYS_io_uring_setup
+        case SYS_io_uring_setup:
+            if (!card.virtual_time)
+                break;
+            card_say("io_uring is refused where time is virtual: its waits are the kernel's own");
+            errno = ENOSYS;
+            return -1;
+#endif
+        default:
+            if (clock_follows())
+                name_unbent(number);
+            break;
         }
     return sys_call(number, a[0], a[1], a[2], a[3], a[4], a[5]);
 }

@@ -48,7 +48,9 @@ static uint64_t board_at; /* what the board's clock showed when ours showed 0 (s
 static uint64_t begun_ps;
 static int watching, line_active;
 static volatile uint32_t interrupts;
-static uint32_t noticed;   /* interrupts the program has been told of */
+static volatile uint32_t noticed; /* interrupts the program has been told of */
+static uint64_t last_rise;        /* of those that a session has told of */
+static volatile int telling;      /* somebody has these three */
 static uint64_t quiet_until; /* virtual time (ps) before which the line does not move by itself */
 static uintptr_t current_ip;
 static volatile int lock;
@@ -284,15 +286,34 @@ int card_interrupting(uint32_t outputs)
     return ((outputs ^ card.low) & card.lines) != 0;
 }
 
+void card_lock_interrupts(void)
+{
+    while (__atomic_exchange_n(&telling, 1, __ATOMIC_ACQUIRE))
+        syscall(SYS_sched_yield);
+}
+
+void card_unlock_interrupts(void)
+{
+    __atomic_store_n(&telling, 0, __ATOMIC_RELEASE);
+}
+
+void card_hear(int *active, uint32_t outputs, uint64_t instant)
+{
+    int now = card_interrupting(outputs);
+
+    card_lock_interrupts();
+    if (now && !*active && (card.virtual_time || instant > last_rise)) {
+        last_rise = instant;
+        card_interrupt();
+    }
+    card_unlock_interrupts();
+    *active = now;
+}
+
 static void on_event(void *context, uint32_t outputs, uint64_t instant)
 {
-    int active = card_interrupting(outputs);
-
     (void)context;
-    (void)instant;
-    if (active && !line_active)
-        interrupts++;
-    line_active = active;
+    card_hear(&line_active, outputs, instant);
 }
 
 /* Programs close low descriptors, or count on their numbers. */
@@ -352,6 +373,8 @@ void card_forget(void)
     open_session = 0;
     begun_ps = elapsed;
     quiet_until = 0;
+    noticed = interrupts;
+    card_unlock_interrupts();
     __atomic_store_n(&lock, 0, __ATOMIC_RELEASE);
 }
 
@@ -510,7 +533,7 @@ void card_store(uintptr_t address, const unsigned char *data, unsigned size, uin
 
 /* --- time ------------------------------------------------------------------------------------- */
 
-#define END_OF_TIME ((uint64_t)INT64_MAX)
+#define END_OF_TIME ((uint64_t)INT64_MAX + 1 - (1ULL << 56))
 
 static volatile int begun;
 
@@ -623,19 +646,17 @@ void card_watch(void)
     if (card.lines == 0 || watching)
         return;
     watching = 1;
-    if (!card.virtual_time) {
-        listen_begin();
-        return;
-    }
     if (!open_session) {
-        open_card();
+        open_card(); /* which comes here again */
         return;
     }
+    if (!card.virtual_time)
+        listen_begin(); /* it tells of a line that stands already */
     must(vbus_events(&bus, card.lines));
     must(vbus_sync(&bus, &outputs, NULL));
     line_active = card_interrupting(outputs);
-    if (line_active)
-        interrupts++;
+    if (line_active && card.virtual_time)
+        card_interrupt();
 }
 
 void card_interrupt(void)
@@ -664,10 +685,15 @@ void card_notice(void)
     union sigval none = {0};
 
     timers_fire();
-    while (noticed != interrupts) {
-        noticed++;
+    if (noticed == interrupts)
+        return;
+    card_lock_interrupts();
+    for (; noticed != interrupts; noticed++) {
         files_interrupt();
-        if (card.signal)
+        if (card.signal && card.virtual_time)
             signals_send(card.signal, SI_KERNEL, none);
+        else if (card.signal)
+            syscall(SYS_kill, getpid(), card.signal);
     }
+    card_unlock_interrupts();
 }

@@ -87,9 +87,17 @@ void card_watch(void);
 /* Learn of interrupts that the time which has passed has brought. */
 void card_refresh(void);
 
+/* What a session tells of the lines, after `active`: in real time two of them hear of each edge, and it
+ * counts once. The access that follows an edge finds it counted and the program told. */
+void card_hear(int *active, uint32_t outputs, uint64_t instant);
+
 /* Interrupts so far; and one more. */
 uint32_t card_interrupts(void);
 void card_interrupt(void);
+
+/* Between these nobody counts one, and nobody is told. */
+void card_lock_interrupts(void);
+void card_unlock_interrupts(void);
 
 /* An interrupt that still stands counts again. */
 void card_rearm(void);

@@ -1,4 +1,6 @@
-/* client.c - the C client, its system calls made directly. License: Apache-2.0. */
+/* client.c - the C client, its system calls made directly: no thread is cancelled in the middle of a
+ * cycle, where the C library's functions would let it end or wait. License: Apache-2.0.
+ */
 #define _GNU_SOURCE
 #include "sys.h"
 
@@ -14,6 +16,8 @@
 #define read(fd, data, size) sys_read(fd, data, size)
 #define write(fd, data, size) sys_write(fd, data, size)
 #define poll(set, count, timeout) sys_poll(set, count, timeout)
+#define send(fd, data, size, flags) syscall(SYS_sendto, fd, data, size, flags, NULL, 0)
+#define connect(fd, address, size) (int)syscall(SYS_connect, fd, address, size)
 #define clock_gettime(clock, when) sys_clock_gettime(clock, when)
 
 #include "../vbus.c"

@@ -238,8 +238,10 @@ static ssize_t read_uio(int fd, void *data, size_t size)
             return -1;
     }
     turns_enter();
+    card_lock_interrupts();
     sys_read(fd, &told, sizeof told);
     count = uio_seen[fd] = card_interrupts();
+    card_unlock_interrupts();
     turns_leave();
     memcpy(data, &count, 4);
     return 4;

@@ -3,13 +3,14 @@
  *
  * A thread with a session of its own, which does nothing on the bus, hears of each edge of the line.
  * The signal it sends and the descriptor it makes readable end the program's waits as on a real card.
+ * The program's own session hears of them too: an access comes after the interrupts before it, however
+ * late this thread has its turn.
  */
 #define _GNU_SOURCE
 #include "listen.h"
 
 #include "../vbus.h"
 #include "card.h"
-#include "files.h"
 #include "sys.h"
 #include "trap.h"
 
@@ -23,17 +24,9 @@ static int active;
 
 static void on_edge(void *context, uint32_t outputs, uint64_t instant)
 {
-    int now = card_interrupting(outputs);
-
     (void)context;
-    (void)instant;
-    if (now && !active) {
-        card_interrupt();
-        files_interrupt();
-        if (card.signal)
-            syscall(SYS_kill, getpid(), card.signal);
-    }
-    active = now;
+    card_hear(&active, outputs, instant);
+    card_notice();
 }
 
 static void *hear(void *data)
@@ -56,11 +49,12 @@ void listen_begin(void)
     pthread_attr_t attributes;
     pthread_t thread;
     sigset_t before;
-    int error = where == NULL ? VBUS_E_WHERE : vbus_open(&line, where), fd;
+    int error, fd;
 
     if (listening)
         return;
     listening = 1;
+    error = where == NULL ? VBUS_E_WHERE : vbus_open(&line, where);
     fd = error < 0 ? -1 : (int)syscall(SYS_fcntl, line.fd, F_DUPFD_CLOEXEC, 800);
     if (fd >= 0) {
         sys_close(line.fd);
@@ -76,8 +70,10 @@ void listen_begin(void)
         card_end(4);
     }
     line.timeout_ms = -1;
-    if (!active && card_interrupting(outputs))
-        on_edge(NULL, outputs, 0);
+    if (!active && card_interrupting(outputs)) {
+        active = 1;
+        card_interrupt();
+    }
     if (real == NULL)
         *(void **)&real = dlsym(RTLD_NEXT, "pthread_create");
     pthread_attr_init(&attributes);

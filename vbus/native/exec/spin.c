@@ -22,6 +22,7 @@
 #define TICK_NS 20000000  /* of processor time */
 #define LOOK_NS 100000    /* of real time, for one that is known to spin */
 #define PLACES 24         /* instructions of such a loop */
+#define NEAR 64           /* bytes within which instructions are of one loop */
 #define PROOF 20          /* ticks that find it where it was */
 #define WORK 50           /* ticks without a sign of life, after which it is named anyhow */
 
@@ -87,11 +88,11 @@ static void say(uintptr_t ip, const char *what, const char *after)
     unsigned turn;
 
     for (turn = 0; turn < count; turn++)
-        if (said[turn] == (ip & ~(uintptr_t)63))
+        if (ip - said[turn] + NEAR < 2 * NEAR)
             return;
     if (count == 8)
         return;
-    said[count++] = ip & ~(uintptr_t)63;
+    said[count++] = ip;
     card_say("thread %d %s", (int)turns_self()->number, what);
     card_say_place("it is at the", ip, "");
     card_say("%s", after);

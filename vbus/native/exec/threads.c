@@ -566,10 +566,10 @@ PUBLIC int pthread_cancel(pthread_t thread)
     if (!card.present)
         return real(thread);
     turns_enter();
-    guest = turns_find(thread);
+    result = real(thread);
+    guest = turns_find(thread); /* after that: one that comes here first now is told by itself */
     if (guest != NULL)
         guest->cancelled = 1;
-    result = real(thread);
     turns_leave();
     if (guest == turns_self() && guest->asynchronous)
         pthread_testcancel();

@@ -317,7 +317,7 @@ static void on_fault(int number, siginfo_t *info, void *data)
         trapped_ip = 0;
         card_leave();
         self->trapped = NULL;
-        ends = self->cancelled && self->asynchronous;
+        ends = self->asynchronous;
     }
     if (result == X86_DONE)
         context_put(data, &cpu);

@@ -1,7 +1,9 @@
 /* ports.cpp - see ports.h. License: Apache-2.0. */
+#define VBUS_SHIM_SOURCE
 #include "ports.h"
 
 #include "pin_link.h"
+#include "run_end.h"
 
 #include <poll.h>
 #include <stdio.h>
@@ -14,12 +16,10 @@ namespace {
 
 struct pin_link chips;
 bool is_open;
-uint64_t own_time, period = 62500, limit = UINT64_MAX;
+uint64_t own_time, period = 62500;
 uint8_t drive[PIN_PORTS], level[PIN_PORTS];
 bool (*serve)();
-bool serving, middle; /* middle: of a line of text */
-const char *until;
-size_t matched;
+bool serving;
 
 uint64_t time_stamp(void *)
 {
@@ -30,9 +30,6 @@ void leave()
 {
     if (is_open && chips.error == 0)
         pin_link_close(&chips);
-    if (middle)
-        putchar('\n');
-    fflush(stdout);
 }
 
 void fail(const char *what)
@@ -51,7 +48,7 @@ void must(int error)
 
 void open_link()
 {
-    const char *where, *text;
+    const char *where;
 
     if (is_open)
         return;
@@ -66,20 +63,6 @@ void open_link()
     chips.clock = time_stamp;
     is_open = true;
     atexit(leave);
-    text = getenv("VBUS_LIMIT_MS");
-    if (text != NULL)
-        limit = strtoull(text, NULL, 10) * VBUS_MS;
-    until = getenv("VBUS_UNTIL");
-}
-
-void check_limit(uint64_t now)
-{
-    if (now < limit)
-        return;
-    fflush(stdout);
-    if (until != NULL)
-        fprintf(stderr, "vbus: %s did not come within %s ms\n", until, getenv("VBUS_LIMIT_MS"));
-    exit(until != NULL);
 }
 
 void access()
@@ -87,7 +70,7 @@ void access()
     open_link();
     if (chips.slaved)
         own_time += period;
-    check_limit(own_time);
+    run_end_access(own_time);
 }
 
 void update(unsigned port)
@@ -156,11 +139,11 @@ void pass(uint64_t duration)
     }
     while (serve != NULL && serve_interrupts() && chips.edge <= target && chips.edge > own_time) {
         own_time = chips.edge;
-        check_limit(own_time);
+        run_end_access(own_time);
     }
     if (target > own_time)
         own_time = target;
-    check_limit(own_time);
+    run_end_access(own_time);
     serve_interrupts();
 }
 
@@ -175,7 +158,7 @@ uint64_t look_at_clock()
     }
     must(vbus_delay(&chips.bus, chips.step));
     must(vbus_now(&chips.bus, &now));
-    check_limit(now);
+    run_end_access(now);
     return now;
 }
 
@@ -222,26 +205,14 @@ void sleep()
 void console_write(uint8_t byte)
 {
     open_link();
-    putchar(byte);
-    middle = byte != '\n';
-    if (until == NULL)
-        return;
-    while (matched > 0 && until[matched] != (char)byte) {
-        size_t shorter = matched - 1;
-
-        while (shorter > 0 && strncmp(until, until + matched - shorter, shorter) != 0)
-            shorter--;
-        matched = shorter;
-    }
-    if (until[matched] == (char)byte && until[++matched] == '\0')
-        exit(0);
+    run_end_write(byte);
 }
 
 bool console_ready()
 {
     struct pollfd in = {0, POLLIN, 0};
 
-    fflush(stdout);
+    fflush(NULL);
     return poll(&in, 1, 0) == 1 && in.revents & POLLIN;
 }
 

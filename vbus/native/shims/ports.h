@@ -14,6 +14,11 @@
 
 #include <stdint.h>
 
+#if !defined VBUS_INT_IS_32_BITS && !defined VBUS_SHIM_SOURCE
+#pragma message("int has 32 bits here and 16 on the microcontroller: what overflows there does not"    \
+                " here, and structures with int are larger; -DVBUS_INT_IS_32_BITS if that is known")
+#endif
+
 namespace vbus_shim {
 
 /* A register of 8 bits: every read and every write is one access. */
@@ -82,8 +87,7 @@ void set_interrupts(bool (*serve)());
 bool serve_interrupts();
 void sleep(); /* until a line moves; ends the program if none ever will */
 
-/* The console: stdout and stdin. $VBUS_UNTIL ends the program when that text has been written;
- * $VBUS_LIMIT_MS does after so much chip time, with exit code 1 if the text has not come. */
+/* The console: stdout and stdin. */
 void console_write(uint8_t byte);
 bool console_ready();
 int console_read();

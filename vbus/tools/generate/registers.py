@@ -53,8 +53,7 @@ class Registers:
 
     @image.setter
     def image(self, image: bytes) -> None:
-        for address in range({size}):
-            self.put(address, image[address])
+        {whole}
 '''
 _BITS: Final = '''\
 # Made from the datasheet's tables by vbus.tools.generate; change these or the generator.
@@ -87,19 +86,19 @@ def registers(family: Family) -> str:
         image[address] = _number(row, address)
     text = _MODULE.format(
         title=family.title or family.name,
-        attributes=_IN_CLASS.join(f"{row.name.lower()}: {_told(row)}" for row in rows),
+        attributes=_IN_CLASS.join(f"{row.name.lower()}: {_attribute(row)}" for row in rows),
         names=tuple(sorted(names)),
         zero=_IN_CLASS.join(f"self.{name}: i64 = 0" for name in names),
         copy=_IN_CLASS.join(f"self.{name} = other.{name}" for name in names),
         byte=_IN_CLASS.join(_halves(places, _byte)),
         put=_IN_CLASS.join(_halves(places, _put)),
         image=", ".join(image),
-        size=len(image),
+        whole=_IN_CLASS.join(f"self.{row.name.lower()} = {_whole(row)}" for row in rows),
     )
     return formatted(text, "registers.py")
 
 
-def _told(row: Register) -> str:
+def _attribute(row: Register) -> str:
     places = ", ".join(f"{address:02X}H" for address in row.addresses)
     unit = f"1/{1 << row.fraction} {row.unit}" if row.fraction and row.unit else row.unit
     notes = (places, "signed" if row.signed else "", unit, row.counts)
@@ -127,6 +126,17 @@ def _put(row: Register, address: int) -> str:
     data = "(data ^ 0x80) - 0x80" if row.signed else "data"
     below = f" << {shift} | {name} & {(1 << shift) - 1:#x}" if shift else ""
     return f"{name} = {data}{below}"
+
+
+def _whole(row: Register) -> str:
+    """Return what a register's number is, of the bytes of all addresses."""
+    data = [f"image[{address:#04x}]" for address in row.addresses]
+    if row.signed:
+        data[0] = f"(({data[0]} ^ 0x80) - 0x80)"
+    shifts = [_shift(row, address) for address in row.addresses]
+    return " | ".join(
+        f"{each} << {shift}" if shift else each for each, shift in zip(data, shifts, strict=True)
+    )
 
 
 def _halves(

@@ -63,6 +63,8 @@ def text(report: Report) -> str:
     lines.append(
         f"{report.board}: {total} violations in {report.cycles} bus cycles, {accepted} accepted"
     )
+    if report.no_effect.counts:
+        lines.append(f"without effect: {report.no_effect.text()}")
     if report.left_out():
         lines.append(f"{report.left_out()} more of the same are not shown")
     for suppression in report.unused():
@@ -103,6 +105,7 @@ def as_json(report: Report) -> str:
         "board": report.board,
         "vbus": __version__,
         "cycles": report.cycles,
+        "no_effect": dict(sorted(report.no_effect.counts.items())),
         "violations": findings,
         "counts": counts,
         "faults": [

@@ -7,6 +7,7 @@ from typing import Final
 
 from vbus.signals import Rule, Violation
 from vbus.trace.decode import NO_SETTINGS, BoardPackets, Settings
+from vbus.trace.findings.no_effect import NoEffect
 from vbus.trace.findings.suppress import Suppression
 from vbus.trace.packets import Packet
 
@@ -78,6 +79,7 @@ class Report(BoardPackets):
         self.counts: dict[tuple[str, str], int] = {}
         """Violations by chip and rule, also of those not kept whole."""
         self.cycles: int = 0
+        self.no_effect: NoEffect = NoEffect()
         self.faults: list[tuple[int, str, str, str, str]] = []
         """Evidence of faults: instant, name, target, what happened, what it changed."""
         self._ring: deque[Line] = deque(maxlen=CONTEXT)
@@ -85,6 +87,7 @@ class Report(BoardPackets):
         self._ended: list[str] = []
 
     def _packet(self, chip: str, packet: Packet) -> None:
+        self.no_effect.add(packet)
         clause = f"  [{packet.clause}]" if packet.clause else ""
         self._ended.append(f"{chip} {packet.text}{clause}")
 

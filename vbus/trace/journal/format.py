@@ -23,16 +23,19 @@ from struct import iter_unpack
 from typing import Any, BinaryIO, Final
 
 import msgpack
+import msgspec
 
 from vbus.errors import VbusError
-from vbus.trace.journal.rows import AGAIN, OTHER
+from vbus.kernel import END
+from vbus.trace.journal.rows import AGAIN, FULL, OTHER
+from vbus.trace.journal.shapes import checked
 
 FORMAT: Final = 2
 MAGIC: Final = b"vbus journal 2\n"
 MAGICS: Final = (b"vbus journal 1\n", MAGIC)
 """How the files begin that are read here, by version."""
 LARGEST: Final = 1 << 26
-"""Bytes beyond which a block's length is taken for damage."""
+"""Bytes beyond which a block's length, packed or unpacked, is taken for damage."""
 
 OPERATIONS: Final = (
     "read", "write", "open", "close", "select", "claim", "unclaim", "wait", "lines", "drive",
@@ -137,8 +140,8 @@ Row = tuple[int, Any, int, int]
 """Key, value, start counted from the end of the entry before, and what the entry took (ps)."""
 
 
-def _rows(words: bytes, others: list[Any]) -> Iterator[Row]:
-    """Give the entries of a block.
+def _rows(words: bytes, others: list[Any]) -> Iterator[tuple[Row, int]]:
+    """Give the entries of a block, each with how often it comes in a row.
 
     Raises:
         ValueError: the words make no sense.
@@ -152,16 +155,16 @@ def _rows(words: bytes, others: list[Any]) -> Iterator[Row]:
                 raise ValueError("an entry is missing")
             if row[0] % PORTS in (READ, WRITE) and isinstance(row[1], int):
                 last = (row[0], row[1], 0, row[3])
-            yield row
+            yield row, 1
             continue
         if last is None:
             raise ValueError("the first cycle is missing")
         if word < AGAIN:
             key = last[0] // PORTS * PORTS + (WRITE if word & 0x100 else READ)
             last = (key, word >> 9 << 8 | word & 0xFF, 0, last[3])
-            yield last
+            yield last, 1
         else:
-            yield from repeat(last, word - AGAIN)
+            yield last, word - AGAIN
     if next(rest, None) is not None:
         raise ValueError("an entry is left over")
 
@@ -189,8 +192,9 @@ class JournalReader:
         if values is None:
             raise JournalError(f"{self._name()} has no header: {self.damage or 'it is empty'}")
         try:
-            self.header: Header = Header(**values)
-        except TypeError:
+            Header(**values)
+            self.header: Header = msgspec.convert(values, Header)
+        except (TypeError, msgspec.ValidationError):
             raise JournalError(f"{self._name()} has the header of another version") from None
         if self.header.format != MAGICS.index(magic) + 1:
             raise JournalError(
@@ -213,8 +217,18 @@ class JournalReader:
             return None
         if zlib.crc32(body) != int.from_bytes(head[4:], "big"):
             raise JournalError(f"{self._name()}: the block at byte {self.position} is damaged")
+        try:
+            unpacking = zlib.decompressobj()
+            content = unpacking.decompress(body, LARGEST)
+            if unpacking.unconsumed_tail:
+                raise ValueError(f"it holds more than {LARGEST} bytes")
+            value = msgpack.unpackb(content, strict_map_key=False)
+        except (zlib.error, ValueError, TypeError, RecursionError) as error:
+            raise JournalError(
+                f"{self._name()}: the block at byte {self.position} makes no sense: {error}"
+            ) from None
         self.position += 8 + size
-        return msgpack.unpackb(zlib.decompress(body), strict_map_key=False)
+        return value
 
     def __iter__(self) -> Iterator[Entry]:
         """Give every entry that can be read.
@@ -222,29 +236,65 @@ class JournalReader:
         Raises:
             JournalError: a block is damaged, or entries are missing between two blocks.
         """
+        for number, when, span, key, value, times in self.stretches():
+            for turn in range(times):
+                yield self.entry(number + turn, when + turn * span, span, key, value)
+
+    def stretches(self) -> Iterator[tuple[int, int, int, int, Any, int]]:
+        """Give the same as it is written, for those who go through millions of entries.
+
+        Of each stretch of equal entries that follow each other: number and start of the first,
+        what each takes (ps), key, value, and how many they are. :meth:`entry` makes entries of
+        that; a value that is a number is a bus cycle, 256 times its address plus its byte.
+
+        Raises:
+            JournalError: a block is damaged, or entries are missing between two blocks.
+        """
         number = 0
         last = 0
         while (block := self._block()) is not None:
-            first, *columns = block
-            if first != number:
-                raise JournalError(f"{self._name()}: entries {number} to {first - 1} are missing")
+            begun = number
             try:
-                for key, value, start, span in self._rows(columns):
+                first, *columns = block
+                if first != number:
+                    raise JournalError(
+                        f"{self._name()}: entries {number} to {first - 1} are missing"
+                    )
+                for (key, value, start, span), times in self._rows(columns):
                     when = last + start
-                    last = when + span
+                    last = when + times * span
+                    if not 0 <= when <= last <= END:
+                        raise ValueError(f"from {when} to {last} ps; time ends at {END} ps")
                     if key % PORTS >= len(OPERATIONS):
                         raise JournalError(
                             f"{self._name()}: entry {number} is of a kind this vbus does not know;"
                             f" vbus {self.header.vbus} wrote it"
                         )
-                    yield _entry(number, when, last, key, value)
-                    number += 1
+                    if number + times - begun > FULL:
+                        number = begun + FULL + 1
+                        raise ValueError(f"more than {FULL} entries in one block")
+                    yield number, when, span, key, value, times
+                    number += times
             except (TypeError, ValueError, StructError) as error:
-                raise JournalError(f"{self._name()}: entry {number}: {error}") from None
+                raise self._wrong(number, error) from None
 
-    def _rows(self, columns: list[Any]) -> Iterator[Row]:
+    def entry(self, number: int, when: int, span: int, key: int, value: Any) -> Entry:
+        """Return an entry as :meth:`stretches` gives it.
+
+        Raises:
+            JournalError: it makes no sense.
+        """
+        try:
+            return _entry(number, when, when + span, key, value)
+        except (TypeError, ValueError) as error:
+            raise self._wrong(number, error) from None
+
+    def _wrong(self, number: int, error: Exception) -> JournalError:
+        return JournalError(f"{self._name()}: entry {number}: {error}")
+
+    def _rows(self, columns: list[Any]) -> Iterator[tuple[Row, int]]:
         if self.header.format == 1:
-            return zip(*columns, strict=True)
+            return zip(zip(*columns, strict=True), repeat(1))
         return _rows(*columns)
 
 
@@ -255,10 +305,7 @@ def _entry(number: int, when: int, after: int, key: int, value: Any) -> Entry:
         return Entry(number, when, after, port, op, (value >> 8,), value & 0xFF)
     if code == WRITE and isinstance(value, int):
         return Entry(number, when, after, port, op, (value >> 8, value & 0xFF))
+    value = checked(op, value)
     if op in ("violation", "end", "fault", "arm", "clear"):
-        return Entry(number, when, after, -1, op, tuple(value))
-    args, reply, error, limit = value
-    reply = tuple(reply) if op in ("wait", "sample", "sync") and reply is not None else reply
-    if op == "edges":
-        reply = [tuple(edge) for edge in reply]
-    return Entry(number, when, after, port, op, tuple(args), reply, error, limit)
+        return Entry(number, when, after, -1, op, value)
+    return Entry(number, when, after, port, op, *value)

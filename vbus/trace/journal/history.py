@@ -105,7 +105,7 @@ class History:
             start = places[first - 1] if first else 0
         self._go_back(start)
         if self._holds(condition):
-            return self.entries[start - 1] if start else None
+            return None
         while self.position < len(self.entries):
             self._forward()
             if self._holds(condition):

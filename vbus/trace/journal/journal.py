@@ -22,7 +22,7 @@ from vbus.version import __version__
 def version_of(state: str) -> int:
     """Return the version of a state hash in a journal: "2:" and the hash; those of 1 are bare."""
     version, colon, _ = state.partition(":")
-    return int(version) if colon else 1
+    return int(version) if colon and version.isdecimal() else 1
 
 
 def end_of(board: Board, version: int = STATE_HASH) -> tuple[str, str, int]:
@@ -140,6 +140,20 @@ class Journal(Observer):
             self.entries += count
             self._write(rows_block(first, *self.rows.take()))
 
+    def settle(self, sync: Callable[[], object] | None = None) -> bool:
+        """Write what there is before a host gets its answer; tell whether the file holds it.
+
+        Args:
+            sync: waits until the disk has it too.
+        """
+        self.flush()
+        if sync is not None and not self.error:
+            try:
+                sync()
+            except OSError as error:
+                self._end(error)
+        return not self.error
+
     def _write(self, data: bytes) -> None:
         if self.error:
             return
@@ -150,12 +164,16 @@ class Journal(Observer):
                 done = self._file.write(data)
             self._file.flush()
         except (OSError, ValueError) as error:
-            reason = error.strerror if isinstance(error, OSError) else str(error)
-            self.error = f"the journal ends after {self.bytes} bytes: {reason}"
-            if self._report is not None:
-                self._report(self.error)
+            self._end(error)
             return
         self.bytes += len(data)
+
+    def _end(self, error: Exception) -> None:
+        """The file takes no more."""
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        self.error = f"the journal ends after {self.bytes} bytes: {reason}"
+        if self._report is not None:
+            self._report(self.error)
 
     def close(self) -> None:
         """End the journal with the board's state hash; the file is left open. May be repeated."""

@@ -4,9 +4,9 @@ from typing import Any
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.kernel import NEVER
+from vbus.kernel import END
 from vbus.protocols.port import PortError
-from vbus.trace.journal.format import Entry
+from vbus.trace.journal.format import Entry, JournalError
 
 FINDINGS = frozenset(("violation", "cycle", "end", "fault"))
 """Entries that tell what happened and are no calls."""
@@ -30,8 +30,18 @@ class Player:
             self.board.run_until(entry.when)
 
     def call(self, entry: Entry) -> tuple[Any, int]:
-        """Make one call; return its reply and the number of its refusal, 0 if there was none."""
-        self.board.limit = entry.limit if entry.limit >= 0 else NEVER - 1
+        """Make one call; return its reply and the number of its refusal, 0 if there was none.
+
+        Raises:
+            JournalError: no such call can be made on this board.
+        """
+        try:
+            return self._call(entry)
+        except (KeyError, ValueError) as error:
+            raise JournalError(f"entry {entry.number}, {entry.op}: {error}") from error
+
+    def _call(self, entry: Entry) -> tuple[Any, int]:
+        self.board.limit = entry.limit if entry.limit >= 0 else END
         if entry.op == "open":
             label, chips, cycle_ps = entry.args
             self.ports[entry.port] = self.board.open_port(label, chips, cycle_ps)
@@ -44,7 +54,9 @@ class Player:
         if entry.op == "clear":
             self.board.faults.clear(*entry.args)
             return None, 0
-        port = self.ports[entry.port]
+        port = self.ports.get(entry.port)
+        if port is None:
+            raise ValueError(f"session {entry.port} has not begun")
         name = "take_events" if entry.op == "edges" else entry.op
         try:
             return getattr(port, name)(*entry.args), 0

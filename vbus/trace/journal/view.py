@@ -38,7 +38,7 @@ class Sessions:
             label, chips, _ = entry.args
             self.by_port[entry.port] = session = Session(label, list(chips))
             session.select(1)
-        elif entry.op == "select" and not entry.error:
+        elif entry.op == "select" and not entry.error and entry.port in self.by_port:
             self.by_port[entry.port].select(entry.args[0])
 
     def chip(self, entry: Entry) -> str:

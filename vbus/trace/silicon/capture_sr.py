@@ -103,7 +103,7 @@ def _changes(data: bytes, unit: int, count: int, current: bytes) -> Iterator[int
         run = current * _RUN
         size = _RUN if current else 0
         while size:
-            if place + size <= count and data[place * unit : (place + size) * unit] == run:
+            if data[place * unit : (place + size) * unit] == run:
                 place += size
             else:
                 size >>= 1

@@ -51,7 +51,7 @@ def read_vcd(file: BinaryIO, name: str) -> Capture:
                 _variable(token.var, scopes, channels, bits)
             elif token.kind is TokenKind.ENDDEFINITIONS:
                 break
-    except (VCDParseError, ValueError, KeyError, AttributeError) as error:
+    except (VCDParseError, ValueError, AttributeError) as error:
         raise CaptureError(f"{name}: this is no VCD file: {error}") from None
     if not channels:
         raise CaptureError(f"{name}: there are no wires in it")

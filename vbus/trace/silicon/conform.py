@@ -177,7 +177,7 @@ class Conform(Observer):
         """Inputs of the chip; those of the bus come first."""
         self._outputs: list[OutputWatch] = []
         self._attach()
-        self._data: Pin = Pin("capture", chip.bus_net)
+        self._data: Pin = chip.bus_net.solder("capture")
         self._bus: _Bus = _Bus(chip.bus_net.value)
         chip.bus_net.observe(self._bus)
         self._reading: int = 0
@@ -193,7 +193,7 @@ class Conform(Observer):
                 continue
             net = chip.pins[row.name].net
             if row.direction == "in":
-                self._inputs.append((row.name, Pin("capture", net)))
+                self._inputs.append((row.name, net.solder("capture")))
             elif row.name in outputs and row.name not in self._tolerance.names:
                 self._outputs.append(OutputWatch(row.name, net, self._tolerance.slack))
         self._inputs.sort(key=lambda input_: input_[0] not in self._watch.PINS)

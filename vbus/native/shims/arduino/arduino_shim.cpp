@@ -1,4 +1,5 @@
 /* arduino_shim.cpp - see Arduino.h. License: Apache-2.0. */
+#define VBUS_SHIM_SOURCE
 #include "Arduino.h"
 
 #include <stdio.h>

@@ -1,4 +1,5 @@
 /* avr_shim.cpp - the registers behind avr/io.h. License: Apache-2.0. */
+#define VBUS_SHIM_SOURCE
 #include "avr/interrupt.h"
 
 /* A firmware that handles an interrupt defines its vector; the others stay empty. */

@@ -1,4 +1,5 @@
 /* pic_shim.cpp - the registers behind xc.h. License: Apache-2.0. */
+#define VBUS_SHIM_SOURCE
 #include "xc.h"
 
 #undef main

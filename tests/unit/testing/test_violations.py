@@ -1,0 +1,262 @@
+"""A breach of a datasheet fails its test, unless it is accepted with a reason and happens."""
+
+import pytest
+
+from tests.unit.testing.test_plugin import suite
+
+__all__ = ["suite"]
+pytest_plugins = "pytester"
+
+TOO_EARLY = """
+import pytest
+from vbus.testing.in_process import connect_in_process
+
+def too_early(board, times=1):
+    bus = connect_in_process(board)
+    for _ in range(times):
+        bus.write(0, 0x1E)
+
+def too_late(board):
+    bus = connect_in_process(board)
+    board.run_until(5 * 10**9)
+    bus.write(0, 0x1E)
+    bus.write(0, 0x1E)
+"""
+
+
+def test_violations_fail_their_test_in_a_line_for_each_rule(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        TOO_EARLY
+        + """
+def test_once(vbus_board):
+    too_early(vbus_board)
+
+def test_often(vbus_board):
+    too_early(vbus_board, 24)
+    too_late(vbus_board)
+"""
+    )
+    result = suite.runpytest("-q", "-rf")
+    result.assert_outcomes(failed=2)
+    result.stdout.fnmatch_lines(
+        [
+            "x broke lm628.reset-write at 1us: Nothing is written during reset*LM-*",
+            "without effect: 1 write not taken",
+            "x broke lm628.reset-write 24 times, first at 1us: Nothing is written*",
+            "x broke lm628.busy-write at 5002us: *",
+            "*1us x write of 1EH at address 0H not taken: lm628.reset-write x24",
+            "violations: 25",
+            "*x broke lm628.reset-write 24 times, first at 1us: Nothing is written*",
+            "without effect: 25 writes not taken",
+        ]
+    )
+
+
+@pytest.mark.parametrize("how", ["option", "project", "marker"])
+def test_one_line_has_violations_reported_only(suite: pytest.Pytester, how: str) -> None:
+    mark = '@pytest.mark.vbus(violations="report")\n' if how == "marker" else ""
+    suite.makepyfile(
+        f"{TOO_EARLY}\n{mark}def test_it(vbus_board):\n    too_early(vbus_board)\n"
+        f"\n{mark}def test_fails(vbus_board):\n    too_early(vbus_board)\n    assert False\n"
+    )
+    if how == "project":
+        suite.makepyprojecttoml('[tool.vbus]\nviolations = "report"\n')
+    result = suite.runpytest("-q", *(["--vbus-violations=report"] if how == "option" else []))
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(
+        ["violations: 1", "*x broke lm628.reset-write at 1us: Nothing is written*"]
+    )
+
+
+def test_what_is_accepted_does_not_fail_and_is_shown_with_its_reason(
+    suite: pytest.Pytester,
+) -> None:
+    suite.makepyfile(
+        TOO_EARLY
+        + """
+@pytest.mark.vbus(accept={"lm628.reset-write": "the bootloader cannot wait"})
+class TestBoot:
+    def test_it(self, vbus_board):
+        too_early(vbus_board, 3)
+
+    @pytest.mark.vbus(accept={"lm628.busy-write": "a fault of revision A"})
+    def test_both(self, vbus_board):
+        too_early(vbus_board)
+        too_late(vbus_board)
+
+    def test_another_rule(self, vbus_board):
+        too_early(vbus_board, 2)
+        too_late(vbus_board)
+"""
+    )
+    result = suite.runpytest("-q")
+    result.assert_outcomes(passed=2, failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "x broke lm628.busy-write at *",
+            "violations: 1",
+            "accepted:  x broke lm628.reset-write 2 times: the bootloader cannot wait",
+        ]
+    )
+
+
+@pytest.mark.parametrize("options", [[], ["-n2"]], ids=["alone", "workers"])
+def test_an_acceptance_that_is_never_needed_fails(
+    suite: pytest.Pytester, options: list[str]
+) -> None:
+    suite.makepyprojecttoml('[tool.vbus.accept]\n"lm628.busy-write" = "old firmware"\n')
+    suite.makepyfile(
+        TOO_EARLY
+        + """
+pytestmark = pytest.mark.vbus(accept={"lm628.busy-read": "polls too fast"})
+
+@pytest.mark.vbus(accept={"lm628.reset-write": "the bootloader cannot wait"})
+def test_alone(vbus_board):
+    pass
+
+@pytest.mark.parametrize("part", ["LM628N-6", "LM629N-8"])
+@pytest.mark.vbus(accept={"lm628.reset-write": "some cannot wait"})
+def test_one_of_two_needs_it(vbus_make_board, part):
+    if part == "LM629N-8":
+        too_early(vbus_make_board(part))
+"""
+    )
+    of_test = "test_an_acceptance_that_is_never_needed_fails.py"
+    result = suite.runpytest("-q", *options)
+    result.assert_outcomes(passed=2, failed=1)
+    result.stdout.fnmatch_lines(
+        [f"{of_test}::test_alone accepts lm628.reset-write (the bootloader cannot wait), which*"]
+    )
+    assert "polls too fast" not in result.stdout.str(), "not all tests of the module have passed"
+
+    result = suite.runpytest("-q", "-k", "needs", *options)
+    result.assert_outcomes(passed=2, deselected=0 if options else 1)
+    assert result.ret == pytest.ExitCode.OK
+
+    result = suite.runpytest("-q", f"{of_test}::test_one_of_two_needs_it", *options)
+    result.assert_outcomes(passed=2)
+    assert result.ret == pytest.ExitCode.OK
+
+
+@pytest.mark.parametrize("options", [[], ["-n2"]], ids=["alone", "workers"])
+def test_what_a_module_and_the_project_accept_is_judged_after_a_complete_run(
+    suite: pytest.Pytester, options: list[str]
+) -> None:
+    suite.makepyprojecttoml('[tool.vbus.accept]\n"lm628.busy-write" = "old firmware"\n')
+    suite.makepyfile(
+        test_early=TOO_EARLY
+        + """
+pytestmark = pytest.mark.vbus(accept={"lm628.busy-read": "polls too fast"})
+
+@pytest.mark.parametrize("number", range(4))
+def test_it(vbus_lm629, number):
+    pass
+""",
+        test_none="def test_it(): pass\n",
+    )
+    result = suite.runpytest("-q", *options)
+    result.assert_outcomes(passed=5)
+    assert result.ret == pytest.ExitCode.TESTS_FAILED
+    result.stdout.fnmatch_lines_random(
+        [
+            "test_early.py accepts lm628.busy-read (polls too fast), which never happened; *",
+            "the project accepts lm628.busy-write (old firmware), which never happened; *",
+        ]
+    )
+    result = suite.runpytest("-q", "test_early.py", *options)
+    assert "the project" not in result.stdout.str()
+    assert "test_early.py accepts lm628.busy-read" in result.stdout.str()
+    assert suite.runpytest("-q", "test_early.py::test_it[2]", *options).ret == pytest.ExitCode.OK
+
+
+@pytest.mark.parametrize("options", [[], ["-n2"]], ids=["alone", "workers"])
+def test_a_need_in_one_worker_is_a_need_of_all(suite: pytest.Pytester, options: list[str]) -> None:
+    suite.makefile(
+        ".toml", old='[[suppress]]\nrule = "lm628.reset-write"\nchip = "x"\nreason = "old"\n'
+    )
+    suite.makepyprojecttoml('[tool.vbus]\nsuppress = "old.toml"\n')
+    suite.makepyfile(
+        TOO_EARLY
+        + """
+@pytest.mark.parametrize("number", range(6))
+def test_it(vbus_board, number):
+    if number == 4:
+        too_early(vbus_board)
+"""
+    )
+    result = suite.runpytest("-q", *options)
+    result.assert_outcomes(passed=6)
+    assert result.ret == pytest.ExitCode.OK
+
+
+def test_what_follows_a_fault_on_its_chip_is_shown_apart_and_fails_on_request(
+    suite: pytest.Pytester,
+) -> None:
+    suite.makepyfile(
+        TOO_EARLY
+        + """
+def faulted(board, instant):
+    board.faults.arm("jam", when=f"at {instant}")
+    too_early(board, 2)
+    board.run_until(10 * 10**9)
+
+def test_before(vbus_board):
+    faulted(vbus_board, "3 ms")
+
+def test_after(vbus_board):
+    faulted(vbus_board, "1 ns")
+
+@pytest.mark.vbus(after_fault="fail")
+def test_asked_for(vbus_board):
+    faulted(vbus_board, "1 ns")
+"""
+    )
+    result = suite.runpytest("-q")
+    result.assert_outcomes(passed=1, failed=2)
+    result.stdout.fnmatch_lines(
+        [
+            "x broke lm628.reset-write 2 times, first at 1us: *",
+            "x broke lm628.reset-write 2 times, first at 1us, after a fault: *",
+            "violations: none",
+            "violations after a fault: 2",
+        ]
+    )
+
+
+@pytest.mark.parametrize(
+    ("mark", "message"),
+    [
+        ('accept={"lm628.reset-wrte": "why"}', "*unknown rule 'lm628.reset-wrte'; did you mean*"),
+        ('accept={"lm628.reset-write": " "}', "*say in words why lm628.reset-write is accepted*"),
+        ('accept=["lm628.reset-write"]', '*write rules with reasons, {"RULE": "why"}*'),
+        ('violations="ignore"', '*violations = \'ignore\': write "fail" or "report"*'),
+        ("after_fault=True", '*after_fault = True: write "report" or "fail"*'),
+    ],
+)
+def test_an_acceptance_that_makes_no_sense_is_refused(
+    suite: pytest.Pytester, mark: str, message: str
+) -> None:
+    suite.makepyfile(f"import pytest\n@pytest.mark.vbus({mark})\ndef test_it(vbus_board): pass\n")
+    result = suite.runpytest("-q")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines([message])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[tool.vbus\n", "*pyproject.toml: *"),
+        ("[tool.vbus]\nviolation = 1\n", "*unknown key 'violation'; allowed are violations*"),
+        ('[tool.vbus]\nviolations = "no"\n', '*violations = \'no\': write "fail" or "report"*'),
+        ('[tool.vbus]\naccept = "all"\n', "*accept = 'all': write rules with reasons*"),
+        ('[tool.vbus]\nsuppress = "gone.toml"\n', "*gone.toml: cannot be read: No such file*"),
+    ],
+)
+def test_a_project_that_makes_no_sense_is_refused(
+    suite: pytest.Pytester, text: str, message: str
+) -> None:
+    suite.makepyfile("def test_it(vbus_board): pass\n")
+    suite.makepyprojecttoml(text)
+    result = suite.runpytest("-q", "-c", "tox.ini", "--rootdir", ".")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines([message])

@@ -1,0 +1,105 @@
+"""What fails a test: breaches of a datasheet that nobody has accepted with a reason."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from vbus.board.checks import all_rules
+from vbus.board.settings import suggestion
+from vbus.errors import ConfigError
+from vbus.signals import Violation
+from vbus.trace.findings.suppress import Suppression
+
+FAIL: Final = "fail"
+REPORT: Final = "report"
+CHOICES: Final = {"violations": (FAIL, REPORT), "after_fault": (REPORT, FAIL)}
+"""What may be said of violations, and of those that follow a fault; the default first."""
+
+
+@dataclass(slots=True)
+class Judged:
+    """The violations of one board of a test.
+
+    Attributes:
+        failing: those that fail the test.
+        after_fault: those on a chip on which a fault had begun.
+        accepted: the others that somebody has accepted, each with the reason.
+        notes: those that are no breach.
+    """
+
+    failing: list[Violation]
+    after_fault: list[Violation]
+    accepted: list[tuple[Violation, str]]
+    notes: list[Violation]
+
+
+@dataclass(frozen=True, slots=True)
+class Judge:
+    """Tells which violations fail a test.
+
+    Args:
+        violations: ``"fail"``, or ``"report"`` to tell of them only.
+        after_fault: the same of those on a chip on which a fault has begun.
+        accepted: what is accepted; how often each was used is counted there.
+    """
+
+    violations: str = FAIL
+    after_fault: str = REPORT
+    accepted: Sequence[Suppression] = ()
+
+    def sort(self, violations: Iterable[Violation], faulted: dict[str, int]) -> Judged:
+        """Sort the violations of a board.
+
+        Args:
+            violations: all of them.
+            faulted: instant at which a fault first began, by chip; "" is every chip.
+        """
+        judged = Judged([], [], [], [])
+        for found in violations:
+            begun = [faulted[name] for name in (found.chip, "") if name in faulted]
+            accepting = [one for one in self.accepted if one.covers(found)]
+            for one in accepting:
+                one.used += 1
+            if found.severity == "note":
+                judged.notes.append(found)
+            elif accepting:
+                judged.accepted.append((found, accepting[0].reason))
+            elif begun and found.when >= min(begun):
+                judged.after_fault.append(found)
+            else:
+                judged.failing.append(found)
+        return judged
+
+
+def choice(where: str, key: str, value: object) -> str:
+    """Check a value of :data:`CHOICES`.
+
+    Raises:
+        ConfigError: it is none of them.
+    """
+    if value not in CHOICES[key]:
+        allowed = " or ".join(f'"{one}"' for one in CHOICES[key])
+        raise ConfigError(f"{where}: {key} = {value!r}: write {allowed}")
+    return str(value)
+
+
+def accepted(where: str, given: Any) -> list[Suppression]:
+    """Check a table of rules and reasons.
+
+    Raises:
+        ConfigError: it is no table, a rule does not exist, or a reason is missing.
+    """
+    if not isinstance(given, dict):
+        raise ConfigError(
+            f'{where}: accept = {given!r}: write rules with reasons, {{"RULE": "why"}}'
+        )
+    known = {name for rule in all_rules() for name in (rule.name, rule.name.partition(".")[0])}
+    for rule, reason in given.items():
+        if rule not in known:
+            hint = suggestion(str(rule), sorted(known))
+            raise ConfigError(
+                f'{where}: accept: unknown rule {rule!r}; {hint}"vbus check --rules" lists them all'
+            )
+        if not isinstance(reason, str) or not reason.strip():
+            raise ConfigError(f"{where}: accept: say in words why {rule} is accepted")
+    return [Suppression(rule, "", reason) for rule, reason in given.items()]
