@@ -311,3 +311,23 @@ def test_power_on_done_starts_as_if_the_reset_had_just_ended(make):
     assert bench.pin("HI") == HIGH
     bench.sample(1)
     assert bench.now == SAMPLE
+
+
+@pytest.mark.spec("LM-RST-4", "LM-BUS-5")
+def test_a_status_read_goes_on_through_a_reset():
+    bench = Bench("strobe")
+    bench.set(**{"/PS": LOW, "/CS": LOW})
+    bench.run(US)
+    bench.set(**{"/RD": LOW})
+    bench.run(US)
+    bench.set(**{"/RST": LOW})
+    bench.run(10 * US)
+    bench.set(**{"/RST": HIGH})
+    assert bench.data() == 0x00
+    bench.run(2000 * US)
+    assert bench.data() == 0x84
+
+
+@pytest.mark.spec("LM-RST-1")
+def test_the_amplifier_gets_nothing_before_power_comes_on():
+    assert Bench(done=None).chip.telemetry()["output"] == 0.0

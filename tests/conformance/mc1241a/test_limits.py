@@ -67,7 +67,7 @@ def test_the_profile_stays_halted_until_the_next_update(chip: Bench) -> None:
     assert speed(chip) == 0
     chip.send("UPDATE")
     chip.next_cycle()
-    assert speed(chip) == 4
+    assert speed(chip) == chip.chip.telemetry()["velocity 1"] == 4
 
 
 @spec("PMD-LIM-1")

@@ -112,6 +112,7 @@ def cases(supply: str, k: int, low: int, latch: int, valid: int, oe_low: int, hi
         pulse("tIX", 24 * CLK + k, "INDEX", 0x30),
         *(pulse("tIAB", 3 * CLK + k, pin) for pin in ("CHA", "CHB")),
         *(pulse("tIAB", 24 * CLK + k, pin, 0x30) for pin in ("CHA", "CHB")),
+        *(pulse("tIAB", (3 << n) * CLK + k, "CHA", n << 4) for n in (1, 2, 4, 5)),
         Case("tAB", CLK + k, a_to_b),
         bus("tIPW", low, lambda gap: separate(True, ale_low=gap), "/ALE"),
         bus("tIPW", low, lambda gap: separate(False, cs_low=gap), "/CS"),

@@ -260,6 +260,15 @@ def test_oe_puts_the_output_latch_on_the_bus_as_often_as_asked(strobes: Strober)
     assert pin.level == 0xE5
 
 
+@pytest.mark.spec("MCP-BUS-2", "MCP-BUS-6")
+@pytest.mark.parametrize("order", [SEPARATE, OVERLAPPED, INSIDE])
+def test_a_read_shows_the_register_before_cs_rises(strobes: Strober, order: str) -> None:
+    strobes.bench.write(PLAIN, 0x5A)
+    strobes.begin(order, PLAIN, 1)
+    strobes.set(bus=Z, oe=0)
+    assert strobes.bench.chip.bus_net.value == 0x5A
+
+
 @pytest.mark.spec("MCP-BUS-8")
 def test_oe_low_in_a_write_is_contention_and_the_host_byte_is_taken(strobes: Strober) -> None:
     strobes.begin(SEPARATE, PLAIN, 0)

@@ -160,3 +160,21 @@ def test_the_position_moves_within_each_clock_of_a_period() -> None:
         bench.until(start + cycle)
         places.append(bench.position)
     assert [place - places[0] for place in places] == [0, 2, 4, 6]
+
+
+@pytest.mark.spec("MCP-TIM-7", "MCP-TIM-8")
+def test_the_levels_at_power_on_have_stood_for_ever() -> None:
+    bench = Bench()
+    bench.chip.judged = True
+    bench.wait(1)
+    bench.drive("CHA", 0)
+    assert bench.violations == []
+
+
+def test_a_plant_is_prepared_for_no_period_of_length_0() -> None:
+    rail = Rail()
+    bench = Bench(plant=rail)
+    bench.samples(1)
+    period = rail._period
+    bench.chip.axis.encoder.prepared = 0
+    assert rail._period == period > 0

@@ -385,3 +385,9 @@ def test_defaults_of_the_board_file(chip: Bench) -> None:
     assert chip.chip.settings["supply"] == "5 V"
     assert chip.chip.settings["io_stall_clk"] == 0
     assert chip.chip.policy.of("mcp1200.tCSAL") == 1
+
+
+@pytest.mark.spec("MCP-TIM-2")
+def test_a_clock_is_low_for_three_tenths_of_its_period() -> None:
+    assert Bench(hz=HZ, clock_high=0.7).rules() == []
+    assert Bench(hz=HZ, clock_high=0.71).rules() == ["tCPWL"]

@@ -42,6 +42,7 @@ def typed(family: str, text: str) -> list[Packet]:
             "LTRJ pos=+200000 vel=6.8200 cnt/sample acc=0.0003052 cnt/sample/sample",
         ),
         ("lm628", "1F 00 03 FF FF FF FE", "LTRJ pos=-2 rel"),
+        ("lm628", "21 FF FF FF FE", "SBPR -2 cnt"),
         ("lm628", "1F 18 08 00 01 00 00", "LTRJ vel=1.0000 cnt/sample FORWARD VELOCITY_MODE"),
         ("lm628", "1F 00 0C FF FF 80 00", "LTRJ vel=-0.5000 cnt/sample rel"),
         ("lm628", "1F 04 00", "LTRJ STOP_SMOOTHLY"),
