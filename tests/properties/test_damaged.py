@@ -227,6 +227,12 @@ def test_a_block_unpacks_to_a_bounded_size(monkeypatch: pytest.MonkeyPatch) -> N
         list(JournalReader(io.BytesIO(data)))
 
 
+def test_a_block_may_unpack_to_forty_megabytes() -> None:
+    data = entry("fault", [0, "a", "x", "y", "z" * 40_000_000])
+    (found,) = JournalReader(io.BytesIO(data))
+    assert len(found.args[4]) == 40_000_000
+
+
 def test_a_block_has_a_bounded_number_of_entries() -> None:
     start = entry("now", [[], 5, 0, -1])
     again = OTHER.to_bytes(2, "big") + (AGAIN | FULL).to_bytes(2, "big")

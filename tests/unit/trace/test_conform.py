@@ -13,6 +13,7 @@ from vbus.chips.mcp1200.bus import Mcp1200Watch
 from vbus.errors import CaptureError
 from vbus.kernel import MS, NS, US, Kernel
 from vbus.signals import Net
+from vbus.trace.packets import Cycle, Decoder, Packet
 from vbus.trace.silicon.conform import Mismatch, Verdict
 from vbus.trace.silicon.outputs import OutputWatch
 
@@ -85,6 +86,27 @@ def test_a_wrong_data_bit_is_found_in_its_read_with_both_packets() -> None:
     assert len(found.before) == 20
     assert " x r 1 00  <- the model gives 01\n    RDDP +0 cnt" in found.after[0]
     assert len(found.after) == 21
+
+
+class Silent(Decoder):
+    """Tells of no packet."""
+
+    def take(self, cycle: Cycle) -> list[Packet]:
+        return []
+
+    def finish(self) -> list[Packet]:
+        return []
+
+
+def test_a_byte_at_the_end_that_differs_is_found_though_no_packet_tells_of_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("vbus.trace.silicon.conform.decoder_of", lambda *_: Silent())
+    capture = shot("lm628")
+    begin, end = capture.pulses("/RD")[-1]
+    capture.change(begin, end, flip=1 << capture.wiring.data[7])
+    found = difference(capture.compare())
+    assert (found.when, found.silicon, found.model) == (end, "80H", "00H")
 
 
 def _level(capture: Shot, pin: str, when: int) -> int:

@@ -158,6 +158,32 @@ def test_a_packet_that_only_one_side_has_is_shown_there_with_its_clause(
     assert (found.entry, found.what, found.clause) == (status.number, "reply", "X-ODD-1")
 
 
+class LastWrite(Decoder):
+    """A read is of what was written last, and where."""
+
+    written = ""
+
+    def take(self, cycle: Cycle) -> list[Packet]:
+        if cycle.write:
+            self.written = str(cycle)
+            return []
+        return [Packet("packet", f"AFTER {self.written}", "", "", (cycle,))]
+
+    def finish(self) -> list[Packet]:
+        return []
+
+
+def test_a_packet_knows_where_and_what_was_written_before_it(
+    moved: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vbus.trace.journal.replay.decoder_of", lambda *_: LastWrite())
+    entries = read(moved)[1]
+    rdrp = next(e for e in entries if e.op == "write" and e.args == (0, 0x0A))
+    first = next(e for e in entries if e.number > rdrp.number and e.args == (1,))
+    found = difference(played(moved, changed={first.number: {"reply": first.reply ^ 1}}))
+    assert found.now == f"{first.reply:02X}H in AFTER w 0 0A"
+
+
 def test_another_instant_is_a_difference(moved: bytes) -> None:
     entry = find(moved, op="write", args=(0, 0x04))
     found = difference(played(moved, changed={entry.number: {"after": entry.after + 1}}))

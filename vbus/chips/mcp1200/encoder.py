@@ -70,7 +70,6 @@ class Encoder:
         self._servo = "drive" in plant.TAKES
         self._first = self._last = self.seen = plant.count
         self.offset = -plant.count
-        self.end = 0
         if limits:
             for name in ("limit+", "limit-"):
                 if name in plant.switches:

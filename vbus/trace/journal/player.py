@@ -37,7 +37,7 @@ class Player:
         """
         try:
             return self._call(entry)
-        except (KeyError, ValueError) as error:
+        except ValueError as error:
             raise JournalError(f"entry {entry.number}, {entry.op}: {error}") from error
 
     def _call(self, entry: Entry) -> tuple[Any, int]:
