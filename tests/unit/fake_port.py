@@ -10,7 +10,7 @@ LINES = ("x./CS", "y./CS", "/RD", "/WR")
 OUTPUTS = ("x.HI", "y.HI")
 
 
-LAST_EDGE = 1000 * US
+LAST_EDGE = 25_000 * US
 
 
 class FakePort(HostPort):

@@ -231,6 +231,8 @@ async def _run_beside(
         complain(f"metrics: {counted}")
     try:
         code = await run_program(command, environment, note, True, stdout)
+        for _ in range(2):  # the first finds what processes have sent last, and it is carried out
+            await asyncio.sleep(0)
         server.board.catch_up()
     finally:
         server.stop()

@@ -63,18 +63,18 @@ int main(int count, char **arguments)
     if (iopl(3) != 0)
         return 1;
     inb(KEEP);
-    puts("up");
-    fflush(stdout);
-    if (strcmp(how, "wild") == 0)
-        return *wild;
-    if (strcmp(how, "raw") == 0 && raw_block(SIGSEGV) == 0)
-        return inb(KEEP);
     if (strcmp(how, "stubborn") == 0) {
         signal(SIGTERM, SIG_IGN);
         signal(SIGINT, SIG_IGN);
     }
     if (strcmp(how, "handler") == 0)
         signal(SIGTERM, on_signal);
+    puts("up");
+    fflush(stdout);
+    if (strcmp(how, "wild") == 0)
+        return *wild;
+    if (strcmp(how, "raw") == 0 && raw_block(SIGSEGV) == 0)
+        return inb(KEEP);
     if (strcmp(how, "threads") == 0) {
         pthread_create(&threads[0], NULL, poll_card, NULL);
         pthread_create(&threads[1], NULL, poll_card, NULL);
