@@ -43,8 +43,11 @@ QUOTAS: Final = {
 }
 SAMPLE: Final = sum(QUOTAS.values())
 
-SIGNS: Final = tuple(f"ReplaceBinaryOperator_{name}_" for name in ("Mul", "Pow", "Div"))
-"""These stand in lists of parameters as well, where no other operator may."""
+DOUBTFUL: Final = (
+    *(f"ReplaceBinaryOperator_{name}_" for name in ("Mul", "Pow", "Div")), "ExceptionReplacer",
+)  # fmt: skip
+"""Signs stand in lists of parameters as well, where no other operator may; an exception may be that
+of a module."""
 
 WITH_ARGUMENTS: Final = ("VariableReplacer", "VariableInserter")
 
@@ -228,9 +231,12 @@ def one_per_site(found: Iterable[Mutant]) -> list[Mutant]:
 
 
 def mutated(root: Path, mutant: Mutant) -> str:
-    """Return the source of the mutant's file with the change made; empty if it does not compile."""
+    """Return the source of the mutant's file with the change made; empty if it cannot be made."""
     source = (root / mutant.file).read_text()
-    changed = mutate_code(source, get_operator(f"core/{mutant.operator}")(), mutant.occurrence)
+    try:
+        changed = mutate_code(source, get_operator(f"core/{mutant.operator}")(), mutant.occurrence)
+    except AttributeError:  # the exception of a module, which the operator takes for a plain name
+        return ""
     assert changed is not None, mutant
     return changed if _compiles(changed) else ""
 
@@ -297,6 +303,6 @@ def first(root: Path, inside: Iterable[str], size: int, seed: str) -> list[Mutan
     for mutant in sites:
         if len(chosen) == size:
             break
-        if not mutant.operator.startswith(SIGNS) or mutated(root, mutant):
+        if not mutant.operator.startswith(DOUBTFUL) or mutated(root, mutant):
             chosen.append(mutant)
     return chosen

@@ -18,6 +18,7 @@ import os
 import signal
 import sys
 import time
+import traceback
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -187,6 +188,8 @@ def _share(jobs: int, work: Callable[[int], None]) -> None:
             try:
                 work(part)
                 code = 0
+            except Exception:
+                traceback.print_exc()
             finally:
                 sys.stdout.flush()
                 os._exit(code)
