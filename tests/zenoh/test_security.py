@@ -152,14 +152,14 @@ def test_files_that_are_no_certificates_are_named(files: Files, broken: str, sai
         pass
 
 
-def test_a_router_keeps_the_rights_for_the_boards_behind_it(
-    files: Files, processes: Processes
-) -> None:
+def behind_a_router(files: Files, processes: Processes, right: str) -> str:
+    """Start a board behind a router where it has one right; return the router's endpoint."""
     endpoint = free_endpoint("tls")
-    own, behind, alice = files.of("router"), files.of("board"), files.of("alice")
+    own, behind = files.of("router"), files.of("board")
     (files.folder / "router.toml").write_text(
         f'[zenoh]\nlisten = ["{endpoint}"]\ncertificate = "{own.certificate}"\nkey = "{own.key}"\n'
-        f'authority = "{own.authority}"\n[zenoh.allow]\nboard = ["**"]\nalice = ["bench/x/bus"]\n'
+        f'authority = "{own.authority}"\n[zenoh.allow]\nboard = ["{right}"]\n'
+        'alice = ["bench/x/bus"]\n'
     )
     router = processes.start("router", "router.toml")
     assert router.ready, router.said
@@ -171,11 +171,18 @@ def test_a_router_keeps_the_rights_for_the_boards_behind_it(
             f'authority = "{behind.authority}"\n',
         ),
     )
-    with connect(link("bench/x", endpoint, alice)) as bus:
+    return endpoint
+
+
+def test_a_router_keeps_the_rights_for_the_boards_behind_it(
+    files: Files, processes: Processes
+) -> None:
+    endpoint = behind_a_router(files, processes, "**")
+    with connect(link("bench/x", endpoint, files.of("alice"))) as bus:
         assert bus.read(0) == 0x84
     with pytest.raises(TransportError, match=r'forbidden: .*"alice".*not vbus/bench/y/bus'):
-        connect(link("bench/y", endpoint, alice))
-    assert [found["board"] for found in boards_on([endpoint], behind)] == ["bench"]
+        connect(link("bench/y", endpoint, files.of("alice")))
+    assert [found["board"] for found in boards_on([endpoint], files.of("board"))] == ["bench"]
 
 
 def test_a_right_has_a_direction_nobody_publishes_or_answers_for_the_board(files: Files) -> None:
@@ -199,7 +206,7 @@ def test_a_right_has_a_direction_nobody_publishes_or_answers_for_the_board(files
             session.declare_queryable(
                 "vbus/bench/x/bus", lambda query: asked.append("stolen"), complete=True
             )
-        with connect(link("bench/x", endpoint, alice)) as bus:
+        with connect(link("bench/x", endpoint, files.of("alice"))) as bus:
             assert [bus.read(0) for _ in range(20)] == [0x84] * 20
         # What the board publishes after the forged ones is heard, so they would have been.
         until(lambda: bool(heard), "the board's own telemetry")
@@ -212,24 +219,8 @@ def test_a_right_has_a_direction_nobody_publishes_or_answers_for_the_board(files
 def test_a_board_behind_a_router_serves_what_it_may_and_nothing_else(
     files: Files, processes: Processes
 ) -> None:
-    endpoint = free_endpoint("tls")
-    own, behind, alice = files.of("router"), files.of("board"), files.of("alice")
-    (files.folder / "router.toml").write_text(
-        f'[zenoh]\nlisten = ["{endpoint}"]\ncertificate = "{own.certificate}"\nkey = "{own.key}"\n'
-        f'authority = "{own.authority}"\n[zenoh.allow]\nboard = ["serve bench/**"]\n'
-        'alice = ["bench/x/bus"]\n'
-    )
-    router = processes.start("router", "router.toml")
-    assert router.ready, router.said
-    processes.board(
-        "bench",
-        connected_to(
-            endpoint,
-            f'certificate = "{behind.certificate}"\nkey = "{behind.key}"\n'
-            f'authority = "{behind.authority}"\n',
-        ),
-    )
-    with connect(link("bench/x", endpoint, alice)) as bus:
+    endpoint = behind_a_router(files, processes, "serve bench/**")
+    with connect(link("bench/x", endpoint, files.of("alice"))) as bus:
         assert bus.read(0) == 0x84
 
 

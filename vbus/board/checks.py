@@ -6,7 +6,7 @@ from vbus.board.network_checks import NETWORK_SCHEME, check_network
 from vbus.board.node_checks import NodeChecks
 from vbus.board.pin_map_checks import PinMapChecks
 from vbus.board.sections import NO_PLANT, BoardFile, CardSection, ChipSection
-from vbus.board.settings import listed, quoted, suggestion
+from vbus.board.settings import listed, quoted, rule_hint, rule_names, suggestion
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
 from vbus.chips.base import Chip
@@ -328,22 +328,14 @@ class _Checks:
 
     def _violations(self) -> None:
         wanted = [name for name in self._file.violations if name != "default"]
-        known = _rule_names([*circuit.RULES, *(r for c in self._parts.values() for r in c.RULES)])
+        own = [*circuit.RULES, *(r for c in self._parts.values() for r in c.RULES)]
+        known = rule_names(rule.name for rule in own)
         if all(name in known for name in wanted):
             return
-        known |= _rule_names(all_rules())
+        known |= rule_names(rule.name for rule in all_rules())
         for name in wanted:
             if name not in known:
-                hint = suggestion(name, sorted(known))
-                self._source.fail(
-                    ("violations", name),
-                    f'unknown rule; {hint}"vbus check --rules" lists them all',
-                )
-
-
-def _rule_names(rules: list[Rule]) -> set[str]:
-    """Return the names of rules and of their families."""
-    return {name for rule in rules for name in (rule.name, rule.name.partition(".")[0])}
+                self._source.fail(("violations", name), f"unknown rule; {rule_hint(name, known)}")
 
 
 def all_rules() -> list[Rule]:

@@ -41,6 +41,16 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     return f'did you mean "{close[0]}"? ' if close else ""
 
 
+def rule_names(rules: Iterable[str]) -> set[str]:
+    """Return names of rules, and those of their families, which stand for all rules of one."""
+    return {name for rule in rules for name in (rule, rule.partition(".")[0])}
+
+
+def rule_hint(name: str, known: Iterable[str]) -> str:
+    """Return what to do about a name that is none of the ``known`` ones of rules."""
+    return f'{suggestion(name, sorted(known))}"vbus check --rules" lists them all'
+
+
 def check_table(
     table: Mapping[str, object], options: Iterable[Option], complain: Complain
 ) -> dict[str, Value]:

@@ -343,8 +343,8 @@ class ByteProtocol(Protocol):
                 self._partial[:] = pack(">QQQ", begun, now, step)
                 if slaved:
                     port.at(now + step)
-                elif not port.delay(step):
-                    return False
+                else:
+                    port.delay(step)
                 if port.held:
                     return False
                 now += step

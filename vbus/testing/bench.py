@@ -6,7 +6,7 @@ import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, TextIO, TypeVar
 
@@ -22,7 +22,7 @@ from vbus.server.server import LinkSpec
 from vbus.signals import Violation
 from vbus.testing.boards import board_text, default_part, for_test
 from vbus.testing.clock import BoardClock
-from vbus.testing.judge import FAIL, Judge, Judged, choice
+from vbus.testing.judge import CHOICES, FAIL, Judge, Judged
 from vbus.testing.limits import Limits, Watch
 from vbus.testing.serving import ServedBoard
 from vbus.trace.journal.journal import Journal
@@ -30,8 +30,6 @@ from vbus.trace.journal.journal import Journal
 _T = TypeVar("_T")
 KEYWORDS: Final = ("board", "plant", "clock", "seed", "rate", "strict")
 """What may be said of a board: keywords of the marker, and of :meth:`Bench.make`."""
-VERDICT: Final = ("accept", "violations", "after_fault")
-"""What may be said of a test: keywords of the marker."""
 _BOUNDLESS: Final = Limits(cycles=1 << 62, chip_time=NEVER)
 
 
@@ -133,15 +131,9 @@ class Bench:
         judge: Judge | None = None,
     ) -> None:
         self.name = name
-        judge = judge or Judge()
-        if "violations" in keywords:
-            said = choice("vbus", "violations", keywords.pop("violations"))
-            judge = replace(judge, violations=said)
-        if "after_fault" in keywords:
-            said = choice("vbus", "after_fault", keywords.pop("after_fault"))
-            judge = replace(judge, after_fault=said)
-        self.judge: Judge = judge
-        _check_keywords(keywords, VERDICT)
+        self.judge: Judge = (judge or Judge()).told("vbus", keywords)
+        keywords = {key: value for key, value in keywords.items() if key not in CHOICES}
+        _check_keywords(keywords, ("accept", *CHOICES))
         self.folders = list(folders)
         self.folder = folder
         self.boards: list[TestedBoard] = []

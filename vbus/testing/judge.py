@@ -1,11 +1,11 @@
 """What fails a test: breaches of a datasheet that nobody has accepted with a reason."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from vbus.board.checks import all_rules
-from vbus.board.settings import suggestion
+from vbus.board.settings import rule_hint, rule_names
 from vbus.errors import ConfigError
 from vbus.signals import Violation
 from vbus.trace.findings.suppress import Suppression
@@ -47,6 +47,19 @@ class Judge:
     after_fault: str = REPORT
     accepted: Sequence[Suppression] = ()
 
+    def told(self, where: str, table: Mapping[str, Any]) -> "Judge":
+        """Return one that goes by what a table says of :data:`CHOICES`.
+
+        Raises:
+            ConfigError: a value is none of them.
+        """
+        given = {key: table[key] for key in CHOICES if key in table}
+        for key, value in given.items():
+            if value not in CHOICES[key]:
+                allowed = " or ".join(f'"{one}"' for one in CHOICES[key])
+                raise ConfigError(f"{where}: {key} = {value!r}: write {allowed}")
+        return replace(self, **given)
+
     def sort(self, violations: Iterable[Violation], faulted: dict[str, int]) -> Judged:
         """Sort the violations of a board.
 
@@ -71,18 +84,6 @@ class Judge:
         return judged
 
 
-def choice(where: str, key: str, value: object) -> str:
-    """Check a value of :data:`CHOICES`.
-
-    Raises:
-        ConfigError: it is none of them.
-    """
-    if value not in CHOICES[key]:
-        allowed = " or ".join(f'"{one}"' for one in CHOICES[key])
-        raise ConfigError(f"{where}: {key} = {value!r}: write {allowed}")
-    return str(value)
-
-
 def accepted(where: str, given: Any) -> list[Suppression]:
     """Check a table of rules and reasons.
 
@@ -93,13 +94,11 @@ def accepted(where: str, given: Any) -> list[Suppression]:
         raise ConfigError(
             f'{where}: accept = {given!r}: write rules with reasons, {{"RULE": "why"}}'
         )
-    known = {name for rule in all_rules() for name in (rule.name, rule.name.partition(".")[0])}
+    known = rule_names(rule.name for rule in all_rules())
     for rule, reason in given.items():
         if rule not in known:
-            hint = suggestion(str(rule), sorted(known))
-            raise ConfigError(
-                f'{where}: accept: unknown rule {rule!r}; {hint}"vbus check --rules" lists them all'
-            )
+            hint = rule_hint(str(rule), known)
+            raise ConfigError(f"{where}: accept: unknown rule {rule!r}; {hint}")
         if not isinstance(reason, str) or not reason.strip():
             raise ConfigError(f"{where}: accept: say in words why {rule} is accepted")
     return [Suppression(rule, "", reason) for rule, reason in given.items()]

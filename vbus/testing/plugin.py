@@ -5,6 +5,7 @@ Importing it costs next to nothing: vbus itself is loaded by the first fixture t
 
 import re
 from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 from traceback import walk_tb
@@ -117,7 +118,6 @@ def vbus_bench(
     """Everything the plug-in keeps for this test; the other fixtures are made from it."""
     from vbus.errors import VbusError
     from vbus.testing.bench import Bench
-    from vbus.testing.judge import Judge
 
     item = request.node
     keywords: dict[str, Any] = {}
@@ -129,11 +129,9 @@ def vbus_bench(
     keywords.pop("accept", None)
     option = item.config.getoption
     known = _acceptances(request.session)
-    judge = Judge(
-        option("--vbus-violations") or known.project.violations,
-        known.project.after_fault,
-        known.of(item.nodeid),
-    )
+    judge = replace(known.project, accepted=known.of(item.nodeid))
+    if option("--vbus-violations"):
+        judge = replace(judge, violations=option("--vbus-violations"))
     try:
         bench = Bench(
             item.nodeid,
@@ -272,7 +270,9 @@ def pytest_testnodedown(node: Any, error: object) -> None:
         from vbus.testing.acceptance import Acceptances
 
         stash = node.config.stash
-        stash.setdefault(ACCEPTED, Acceptances(node.config)).merge(exported)
+        if ACCEPTED not in stash:
+            stash[ACCEPTED] = Acceptances(node.config)
+        stash[ACCEPTED].merge(exported)
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

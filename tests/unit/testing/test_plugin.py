@@ -104,9 +104,14 @@ def test_the_marker_names_the_board_and_what_is_special_about_it(suite: pytest.P
         ("bord=1", "*unknown keyword 'bord'; allowed are board, plant*"),
         ("rate=-1", "*rate=-1: it is chip seconds per second*"),
         ('board="LM999"', "*LM999*"),
+        ('accept={"lm628.reset-wrte": "why"}', "*unknown rule 'lm628.reset-wrte'; did you mean*"),
+        ('accept={"lm628.reset-write": " "}', "*say in words why lm628.reset-write is accepted*"),
+        ('accept=["lm628.reset-write"]', '*write rules with reasons, {"RULE": "why"}*'),
+        ('violations="ignore"', '*violations = \'ignore\': write "fail" or "report"*'),
+        ("after_fault=True", '*after_fault = True: write "report" or "fail"*'),
     ],
 )
-def test_a_board_that_makes_no_sense_is_said_in_one_sentence(
+def test_a_mark_that_makes_no_sense_is_said_in_one_sentence(
     suite: pytest.Pytester, mark: str, message: str
 ) -> None:
     suite.makepyfile(f"import pytest\n@pytest.mark.vbus({mark})\ndef test_it(vbus_board): pass\n")

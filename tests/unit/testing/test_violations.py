@@ -224,25 +224,6 @@ def test_asked_for(vbus_board):
 
 
 @pytest.mark.parametrize(
-    ("mark", "message"),
-    [
-        ('accept={"lm628.reset-wrte": "why"}', "*unknown rule 'lm628.reset-wrte'; did you mean*"),
-        ('accept={"lm628.reset-write": " "}', "*say in words why lm628.reset-write is accepted*"),
-        ('accept=["lm628.reset-write"]', '*write rules with reasons, {"RULE": "why"}*'),
-        ('violations="ignore"', '*violations = \'ignore\': write "fail" or "report"*'),
-        ("after_fault=True", '*after_fault = True: write "report" or "fail"*'),
-    ],
-)
-def test_an_acceptance_that_makes_no_sense_is_refused(
-    suite: pytest.Pytester, mark: str, message: str
-) -> None:
-    suite.makepyfile(f"import pytest\n@pytest.mark.vbus({mark})\ndef test_it(vbus_board): pass\n")
-    result = suite.runpytest("-q")
-    result.assert_outcomes(errors=1)
-    result.stdout.fnmatch_lines([message])
-
-
-@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("[tool.vbus\n", "*pyproject.toml: *"),

@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from vbus.board.settings import suggestion
+from vbus.board.settings import rule_hint, rule_names
 from vbus.errors import VbusError
 from vbus.signals import Violation
 
@@ -48,7 +48,7 @@ def read_suppressions(text: str, file: str, rules: Iterable[str]) -> list[Suppre
         data = tomllib.loads(text)
     except ValueError as error:
         raise VbusError(f"{file}: no TOML: {error}") from None
-    known = {name for rule in rules for name in (rule, rule.partition(".")[0])}
+    known = rule_names(rules)
     wrong = [f"{file}: {key}: unknown section; write [[suppress]]" for key in data
              if key != "suppress"]  # fmt: skip
     entries = data.get("suppress", [])
@@ -67,8 +67,7 @@ def read_suppressions(text: str, file: str, rules: Iterable[str]) -> list[Suppre
                 wrong.append(f"{where}: {key} is missing")
         rule = str(entry.get("rule", ""))
         if rule and rule not in known:
-            hint = suggestion(rule, sorted(known))
-            wrong.append(f'{where}.rule: unknown rule; {hint}"vbus check --rules" lists them all')
+            wrong.append(f"{where}.rule: unknown rule; {rule_hint(rule, known)}")
         made.append(Suppression(rule, str(entry.get("chip", "")), str(entry.get("reason", ""))))
     if wrong:
         raise VbusError("\n".join(wrong))
