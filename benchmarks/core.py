@@ -30,11 +30,14 @@ from vbus.bits import clamp
 from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.compiled import core, is_compiled
 from vbus.kernel import SECOND
+from vbus.plant.dc_motor import DcMotor
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.requests import REQUESTS
 
 STEP = Path(__file__).with_name("lm629_step.c")
 FLAGS = ("-O2", "-ffp-contract=off")
+SUBSTEPS, SOLVED, HUNTING = "sub-steps", "solved", "hunting"
+"""Models of the motor in STEP."""
 SAMPLE_NS = 256_000
 """An LM629's sample at 8 MHz."""
 BATCH = 64
@@ -83,15 +86,26 @@ def inside(function: Callable[..., object], *arguments: object, count: int = 50_
 # -- samples ----------------------------------------------------------------------------------
 
 
-def lm629_sample(samples: int) -> float:
-    """Return nanoseconds per sample of a moving LM629 with its motor."""
-    made = moving_lm629()
+def lm629_sample(samples: int, substeps: int) -> float:
+    """Return nanoseconds per sample of a moving LM629 with its motor; 0 sub-steps: solved."""
+    made = moving_lm629(substeps)
     made.run_for(SECOND)
     made.catch_up()
     start = time.perf_counter_ns()
     made.run_for(SAMPLE_NS * 1000 * samples)
     made.catch_up()
     return (time.perf_counter_ns() - start) / samples
+
+
+def motor_period(commands: list[float], periods: int) -> float:
+    """Return nanoseconds per period of a solved motor that is given commands by turns."""
+    motor = DcMotor({"substeps": 0})
+    motor.prepare(SAMPLE_NS * 1e-9)
+    start = time.perf_counter_ns()
+    for _ in range(periods // len(commands)):
+        for command in commands:
+            motor.drive(command, 0)
+    return (time.perf_counter_ns() - start) / periods
 
 
 def c_step(folder: Path) -> Path | None:
@@ -104,35 +118,49 @@ def c_step(folder: Path) -> Path | None:
     return program
 
 
-def c_sample(program: Path) -> float:
-    """Return nanoseconds per sample of the C version."""
-    done = subprocess.run([program], check=True, capture_output=True, text=True)
+def c_sample(program: Path, model: str) -> float:
+    """Return nanoseconds per sample of the C version, with a model of the motor."""
+    command = [program, "50000", model]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
     return float(done.stdout.split()[0])
 
 
 def samples() -> Iterator[Row]:
     """The chips' own work."""
     count = 50_000 if is_compiled() else 5_000
+    ours: dict[str, list[float]] = {model: [] for model in (SUBSTEPS, SOLVED, HUNTING)}
+    theirs: dict[str, list[float]] = {model: [] for model in ours}
+    steady: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         program = c_step(Path(folder))
         # One after the other, so that both meet the same machine.
-        ours, theirs = [], []
         for _ in range(2 * ROUNDS):
-            ours.append(lm629_sample(count))
+            ours[SUBSTEPS].append(lm629_sample(count, 4))
+            ours[SOLVED].append(lm629_sample(count, 0))
+            ours[HUNTING].append(motor_period([0.5, -0.5], count // 5))
+            steady.append(motor_period([0.5, 0.5], count // 5))
             if program is not None:
-                theirs.append(c_sample(program))
-    sample = min(ours)
-    if theirs:
-        ratio = sample / min(theirs)
-        yield Row(
-            "LM629 sample, moving, with its motor in 4 sub-steps",
-            f"{sample:.0f} ns, {ratio:.2f} x C ({min(theirs):.0f} ns)",
-            "1.2 x C", ratio, 1.6,
-        )  # fmt: skip
-        in_c = f" (C: {SAMPLE_NS / min(theirs):.0f})"
-    else:
-        yield Row("LM629 sample, moving, with its motor", f"{sample:.0f} ns, no C compiler", "-")
-        in_c = ""
+                for model, times in theirs.items():
+                    times.append(c_sample(program, model))
+    for model, work, limit, most in (
+        (SUBSTEPS, "LM629 sample, moving, with its motor in 4 sub-steps", "1.2 x C", 1.6),
+        (SOLVED, "LM629 sample, moving, with its motor solved", "1.2 x C; 30 ns", 3.0),
+        (
+            HUNTING,
+            "a period in which a solved motor turns round, beyond one without",
+            "1500 ns",
+            3.0,
+        ),
+    ):
+        took = min(ours[model]) - (min(steady) if model == HUNTING else 0.0)
+        if theirs[model]:
+            least = min(theirs[model])
+            text = f"{took:.0f} ns, {took / least:.2f} x C ({least:.0f} ns)"
+            yield Row(work, text, limit, took / least, most)
+        else:
+            yield Row(work, f"{took:.0f} ns, no C compiler", "-")
+    sample = min(ours[SOLVED])
+    in_c = f" (C: {SAMPLE_NS / min(theirs[SOLVED]):.0f})" if theirs[SOLVED] else ""
     yield Row(
         "moving LM629 axes in real time on one core", f"{SAMPLE_NS / sample:.0f}{in_c}", "10000"
     )
@@ -167,7 +195,9 @@ def whole_boards() -> Iterator[Row]:
     """Moving axes of the other families, with everything around them."""
     for name, made, period, aim in (
         ("MCP-1200", moving_mcp1200(), 520_000_000, "aim 200 ns"),
+        ("MCP-1200, motor solved", moving_mcp1200(0), 520_000_000, "aim 120 ns"),
         ("MC1241A, 8 slots", moving_mc1241a(), 542_720_000, "aim 300 ns"),
+        ("MC1241A, 8 slots, integrated", moving_mc1241a(0), 542_720_000, "aim 900 ns"),
     ):
         count = 5_000 if is_compiled() else 500
 

@@ -2,15 +2,20 @@
  *
  * Prints "name ns" per operation, each name once in each round. Every measurement is a child of its
  * own, so one session at a time is open at the board. WHAT is
- *     cycles    MCP-1200 at ports 300H on: cycles that are each asked for, and posted writes
- *     polls     LM629 at ports 300H and 301H: its status
+ *     cycles    MCP-1200 at ports 340H on: cycles that are each asked for, and posted writes
+ *     polls     LM629 at ports 340H and 341H: its status
+ *     motor     LM629 with a motor and an interrupt: a home search, moves that are waited for; wall
+ *               time for each nanosecond of chip time
  *     limits    without a board: an echo over a socket, and a fault with an empty handler
  */
 #define _GNU_SOURCE
+#include "lm629.h"
 #include "vbus.h"
 
 #include <fcntl.h>
+#include <pthread.h>
 #include <signal.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,16 +27,33 @@
 #include <ucontext.h>
 #include <unistd.h>
 
-#define BASE 0x300
+#ifdef __x86_64__
+#define IP REG_RIP
+#define ALL_CLOCKS "syscall" : "+a"(number) : "D"(CLOCK_MONOTONIC), "S"(&now) : "rcx", "r11", "memory"
+#else
+#define IP REG_EIP
+#define ALL_CLOCKS "int $0x80" : "+a"(number) : "b"(CLOCK_MONOTONIC), "c"(&now) : "memory"
+#endif
+
 #define STATUS 0  /* of the LM629; no side effects: leases are given */
+#define LOOP 1000 /* accesses in a loop of the program's */
 #define GAIN 0x61 /* of the MCP-1200; each read of it is a round trip */
 
-/* Past the library, whose clocks are the chips'. */
+/* By an instruction of its own, past the library, whose clocks are the chips'. */
 static double now_ns(void)
 {
     struct timespec now;
+    long number = SYS_clock_gettime;
 
-    syscall(SYS_clock_gettime, CLOCK_MONOTONIC, &now);
+    __asm__ volatile(ALL_CLOCKS);
+    return (double)now.tv_sec * 1e9 + (double)now.tv_nsec;
+}
+
+static double chip_ns(void)
+{
+    struct timespec now;
+
+    clock_gettime(CLOCK_MONOTONIC, &now);
     return (double)now.tv_sec * 1e9 + (double)now.tv_nsec;
 }
 
@@ -94,6 +116,36 @@ static void trapped_status(void)
     (void)inb(BASE + STATUS);
 }
 
+/* A loop of the program's: it is followed from one access to the next. */
+static void polled_status(void)
+{
+    unsigned left;
+
+    for (left = LOOP; left > 0 && !(inb(BASE + STATUS) & 0x20); left--)
+        ;
+}
+
+static void *await_interrupt(void *data)
+{
+    uint32_t number;
+
+    while (read(*(int *)data, &number, sizeof number) == sizeof number)
+        ; /* the reset has interrupted too */
+    return NULL;
+}
+
+/* The same with a second thread, which sleeps until an interrupt comes. */
+static void open_threads(void)
+{
+    static int fd;
+    pthread_t thread;
+
+    open_ports();
+    fd = open("/dev/uio0", O_RDWR);
+    if (fd < 0 || pthread_create(&thread, NULL, await_interrupt, &fd) != 0)
+        exit(1);
+}
+
 static void trapped_write(void)
 {
     outb(30, BASE + GAIN);
@@ -144,7 +196,7 @@ static void on_fault(int number, siginfo_t *info, void *context)
 {
     (void)number;
     (void)info;
-    ((ucontext_t *)context)->uc_mcontext.gregs[REG_RIP] += 1; /* inb %dx, %al */
+    ((ucontext_t *)context)->uc_mcontext.gregs[IP] += 1; /* inb %dx, %al */
 }
 
 static void open_fault(void)
@@ -175,6 +227,43 @@ static void fault_and_echo(void)
     echo();
 }
 
+/* --- a motor ---------------------------------------------------------------------------------- */
+
+static void open_motor(void)
+{
+    open_ports();
+    while (inb(BASE) & 1)
+        ;
+    outb(0, BASE); /* RESET */
+    while ((inb(BASE) & 0xBF) != 0x84)
+        ;
+    load_move(20, 2000);
+}
+
+/* Velocity mode, until the index pulse has been seen. */
+static void find_home(void)
+{
+    static const unsigned char forward[] = {0x18, 0x28, 0, 0, 0, 20, 0, 1, 0, 0};
+
+    command(0x1F, sizeof forward, forward);
+    command(0x03, 0, NULL); /* SIP */
+    command(0x01, 0, NULL);
+    while (!(inb(BASE) & 8))
+        ;
+}
+
+/* A move, and sleep until the interrupt of its end. */
+static void await_move(void)
+{
+    uint32_t number;
+    int fd = open("/dev/uio0", O_RDWR);
+
+    command(0x01, 0, NULL);
+    if (read(fd, &number, sizeof number) != sizeof number)
+        exit(1);
+    close(fd);
+}
+
 static const struct measurement {
     const char *what, *name;
     void (*open)(void), (*operate)(void);
@@ -190,17 +279,24 @@ static const struct measurement {
     {"polls", "client polls", open_client, client_status, 3000},
     {"polls", "client leased", open_leasing, client_status, 300000},
     {"polls", "trapped leased", open_ports, trapped_status, 30000},
+    {"polls", "polled", open_ports, polled_status, 300},
+    {"polls", "leased with a thread", open_threads, trapped_status, 30000},
+    {"polls", "polled with a thread", open_threads, polled_status, 300},
     {"polls", "device leased", open_device, device_status, 30000},
+    {"motor", "home", open_motor, find_home, 1},
+    {"motor", "interrupt", open_motor, await_move, 1},
 };
 
 static void measure(const struct measurement *what)
 {
     long turn;
-    double began, ended;
+    double began, ended, parts = (double)what->count, chips = 0;
 
     what->open();
     for (turn = 0; turn < what->count / 10; turn++)
         what->operate();
+    if (what->open == open_motor)
+        chips = chip_ns();
     began = now_ns();
     for (turn = 0; turn < what->count; turn++)
         what->operate();
@@ -211,7 +307,11 @@ static void measure(const struct measurement *what)
         trapped_gain(); /* the fence */
     }
     ended = now_ns();
-    printf("%s\t%.1f\n", what->name, (ended - began) / (double)what->count);
+    if (what->operate == polled_status)
+        parts *= LOOP;
+    if (what->open == open_motor)
+        parts = chip_ns() - chips;
+    printf("%s\t%.3f\n", what->name, (ended - began) / parts);
     fflush(stdout);
     exit(0);
 }

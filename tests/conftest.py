@@ -18,6 +18,7 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("search", max_examples=2000, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
+QUICK = {"conformance", "frozen", "test_architecture.py", "unit"}
 CLAUSES: pytest.StashKey[dict[str, Clause]] = pytest.StashKey()
 MARKED: pytest.StashKey[set[str]] = pytest.StashKey()
 
@@ -39,6 +40,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.stash[MARKED] = set()
     if config.pluginmanager.hasplugin("xdist"):
         config.pluginmanager.register(_Workers())
+        config.option.loadscopereorder = False  # it would have files of few and long tests last
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -46,6 +48,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         for mark in item.iter_markers("spec"):
             config.stash[MARKED].update(mark.args)
+    items.sort(key=_quick)
+
+
+def _quick(item: pytest.Item) -> bool:
+    """Whether a file takes seconds at most: such files come last, so that no worker waits long."""
+    folders = item.path.relative_to(Path(__file__).parent).parts
+    return folders[0] in QUICK and folders[:2] != ("unit", "testing")
 
 
 def _whole(config: pytest.Config) -> bool:

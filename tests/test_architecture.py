@@ -26,13 +26,15 @@ def texts(*folders: Path) -> list[Path]:
 
 
 TEXTS = texts(ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
-LEAVES = {"bits", "errors", "options", "state", "version"}
+LEAVES = {"addresses", "bits", "errors", "options", "state", "version"}
 SIGNALS = LEAVES | {"kernel", "signals"}
-BOARD = SIGNALS | {"board", "chips", "faults", "plant", "protocols", "trace"}
+BOARD = SIGNALS | {"board", "chips", "conditions", "faults", "glue", "plant", "protocols", "trace"}
+SCOPE = BOARD | {"scope"}
 NODES = BOARD | {"nodes"}
 NETWORK = LEAVES | {"network", "runtime"}
-EDGE = NODES | {"network", "runtime", "server", "transports"}
+EDGE = NODES | {"network", "runtime", "scope", "server", "transports"}
 MAY_IMPORT = {
+    "addresses": set(),
     "bits": set(),
     "errors": set(),
     "options": set(),
@@ -42,10 +44,13 @@ MAY_IMPORT = {
     "signals": SIGNALS,
     "chips": SIGNALS | {"chips"},
     "plant": SIGNALS | {"plant"},
+    "glue": SIGNALS | {"chips", "glue"},
     "protocols": SIGNALS | {"protocols"},
     "board": BOARD,
+    "conditions": SIGNALS | {"board", "chips", "conditions", "glue"},
     "trace": BOARD,
     "faults": BOARD,
+    "scope": SCOPE,
     "nodes": NODES,
     "native": set(),
     "network": NETWORK,
@@ -60,7 +65,7 @@ MAY_IMPORT = {
     "compiled": set(),
     "__init__": EDGE | {"client", "compiled", "version"},  # all but the last for type checkers only
 }
-PURE = NODES
+PURE = NODES | SCOPE
 IMPURE = {"asyncio", "time", "random", "socket", "threading", "select", "os", "subprocess"}
 ROLES = {
     "bus": "trace",

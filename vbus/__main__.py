@@ -1,5 +1,18 @@
-"""``python -m vbus``: the command line."""
+"""``python -m vbus``, and the ``vbus`` command."""
 
-from vbus.tools.cli import main
+import sys
 
-main()
+
+def main() -> None:
+    """Run the command line; Ctrl-C while it is still being imported ends it as later."""
+    try:
+        from vbus.tools.cli import main as run
+    except KeyboardInterrupt:
+        from vbus.tools.exit_codes import INTERRUPTED
+
+        sys.exit(INTERRUPTED)
+    run()
+
+
+if __name__ == "__main__":
+    main()

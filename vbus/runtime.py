@@ -18,17 +18,32 @@ def runtime_directory() -> Path:
     written, else a private directory (0700) below the system's temporary one.
 
     Raises:
-        TransportError: the directory cannot be made or written, or others may write in it.
+        TransportError: the directory cannot be made or written, belongs to somebody else, or
+            others may write in it or replace it.
     """
     given = os.environ.get("VBUS_RUNTIME")
     if given:
-        return _made(Path(given))
+        return _strict(Path(given))
     xdg = os.environ.get("XDG_RUNTIME_DIR")
     if xdg and os.access(xdg, os.W_OK):
-        return _made(Path(xdg) / "vbus")
+        return _strict(Path(xdg) / "vbus")
     if os.access("/run/vbus", os.W_OK) or os.access("/run", os.W_OK):
-        return _made(Path("/run/vbus"))
+        return _strict(Path("/run/vbus"))
     return _private(Path(tempfile.gettempdir()) / f"vbus-{os.getuid()}")
+
+
+def subdirectory(name: str) -> Path:
+    """Return a directory of the runtime directory, made if need be, and as private.
+
+    Raises:
+        TransportError: as :func:`runtime_directory`.
+    """
+    return _private(runtime_directory() / name)
+
+
+def is_trusted(found: os.stat_result) -> bool:
+    """Tell whether nobody but this user and root has made something, and may write to it."""
+    return found.st_uid in (os.geteuid(), 0) and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 @contextmanager
@@ -49,6 +64,11 @@ def private_runtime(unless_named: bool = False) -> Iterator[Path]:
                 del os.environ["VBUS_RUNTIME"]
             else:
                 os.environ["VBUS_RUNTIME"] = named
+
+
+def pause_mark(name: Path) -> Path:
+    """Return the file that is there as long as the board behind a link's name is paused."""
+    return name.parent / f".{name.name}.paused"
 
 
 def lock_of(name: Path) -> Path:
@@ -106,6 +126,27 @@ def _made(path: Path) -> Path:
             f"runtime directory {path} belongs to {_owner(path)}; set VBUS_RUNTIME to one of your"
             " own"
         )
+    return path
+
+
+def _strict(path: Path) -> Path:
+    """Make a directory: one in which others may write, or which they may replace, is refused."""
+    real = _made(path).resolve()
+    found = real.stat()
+    if not is_trusted(found):
+        raise TransportError(
+            f"runtime directory {path} is open to others (owner {_owner(path)}, mode"
+            f" {stat.S_IMODE(found.st_mode):o}): make it yours and chmod go-w, or set VBUS_RUNTIME"
+            " to one of your own"
+        )
+    for place in real.parents:
+        mode = place.stat().st_mode
+        if mode & (stat.S_IWGRP | stat.S_IWOTH) and not mode & stat.S_ISVTX:
+            raise TransportError(
+                f"runtime directory {path}: others may replace it, because they may write in"
+                f" {place} (mode {stat.S_IMODE(mode):o}); chmod go-w {place}, or set VBUS_RUNTIME"
+                " to a directory elsewhere"
+            )
     return path
 
 

@@ -30,6 +30,7 @@
 #include <simavr/avr_ioport.h>
 #include <simavr/avr_uart.h>
 #include <simavr/sim_avr.h>
+#include <simavr/sim_core.h>
 #include <simavr/sim_elf.h>
 #include <simavr/sim_gdb.h>
 
@@ -56,6 +57,8 @@ static struct {
     avr_t *avr;
     struct pin_link link;
     struct port ports[PIN_PORTS];
+    unsigned ramend; /* of the part itself: the external memory bus begins behind it */
+    uint64_t ahead;  /* clock cycles until the access under way is on the bus */
     uint64_t frequency, limit;
     int stop, code, outputs;
 
@@ -114,7 +117,7 @@ static uint64_t cycle_at(uint64_t instant)
 static uint64_t now(void *context)
 {
     (void)context;
-    return ps_of(sim.avr->cycle);
+    return ps_of(sim.avr->cycle + sim.ahead);
 }
 
 /* --- interrupt lines and other outputs of chips --------------------------------------------------- */
@@ -304,6 +307,186 @@ static int missing_port(void)
     return -1;
 }
 
+/* --- external memory -------------------------------------------------------------------------------
+ *
+ * simavr knows no memory but its own. It is given so much that each access ends there, and what the
+ * chips have to do with it is done around the instruction: before a load the byte is fetched, after a
+ * store it is sent.
+ */
+
+#define ALL_OF_IT 0xFFFF
+#define XMCRA 0x74
+#define XMCRB 0x75
+#define SRE 0x80
+#define PORTC 0x28
+#define DDRC 0x27
+#define SECTOR 0x2000
+
+struct access {
+    enum { NONE, LOAD, STORE } kind;
+    unsigned address;
+};
+
+static const char *const WITH_A_BUS[] = {
+    "atmega640", "atmega1280", "atmega1281", "atmega2560", "atmega2561", NULL,
+};
+
+static int has_a_bus(const char *part)
+{
+    const char *const *known = WITH_A_BUS;
+
+    while (*known != NULL && strcmp(*known, part) != 0)
+        known++;
+    return *known != NULL;
+}
+
+static unsigned pair(unsigned number)
+{
+    return sim.avr->data[number] | sim.avr->data[number + 1] << 8;
+}
+
+/* What the instruction at the program counter does to data memory, pushes and calls left out. */
+static struct access next_access(void)
+{
+    const unsigned char *flash = sim.avr->flash + sim.avr->pc;
+    unsigned code = flash[0] | flash[1] << 8, down = 0;
+    struct access found = {code & 0x0200 ? STORE : LOAD, 0};
+
+    if ((code & 0xD000) == 0x8000) { /* LDD, STD, LD and ST by Y or Z */
+        found.address = pair(code & 8 ? 28 : 30)
+                        + ((code & 7) | (code >> 7 & 0x18) | (code >> 8 & 0x20));
+    } else if ((code & 0xFC00) == 0x9000) {
+        switch (code & 15) {
+        case 0: found.address = flash[2] | flash[3] << 8; break; /* LDS, STS */
+        case 2: down = 1; /* fall through */
+        case 1: found.address = pair(30); break;
+        case 10: down = 1; /* fall through */
+        case 9: found.address = pair(28); break;
+        case 14: down = 1; /* fall through */
+        case 12: case 13: found.address = pair(26); break;
+        default: found.kind = NONE;
+        }
+    } else {
+        found.kind = NONE;
+    }
+    found.address = (found.address - down) & 0xFFFF;
+    if (found.address <= sim.ramend)
+        found.kind = NONE;
+    return found;
+}
+
+/* Address lines that XMM2:0 gives back are those of port C. */
+static unsigned on_the_bus(unsigned address)
+{
+    unsigned count = sim.avr->data[XMCRB] & 7;
+    unsigned mine = count == 7 ? 0 : 0xFF >> count, port = sim.avr->data[PORTC] & sim.avr->data[DDRC];
+
+    return (address & 0xFF) | ((address >> 8 & mine) | (port & ~mine & 0xFF)) << 8;
+}
+
+/* One clock cycle more than internal memory, and the wait states of the sector. */
+static unsigned extra_cycles(unsigned address)
+{
+    unsigned control = sim.avr->data[XMCRA], limit = control >> 4 & 7;
+
+    return 1 + (limit > 0 && address < limit * SECTOR ? control & 3 : control >> 2 & 3);
+}
+
+static void say_once(const char *message, unsigned address)
+{
+    static const char *said[4];
+    unsigned turn = 0;
+
+    while (turn < 4 && said[turn] != NULL && said[turn] != message)
+        turn++;
+    if (turn == 4 || said[turn] == message)
+        return;
+    said[turn] = message;
+    fflush(stdout);
+    fprintf(stderr, "vbus-avr: %s: address %04X, by the instruction at %05X\n", message, address,
+            (unsigned)sim.avr->pc);
+}
+
+/* What the bus does in an access; `data` is the byte of a store. Returns that of a load. */
+static unsigned bus_access(struct access access, unsigned data)
+{
+    unsigned address = on_the_bus(access.address);
+    const struct card_port *port
+        = card_table_find(&sim.link.card, address, access.kind == STORE);
+
+    if (port == NULL) {
+        say_once("nobody answers on the external memory bus", address);
+        return 0xFF;
+    }
+    if (port->answers && access.kind == STORE)
+        pin_link_write(&sim.link, 1U << port->chip, port->chip_address, data);
+    else if (port->answers)
+        data = pin_link_read(&sim.link, 1U << port->chip, port->chip_address);
+    if (port->acknowledges) {
+        pin_link_side(&sim.link, port->pin, 0);
+        pin_link_side(&sim.link, port->pin, 2);
+    }
+    failed(sim.link.error);
+    return data | port->floating;
+}
+
+/* As simavr's own, with the bus around the instruction. */
+static void run_with_a_bus(avr_t *avr)
+{
+    struct access access = {NONE, 0};
+    avr_flashaddr_t after = avr->pc;
+
+    if (avr->gdb) {
+        avr_gdb_processor(avr, avr->state == cpu_Stopped);
+        if (avr->state == cpu_Stopped)
+            return;
+    }
+    int step = avr->state == cpu_Step;
+
+    if (step)
+        avr->state = cpu_Running;
+    if (avr->state == cpu_Running) {
+        unsigned extra = 0;
+
+        access = next_access();
+        if (access.kind != NONE && !(avr->data[XMCRA] & SRE)) {
+            say_once("the external memory interface is off (SRE)", access.address);
+            access.kind = NONE;
+            avr->data[next_access().address] = 0xFF;
+        }
+        if (access.kind != NONE)
+            extra = extra_cycles(access.address);
+        if (access.kind == LOAD) {
+            sim.ahead = 2 + extra;
+            avr->data[access.address] = (uint8_t)bus_access(access, 0);
+            sim.ahead = 0;
+        }
+        after = avr_run_one(avr);
+        avr->cycle += extra;
+        if (access.kind == STORE)
+            bus_access(access, avr->data[access.address]);
+        if (access.kind != NONE && sim.outputs && !sim.stop) {
+            if (sim.link.touched)
+                sync_outputs();
+            else if (sim.link.told)
+                take_outputs();
+        }
+    }
+    avr_cycle_count_t sleep = avr_cycle_timer_process(avr);
+
+    avr->pc = after;
+    if (avr->state == cpu_Sleeping) {
+        if (!avr->sreg[S_I])
+            avr->state = cpu_Done;
+        else
+            avr->cycle += 1 + sleep;
+    }
+    if (avr->state == cpu_Running || avr->state == cpu_Sleeping)
+        avr_service_interrupts(avr);
+    if (step)
+        avr->state = cpu_StepDone;
+}
+
 /* --- UART ----------------------------------------------------------------------------------------- */
 
 static void uart_out(avr_irq_t *irq, uint32_t value, void *param)
@@ -427,6 +610,15 @@ static avr_cycle_count_t limit_reached(avr_t *avr, avr_cycle_count_t when, void 
     else
         stop(OK, NULL);
     return 0;
+}
+
+/* A board knows of no time that has not been told: it ends firmware that goes on beyond a limit. */
+static avr_cycle_count_t tell_time(avr_t *avr, avr_cycle_count_t when, void *param)
+{
+    (void)avr;
+    (void)param;
+    sync_outputs();
+    return when + sim.frequency;
 }
 
 /* Firmware that has returned from main waits for ever with interrupts off; its result is in r24. */
@@ -587,7 +779,15 @@ int main(int argc, char **argv)
                         " [board] section of the board file\n");
         return USAGE;
     }
+    if (sim.link.card.count > 0 && !has_a_bus(part)) {
+        fprintf(stderr, "vbus-avr: the host has a card, and an %s has no external memory interface;"
+                        " atmega640, 1280, 1281, 2560 and 2561 have one\n", part);
+        return USAGE;
+    }
     sim.link.clock = now;
+    sim.ramend = sim.avr->ramend;
+    if (sim.link.card.count > 0)
+        sim.avr->ramend = ALL_OF_IT;
     avr_init(sim.avr);
     sim.avr->log = LOG_ERROR;
     avr_load_firmware(sim.avr, &firmware);
@@ -606,6 +806,9 @@ int main(int argc, char **argv)
         sync_outputs();
     if (sim.limit)
         avr_cycle_timer_register(sim.avr, sim.limit, limit_reached, NULL);
+    if (getenv("VBUS_LIMIT_PS") != NULL)
+        avr_cycle_timer_register(sim.avr, cycle_at(strtoull(getenv("VBUS_LIMIT_PS"), NULL, 10) + 1),
+                                 tell_time, NULL);
     if (sim.terminal >= 0 || sim.pace)
         avr_cycle_timer_register(sim.avr, sim.frequency * LOOK_MS / 1000, look_outside, NULL);
     if (gdb) {
@@ -613,6 +816,8 @@ int main(int argc, char **argv)
         sim.avr->state = cpu_Stopped;
         avr_gdb_init(sim.avr);
     }
+    if (sim.link.card.count > 0)
+        sim.avr->run = run_with_a_bus;
     clock_gettime(CLOCK_MONOTONIC, &sim.began);
     run();
     if (sim.middle)

@@ -45,13 +45,13 @@ def main() -> int:
             "--connect",
             router,
             "--ahead",
-            "500ms",
+            "2s",
             typed="0us x+y+z w 0 1  # STT\n",
         ),
         end="",
     )
     for bus in buses.values():
-        bus.delay("700ms")  # until the start is over
+        bus.delay("2200ms")  # until the start is over
     arrived = True
     for name, axis in axes.items():
         axis.wait_status(TRAJECTORY_COMPLETE, "20s")

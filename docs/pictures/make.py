@@ -2,7 +2,7 @@
 """Makes the pictures of the documentation: ``python docs/pictures/make.py``.
 
 ``session.svg`` is a terminal that types the tutorial's commands, recorded from a run of them;
-``move.svg`` is what an LM629 does with a motor, sample by sample.
+``move.svg`` is what an LM629 does with a motor, sample by sample, drawn as ``vbus plot`` does.
 """
 
 import os
@@ -28,6 +28,7 @@ TYPED, SHOWN, READ = 0.03, 0.08, 1.2
 """Seconds for a letter that is typed, for a line that is shown, and to read what was shown."""
 
 BOARD = """
+board.name = "axis"
 board.time = "lockstep"
 board.power_on = "done"
 [chips.x]
@@ -84,57 +85,29 @@ def terminal(lines: Iterable[tuple[float, str]]) -> str:
     )
 
 
-def move() -> list[tuple[int, int, int]]:
-    """Return instant (ps), desired and real position of each sample of a move."""
+def move(picture: Path) -> None:
+    """Draw a move of an LM629."""
     from vbus.board.build import load_board_text
     from vbus.client.lm628 import Lm628
+    from vbus.scope.recording import Recorder
     from vbus.testing import connect_in_process
+    from vbus.tools.plot import draw
 
     board = load_board_text(BOARD, "picture")
+    recorder = Recorder(board, edges=False)
     bus = connect_in_process(board)
     axis = Lm628(bus)
     axis.load_filter(kp=300, kd=2000)
+    recorder.start()
     axis.load_trajectory(acc=400, vel=6 << 16, pos=2000, start=True)
-    found = []
-    for _ in range(320):
-        found.append((board.now, axis.rddp(), axis.rdrp()))
-        bus.delay("1 ms")
-    return found
-
-
-def curves(samples: list[tuple[int, int, int]]) -> str:
-    """Return desired and real position over time, as SVG."""
-    width, height, edge = 720, 300, 40
-    start = samples[0][0]
-    end = samples[-1][0] - start
-    top = max(max(desired, real) for _, desired, real in samples)
-
-    def line(values: Iterable[tuple[int, int]], style: str) -> str:
-        points = " ".join(
-            f"{edge + (width - 2 * edge) * (when - start) / end:.1f},"
-            f"{height - edge - (height - 2 * edge) * value / top:.1f}"
-            for when, value in values
-        )
-        return f'<polyline fill="none" {style} points="{points}"/>'
-
-    return "\n".join(
-        [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}"'
-            ' font-family="sans-serif" font-size="13" fill="#565f89">',
-            f'<rect width="{width}" height="{height}" rx="6" fill="#ffffff"/>',
-            f'<text x="{edge}" y="24">Position of an LM629 in a move to {samples[-1][1]} counts'
-            f" ({end / 1e9:.0f} ms): desired (grey) and real (blue)</text>",
-            line(((when, desired) for when, desired, _ in samples),
-                 'stroke="#b4b8c8" stroke-width="5"'),
-            line(((when, real) for when, _, real in samples), 'stroke="#2e5cb8" stroke-width="2"'),
-            "</svg>\n",
-        ]
-    )  # fmt: skip
+    bus.delay("320 ms")
+    recorder.stop()
+    draw(recorder.lanes.described(live=False), recorder.take(), picture, lanes=("desired", "real"))
 
 
 def main() -> None:
     """Make both pictures."""
-    (HERE / "move.svg").write_text(curves(move()))
+    move(HERE / "move.svg")
     with tempfile.TemporaryDirectory() as folder:
         (HERE / "session.svg").write_text(terminal(record(Path(folder))))
 

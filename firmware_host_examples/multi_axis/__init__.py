@@ -5,5 +5,5 @@ chips.py    packets of the three chip families as such cycles, and the positions
 play.py     plays a score on the nodes of a board, in virtual or in real time
 command.py  the command of an example: starts router, nodes and host, and stops them
 result.py   contour error, skew, and what is printed of them
-picture.py  the plot, as SVG
+picture.py  the plot
 """

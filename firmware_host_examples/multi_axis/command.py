@@ -25,7 +25,7 @@ from multi_axis.result import skew
 from multi_axis.score import Score
 from vbus.board.config import read_board_file
 from vbus.cluster.nodes import read_traces
-from vbus.errors import VbusError
+from vbus.errors import PluginError, VbusError
 from vbus.network.session import check_endpoint
 
 STOP_SECONDS = 20
@@ -81,7 +81,9 @@ def _arguments(demo: Demo) -> argparse.Namespace:
     parser.add_argument(
         "--real-time", action="store_true", help="by the wall clock; else in virtual time"
     )
-    parser.add_argument("--svg", metavar="FILE", help=f"the plot; else {demo.name}.svg")
+    parser.add_argument(
+        "--svg", metavar="FILE", help=f"the plot (.svg, .png, .pdf); else {demo.name}.svg"
+    )
     parser.add_argument("--traces", metavar="FOLDER", help="keep the traces of the nodes there")
     parser.add_argument(
         "--connect",
@@ -98,6 +100,9 @@ def _arguments(demo: Demo) -> argparse.Namespace:
         metavar="ENDPOINT",
         default="tcp/127.0.0.1:0",
         help="where the router listens; else on a free port of this computer",
+    )
+    parser.add_argument(
+        "--remote", action="store_true", help="the router may let other computers in"
     )
     parser.add_argument(
         "--netns",
@@ -161,14 +166,24 @@ def _host(demo: Demo, asked: argparse.Namespace) -> None:
     if asked.real_time:
         _print_wall_time(played)
     file = Path(asked.svg or f"{demo.name}.svg")
-    picture.write(file)
-    print(f"plot: {file}")
+    print(plotted(picture, file))
+
+
+def plotted(picture: Picture, file: Path) -> str:
+    """Write the plot, if there is what draws it; return what is said of that."""
+    try:
+        picture.write(file)
+    except PluginError as error:
+        return f"no plot: {error}"
+    return f"plot: {file}"
 
 
 def _print_wall_time(played: Played) -> None:
     """Print how well the nodes kept to the wall clock; nothing promises that."""
     measured = [node["skew"] for node in played.status.values() if node["skew"]["marks"]]
-    if measured:
+    if not measured:
+        print("skew between nodes, wall time: no node heard of another's marks in time")
+    else:
         most = max(measured, key=lambda one: one["marks"])
         values = ", ".join(f"{p} {most[f'{p}_ns'] / 1000:.0f} us" for p in ("p50", "p99", "max"))
         print(f"skew between nodes, wall time: {values}, over {most['marks']} marks")
@@ -265,8 +280,11 @@ def _running(
         return part
 
     try:
+        remote = ["--remote"] if asked.remote else []
         router = start(
-            "router", ["-m", "vbus", "router", "--listen", asked.listen], stdout=subprocess.PIPE
+            "router",
+            ["-m", "vbus", "router", "--listen", asked.listen, *remote],
+            stdout=subprocess.PIPE,
         )
         endpoint = _endpoint(router)
         board = folder / "board.toml"

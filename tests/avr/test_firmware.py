@@ -12,7 +12,9 @@ import pytest
 from tests.avr.conftest import EXAMPLES, REQUIRED, Compile, compile_avr
 from tests.e2e.command import start
 from tests.shims.conftest import compile_for
+from tests.waiting import until
 from vbus.errors import ConfigError
+from vbus.server.registry import running
 from vbus.tools import exec as exec_module
 from vbus.tools.exec_avr import parse, run_avr, simulator
 
@@ -349,6 +351,32 @@ def test_it_ends_at_a_cycle_limit(run: Run, firmware: Compile) -> None:
     assert 4 < len(said) <= 20
 
 
+@pytest.mark.parametrize("wait", ["", "sleep_mode();"], ids=["spins", "sleeps"])
+def test_a_limit_ends_firmware_that_waits_without_a_bus_cycle(
+    firmware: Compile, tmp_path: Path, capfd: pytest.CaptureFixture[str], wait: str
+) -> None:
+    elf = firmware(
+        """#include <avr/interrupt.h>
+        #include <avr/sleep.h>
+        int main(void)
+        {
+            volatile unsigned char arrived = 0;
+
+            lm629_bus_init();
+            sei();
+            while (!arrived) {
+                WAIT
+            }
+            return 0;
+        }""".replace("WAIT", wait)
+    )
+    (tmp_path / "board.toml").write_text(BOARD.read_text())
+    line = ["--board", str(tmp_path / "board.toml"), "--limit", "300 ms", "--avr", UNO, str(elf)]
+    assert exec_command(line) == 137
+    sentence = "vbus: the program hangs: it was not done after 0.3 s of chip time\n"
+    assert capfd.readouterr().err.startswith(sentence)
+
+
 def test_it_ends_at_words_on_the_uart(run: Run, firmware: Compile) -> None:
     code, said = run(firmware(COUNTING), "until=count 03")
     assert (code, said[-2:]) == (0, ["count", "03"])
@@ -438,7 +466,14 @@ def test_a_board_that_dies_ends_the_run(
     assert board.stdout is not None
     while not board.stdout.readline().startswith("ready"):
         pass
-    killer = threading.Timer(1, board.kill)
+
+    def kill() -> None:
+        try:
+            until(lambda: any(one["chips"][0]["writes"] for one in running()), "a write")
+        finally:
+            board.kill()
+
+    killer = threading.Thread(target=kill)
     killer.start()
     assert run_avr(UNO, str(elf), link=f"unix:{tmp_path}/run/lm629_avr_bitbang.sock") == 4
     killer.join()

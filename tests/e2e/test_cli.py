@@ -13,11 +13,13 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 import vbus as package
 from tests.e2e.command import BOARD, plug_in, running, start, vbus
+from tests.waiting import until
 from vbus.compiled import core
-from vbus.tools.cli import _COMMANDS
+from vbus.tools.cli import _COMMANDS, cli
 
 
 @pytest.fixture(autouse=True)
@@ -31,6 +33,31 @@ def board(tmp_path: Path) -> Path:
     path = tmp_path / "bench.toml"
     path.write_text(BOARD)
     return path
+
+
+IMPORTED = """
+import runpy, sys
+
+class CtrlC:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, CtrlC())
+sys.argv = ["vbus", "schema"]
+runpy.run_module("vbus", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("module", ["click", "vbus.errors", "vbus.tools.schema", "vbus.board"])
+def test_ctrl_c_while_something_is_imported_ends_it_quietly(module: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTED.format(module=module)],
+        capture_output=True,
+        text=True,
+        cwd=Path(__file__).parents[2],
+    )
+    assert (done.returncode, done.stdout, done.stderr.strip()) == (130, "", "")
 
 
 # -- version, help, usage -----------------------------------------------------------------------
@@ -48,7 +75,7 @@ def test_help_names_every_command_and_exit_code() -> None:
     assert done.returncode == 0
     for command in _COMMANDS:
         assert re.search(rf"^  {command} +[A-Z]", done.stdout, re.M)
-        assert vbus(command, "--help").returncode == 0
+        assert CliRunner().invoke(cli, [command, "--help"]).exit_code == 0
     for code in (0, 1, 2, 3, 4, 5, 130):
         assert re.search(rf"^    {code} +\w", done.stdout, re.M)
 
@@ -337,6 +364,45 @@ def test_ls_of_a_board_that_does_not_run_ends_with_4() -> None:
     assert done.stderr == 'vbus: no board called "bench" answers\n'
 
 
+# -- real time on request -----------------------------------------------------------------------
+
+
+def test_a_board_runs_ahead_of_others_where_that_is_permitted_and_is_refused_elsewhere(
+    board: Path,
+) -> None:
+    cpu = max(os.sched_getaffinity(0))
+    done = vbus("run", str(board), "--detach", "--priority", "fifo:3", "--cpu", str(cpu))
+    if done.returncode:
+        assert done.returncode == 1
+        assert "vbus: --priority fifo:3: " in done.stderr
+        return
+    process = int(done.stdout.splitlines()[0].split()[-1])
+    children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
+    try:
+        assert f"  priority SCHED_FIFO 3, memory locked, processor {cpu}" in done.stdout
+        until(lambda: os.sched_getaffinity(process) == {cpu}, "it runs on its processor")
+        assert os.sched_getscheduler(process) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
+        assert os.sched_getparam(process).sched_priority == 3
+        locked = re.search(r"VmLck:\s+(\d+) kB", Path(f"/proc/{process}/status").read_text())
+        assert locked is not None
+        assert int(locked[1]) > 0
+        for child in map(int, children):
+            assert os.sched_getscheduler(child) == os.SCHED_OTHER
+            assert os.sched_getaffinity(child) == os.sched_getaffinity(0)
+        assert children
+    finally:
+        assert vbus("stop", "bench").returncode == 0
+
+
+def test_a_priority_that_is_none_is_refused(board: Path) -> None:
+    done = vbus("run", str(board), "--priority", "rr")
+    assert done.returncode == 2
+    assert '"rr" is none; write fifo, or fifo:1 to fifo:99' in done.stderr
+    done = vbus("run", str(board), "--cpu", "5000")
+    assert done.returncode == 1
+    assert "vbus: --cpu 5000: this process may run on processors 0" in done.stderr
+
+
 # -- doctor, cflags -----------------------------------------------------------------------------
 
 
@@ -353,6 +419,25 @@ def test_doctor_says_what_is_in_order_and_what_to_do_about_the_rest() -> None:
     )
     for what in ("msgspec", "PTY", "runtime directory", "left-overs", "timerfd, inotify"):
         assert any(line.startswith(f"ok    {what}: ") for line in lines)
+
+
+def test_doctor_measures_how_late_the_machine_wakes_a_server() -> None:
+    done = vbus("doctor", "--json", "--latency", "20 ms")
+    findings = {finding["what"]: finding for finding in json.loads(done.stdout)}
+
+    assert re.fullmatch(
+        r"\d+ waits of 1 ms: p50 \d+ us, p99 \d+ us, max \d+ us late", findings["latency"]["detail"]
+    )
+    permitted = findings["real-time class"]["state"] == "ok"
+    assert ("latency with --priority fifo" in findings) is permitted
+    assert {"timer slack", "governor", "load"} <= findings.keys()
+
+
+@pytest.mark.parametrize("duration", ["10", "0 s", "2 h", "x"])
+def test_doctor_refuses_what_it_cannot_measure(duration: str) -> None:
+    done = vbus("doctor", "--latency", duration)
+    assert done.returncode == 2
+    assert "--latency" in done.stderr
 
 
 def test_doctor_fails_where_nothing_can_work(

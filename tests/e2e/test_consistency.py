@@ -11,9 +11,8 @@ from tests.e2e.command import vbus
 from vbus.tools import doctor
 from vbus.tools.cli import cli
 
-NO_DATA = {"demo", "exec", "logs", "monitor", "router", "schema", "stop", "wait", "wave", "explain",
-           "snap bisect"}  # fmt: skip
-"""Verbs that print text or a stream of it, write a file, or have nothing to say."""
+NO_DATA = {"demo", "exec", "logs", "plot", "router", "schema", "scope", "stop", "wait"}
+"""Verbs that print what a program or a board says, one document, or have nothing to say."""
 
 
 def verbs(group: click.Command = cli, path: str = "") -> Iterator[tuple[str, click.Command]]:

@@ -1,7 +1,9 @@
 """Orders to a running board: one line of JSON in, one out, and nothing said there harms it."""
 
 import asyncio
+import ctypes
 import json
+import os
 import socket
 import threading
 from collections.abc import Iterator
@@ -112,6 +114,48 @@ def test_who_hangs_up_in_the_middle_leaves_nothing_behind() -> None:
         assert order("bench", "add", a=1, b=1) == 2
     assert not any(local.connections for local in server.local_sockets)
     assert not control_path("bench").exists()
+
+
+SET_USERS = {"x86_64": (117, 122), "aarch64": (147, 151)}
+"""Linux's numbers of setresuid and setfsuid, which are of one thread when called by number."""
+
+
+def answer_to_a_stranger() -> bytes:
+    """Return what user 65534 is answered at the control socket."""
+    answers = []
+
+    def ask() -> None:
+        system = ctypes.CDLL(None).syscall
+        users, files = SET_USERS[os.uname().machine]
+        assert system(users, -1, 65534, -1) == 0
+        system(files, 0)  # the way to the socket is open: what counts is who connects
+        with socket.socket(socket.AF_UNIX) as link:
+            link.settimeout(60)
+            link.connect(str(control_path("bench")))
+            link.sendall(b'{"do": "add", "a": 1, "b": 1}\n')
+            answers.append(link.makefile("rb").readline())
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    thread.join(60)
+    return answers[0]
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can be somebody else")
+def test_orders_of_another_user_are_refused_in_a_sentence() -> None:
+    with served(add=add):
+        assert json.loads(answer_to_a_stranger()) == {
+            "error": "this board takes orders from root, who runs it; you are user 65534"
+        }
+        assert order("bench", "add", a=1, b=1) == 2
+
+
+def test_the_user_who_runs_a_board_and_root_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    with served(add=add):
+        monkeypatch.setattr("vbus.server.control.user_behind", lambda fd: 1001)
+        monkeypatch.setattr("vbus.server.control.os.geteuid", lambda: 1000)
+        with pytest.raises(VbusError, match="from user 1000, who runs it, and from root; you are"):
+            order("bench", "add", a=1, b=1)
 
 
 def test_a_board_that_does_not_run_is_named() -> None:

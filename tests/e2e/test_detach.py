@@ -195,29 +195,109 @@ def test_a_runtime_directory_that_is_not_set_is_the_same_for_board_and_host(
     assert vbus("stop", "bench").returncode == 0
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
-def test_a_host_in_c_may_come_before_its_board(board: Path, runtime: Path, tmp_path: Path) -> None:
-    source = tmp_path / "host.c"
-    source.write_text(
-        '#include "vbus.h"\n#include <stdio.h>\n#include <stdlib.h>\n'
-        "int main(int count, char **arguments)\n{\n    struct vbus bus;\n"
-        "    int error = vbus_open_wait(&bus, arguments[1], atoi(arguments[2]));\n"
-        '    (void)count;\n    puts(error < 0 ? vbus_strerror(error) : "open");\n'
-        "    fflush(stdout);\n    vbus_close(&bus);\n    return 0;\n}\n"
-    )
-    program = str(tmp_path / "host")
-    flags = vbus("cflags").stdout.split()
-    subprocess.run(["cc", "-Wall", "-Werror", "-o", program, str(source), *flags], check=True)
+HOST_IN_C = r"""
+#define _POSIX_C_SOURCE 200809L
+#include "vbus.h"
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
 
-    late = subprocess.run([program, f"pty:{runtime}/x", "20"], capture_output=True, text=True)
+int poll(struct pollfd *wanted, nfds_t count, int wait_ms) /* what vbus.c calls between attempts */
+{
+    static int told;
+    struct timespec pause = {0, 10000000};
+
+    (void)wanted, (void)count, (void)wait_ms;
+    if (!told++)
+        puts("waiting");
+    fflush(stdout);
+    return nanosleep(&pause, NULL);
+}
+
+int main(int count, char **arguments)
+{
+    struct vbus bus;
+    int error = count > 2 ? vbus_open_wait(&bus, arguments[1], atoi(arguments[2]))
+                          : vbus_open(&bus, arguments[1]);
+
+    puts(error < 0 ? vbus_strerror(error) : "open");
+    fflush(stdout);
+    vbus_close(&bus);
+    return 0;
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def host_in_c(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A host in C that says when it begins to wait, and what came of it."""
+    if shutil.which("cc") is None:
+        pytest.skip("needs a C compiler")
+    folder = tmp_path_factory.mktemp("host")
+    (folder / "host.c").write_text(HOST_IN_C)
+    flags = vbus("cflags").stdout.split()
+    subprocess.run(
+        ["cc", "-Wall", "-Werror", "-o", folder / "host", folder / "host.c", *flags], check=True
+    )
+    return str(folder / "host")
+
+
+def test_a_host_in_c_may_come_before_its_board(board: Path, runtime: Path, host_in_c: str) -> None:
+    late = subprocess.run([host_in_c, f"pty:{runtime}/x", "20"], capture_output=True, text=True)
     with subprocess.Popen(
-        [program, f"pty:{runtime}/x", "30000"], stdout=subprocess.PIPE, text=True
+        [host_in_c, f"pty:{runtime}/x", "30000"], stdout=subprocess.PIPE, text=True
     ) as host:
         vbus("run", str(board), "--detach")
-        assert host.communicate()[0] == "open\n"
+        assert host.communicate()[0].endswith("open\n")
     vbus("stop", "bench")
 
-    assert late.stdout.startswith("a system call failed")
+    assert late.stdout.startswith("waiting\na system call failed")
+
+
+@pytest.mark.parametrize("kind", ["unix:", "pty:", ""])
+def test_a_host_in_c_waits_for_a_board_that_has_begun_to_start(
+    kind: str, runtime: Path, host_in_c: str
+) -> None:
+    name = runtime / "x"
+    nobody = subprocess.run([host_in_c, f"{kind}{name}"], capture_output=True, text=True)
+    lock = NameLock(name)
+    lock.take()
+    once = subprocess.run([host_in_c, f"{kind}{name}", "0"], capture_output=True, text=True)
+    with (
+        socket.socket(socket.AF_UNIX) as board,
+        subprocess.Popen([host_in_c, f"{kind}{name}"], stdout=subprocess.PIPE, text=True) as host,
+    ):
+        assert host.stdout is not None
+        assert host.stdout.readline() == "waiting\n"
+        if kind == "unix:":
+            board.bind(str(name))
+            board.listen()
+        else:
+            terminal = os.openpty()
+            name.symlink_to(os.ttyname(terminal[1]))
+        assert host.stdout.readline() == "open\n"
+        if kind != "unix:":
+            os.close(terminal[0])
+            os.close(terminal[1])
+    lock.give_back()
+
+    assert nobody.stdout.startswith("a system call failed"), "nobody has the name"
+    assert once.stdout.startswith("a system call failed"), "a time of 0 is one attempt"
+
+
+def test_a_host_in_c_gives_up_when_the_board_that_was_starting_has_died(
+    runtime: Path, host_in_c: str
+) -> None:
+    lock = NameLock(runtime / "x")
+    lock.take()
+    with subprocess.Popen(
+        [host_in_c, f"pty:{runtime}/x"], stdout=subprocess.PIPE, text=True
+    ) as host:
+        assert host.stdout is not None
+        assert host.stdout.readline() == "waiting\n"
+        lock.give_back()
+        assert host.stdout.readline().startswith("a system call failed")
 
 
 # -- systemd's sockets ----------------------------------------------------------------------------

@@ -192,8 +192,8 @@ def test_the_services_move_three_axes_by_the_commands_of_the_compose_file(machin
     assert host.popen.wait(PATIENCE) == 0, host.output.read_text()
     said = host.output.read_text()
     assert said.endswith("all axes have arrived\n"), said
-    assert [f"node {name}: 1 requests" in said for name in "xyz"] == [True] * 3
-    assert "nodes were apart in wall time by p50" in said
+    assert [f"node {name}: 1 requests" in said for name in "xyz"] == [True] * 3, said
+    assert "nodes were apart in wall time by p50" in said, said
     # The first node that is stopped ends well; the others may say that it has gone.
     assert machine.running["x"].stop() == 0
     assert machine.running["router"].stop() == 0

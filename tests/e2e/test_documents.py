@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.waiting import Starved
+
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "firmware_host_examples"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -41,10 +43,14 @@ def run(commands: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
     }
     environment.pop("VBUS_RUNTIME", None)
     try:
-        return subprocess.run(
+        done = subprocess.run(
             ["bash", "-c", "set -e\ntrap 'jobs -p | xargs -r kill' EXIT\n" + "".join(commands)],
             cwd=folder, env=environment, capture_output=True, text=True, timeout=100,
         )  # fmt: skip
+        if in_vain := re.search(r"^vbus: \w+ has not ended within .*", done.stderr, re.MULTILINE):
+            logs = [log.read_text() for log in folder.rglob("*.log")]
+            raise Starved("\n".join([in_vain[0], *logs]))
+        return done
     finally:
         for board in folder.rglob("boards/*.sock"):
             home = {**environment, "VBUS_RUNTIME": str(board.parents[1])}
@@ -82,3 +88,13 @@ def test_the_commands_of_an_example_work_as_printed(page: Path, tmp_path: Path) 
     assert done.returncode == 0, done.stdout + done.stderr
     expected = (page.parent / "expected.txt").read_text()
     assert expected in done.stdout or "diff" in page.read_text()
+    if page.parent.name == "firmware_project":
+        whole, broken, *reported = re.split(r"(?<= in )\d.*s\b", done.stdout)
+        assert whole.endswith("\n9 passed in ")
+        assert broken.endswith("\n4 failed, 5 deselected in ")
+        assert broken.count("\nx broke lm628.busy-write at 21") == 4
+        assert reported[0].endswith("\n2 passed, 7 deselected in ")
+        assert reported[1].endswith("\n2 failed, 7 deselected in ")
+        hangs = "HostStuck: the host hangs: it polled 10000 times and was told nothing new"
+        assert reported[1].count(f"\nE   vbus.server.host_limits.{hangs}") == 2
+        assert reported[1].count('under:   x.reset_status = "C4"') == 2

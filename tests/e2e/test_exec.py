@@ -266,6 +266,36 @@ def test_a_sweep_tells_what_hangs_on_the_chips_phase(board: Path, tmp_path: Path
 
 
 @pytest.mark.parametrize(
+    ("part", "clock", "calls", "said"),
+    [
+        # The sample timer counts down from 40H, and does so 65 times in a sample (MCP-REG-14).
+        ("MCP-1200", "10 MHz", "print(bus.read(0x0F))", ["64", "32"]),
+        # The time is the number of cycles since the reset (PMD-CMD-77).
+        (
+            "MC1141A",
+            "25 MHz",
+            "bus.delay(4 * 10**8); bus.write(1, 0x3E); bus.delay(10**8); bus.read(0); bus.read(0);"
+            " bus.delay(10**8); bus.read(0); print(bus.read(0))",
+            ["0", "1"],
+        ),
+    ],
+)
+def test_a_sweep_shifts_the_cycle_of_each_family(
+    board: Path, tmp_path: Path, part: str, clock: str, calls: str, said: list[str]
+) -> None:
+    power = f'power_on = "done"\n[chips.x]\npart = "{part}"\nclock = "{clock}"'
+    board.write_text(BOARD.replace('[chips.x]\npart = "LM629N-8"\nclock = "8 MHz"', power))
+    script = tmp_path / "host.py"
+    script.write_text(
+        "import os\nfrom vbus import connect\n"
+        f'with connect(os.environ["VBUS_LINK"]) as bus:\n    {calls}\n'
+    )
+    done = vbus("exec", "--board", board, "--sweep", "2", "--", sys.executable, script)
+    assert (done.returncode, done.stderr) == (1, "")
+    assert f'stdout b: line 1 is "{said[1]}"; in a it is "{said[0]}"' in done.stdout.splitlines()
+
+
+@pytest.mark.parametrize(
     ("words", "message"),
     [
         (["--board", "BOARD", "--sweep", "1"], "it takes two runs at least"),
@@ -283,16 +313,30 @@ def test_a_sweep_that_cannot_be_is_refused(board: Path, words: list[str], messag
     assert message in done.stderr
 
 
-def test_a_sweep_needs_virtual_time_and_a_cycle(board: Path) -> None:
-    text = BOARD.replace('"LM629N-8"', '"MCP-1200"')
-    for wrong, message in (
-        (text, "--sweep 16:500us"),
-        (BOARD.replace("lockstep", "realtime"), "in real time"),
-    ):
-        board.write_text(wrong)
-        done = vbus("exec", "--board", board, "--sweep", "4", "--", "true")
-        assert done.returncode == 3
-        assert message in done.stderr
+def test_a_sweep_needs_virtual_time(board: Path) -> None:
+    board.write_text(BOARD.replace("lockstep", "realtime"))
+    done = vbus("exec", "--board", board, "--sweep", "4", "--", "true")
+    assert done.returncode == 3
+    assert "in real time" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("part", "clock", "ahead"),
+    [
+        ("LM628N-6", "6 MHz", "341.333333us"),
+        ("LM629N-8", "8 MHz", "256us"),
+        ("MCP-1200", "8 MHz", "520us"),
+        ("MC1141A", "25 MHz", "542.72us"),
+    ],
+)
+def test_a_sweep_knows_the_cycle_of_each_family(
+    board: Path, part: str, clock: str, ahead: str
+) -> None:
+    """2048 clocks, 64 x 65 after reset, 13568: LM-TRJ-17, MCP-REG-14, MCP-REG-15, PMD-CYC-2."""
+    board.write_text(BOARD.replace("LM629N-8", part).replace("8 MHz", clock))
+    done = vbus("exec", "--board", board, "--sweep", "2", "--", "true")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == f"2 runs, the chips up to {ahead} ahead: one outcome\n"
 
 
 @pytest.mark.parametrize(
@@ -305,3 +349,51 @@ def test_a_sweep_needs_virtual_time_and_a_cycle(board: Path) -> None:
 def test_help_prints_examples_as_written(words: list[str], example: str) -> None:
     lines = vbus(*words, "--help").stdout.splitlines()
     assert any(line.startswith(example) for line in lines)
+
+
+POLLS = """\
+import os, sys
+from vbus import connect
+with connect(os.environ["VBUS_LINK"]) as bus:
+    bus.delay("2 ms")
+    bus.write(0, 0x00)
+    loop = compile(sys.argv[1], "loop", "exec")
+    while True:
+        exec(loop)
+"""
+
+
+@pytest.mark.parametrize(
+    ("limit", "loop", "said"),
+    [
+        (
+            "100 ms",
+            "bus.read(0)",
+            "it polled 10000 times and was told nothing new, and nothing on the board",
+        ),
+        ("4 ms", "bus.write(0, 0); bus.read(0)", "it was not done after 0.004 s of chip time"),
+        ("100 ms", "bus.delay('10 ms'); bus.echo()", "it was not done after 0.1 s of chip time"),
+    ],
+)
+def test_a_program_that_hangs_is_ended_by_a_limit(
+    board: Path, limit: str, loop: str, said: str
+) -> None:
+    program = ("--", sys.executable, "-c", POLLS, loop)
+    done = vbus("exec", "--board", board, "--no-summary", "--limit", limit, *program)
+    assert done.returncode == 137
+    first, state, *rest = done.stderr.splitlines()
+    assert first.startswith(f"vbus: the program hangs: {said}")
+    assert state.startswith("vbus: x has desired 0.0, target 0, ")
+    assert rest[0] == "vbus: commands before:"
+    assert rest[1].startswith("vbus:     ")
+    assert "x RESET" in rest[1]
+
+
+def test_a_program_that_ends_before_its_limit_is_left_alone(board: Path) -> None:
+    assert vbus("exec", "--board", board, "--limit", "9 s", "--", "true").returncode == 0
+
+
+def test_a_limit_is_for_a_board_of_its_own() -> None:
+    done = vbus("exec", "--link", "unix:/nowhere", "--limit", "1 s", "--", "true")
+    assert done.returncode == 2
+    assert "only a board that ends with the program can end it" in done.stderr

@@ -2,8 +2,10 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -113,6 +115,37 @@ def test_a_delay_whose_host_has_gone_stands_still(runtime: Path) -> None:
         os.close(fd)
     assert len(set(instants)) == 1
     assert int.from_bytes(instants[0], "big") < WEEK
+
+
+def block(begun: threading.Event, until_then: threading.Event) -> None:
+    """Keep the server from looking at anything."""
+    begun.set()
+    until_then.wait(60)
+
+
+@pytest.mark.parametrize("link", [ONE, LinkSpec("unix:$VBUS_RUNTIME/one", "byte")])
+def test_no_time_passes_for_a_host_that_has_gone(runtime: Path, link: LinkSpec) -> None:
+    """The next begins at an instant that no wall clock has a say in."""
+    board = Board("bench", "lockstep")
+    board.add_chip(Restless, "t", "TOY", 8_000_000)
+    with served(board, link) as server:
+        for _ in range(3):
+            looks, gone = threading.Event(), threading.Event()
+            if link is ONE:
+                fd = open_raw(runtime / "one")
+            else:
+                host = socket.socket(socket.AF_UNIX)
+                host.connect(str(runtime / "one"))
+                fd = host.detach()
+            wait_for_sessions(server, 1)
+            assert server._loop is not None
+            server._loop.call_soon_threadsafe(block, looks, gone)
+            looks.wait(60)
+            os.write(fd, b"\x50" + u64(WEEK))
+            os.close(fd)
+            gone.set()
+            wait_for_sessions(server, 0)
+            assert board.now == 0
 
 
 def test_a_long_delay_ends_at_the_picosecond_and_what_follows_is_done_there(runtime: Path) -> None:

@@ -29,8 +29,8 @@ encoder_lines = 500
 model = "stepper"
 encoder_lines = 500
 """
-TURN = 12_800
-"""Microsteps in a turn."""
+QUARTER = 3200
+"""Microsteps in a quarter of a turn."""
 
 
 @pytest.fixture(params=["poll", "wait"])
@@ -49,13 +49,13 @@ def test_two_axes_move_and_every_checksum_is_right(chip: Mc1241a) -> None:
         chip.select(axis)
         chip.set_phase_2()
         chip.set_step_ratio(40)
-        chip.load(vel=20 << 16, acc=1 << 15, pos=TURN * axis, mtr_cmd=24_000)
+        chip.load(vel=20 << 16, acc=1 << 15, pos=QUARTER * axis, mtr_cmd=24_000)
     chip.multi_update(3)
     for axis in (1, 2):
         assert chip.select(axis) & 0x3000 == 0x1000 * (axis - 1)
         chip.wait_event()
         chip.bus.delay("50ms")
-        assert abs(chip.get_actl_pos() - 2000 * axis) <= 3
-        assert chip.get_trgt_pos() == TURN * axis
+        assert abs(chip.get_actl_pos() - 500 * axis) <= 3
+        assert chip.get_trgt_pos() == QUARTER * axis
     assert abs(chip.move(0)) <= 20  # the rotor is still swinging in
     assert chip.get_status() & 0x0010 == 0

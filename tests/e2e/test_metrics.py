@@ -207,10 +207,13 @@ def test_other_computers_are_let_in_only_if_the_board_file_says_so(
     load_board_text(BOARD + '[metrics]\nlisten = "0.0.0.0:9100"\nremote = true\n')
 
 
+@pytest.mark.parametrize("words", [("run",), ("exec", "--", "true")], ids=["run", "exec"])
 def test_an_address_of_the_command_line_that_is_none_is_not_blamed_on_the_board_file(
-    board_file: Path, runtime: Path
+    words: tuple[str, ...], board_file: Path, runtime: Path
 ) -> None:
-    done = vbus("run", "--metrics", "foo", str(board_file))
+    command, *program = words
+    board = ["--board", str(board_file)] if program else [str(board_file)]
+    done = vbus(command, "--metrics", "foo", *board, *program)
 
     assert done.returncode == exit_codes.BAD_BOARD
     assert '--metrics: found "foo"; write "HOST:PORT"' in done.stderr

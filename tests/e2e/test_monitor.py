@@ -1,6 +1,8 @@
 """``vbus monitor`` beside a running board, and what it leaves behind."""
 
 import io
+import json
+import signal
 import subprocess
 from pathlib import Path
 
@@ -71,6 +73,23 @@ def test_packets_and_violations_are_shown_as_they_happen(board: Path, tmp_path: 
 
 
 @pytest.mark.slow
+def test_they_are_shown_as_json(board: Path, tmp_path: Path) -> None:
+    with running(board):
+        process = start("monitor", "bench", "--count", "2", "--json")
+        assert process.stdout is not None
+        assert json.loads(process.stdout.readline()) == {"board": "bench"}
+        careless(tmp_path)
+        out, err = process.communicate(timeout=30)
+        assert (process.returncode, err) == (0, "")
+    violation, ignored, packet = map(json.loads, out.splitlines())
+    assert (violation["chip"], violation["rule"]) == ("x", "lm628.busy-write")
+    assert ignored["bytes"] == [0x1D]
+    assert (packet["kind"], packet["bytes"]) == ("packet", [0x1D, 0x00, 0x3B])
+    assert packet["text"] == "RSTI resets BREAKPOINT TRAJECTORY_COMPLETE"
+    assert packet["when_ps"] > violation["when_ps"] > 0
+
+
+@pytest.mark.slow
 def test_a_watcher_that_leaves_or_hangs_does_not_disturb_the_board(
     board: Path, tmp_path: Path
 ) -> None:
@@ -79,8 +98,9 @@ def test_a_watcher_that_leaves_or_hangs_does_not_disturb_the_board(
         hangs = watch()
         first.kill()
         first.communicate()
+        hangs.send_signal(signal.SIGSTOP)
         with connect(f"unix:{tmp_path}/run/x") as bus:
-            for _ in range(3000):
+            for _ in range(300):  # more than its socket and the server keep for it
                 bus.chip("x").reads(0, 250)
         assert vbus("ls", "bench").returncode == 0
         hangs.kill()
@@ -96,6 +116,27 @@ def test_a_monitor_ends_with_its_board(board: Path, tmp_path: Path) -> None:
     assert not list((tmp_path / "run" / "boards").glob("*.watch"))
 
 
+@pytest.mark.slow
+def test_a_monitor_ends_when_a_condition_holds(board: Path, tmp_path: Path) -> None:
+    with running(board):
+        process = watch("--until", "x.command == RSTI and not x.status.BREAKPOINT")
+        careless(tmp_path)
+        out, err = process.communicate(timeout=30)
+        assert (process.returncode, err) == (0, "")
+        packet, met = (line for line in out.splitlines() if "RSTI" in line)
+        assert "x RSTI resets BREAKPOINT" in packet
+        assert met == f"x.command == RSTI and not x.status.BREAKPOINT: at {packet.split(' x ')[0]}"
+        done = vbus("monitor", "bench", "--until", "x.reel > 3")
+        assert done.returncode == 1
+        assert done.stderr.startswith('vbus: condition "x.reel > 3": no "x.reel" at character 1; ')
+        process = watch("--until", "x.real > 1000")
+    _, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (
+        1,
+        'vbus: the condition "x.real > 1000" has not come to hold\n',
+    )
+
+
 def test_a_board_that_does_not_run_is_named(board: Path) -> None:
     done = vbus("monitor", "nobody")
     assert done.returncode == 4
@@ -109,7 +150,7 @@ def test_the_screen_has_packets_axes_violations_and_what_was_too_fast() -> None:
         ["c", 20, "h", "x", True, 0, 0x02],
         ["c", 30, "h", "x", True, 0, 0x02],
         ["v", 30, "x", "lm628.T9", "LM-TIM-9", "error", 1, 2, "too short"],
-        ["t", 2_000_000, {"x": {"real": 12}}],
+        ["t", 2_000_000, {"x": {"real": 12, "output": 0.40039, "status": 0x84}}],
         ["lost", 7],
     ):
         view.take(item)  # type: ignore[arg-type]
@@ -117,7 +158,12 @@ def test_the_screen_has_packets_axes_violations_and_what_was_too_fast() -> None:
     console.print(screen({"board": "bench"}, view))
     text = console.export_text()
     assert "x DFH  [LM-CMD-3]  x2" in text
-    assert "real 12" in text
+    shown = [" ".join(line.strip("│ ").split()) for line in text.splitlines()]
+    assert "real 12 counts output 40.04 %" in shown
+    assert (
+        "status 84H ●MOTOR_OFF ○BREAKPOINT ○POSITION_ERROR ○WRAPAROUND ○INDEX ●TRAJECTORY_COMPLETE"
+        in shown
+    )
     assert "lm628.T9 x1" in text
     assert "2us   3 bus cycles, 2 packets, 1 polls not shown, 7 cycles too fast" in text
 

@@ -1,5 +1,7 @@
 """The PTY transport with real terminals: every trap a terminal has in store."""
 
+import ctypes
+import errno
 import fcntl
 import os
 import select
@@ -7,16 +9,22 @@ import signal
 import subprocess
 import sys
 import termios
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import serial
 
 from tests.e2e.serving import served
 from tests.unit.board.toy import Toy
+from vbus import connect
 from vbus.board.board import Board
+from vbus.board.build import load_board_text
+from vbus.client.lm628 import Lm628
 from vbus.errors import TransportError
 from vbus.server.server import LinkSpec, Server
+from vbus.transports import linux
 
 PTY = LinkSpec("pty:$VBUS_RUNTIME/x", "byte")
 
@@ -47,6 +55,33 @@ def test_every_byte_value_passes_unchanged_to_a_plain_client(runtime: Path) -> N
             os.write(fd, bytes((0x21, value, 0x11)))
             assert read_exactly(fd, 2) == bytes((ord("D"), value))
         os.close(fd)
+
+
+@pytest.mark.parametrize("which", ["inotify_init1", "inotify_add_watch"])
+def test_without_a_watch_clients_are_noticed_a_little_later(
+    runtime: Path, monkeypatch: pytest.MonkeyPatch, which: str
+) -> None:
+    def refused(*args: object) -> int:
+        ctypes.set_errno(errno.ENOSPC)
+        return -1
+
+    libc = linux._libc
+    without = SimpleNamespace(
+        inotify_init1=libc.inotify_init1, inotify_add_watch=libc.inotify_add_watch
+    )
+    setattr(without, which, refused)
+    before = len(os.listdir("/proc/self/fd"))
+    with monkeypatch.context() as patched:
+        patched.setattr(linux, "_libc", without)
+        with served(toy_board(), PTY) as server:
+            for number in (1, 2):
+                fd = open_raw(runtime / "x")
+                os.write(fd, bytes((0x02, number)))
+                assert read_exactly(fd, 2) == bytes((ord("E"), number))
+                assert len(server._hosts[0].sessions) == 1
+                os.close(fd)
+                wait_for_sessions(server, 0)
+    assert len(os.listdir("/proc/self/fd")) == before
 
 
 def test_pyserial_talks_to_the_board(runtime: Path) -> None:
@@ -113,6 +148,43 @@ def test_a_client_that_is_killed_ends_its_session_and_gives_back_its_claim(runti
 
         wait_for_sessions(server, 0)
         assert not server.board.hosts.claims
+
+
+@pytest.mark.parametrize("asleep", [0.0, 0.05, 0.2])
+def test_when_a_client_is_killed_in_its_delay_does_not_decide_when_the_next_begins(
+    runtime: Path, asleep: float
+) -> None:
+    """The axis moves, so that half a minute takes a while."""
+    seconds = b"".join(b"\x50" + (n * 10**12).to_bytes(8, "big") for n in (20, 10))
+    script = (
+        "import os, sys, time\n"
+        f"fd = os.open({str(runtime / 'x')!r}, os.O_RDWR | os.O_NOCTTY)\n"
+        f"os.write(fd, {seconds!r}); print(flush=True); time.sleep(600)\n"
+    )
+    board = load_board_text(
+        '[board]\nname = "bench"\ntime = "lockstep"\npower_on = "done"\n'
+        '[chips]\nx = { part = "LM629N-8", clock = "8 MHz", plant = "m" }\n'
+        '[plants.m]\nmodel = "dc_motor"\n'
+    )
+    with served(board, PTY) as server:
+        with connect("pty:$VBUS_RUNTIME/x") as bus:
+            axis = Lm628(bus)
+            axis.load_filter(kp=300, kd=2000)
+            axis.load_trajectory(acc=40, vel=1 << 16, velocity_mode=True, start=True)
+        wait_for_sessions(server, 0)
+        began = server.board.now
+        client = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE)
+        assert client.stdout is not None
+        assert client.stdout.readline() == b"\n"
+        time.sleep(asleep)
+        client.send_signal(signal.SIGKILL)
+        client.wait()
+        client.stdout.close()
+        fd = open_raw(runtime / "x")
+        os.write(fd, b"\x10")
+        assert read_exactly(fd, 2)[:1] == b"D"
+        assert server.board.now == began + 30 * 10**12 + 10**6
+        os.close(fd)
 
 
 def test_exclusive_use_ends_with_the_session(runtime: Path) -> None:

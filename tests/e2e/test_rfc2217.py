@@ -2,6 +2,7 @@
 
 import socket
 from collections.abc import Iterator
+from contextlib import suppress
 
 import pytest
 import serial
@@ -32,7 +33,7 @@ def place() -> Iterator[str]:
 
 
 def test_a_host_opens_it_as_a_serial_port(place: str) -> None:
-    with serial.serial_for_url(f"rfc2217://{place}", 115_200, timeout=30) as port:
+    with serial.serial_for_url(f"rfc2217://{place}?timeout=60", 115_200, timeout=30) as port:
         port.write(b"\x10")
         assert port.read(2) == b"D\x84"
         assert port.baudrate == 115_200
@@ -40,8 +41,8 @@ def test_a_host_opens_it_as_a_serial_port(place: str) -> None:
 
 def test_a_second_host_has_a_session_of_its_own(place: str) -> None:
     with (
-        serial.serial_for_url(f"rfc2217://{place}", timeout=30) as one,
-        serial.serial_for_url(f"rfc2217://{place}", timeout=30) as other,
+        serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=30) as one,
+        serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=30) as other,
     ):
         for port, number in ((one, b"\x01"), (other, b"\x02")):
             port.write(b"\x02" + number)
@@ -50,14 +51,39 @@ def test_a_second_host_has_a_session_of_its_own(place: str) -> None:
 
 def test_every_byte_value_passes_both_ways(place: str) -> None:
     values = bytes(range(256))
-    with serial.serial_for_url(f"rfc2217://{place}", timeout=30) as port:
+    with serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=30) as port:
         for value in values:
             port.write(bytes([0x02, value]))
         assert port.read(512) == b"".join(b"E" + bytes([value]) for value in values)
 
 
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"\xff\xfa" + b"x" * 300,
+        b"\xff\xf0",
+        b"\xff\xfa\x2c\x01\xff\xf0",
+        b"\xff\xfd\x2c\xff\xfe\x2c" * 30_000,
+    ],
+    ids=["an option without end", "an end alone", "half a speed", "questions without end"],
+)
+def test_a_host_whose_options_make_no_sense_is_hung_up_on(
+    place: str, sent: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    host, port = place.split(":")
+    with socket.create_connection((host, int(port)), 60) as link, suppress(OSError):
+        for start in range(0, len(sent), 6000):
+            link.sendall(sent[start : start + 6000])
+        while sent[:2] != b"\xff\xfd" and link.recv(4096):
+            pass
+    with serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=30) as other:
+        other.write(b"\x02\x07")
+        assert other.read(2) == b"E\x07"
+    assert not caplog.records
+
+
 def test_settings_and_lines_are_taken(place: str) -> None:
-    with serial.serial_for_url(f"rfc2217://{place}", timeout=30) as port:
+    with serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=30) as port:
         port.baudrate = 19_200
         port.parity = serial.PARITY_EVEN
         port.stopbits = serial.STOPBITS_TWO
@@ -80,6 +106,6 @@ def test_a_host_that_takes_nothing_stops_only_itself(place: str) -> None:
                 lazy.send(b"\x02\x01" * 4096)
         except BlockingIOError:
             pass
-        with serial.serial_for_url(f"rfc2217://{place}", timeout=30) as port:
+        with serial.serial_for_url(f"rfc2217://{place}?timeout=60", timeout=30) as port:
             port.write(b"\x02\x09")
             assert port.read(2) == b"E\x09"

@@ -121,6 +121,32 @@ def broken_method(self: ByteProtocol, data: bytes = b"") -> None:
     raise RuntimeError("a bug")
 
 
+def test_a_host_that_asks_for_events_and_does_not_read_them_is_hung_up_on(
+    runtime: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("vbus.server.session.MOST_EVENTS", 2000)
+    edges = (b"\x20\x00\x50" + (2_000_000).to_bytes(8, "big")) * 100
+    with served(toy_board(), UNIX) as server, connect(runtime / "x") as deaf:
+        deaf.sendall(b"\x60\x00\x00\x00\x01\x02\x01")
+        assert deaf.recv(2) == b"E\x01"
+        with connect(runtime / "x") as busy:
+            wait_for_sessions(server, 2)
+            for _ in range(1000):
+                busy.sendall(edges + b"\x02\x05")
+                assert busy.recv(2) == b"E\x05"
+                if len(server._hosts[0].sessions) == 1:
+                    break
+            wait_for_sessions(server, 1)
+            busy.sendall(b"\x02\x06")
+            assert busy.recv(2) == b"E\x06", "the others are served on"
+        while deaf.recv(65536):
+            pass
+    [record] = [record for record in caplog.records if record.name == "vbus"]
+    assert "bytes of events wait for a host that does not read them; its session ends" in (
+        record.getMessage()
+    )
+
+
 def test_a_host_that_waits_costs_one_descriptor(runtime: Path) -> None:
     with served(toy_board(), UNIX) as server, ExitStack() as closing:
         links = [closing.enter_context(connect(runtime / "x")) for _ in range(20)]

@@ -135,3 +135,24 @@ def test_a_board_on_its_last_day_is_listed_as_such(folder: Path) -> None:
         assert "  chip time ends in 90.000 s\n" in vbus("ls").stdout
         (listed,) = json.loads(vbus("ls", "--json").stdout)
         assert listed["time_left_ps"] == 90 * SECOND
+
+
+def test_the_call_at_which_something_began_as_json(folder: Path) -> None:
+    journal, snap = folder / "run.vbj", folder / "before.snap"
+    with (
+        running(folder / "lockstep.toml", "--journal", journal),
+        connect(f"unix:{folder}/run/x") as bus,
+    ):
+        bus.write(0, RDSIGS)
+        bus.write(0, RDSIGS)  # busy
+        bus.now()
+    found = vbus("snap", "bisect", journal, "lm628.busy-write", "--save", snap, "--json")
+    never = vbus("snap", "bisect", journal, "lm628.T14", "--json")
+
+    told = json.loads(found.stdout)
+    plain = vbus("snap", "bisect", journal, "lm628.busy-write").stdout
+    assert f"{told['text']}\n" == plain
+    assert told["text"].startswith(f"{told['entry']}: ")
+    assert (told["snapshot"], told["bytes"]) == (str(snap), snap.stat().st_size)
+    assert never.returncode == exit_codes.FAILURE
+    assert json.loads(never.stdout)["entry"] is None

@@ -6,6 +6,7 @@ import select
 import socket
 import stat
 import termios
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -125,6 +126,18 @@ def test_a_port_in_use_is_a_clear_error() -> None:
 def test_a_wrong_address_says_what_is_wrong(url: str, message: str) -> None:
     with pytest.raises(TransportError, match=message):
         start(Server(toy_board(), [LinkSpec(url, "byte")]))
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
+def test_other_computers_are_let_in_only_where_that_is_meant(
+    scheme: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WHERE", "0.0.0.0")
+    link = LinkSpec(f"{scheme}:$WHERE:0", "byte")
+    with pytest.raises(TransportError, match=rf'^"{scheme}:0\.0\.0\.0:0" lets other computers in'):
+        start(Server(toy_board(), [link]))
+    with served(toy_board(), replace(link, remote=True)) as server:
+        assert server.urls[0].startswith(f"{scheme}:0.0.0.0:")
 
 
 def test_options_stand_behind_a_question_mark() -> None:

@@ -36,9 +36,9 @@ run(board, [LinkSpec("pty:$VBUS_RUNTIME/one", "byte")], on_ready=lambda server: 
 
 
 @contextmanager
-def stuck_server() -> Iterator[subprocess.Popen[bytes]]:
+def started(program: str = STUCK) -> Iterator[subprocess.Popen[bytes]]:
     server = subprocess.Popen(
-        [sys.executable, "-u", "-c", STUCK],
+        [sys.executable, "-u", "-c", program],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         cwd=Path(__file__).parents[2],
@@ -66,7 +66,7 @@ def used(pid: int) -> int:
 def test_a_server_inside_a_step_that_never_returns_dies_and_says_where(
     runtime: Path, number: signal.Signals
 ) -> None:
-    with stuck_server() as server:
+    with started() as server:
         (watchdog,) = children(server.pid)
         fd = open_raw(runtime / "one")
         os.write(fd, b"\x21\x01")
@@ -88,7 +88,7 @@ def test_a_server_inside_a_step_that_never_returns_dies_and_says_where(
 def test_a_server_that_hears_ends_in_order_and_nothing_is_said(
     runtime: Path, number: signal.Signals
 ) -> None:
-    with stuck_server() as server:
+    with started() as server:
         (watchdog,) = children(server.pid)
         fd = open_raw(runtime / "one")
         os.write(fd, b"\x02\x01")
@@ -102,8 +102,33 @@ def test_a_server_that_hears_ends_in_order_and_nothing_is_said(
         assert not os.path.exists(f"/proc/{watchdog}")
 
 
+ASLEEP = """
+import asyncio, signal, threading
+from vbus.server.loop import run_until_signal
+
+threading.Thread(target=threading.Event().wait, daemon=True).start()
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+
+async def serve(stop):
+    print("ready")
+    await stop.wait()
+    print("ended in order")
+
+run_until_signal(serve)
+"""
+
+
+def test_a_server_that_sleeps_through_a_signal_is_woken() -> None:
+    # The other thread takes the signal, as when it comes just before the loop begins to wait: no
+    # call is interrupted.
+    with started(ASLEEP) as server:
+        server.terminate()
+        assert server.communicate(timeout=60) == (b"ended in order\n", b"")
+        assert server.returncode == 0
+
+
 def test_the_watchdog_does_not_outlive_a_server_that_is_killed(runtime: Path) -> None:
-    with stuck_server() as server:
+    with started() as server:
         (watchdog,) = children(server.pid)
         server.kill()
         server.wait()

@@ -71,6 +71,13 @@ def test_a_waveform_of_a_journal(folder: Path) -> None:
     done = vbus("wave", folder / "run.vbj", "-o", "-", "--trigger", "x.HI rises")
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == 'vbus: the trigger "x.HI rises" has not come\n'
+    done = vbus("wave", folder / "run.vbj", "-o", folder / "b.vcd", "--json")
+    assert json.loads(done.stdout) == {
+        "source": str(folder / "run.vbj"), "file": str(folder / "b.vcd"),
+        "bytes": (folder / "b.vcd").stat().st_size,
+    }  # fmt: skip
+    done = vbus("wave", folder / "run.vbj", "-o", "-", "--json")
+    assert (done.returncode, done.stdout) == (2, "")
     done = vbus("wave", folder / "run.vbj", "-o", "/dev/full")
     assert done.returncode == 1
     assert "No space left on device" in done.stderr
@@ -101,7 +108,7 @@ def test_a_waveform_of_a_running_board(folder: Path) -> None:
         done = vbus("wave", folder / "run.vbj", "-o", folder / "c.vcd", "--trigger", "now")
         assert done.returncode == 1
         assert (folder / "c.vcd").read_text() == "mine"
-        assert 'vbus: trigger "now": write one of: violation;' in done.stderr
+        assert 'vbus: trigger "now": no "now" at character 1; this board has x' in done.stderr
         (status,) = json.loads(vbus("ls", "--json").stdout)
         assert status["board"] == "bench"
 

@@ -37,7 +37,7 @@ BOUNDS = {
     "gear_mc1241a": ("gear error of q, -1.25: ", 6.0),
 }
 PATIENCE = 120
-LATE = ("is a node overloaded?", " ms too late")
+LATE = ("is a node overloaded?", " ms too late", "marks in time")
 """What a run in real time says that the computer has kept waiting."""
 DEMOS = pytest.mark.parametrize("demo", BOUNDS)
 
@@ -151,7 +151,7 @@ def test_a_machine_over_a_network_moves_as_in_one_process(demo: str, tmp_path: P
             f"--netns={part}={computer.name}"
             for part, computer in zip(parts, network.around, strict=True)
         ]
-        out = run(demo, tmp_path, f"--listen=tcp/{network.hub.address}:7447", *places)
+        out = run(demo, tmp_path, "--remote", f"--listen=tcp/{network.hub.address}:7447", *places)
 
     printed, _, digest = out.partition("trace hash: ")
     assert printed == expected(demo)
@@ -169,7 +169,7 @@ def test_a_cable_pulled_for_5_s_in_the_middle_changes_nothing(
     with computers(2) as network, tempfile.TemporaryDirectory() as scratch:
         monkeypatch.setenv("TMPDIR", scratch)
         left, right = network.around
-        options = [f"--listen=tcp/{network.hub.address}:7447"]
+        options = ["--remote", f"--listen=tcp/{network.hub.address}:7447"]
         places = {"router": network.hub, "host": network.hub, "left": left, "right": right}
         options += [f"--netns={part}={place.name}" for part, place in places.items()]
         with started(demo, tmp_path, *options) as process:
@@ -204,8 +204,25 @@ def test_in_real_time_the_contour_is_the_same_and_skew_is_told(tmp_path: Path) -
     assert "trace hash" not in out
 
 
+def test_without_matplotlib_there_is_no_plot_and_it_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    demo_of("gear_mc1241a")
+    command, picture = sys.modules["multi_axis.command"], sys.modules["multi_axis.picture"]
+    made = picture.Picture("title", "x", "y", "error")
+    made.path("real", [(0.0, 0.0), (1.0, 2.0)])
+    made.curve("error", [(0.0, 0.0), (1.0, 2.0)])
+    file = tmp_path / "a.svg"
+    assert command.plotted(made, file) == f"plot: {file}"
+    assert ElementTree.parse(file).getroot().tag.endswith("svg")
+    file.unlink()
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert command.plotted(made, file).startswith("no plot: pictures need matplotlib; install it")
+    assert not file.exists()
+
+
 def test_a_part_that_cannot_start_ends_the_run_with_its_reason(tmp_path: Path) -> None:
-    with started("xy_circle_lm629", tmp_path, "--listen=tcp/192.0.2.1:7447") as process:
+    with started("xy_circle_lm629", tmp_path, "--remote", "--listen=tcp/192.0.2.1:7447") as process:
         out, errors = process.communicate(timeout=PATIENCE)
 
     assert process.returncode == 1

@@ -41,11 +41,13 @@ class Form:
         text: AT&T assembler.
         plain: ``"s"``: the source (si) is plain memory in both runs; ``"d"``: the destination is.
         refused: the decoder must not know it.
+        followed: it stands between two accesses, and everything is plain memory.
     """
 
     text: str
     plain: str = ""
     refused: bool = False
+    followed: bool = False
 
 
 def sizes(bits: int) -> str:
@@ -305,6 +307,111 @@ def strings(bits: int) -> Iterator[Form]:
         yield Form("addr32 movsb")
 
 
+def between(bits: int) -> Iterator[str]:
+    """What loops around an access are made of; ``%M`` is memory, ``%P`` a pointer to it."""
+    push, pop = ("pushq", "popq") if bits == 64 else ("pushl", "popl")
+    for size in sizes(bits):
+        registers = _registers(size, bits)
+        first, last = registers[0], registers[-1]
+        for op in BINARY:
+            yield f"{op}{size} {last}, {first}"
+            yield f"{op}{size} {last}, %M"
+            yield f"{op}{size} %M, {last}"
+            yield f"{op}{size} $0x35, {first}"
+            yield f"{op}{size} $-3, {last}"
+            if size != "b":
+                yield f"{op}{size} $0x1234, {first}"
+        for op in ("mov", "test"):
+            yield f"{op}{size} {last}, {first}"
+            yield f"{op}{size} {first}, %M"
+            yield f"{op}{size} $0x5A, {first}"
+            yield f"{op}{size} $0x5A, {last}"
+            yield f"{op}{size} $0x5A, %M"
+        yield f"mov{size} %M, {last}"
+        for op in ("inc", "dec", "neg", "not", "mul", "imul"):
+            yield f"{op}{size} {last}"
+            yield f"{op}{size} %M"
+        if size != "w":
+            for op in ("shl", "shr", "sar"):
+                for count in ("$1", "$3", "%cl"):
+                    yield f"{op}{size} {count}, {last}"
+    for size in sizes(bits)[1:]:
+        registers = REGISTERS[size].split()
+        first, last = registers
+        for condition in CONDITIONS:
+            yield f"cmov{condition} {last}, {first}"
+        yield f"cmove %M, {first}"
+        yield f"bt{size} $5, {first}"
+        yield f"bt{size} {last}, {first}"
+        yield f"imul{size} {last}, {first}"
+        yield f"imul{size} $7, {last}, {first}"
+        yield f"imul{size} $0x1234, %M, {first}"
+        yield f"movzb{size} %dl, {first}"
+        yield f"movsb{size} %M, {first}"
+        yield f"lea{size} -8(%P,%Q,4), {first}"
+    for condition in CONDITIONS:
+        yield f"set{condition} %dl"
+        yield f"j{condition} 1f; movl $5, %eax; 1: decl %edx"
+        yield f"j{condition} 1f; .skip 200, 0x90; xorl %eax, %edx; 1: decl %edx"
+    yield "movl $0xFFFF8000, %eax; movzwl %ax, %edx; movswl %ax, %eax"
+    yield "cbtw; cwtd"
+    yield "cwtl; cltd"
+    yield "nop; nopl (%P); nopw 64(%P,%Q); pause; endbr32; endbr64"
+    yield "movl $7, %edx; 1: addl %edx, %eax; decl %edx; jne 1b"
+    yield "movb $3, %ah; jmp 1f; movb $4, %ah; 1: addb %ah, %dl"
+    yield f"{push} %S; {pop} %D"
+    yield f"{push} %D; {push} $-5; {push} $0x12345678; {pop} %D; {pop} %D; {pop} %D"
+    yield f"{push} %M; {pop} %D"
+    yield "jmp 3f; 1: incl %edx; ret; 2: decl %eax; ret $8; 3: call 1b; %L -8(%S), %S; call 2b"
+    yield f"{push} %B; mov %S, %B; movl %eax, -8(%B); addl $3, -8(%B); movl -8(%B), %edx; leave"
+    yield f"%A %eax; {push} %B; mov %S, %B; {push} %D; {push} %D; leave"
+    if bits == 64:
+        yield "cltq; cqto"
+        yield "movslq %edx, %rax"
+        yield "movslq %M, %r12"
+        yield "movabs $0x123456789ABCDEF0, %r12; movl $0x80000000, %edx; movq $-2, %rax"
+        yield "movl BASE+0x48(%rip), %edx"
+        yield "pushq %r12; popq %r9"
+        yield "movl (%ebx), %eax"
+
+
+# What may be seen half done, reaches beyond the text, or needs other registers.
+NOT_FOLLOWED = (
+    "lock addl %eax, %M",
+    "xchgl %eax, %M",
+    "cmpxchgl %edx, %M",
+    "btsl $5, %M; xaddl %eax, %M",
+    "rep stosb",
+    "movsb",
+    "roll $3, %edx",
+    "movd %xmm1, %M",
+    "cvtsi2sd %eax, %xmm1",
+    "fildl %M; fistpl %M",
+    "cpuid",
+    "rdtsc",
+    "call *%D",
+    "jmp *%M",
+    "cli",
+    "inb $0x40, %al",
+    "movl %fs:0, %eax",
+    "divl %M; movl $0, %M; divl %M",
+)
+
+
+def followed(bits: int) -> Iterator[Form]:
+    """Return instructions that are carried out between two accesses, and some that are not."""
+    width = "r" if bits == 64 else "e"
+    names = {
+        "%M": f"32(%{width}bx)", "%P": f"%{width}bx", "%Q": f"%{width}cx", "%S": f"%{width}sp",
+        "%D": f"%{width}dx", "%B": f"%{width}bp", "%L": "lea", "%A": "incl",
+    }  # fmt: skip
+    for refused, texts in ((False, between(bits)), (True, NOT_FOLLOWED)):
+        for text in texts:
+            for name, real in names.items():
+                text = text.replace(name, real)
+            yield Form(text, refused=refused, followed=True)
+
+
 def forms(bits: int) -> list[Form]:
     result = []
     base = "%rbx" if bits == 64 else "%ebx"
@@ -320,6 +427,7 @@ def forms(bits: int) -> list[Form]:
     result.append(Form(f"{absolute} BASE+8, %al"))
     result.append(Form(f"{absolute} %eax, BASE+8"))
     result.extend(strings(bits))
+    result.extend(followed(bits))
     return result
 
 
@@ -330,10 +438,14 @@ def source(bits: int) -> str:
     word = ".quad" if bits == 64 else ".long"
     for number, form in enumerate(forms(bits)):
         for version, base in (("n", "plain_base"), ("t", "window_base")):
-            lines += [f"{version}{number}:", f"    {form.text.replace('BASE', base)}", "    ret"]
+            text = form.text.replace("BASE", "plain_base" if form.followed else base)
+            if form.followed and version == "t":
+                text = f"hlt; {text}; hlt"
+            lines += [f"{version}{number}:", f"    {text}", "    ret"]
         text = form.text.replace('"', '\\"')
         lines += [".section .rodata", f'm{number}: .asciz "{text}"', ".text"]
-        flags = (1 if form.plain == "s" else 2 if form.plain == "d" else 0) | 4 * form.refused
+        flags = 1 if form.plain == "s" else 2 if form.plain == "d" else 0
+        flags |= 4 * form.refused | 8 * form.followed
         table.append(f"    {word} n{number}, t{number}, m{number}, {flags}")
     lines += [".data", ".globl form_table", "form_table:", *table, f"    {word} 0, 0, 0, 0"]
     lines += ['.section .note.GNU-stack,"",@progbits']

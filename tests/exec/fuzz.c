@@ -1,5 +1,6 @@
 /* Runs each instruction form on plain memory and on a window whose accesses are carried out by
- * x86.c, from the same random states, and compares everything.
+ * x86.c, from the same random states, and compares everything. Forms between two "hlt" are followed
+ * instead: x86.c carries them out on the plain memory too.
  *
  *     fuzz ROUNDS SEED        prints each form that differs, and how many there were
  */
@@ -19,6 +20,8 @@
 #define WINDOW 0x30000000u
 #define COMMON 0x40000000u
 #define FLAGS 0x8D5u
+#define MARK 0xF4 /* hlt */
+#define SIGNAL_STACK 65536
 
 struct form {
     void (*native)(void);
@@ -62,7 +65,32 @@ static int may(unsigned port, unsigned size)
     return 0;
 }
 
-static const struct x86_bus bus = {covers, load, store, may, NULL, NULL};
+static void load_plain(uintptr_t address, unsigned char *data, unsigned size)
+{
+    memcpy(data, (const void *)address, size);
+}
+
+static void store_plain(uintptr_t address, const unsigned char *data, unsigned size)
+{
+    memcpy((void *)address, data, size);
+}
+
+static const struct x86_bus bus = {0, covers, load, store, may, NULL, NULL};
+static const struct x86_bus plain_bus = {1, covers, load_plain, store_plain, may, NULL, NULL};
+
+static int at_mark(const struct x86 *cpu)
+{
+    return *(const unsigned char *)cpu->ip == MARK;
+}
+
+/* From behind one mark to behind the next. */
+static void follow(struct x86 *cpu)
+{
+    for (cpu->ip++; !at_mark(cpu); steps++)
+        if (x86_step(cpu, &plain_bus) != X86_DONE)
+            siglongjmp(refused, 1);
+    cpu->ip++;
+}
 
 static void on_fault(int number, siginfo_t *info, void *data)
 {
@@ -70,6 +98,11 @@ static void on_fault(int number, siginfo_t *info, void *data)
 
     (void)number;
     context_get(data, &cpu);
+    if (at_mark(&cpu)) {
+        follow(&cpu);
+        context_put(data, &cpu);
+        return;
+    }
     steps++;
     if (!covers((uintptr_t)info->si_addr, 1)) {
         fprintf(stderr, "fault at %p, ip %p\n", info->si_addr, (void *)cpu.ip);
@@ -124,6 +157,8 @@ int main(int count, char **arguments)
     static int rounds, wrong, forms, refusals; /* static: siglongjmp must not lose them */
     static unsigned char *plain, *common, before[SIZE], start[SIZE];
     static const struct form *form;
+    static unsigned char signal_stack[SIGNAL_STACK]; /* instructions that are followed push and call */
+    stack_t stack = {signal_stack, 0, sizeof signal_stack};
     struct sigaction action;
 
     rounds = atoi(arguments[1]);
@@ -133,7 +168,8 @@ int main(int count, char **arguments)
     memory(WINDOW, PROT_NONE);
     memset(&action, 0, sizeof action);
     action.sa_sigaction = on_fault;
-    action.sa_flags = SA_SIGINFO;
+    action.sa_flags = SA_SIGINFO | SA_ONSTACK;
+    sigaltstack(&stack, NULL);
     sigaction(SIGSEGV, &action, NULL);
     for (form = form_table; form->native != NULL; form++) {
         static int turn, bad, refusal;
@@ -159,7 +195,7 @@ int main(int count, char **arguments)
             memcpy(start, common, SIZE);
             trapped = native;
             point(&native, PLAIN, form->flags);
-            point(&trapped, WINDOW, form->flags);
+            point(&trapped, form->flags & 8 ? PLAIN : WINDOW, form->flags);
             memcpy(plain, before, SIZE);
             memcpy(shadow, before, SIZE);
             steps = 0;
@@ -176,6 +212,10 @@ int main(int count, char **arguments)
                 unsigned char after[SIZE];
 
                 memcpy(after, common, SIZE);
+                if (form->flags & 8) {
+                    memcpy(shadow, plain, SIZE);
+                    memcpy(plain, before, SIZE);
+                }
                 if (form->flags & 2) /* both runs write there: from the same start */
                     memcpy(common, start, SIZE);
                 run_form(form->native, &native);

@@ -47,6 +47,7 @@ def test_every_form_gives_what_native_memory_gives(seed: int, bits: int, tmp_pat
         ),
         ("x86_wide.c", "memset(reg + size, 0, HALF - size);", "{}", "movss 32(%rbx), %xmm2"),
         ("x86_wide.c", "    else if (d->vex)\n", "    else if (0)\n", "vmovsd 32(%rbx), %xmm1"),
+        ("x86_follow.c", "op == 0x98", "op == 0x99", "cbtw; cwtd"),
         ("x86_wide.c", "2, -2, -2, -2, 10,", "2, -2, -2, -4, 10,", "fistps"),
     ],
 )

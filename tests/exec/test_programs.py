@@ -381,6 +381,52 @@ def test_an_interrupt_sends_one_signal_which_is_there_at_the_next_access(
     ]
 
 
+TWO = SERVO.replace(
+    "[cards.slot]", '[chips.y]\npart = "LM629N-8"\nclock = "8 MHz"\nplant = "none"\n[cards.slot]'
+)
+CIRCUIT = """acknowledge = "{access}"
+acknowledge_at = 4
+sense = "{sense}"
+"""
+
+
+@pytest.mark.parametrize("policy", ["lockstep", "slaved", "realtime"])
+@pytest.mark.parametrize(("access", "byte"), [("read", "ff "), ("write", "")])
+@pytest.mark.parametrize(
+    ("sense", "comes"),
+    [("level", [1, 1, 0, 1, 1]), ("edge", [0, 0, 0, 1, 0])],
+)
+def test_an_interrupt_is_acknowledged_by_an_access(
+    programs: Callable[[str, int], Path], tmp_path: Path, policy: str, access: str, byte: str,
+    sense: str, comes: list[int],
+) -> None:  # fmt: skip
+    """A level stays while a chip's line is up, and is kept until then; an edge counts once."""
+    board = TWO.format(time=policy, card=CIRCUIT.format(access=access, sense=sense))
+    board = board.replace('chips = ["x"]', 'chips = ["x", "y"]').replace('"x.HI"', '"x.HI y.HI"')
+    steps = [f"{byte}acknowledged", "cleared", f"{byte}acknowledged", "reset", "enabled again"]
+    assert said(execute(tmp_path, board, programs("acknowledge", 64), access)) == [
+        f"{step}: {'interrupt' if come else 'none'}"
+        for step, come in zip(steps, comes, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("sense", ["level", "edge"])
+def test_a_line_of_two_cards_stands_as_long_as_one_of_them_interrupts(
+    programs: Callable[[str, int], Path], tmp_path: Path, sense: str
+) -> None:
+    """The other card's LM629 has interrupted at its reset, and nobody serves it."""
+    shared = f'line = "irq5"\nsense = "{sense}"\n'
+    board = TWO.format(time="lockstep", card=shared).replace(
+        "[[hosts]]",
+        '[cards.other]\nbase = 0x350\ndecode = "direct"\nchips = ["y"]\ninterrupt = "y.HI"\n'
+        f"{shared}[[hosts]]",
+    )
+    come = {"level": "interrupt", "edge": "none"}[sense]
+    assert said(execute(tmp_path, board, programs("acknowledge", 64), "shared")) == [
+        f"own chip served: {come}"
+    ]
+
+
 # -- faults ----------------------------------------------------------------------------------------
 
 

@@ -147,12 +147,16 @@ def test_two_outputs_are_one_interrupt(programs: Programs, tmp_path: Path, polic
 
 
 def test_a_write_that_nobody_takes_is_told_where_writes_are_answered(tmp_path: Path) -> None:
+    """The ISA circuit of the MC1241A's manual reads at other ports than it writes (PMD-BUS-12)."""
     (tmp_path / "lost.c").write_text(
-        "#include <sys/io.h>\nint main(void) { iopl(3); outb(1, 0x7300); return 0; }\n"
+        "#include <sys/io.h>\nint main(void) { iopl(3); outb(1, 0x304); inb(0x302); return 0; }\n"
     )
     program = compile_c(tmp_path / "lost", "-O2", tmp_path / "lost.c")
-    board = REGISTERS.format(time="lockstep", card=PORTS)
-    done = execute(tmp_path, board, program)
+    board = REGISTERS.replace("MCP-1200", "MC1141A").replace("10 MHz", "25 MHz")
+    card = 'base = 0x300\ndecode = "isa"\nchips = ["x"]'
+    done = execute(tmp_path, board.format(time="lockstep", card=card), program)
     lines = done.stderr.splitlines()
-    assert lines[0].endswith("nobody answers a write of 1 byte at port 0x7300; it is lost")
-    assert lines[2].startswith("vbus exec: the card answers writes at 0x300")
+    assert lines[0] == ("vbus exec: nobody answers a write of 1 byte at port 0x304; it is lost")
+    assert lines[2] == "vbus exec: the card answers writes at 0x300, 0x302, 0x308"
+    assert lines[3] == "vbus exec: nobody answers a read of 1 byte at port 0x302; FFh is read"
+    assert lines[5] == "vbus exec: the card answers reads at 0x300, 0x304"

@@ -72,15 +72,18 @@ WAITS = [
 def test_waits_end_when_another_thread_does_what_they_wait_for(
     programs: Callable[[str, int], Path], bits: int, tmp_path: Path
 ) -> None:
-    """Not an hour of chip time later, though to compute takes the other thread no chip time."""
+    """Not an hour of chip time later, though to compute takes the other thread no chip time.
+
+    Who labours computes longer than a turn may sleep: in user space and in the kernel's poll().
+    """
     board = REGISTERS.format(time="lockstep", card=PORTS)
-    works = ["sleeps", "computes", "polls"]
-    script = (
-        f"for how in {' '.join(WAITS)}; do for work in {' '.join(works)}; do"
-        f" echo $how $work: $({programs('meets', bits)} $how $work); done; done"
+    pairs = [(how, work) for how in WAITS for work in ("sleeps", "computes", "polls")]
+    pairs += [("cond_timedwait", "labours"), ("poll", "labours")]
+    script = "".join(
+        f"echo {how} {work}: $({programs('meets', bits)} {how} {work})\n" for how, work in pairs
     )
     done = execute(tmp_path, board, "sh", "-c", script)
-    assert said(done) == [f"{how} {work}: result 0, an hour 0" for how in WAITS for work in works]
+    assert said(done) == [f"{how} {work}: result 0, an hour 0" for how, work in pairs]
 
 
 @pytest.mark.parametrize("how", ["cond_timedwait", "epoll", "poll", "timer", "sleep"])
@@ -196,3 +199,20 @@ def test_the_page_has_every_wait() -> None:
     names = {name.removesuffix(" until").split(" of ")[-1].split(" with ")[0] for name in EACH}
     names = names - {"nothing", "a pipe", "a signalfd", "timer"}
     assert [name for name in sorted(names) if f"`{name}`" not in table] == []
+
+
+@pytest.mark.parametrize(
+    "how", ["sleeps", "polls nothing", "looks at the clock", "waits for an interrupt"]
+)
+@pytest.mark.parametrize("policy", ["lockstep", "slaved"])
+def test_a_limit_ends_a_wait_without_a_bus_cycle(
+    programs: Callable[[str, int], Path], tmp_path: Path, how: str, policy: str
+) -> None:
+    """The board knows of no time that a program keeps to itself: it is told beyond the limit."""
+    board = SERVO.format(time=policy, card="")
+    done = execute(
+        tmp_path, board, programs("for_ever", 64), how, options=("--limit", "2 s")
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (137, "begun\n")
+    sentence = "vbus: the program hangs: it was not done after 2 s of chip time"
+    assert done.stderr.splitlines()[0] == sentence

@@ -47,15 +47,15 @@ def _in_order(found: Map, weights: dict[str, float], seconds: float) -> list[str
     def cost(name: str) -> float:
         return (OVERHEAD + found.tests[name].seconds) / weights[name]
 
-    # Of a test with many cases a few come early, the others after other tests.
+    # The more cases of a test have been chosen, the later come its others.
     place: Counter[str] = Counter()
-    rounds = {}
+    costs = {}
     for name in sorted(weights, key=cost):
         function = name.partition("[")[0]
-        rounds[name] = place[function].bit_length()
         place[function] += 1
+        costs[name] = cost(name) * place[function]
     chosen = []
-    for name in sorted(weights, key=lambda name: (rounds[name], cost(name))):
+    for name in sorted(weights, key=costs.__getitem__):
         if found.tests[name].seconds <= seconds:
             seconds -= found.tests[name].seconds
             chosen.append(name)
@@ -66,12 +66,38 @@ def _in_order(found: Map, weights: dict[str, float], seconds: float) -> list[str
 
 
 def _made_at_import(layout: Layout, mutant: Mutant) -> set[str]:
-    """Return the names of what a mutant changes before any test; none if a test has to call it."""
-    if not mutant.runs:
-        return {mutant.scope.rpartition(".")[2]}
-    call = re.compile(rf"(?<!def )\b{re.escape(mutant.scope)}\(")
-    scopes = [layout.scope(n) for n, line in enumerate(layout.lines) if call.search(line)]
-    return {scope.name.rpartition(".")[2] for scope in scopes if not scope.runs}
+    """Return the names of what a mutant changes before any test; none if a test has to call it.
+
+    What a private name stands for is seen through what is made of it.
+    """
+    if mutant.runs:
+        found = _made_with(layout, rf"(?<!def )\b{re.escape(mutant.scope)}\(")
+    else:
+        found = {mutant.scope.rpartition(".")[2]}
+    todo = [*found]
+    for name in todo:
+        if name.startswith("_"):
+            made = _made_with(layout, rf"\b{re.escape(name)}\b") - found
+            found |= made
+            todo += made
+    return found
+
+
+def _made_with(layout: Layout, pattern: str) -> set[str]:
+    """Return the names of what is made before any test of what a pattern finds."""
+    found = [layout.scope(n) for n, line in enumerate(layout.lines) if re.search(pattern, line)]
+    return {scope.name.rpartition(".")[2] for scope in found if not scope.runs}
+
+
+def _row(layout: Layout, line: int) -> str:
+    """Return the row of a table that a line is part of, or the line."""
+    first = last = line
+    for node in ast.walk(ast.parse("\n".join(layout.lines[1:]))):
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            for part in ast.iter_child_nodes(node.value):
+                if isinstance(part, ast.expr) and part.lineno <= line <= (part.end_lineno or 0):
+                    first, last = min(first, part.lineno), max(last, part.end_lineno or 0)
+    return "\n".join(layout.lines[first : last + 1])
 
 
 def _by_words(
@@ -80,9 +106,9 @@ def _by_words(
     """Weigh tests for a table or constant that is there before any test.
 
     Those that name it, execute a line where its name stands, or anything in its folder, are tried;
-    the more they name of what stands in the mutated line, the sooner.
+    the more they name of what stands in the mutated row, the sooner.
     """
-    words = {*WORD.findall(layout.lines[mutant.line]), *names}
+    words = {*WORD.findall(_row(layout, mutant.line)), *names}
     rarity = _rarity(root, tuple(sorted({test.partition("::")[0] for test in found.tests})))
     masks = [
         (file, found.mask(file, (using.keys[line] for line in lines)))
@@ -93,7 +119,8 @@ def _by_words(
     package = folder.replace("/", ".")
     weights = {}
     for test, measured in found.tests.items():
-        named = words & _words(root, test)
+        case = words & frozenset(WORD.findall(test.partition("[")[2]))
+        named = words & _words(root, test) | case
         weight = 0.0
         if any(measured.lines.get(file, 0) & mask for file, mask in masks):
             weight = 0.5
@@ -104,7 +131,8 @@ def _by_words(
         elif any(file.startswith(folder) for file in measured.lines):
             weight = 0.05
         if weight:
-            weights[test] = weight + sum(rarity[word] for word in named)
+            # The list of a function's cases stands in each: what this one is for counts twice.
+            weights[test] = weight + sum(rarity[word] for word in (*named, *case))
     return weights
 
 
@@ -145,8 +173,7 @@ def _first(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 def _words(root: Path, test: str) -> frozenset[str]:
     file, *_, function = test.partition("[")[0].split("::")
-    case = frozenset(WORD.findall(test.partition("[")[2]))
-    return _functions(root / file).get(function, frozenset()) | case
+    return _functions(root / file).get(function, frozenset())
 
 
 @cache

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.mutation.choose import choose
+from tests.mutation.cover import Map, Measured
 from tests.mutation.mutants import (
     QUOTAS,
     Mutant,
@@ -146,6 +148,39 @@ def test_only_tests_that_execute_the_line_are_chosen(toy: Path) -> None:
         for result in read_results(toy / "build" / "mutation" / "results.jsonl").values()
     }
     assert (counts["double"], counts["forgotten"], counts["unseen"]) == (1, 1, 0)
+
+
+TABLES = """\
+_SMALL = (
+    Row("ONE", 1,
+        title="first"),
+    Row("TWO", 2,
+        title="second"),
+)
+ROWS = _SMALL
+"""
+READERS = """\
+@pytest.mark.parametrize("name", ["ONE", "TWO"])
+def test_rows(name):
+    assert toy.ROWS[name]
+
+
+def test_other():
+    pass
+"""
+
+
+def test_of_a_table_the_case_of_its_row_comes_first_and_what_is_made_of_it_is_looked_for(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "toy").mkdir()
+    (tmp_path / "toy" / "code.py").write_text(TABLES)
+    (tmp_path / "test_toy.py").write_text(READERS)
+    names = [f"test_toy.py::test_{name}" for name in ("rows[ONE]", "rows[TWO]", "other")]
+    found = Map({name: Measured(0.01, False, {}) for name in names})
+    rows = {it.line: it for it in mutants(tmp_path, "toy/code.py") if it.scope == "_SMALL"}
+    assert choose(tmp_path, found, rows[2], 40.0) == [names[0], names[1]]
+    assert choose(tmp_path, found, rows[4], 40.0) == [names[1], names[0]]
 
 
 def test_no_file_is_touched_and_what_is_done_is_not_done_again(toy: Path) -> None:

@@ -1,7 +1,8 @@
 """What is left out of mutation because no test of behaviour could tell the difference.
 
-Annotations and type aliases, code for type checkers only, and what merely keeps a programmer from
-a mistake or saves time or memory.
+Annotations and type aliases, code for type checkers only, what merely keeps a programmer from a
+mistake or saves time or memory, functions nobody may call, and constants of 2^62, which stand for
+"never" and "for ever": no run comes to so many cycles or picoseconds.
 """
 
 import ast
@@ -51,6 +52,8 @@ def _left_out(tree: ast.Module) -> Iterator[ast.expr | ast.stmt]:
     for statement in tree.body:
         if isinstance(statement, ast.Assign) and _is_alias(statement):
             yield statement
+        if isinstance(statement, ast.AnnAssign) and "1 << 62" in ast.unparse(statement):
+            yield statement
     for node in ast.walk(tree):
         match node:
             case ast.AnnAssign():
@@ -64,8 +67,11 @@ def _left_out(tree: ast.Module) -> Iterator[ast.expr | ast.stmt]:
             case ast.Call(func=ast.Name("cast"), args=[ast.expr() as kind, _]):
                 yield kind
             case ast.FunctionDef() | ast.ClassDef() | ast.AsyncFunctionDef():
-                if not isinstance(node, ast.ClassDef) and node.returns is not None:
-                    yield node.returns
+                if not isinstance(node, ast.ClassDef):
+                    if node.returns is not None:
+                        yield node.returns
+                    if _refuses(node):
+                        yield from node.decorator_list
                 yield from _guards(node.decorator_list)
                 yield from (word.value for word in getattr(node, "keywords", ())
                             if word.arg in GUARDS)  # fmt: skip
@@ -75,6 +81,14 @@ def _is_alias(statement: ast.Assign) -> bool:
     """Whether this gives a type a name: ``Number = int | float``."""
     name = statement.targets[0]
     return isinstance(name, ast.Name) and name.id[0].isupper() and not name.id.isupper()
+
+
+def _refuses(function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
+    """Whether only other classes' functions in its place are called."""
+    match function.body:
+        case [ast.Expr(ast.Constant(str())), ast.Raise(ast.Name("NotImplementedError"))]:
+            return True
+    return False
 
 
 def _guards(decorators: list[ast.expr]) -> Iterator[ast.expr]:

@@ -28,6 +28,8 @@ class Bench:
             folder.mkdir()
         self.endpoint = endpoint or free_endpoint()
         text = board.replace("[nodes.a]", f'[nodes.a]\nlisten = "{self.endpoint}"')
+        if endpoint.startswith("tcp/"):  # an address that other computers reach
+            text += "\n[zenoh]\nremote = true\n"
         self.board = folder / "four.toml"
         self.board.write_text(text)
         self.script = folder / "four.txt"

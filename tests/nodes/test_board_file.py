@@ -61,7 +61,7 @@ def problems(old: str, new: str) -> list[str]:
         (
             "[nets]",
             '[[hosts]]\ntransport = "unix:/tmp/h"\n\n[nets]',
-            "hosts[0]: this host reaches chips of the nodes a, b, c, d; only wires with a delay go"
+            "hosts[1]: this host reaches chips of the nodes a, b, c, d; only wires with a delay go"
             " from node to node: name the chips of one",
         ),
         (
@@ -126,6 +126,8 @@ def test_two_boards_that_differ_have_different_digests() -> None:
         ("1ms z w 0 1", "no chip called 'z'; there are x, y"),
         ("1ms x+y r 0", "only writes go to several chips at once"),
         ("1ms x w 0", "unknown request 'w 0'; allowed are: w ADDRESS DATA ..."),
+        ("x 1ms w 0", "'x' is no duration"),
+        ("1ms x w 0 zz", "data 'zz' is no hexadecimal number from 0 to FF"),
         ("1ms x w 0 1ff", "data '1ff' is no hexadecimal number from 0 to FF"),
         ("1ms x pin /RTS 0", "x has no pin '/RTS'; it has /RST, HI"),
         ("1ms x pin /RST 5", "level '5': allowed are 0, 1 and z (let go)"),
@@ -165,6 +167,10 @@ def test_bytes_of_one_line_follow_each_other_a_cycle_apart() -> None:
     with pytest.raises(ConfigError, match=late):
         read_scenario(f"{last}us x r 0", "s.txt", CHIPS, US)
     assert read_scenario(f"{last - 1}us x r 0", "s.txt", CHIPS, US).until == last * US
+
+
+def test_a_scenario_of_nothing_lasts_one_cycle() -> None:
+    assert read_scenario("# nothing\n", "s.txt", CHIPS, 3 * US).until == 3 * US
 
 
 def test_every_pin_of_every_chip_may_be_named() -> None:

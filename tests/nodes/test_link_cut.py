@@ -47,7 +47,7 @@ def test_nodes_that_are_cut_off_name_each_other(bench: Bench, place: Computers) 
         code, out = ended(process)
         assert code == 1, out
         assert out.splitlines()[-1].startswith(
-            tuple(f"vbus: node {name} has died or was cut off: its process" for name in others)
+            tuple(f"vbus: node {name} has been silent for 3 s: it stalls or" for name in others)
         ), out
 
 

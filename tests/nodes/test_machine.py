@@ -247,6 +247,7 @@ def test_a_node_that_rejoins_from_a_snapshot_changes_nothing(machine: Machine) -
                     saved = conductor.save()
     reborn = conductor_of(FILE, SOURCE, "c", played())
     reborn.load(saved)
+    assert reborn.node.board.limit == reborn.participant.granted - 1
     made.conductors[2] = reborn
     for conductor in made.conductors:
         for report in list(conductor.participant.log.values()):
@@ -398,6 +399,7 @@ GOOD = encode(Report("1", 1, 3, 50, 60, -1, ((40, 1, 0, 0, 1, False),)))
         (b"\x01" + GOOD[1:], "version 1; this vbus speaks version 2"),
         (GOOD[:-3], "bytes that are no message"),
         (b"\x02\xc1\xff", "bytes that are no message"),
+        (b"\x02\x95\xa1\x95\xa1d\x01\x00\x02", "bytes that are no message"),  # no UTF-8
         (b"\x02\x99" + GOOD[2:] + b"\x07", "bytes that are no message"),  # a ninth element
         (encode(Report("1", 7, 0, 0, 0, -1, ())), "cannot be: node 7 of 4"),
         (encode(Report("1", 1, 0, 9, 5, -1, ())), "horizon 9, next event 5"),

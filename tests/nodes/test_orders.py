@@ -127,6 +127,17 @@ def test_a_cycle_that_begins_within_the_hold_time_of_the_last_one_is_whole() -> 
     assert cycles[0] == cycles[1]
 
 
+def test_the_select_of_each_cycle_falls_however_soon_it_follows_the_last_one() -> None:
+    board, seen = made(True)
+    board.chip("x").judged = True
+    orders = Orders(board, "host")
+    for n in range(20):
+        orders.give(Order(100 * US + n * 110_000, ("x",), WRITE, 0, n))
+    board.run_until(120 * US)
+    assert [data for *_, data in seen.cycles] == list(range(20))
+    assert [net for _, net, level in seen.edges if level == 0].count("x./CS") == 20
+
+
 def test_a_pin_is_driven_at_its_instant_and_let_go() -> None:
     board = load_board_text(BOARD)
     orders = Orders(board, "host")

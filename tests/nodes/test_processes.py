@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -112,6 +113,21 @@ def test_a_node_that_stalls_is_named_after_its_deadline(tmp_path: Path) -> None:
             assert "vbus: node c " in out.splitlines()[-1]
     finally:
         bench.close()
+
+
+def test_a_node_that_stands_still_for_less_than_its_deadline_is_waited_for(
+    bench: Bench, reference: str
+) -> None:
+    groups = ["a", "b", "cd"]
+    processes = running(bench, groups)
+    for nodes in ("b", "a"):  # also the one in the middle of the star
+        processes[nodes].send_signal(signal.SIGSTOP)  # type: ignore[attr-defined]
+        time.sleep(1.5)  # longer than Zenoh waits for anybody who says nothing of a deadline
+        processes[nodes].send_signal(signal.SIGCONT)  # type: ignore[attr-defined]
+    for process in processes.values():
+        code, out = ended(process)  # type: ignore[arg-type]
+        assert code == 0, out
+    assert bench.merged(groups) == reference
 
 
 def test_nodes_that_are_there_wait_for_one_that_comes_late(bench: Bench, reference: str) -> None:

@@ -10,6 +10,7 @@ import os
 import zlib
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from random import Random
 from typing import Any
 
@@ -136,6 +137,44 @@ def test_a_damaged_snapshot_is_refused_and_the_board_stays_as_it_was(
     assert refused > TRIED // 3
 
 
+CHIP = ("chips", 0)
+AXIS = (*CHIP, "axis")
+MOTOR = (*AXIS, "encoder", "plant")
+COURSE = ("faults", "acts", "courses", 0, 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("which", "path", "value", "reason"),
+    [
+        (0, ("kernel", "now"), 1 << 62, r"the state does not fit: .* is past"),
+        (0, (*CHIP, "_cycle"), -(1 << 40), "chip x: its state is not of 3"),
+        (0, (*CHIP, "_reset_end"), -(1 << 63), "chip x: its state is not of 3"),
+        (1, (*AXIS, "_at_sample"), -(1 << 40), "chip x: its state is not of 3"),
+        (2, (*CHIP, "cycles", "_slot"), -(1 << 63), "chip x: its state is not of 3"),
+        (1, (*COURSE, 0), 1 << 32, "a clock that jumps from cycle"),
+        (2, (*COURSE, 3), (1 << 64) - 1, "a clock of 25000000 Hz with a period of"),
+        (2, (*COURSE, 2), -1, "a clock of 25000000 Hz with a period of -1/"),
+        (1, (*MOTOR, "current"), 4e9, "a motor that takes 4e"),
+        (1, (*MOTOR, "velocity"), -1e12, "a shaft that turns at -1e"),
+        (1, (*MOTOR, "count"), 1 << 32, "a shaft that has turned to"),
+        (1, (*MOTOR, "_points", 4), -(1 << 63), "a shaft that has turned to"),
+    ],
+)
+def test_a_state_that_would_take_for_ever_to_run_is_refused(
+    which: int, path: Path, value: float, reason: str
+) -> None:
+    board, wires = working(*ALL[which])
+    taken = snapshot.take(board, wires)
+    before = board.state_hash()
+    plain = msgpack.packb(taken.state)
+    state = put(msgpack.unpackb(plain, use_list=False, strict_map_key=False), path, value)
+    digest = hashlib.sha256(msgpack.packb(state)).hexdigest()
+    file = snapshot.write(replace(taken, state=state, digest=digest))
+    with pytest.raises(SnapshotError, match=reason):
+        snapshot.restore(board, snapshot.read(file), wires)
+    assert board.state_hash() == before
+
+
 def blocks(data: bytes) -> Iterator[Any]:
     """Yield what a journal's blocks hold."""
     position = len(MAGIC)
@@ -182,7 +221,7 @@ def test_a_damaged_journal_is_played_or_refused_in_words(chip: str, plant: str, 
     assert refused > TRIED // 4
 
 
-def entry(op: str, value: Any, start: int = 0) -> bytes:
+def entry(op: str, value: Any, start: float = 0) -> bytes:
     """Return a journal with one entry."""
     board = build()
     file = io.BytesIO()
@@ -199,9 +238,11 @@ def entry(op: str, value: Any, start: int = 0) -> bytes:
         ("violation", [1, 2], 0, "entry 0: Expected `array` of length 8, got 2"),
         ("now", [[], 5, 0, -1], END + 1, f"from {END + 1} to {END + 1} ps; time ends at {END} ps"),
         ("now", [[], 5, 0, -1], -1, "entry 0: from -1 to -1 ps; time ends at"),
+        ("now", [[], 5, 0, -1], 1.5, "entry 0: from 1.5 to 1.5 ps; time ends at"),
+        ("read", [[0], None, 0, -1], 0, "entry 0: a read that has neither data nor a refusal"),
     ],
 )
-def test_an_entry_that_cannot_be_is_named(op: str, value: Any, start: int, text: str) -> None:
+def test_an_entry_that_cannot_be_is_named(op: str, value: Any, start: float, text: str) -> None:
     with pytest.raises(JournalError, match=text):
         list(JournalReader(io.BytesIO(entry(op, value, start))))
 

@@ -128,6 +128,21 @@ def test_an_edge_that_never_was_is_long_ago_at_the_end_too(chip: str, plant: str
     assert strobed(near_the_end(chip, plant)) == strobed(near_the_end(chip, plant, END - 1 * MS))
 
 
+@pytest.mark.parametrize("leasing", [1, 2])
+@pytest.mark.parametrize(("chip", "plant"), ALL)
+def test_what_is_promised_to_a_host_ends_with_time_and_another_can_come(
+    chip: str, plant: str, leasing: int
+) -> None:
+    board = near_the_end(chip, plant)
+    port = board.open_port("host0")
+    wire = ByteProtocol(port)
+    say(board, port, wire, bytes((0x61, leasing)))
+    for address in (0, 1):
+        say(board, port, wire, bytes((0x10 | address,)))
+    board.open_port("host1")
+    assert board.now <= END
+
+
 @pytest.mark.parametrize("stands", [1 << 62, END - 60 * MS])
 @pytest.mark.parametrize(("chip", "plant"), [(LM, DC), (MC, STEPPER)])
 def test_what_waits_for_a_clock_that_stands_does_not_come_before_it_runs(

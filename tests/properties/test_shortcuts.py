@@ -32,12 +32,13 @@ PERIODS = st.sampled_from([256e-6, 100e-6, 31e-6])
 @given(
     course=st.lists(
         st.tuples(PERIODS, st.floats(-1, 1), st.sampled_from([0, 0, 0, 1])), min_size=1, max_size=30
-    )
+    ),
+    substeps=st.sampled_from([4, 0]),
 )
 def test_periods_that_come_back_are_prepared_as_if_they_were_new(
-    course: list[tuple[float, float, int]],
+    course: list[tuple[float, float, int]], substeps: int
 ) -> None:
-    motor = DcMotor()
+    motor = DcMotor({"substeps": substeps})
     inertia = 5e-6
     for period, command, changed in course:
         if changed:
@@ -45,7 +46,7 @@ def test_periods_that_come_back_are_prepared_as_if_they_were_new(
             inertia *= 1.5
             motor._inertia = inertia
             motor._divide(motor._substeps)
-        fresh = DcMotor({"inertia": inertia})
+        fresh = DcMotor({"inertia": inertia, "substeps": substeps})
         fresh.load(motor.save())
         motor.prepare(period)
         fresh.prepare(period)

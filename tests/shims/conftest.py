@@ -6,7 +6,11 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory, mkdtemp
+from typing import Final
 
 import pytest
 
@@ -28,20 +32,57 @@ def require(program: str) -> str:
     return found
 
 
-def flags(shim: str) -> list[str]:
+@cache
+def _printed(shim: str) -> tuple[str, ...]:
     command = [sys.executable, "-m", "vbus", "cflags", "--shim", shim]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return tuple(done.stdout.split())
+
+
+def flags(shim: str) -> list[str]:
+    """Return what ``vbus cflags`` prints; each shim is asked for once."""
+    return list(_printed(shim))
+
+
+WARNED: Final = ("-Wall", "-Wextra", "-Werror")
+
+
+@cache
+def _objects() -> TemporaryDirectory[str]:
+    return TemporaryDirectory(prefix="vbus-objects-")
+
+
+@cache
+def _object_of(source: str, compiler: str, options: tuple[str, ...]) -> str:
+    """Compile one of the shim's own sources, once with the same options."""
+    made = Path(mkdtemp(dir=_objects().name), Path(source).stem).with_suffix(".o")
+    _call(compiler, *WARNED, *options, "-c", "-o", str(made), source)
+    return str(made)
+
+
+def _call(*command: str) -> None:
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def compile_for(shim: str, output: Path, *more: str | Path, compiler: str = "g++") -> Path:
-    """Compile sources as the page says; every warning is an error."""
-    done = subprocess.run(
-        [require(compiler), "-Wall", "-Wextra", "-Werror", *flags(shim), "-o", str(output),
-         *map(str, more)],
-        capture_output=True,
-        text=True,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    """Compile sources as the page says; every warning is an error.
+
+    What the page does with one command for all sources is done here source by source for those of
+    the shim, with the same options: drivers that are compiled alike share them.
+    """
+    found = require(compiler)
+    printed = flags(shim)
+    words = [*printed, *map(str, more)]
+    options = [
+        word
+        for before, word in pairwise(("", *words))
+        if before == "-include" or (word.startswith("-") and word != "-x")
+    ]
+    built = {
+        word: _object_of(word, found, tuple(options)) for word in printed if word.startswith("/")
+    }
+    _call(found, *WARNED, "-o", str(output), *(built.get(word, word) for word in words))
     return output
 
 

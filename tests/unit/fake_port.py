@@ -2,7 +2,7 @@
 
 from vbus.kernel import NEVER, US
 from vbus.protocols import codes
-from vbus.protocols.port import ChipInfo, HostPort, PortError, PortInfo
+from vbus.protocols.port import CardAccess, ChipInfo, HostPort, PortError, PortInfo
 
 CHIPS = ("x", "y")
 PINS = ("x./RST", "x.HI", "y./RST", "y.HI")
@@ -229,10 +229,15 @@ class FakePort(HostPort):
             return names.index(name)
         raise PortError(codes.NO_SUCH, f"no {kind} {name!r}; this session has {', '.join(names)}")
 
-    def card(self, address: int, write: bool = False) -> tuple[int, int] | None:
+    def card(self, address: int, write: bool = False) -> CardAccess | None:
         if address == 0x342:
-            return (0, 1) if write else None
-        return {0x340: (0, 0), 0x341: (0, 1), 0x344: (1, 0), 0x348: (1, 0)}.get(address)
-
-    def card_floating(self, address: int) -> int:
-        return 0x7F if address == 0x344 else 0
+            return CardAccess(0, 1, 0, -1) if write else None
+        rows = {
+            0x340: CardAccess(0, 0, 0, -1),
+            0x341: CardAccess(0, 1, 0, -1),
+            0x344: CardAccess(1, 0, 0x7F, -1),
+            0x345: CardAccess(0, 1, 0, 3),
+            0x348: CardAccess(1, 0, 0, -1),
+            0x34C: CardAccess(-1, 0, 0xFF, 3),
+        }
+        return rows.get(address)

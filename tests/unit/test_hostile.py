@@ -20,8 +20,8 @@ from vbus.testing.hostile import (
     scenarios,
     with_extremes,
 )
-from vbus.testing.in_process import HostStuck, connect_in_process
-from vbus.testing.limits import Limits, Watch
+from vbus.testing.in_process import connect_in_process
+from vbus.testing.limits import HostStuck, Limits, Watch
 from vbus.testing.programs import Outcome, run_program
 
 BOARD = """\
@@ -90,8 +90,8 @@ def test_the_board_file_of_a_weakness_repeats_it_without_any_search() -> None:
     weakness = find_weakness(BOARD, hasty, limits=FEW)
     assert weakness is not None
     board = load_board_text(weakness.board)
-    watch = Watch(board, FEW)
-    with connect_in_process(board, watch=watch) as bus, pytest.raises(HostStuck):
+    Watch(board, FEW)
+    with connect_in_process(board) as bus, pytest.raises(HostStuck):
         hasty(bus)
 
 

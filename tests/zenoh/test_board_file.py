@@ -17,8 +17,8 @@ FILES = 'certificate = "a"\nkey = "b"\nauthority = "c"\n'
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('[zenoh]\nlisten = ["7447"]\n', 'b.toml:6: zenoh.listen[0]: found "7447"; write "tcp/'),
-        ('[zenoh]\nconnect = ["udp/a:1"]\n', 'zenoh.connect[0]: found "udp/a:1"; write "tcp/HOST'),
+        ('[zenoh]\nlisten = ["7447"]\n', 'b.toml:6: zenoh.listen[1]: found "7447"; write "tcp/'),
+        ('[zenoh]\nconnect = ["udp/a:1"]\n', 'zenoh.connect[1]: found "udp/a:1"; write "tcp/HOST'),
         ('[zenoh]\nlisten = ["tls/a:1"]\n', '"tls/a:1" needs certificates: give certificate, key'),
         (
             f'[zenoh]\nlisten = ["tcp/a:1"]\n{FILES}',
@@ -28,7 +28,7 @@ FILES = 'certificate = "a"\nkey = "b"\nauthority = "c"\n'
         ('[zenoh.allow]\nme = ["x"]\n', "rights belong to names in certificates"),
         (
             f'[zenoh]\n{FILES}[zenoh.allow]\nme = ["/x/bus"]\n',
-            'zenoh.allow.me[0]: found "/x/bus"; write a key below vbus/',
+            'zenoh.allow.me[1]: found "/x/bus"; write a key below vbus/',
         ),
         (f'[zenoh]\n{FILES}[zenoh.allow]\nme = "x"\n', 'found "x"; write a list of names'),
         ("[zenoh]\ngrace = 2\n", "zenoh.grace"),
@@ -60,7 +60,7 @@ def test_a_router_reads_the_same_section_from_any_file(tmp_path: Path) -> None:
     assert network.security.allow == {"a b": ("x/*/bus", "**"), "nobody": ()}
 
     file.write_text('[zenoh]\nlisten = ["nothing"]\n')
-    with pytest.raises(BoardFileError, match=r'r.toml:2: zenoh.listen\[0\]: found "nothing"'):
+    with pytest.raises(BoardFileError, match=r'r.toml:2: zenoh.listen\[1\]: found "nothing"'):
         read_zenoh_file(file)
 
 

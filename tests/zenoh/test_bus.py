@@ -2,20 +2,24 @@
 
 import asyncio
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from tests.e2e.serving import served
+from tests.waiting import until
 from tests.zenoh.processes import CHIPS, Processes, connected_to
 from vbus.board.board import Board
 from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.client import connect
 from vbus.client.aio import connect as connect_aio
+from vbus.client.bus import Bus
 from vbus.client.lm628 import Lm628
 from vbus.errors import ProtocolError, TransportError
 from vbus.network import keys
+from vbus.server.registry import order
 from vbus.server.server import LinkSpec
 from vbus.signals import Observer
 
@@ -58,6 +62,32 @@ def test_a_chip_on_the_network_answers_like_one_on_a_terminal(runtime: Path) -> 
 
     assert heard[0] == heard[1]
     assert len(heard[0][1]) > 100
+
+
+@pytest.mark.parametrize("link", ["zenoh:bench", "zenoh:bench/y"])
+def test_a_client_waits_as_long_as_somebody_has_paused_the_board(link: str) -> None:
+    told: list[int] = []
+
+    def ask(bus: Bus) -> None:
+        told.append(bus.chip("y").read(0))
+
+    with served(board(), LinkSpec("zenoh:")) as server, connect(link) as bus:
+        order("bench", "pause")
+        until(bus.link.paused, "word of the pause")
+        bus.timeout = 0.05
+        host = threading.Thread(target=ask, args=(bus,))
+        host.start()
+        # Who comes while it is paused is told as well.
+        with ThreadPoolExecutor() as pool:
+            late = pool.submit(connect, link)
+            host.join(0.5)
+            assert (host.is_alive(), told, late.done()) == (True, [], False)
+            order("bench", "go")
+            host.join(60)
+            late.result(60).close()
+        assert len(told) == 1
+        until(lambda: not bus.link.paused(), "word that it goes on")
+        assert server.board.reads == 1
 
 
 def test_a_link_to_one_chip_reaches_that_chip_alone() -> None:

@@ -81,7 +81,7 @@ def test_hosts_that_are_cut_off_go_on_or_are_told_and_nothing_is_done_twice(
 ) -> None:
     """On chip x a host that is told to be patient, on chip y one that is not."""
     board = tmp_path / "bench.toml"
-    more = f'[zenoh]\nlisten = ["{PLACE}"]\ngrace = "30 s"\n'
+    more = f'[zenoh]\nlisten = ["{PLACE}"]\nremote = true\ngrace = "30 s"\n'
     board.write_text(BOARD.format(name="bench", time="realtime", more=more))
     served = Process(["run", str(board)], tmp_path, inside=place.hub.run)
     [computer] = place.around

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.e2e.command import vbus
 from tests.ports import free_endpoint
 from vbus.errors import TransportError
 from vbus.network.session import close_session, open_session
+from vbus.tools import exit_codes
 
 
 def sockets(kind: str) -> list[str]:
@@ -53,6 +55,19 @@ def test_an_endpoint_somebody_has_is_named() -> None:
     close_session(session)
     with pytest.raises(TransportError, match=f"{endpoint} cannot be reached: nobody listens there"):
         open_session(connect=[endpoint], mode="client", wait=0.2)
+
+
+def test_other_computers_are_let_in_without_certificates_only_where_that_is_meant() -> None:
+    anywhere = f"tcp/0.0.0.0:{free_endpoint().rpartition(':')[2]}"
+    with pytest.raises(TransportError, match=f'^"{anywhere}" lets other computers in; write "tcp/'):
+        open_session(listen=[anywhere], mode="router")
+    close_session(open_session(listen=[anywhere], mode="router", remote=True))
+
+
+def test_a_router_for_other_computers_is_asked_for() -> None:
+    done = vbus("router", "--listen", "tcp/0.0.0.0:0")
+    assert done.returncode == exit_codes.NO_LINK
+    assert "vbus router: --remote" in done.stderr
 
 
 @pytest.mark.parametrize("endpoint", ["", "tcp", "tcp/:1", "tcp/a", "udp/a:1", "tcp/a:99999"])

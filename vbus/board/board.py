@@ -12,6 +12,7 @@ from vbus.board.host_bus import HostBus, Hosts
 from vbus.board.loading import prepare
 from vbus.board.pin_maps import PinMap
 from vbus.chips.base import Chip
+from vbus.protocols.quantities import picoseconds
 from vbus.signals import Policy, TraceHash
 from vbus.state import Names, Saved, save
 from vbus.state.first import to_tuple
@@ -42,15 +43,16 @@ class Board(Circuit):
 
     STATE: ClassVar[Names] = (
         "levels: list[i64, pins]", "ports: parts", "wires: list[(i64, i64, i64, i64), pin_nets]",
-        "tail: list[(i64, i64, str, i64), ...]", "kernel: part", "chips: parts",
+        "tail: list[(i64, i64, str, i64), ...]", "kernel: part", "chips: parts", "glue: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_trace", "axes", "buses", "clock_step", "file", "limit", "listeners", "name", "nets",
-        "observers", "pins", "plants", "player", "policy", "port_type", "rate", "seed", "text",
-        "violation_policy",
+        "_by_name", "_trace", "axes", "buses", "clock_step", "file", "limit",
+        "listeners", "name", "nets", "observers", "pins", "plants", "player", "policy", "port_type",
+        "rate", "seed", "sliced", "text", "violation_policy", "waits",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
-        "_counters", "_faults", "_pin_nets", "disturbed", "hosts", "reads", "violations", "writes",
+        "_counters", "_faults", "_pin_nets", "caught", "disturbed", "hosts", "reads", "violations",
+        "writes",
     )  # fmt: skip
 
     def __init__(
@@ -73,6 +75,8 @@ class Board(Circuit):
             HostBus
         )
         """What makes a port; a journal puts a recording one in its place."""
+        self.waits: Callable[[str, int | str], int] = self._wait
+        """What :meth:`wait_until` does; a test that counts its hosts' time puts its own there."""
         self._trace: TraceHash | None = None
         self._faults: Faults | None = None
 
@@ -89,6 +93,25 @@ class Board(Circuit):
     def broken(self) -> bool:
         """Whether anybody has asked for its faults."""
         return self._faults is not None
+
+    # -- time ---------------------------------------------------------------------------------
+
+    def wait_until(self, condition: str, within: int | str = "10 s") -> int:
+        """Let time pass to the earliest instant at which ``condition`` holds; return it (ps).
+
+        Args:
+            condition: such as ``"x.status.TRAJECTORY_COMPLETE"``.
+            within: how long it may take: ps, or a text with a unit.
+
+        Raises:
+            VbusError: it makes no sense on this board, or has not come to hold in time.
+        """
+        return self.waits(condition, within)
+
+    def _wait(self, condition: str, within: int | str) -> int:
+        from vbus.trace.until import wait_until
+
+        return wait_until(self, condition, picoseconds(within))
 
     # -- hosts --------------------------------------------------------------------------------
 

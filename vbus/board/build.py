@@ -8,7 +8,10 @@ from typing import Final
 
 from vbus.board import cards, pin_maps, plugins
 from vbus.board.board import Board
+from vbus.board.card_bus import CLOCK, CardBus
+from vbus.board.card_interrupt import ACK, INT, add_interrupt
 from vbus.board.config import read_board_file, read_board_text
+from vbus.board.glue_plan import plan_glue
 from vbus.board.sections import (
     RESTS,
     SIGNALS,
@@ -17,12 +20,14 @@ from vbus.board.sections import (
     NetSection,
     PlantSection,
 )
-from vbus.board.source import Source
+from vbus.board.source import Source, collection_held
 from vbus.board.toml_lines import Path
+from vbus.chips.base import Chip
 from vbus.chips.tables import CardRow
 from vbus.errors import ConfigError
+from vbus.glue.part import GluePart
 from vbus.options import Option, Value
-from vbus.signals import HIGH, LOW, OFF, STRICT, WARN, Plant, Policy, Switch, Z
+from vbus.signals import HIGH, LOW, OFF, STRICT, WARN, Net, Plant, Policy, Switch, Z
 
 _LEVELS: Final = {"off": OFF, "warn": WARN, "strict": STRICT}
 _RESTS: Final = dict(zip(RESTS, (LOW, HIGH, Z), strict=True))
@@ -42,6 +47,7 @@ def load_board_text(text: str, file: str = "board.toml") -> Board:
     return build(*read_board_text(text, file))
 
 
+@collection_held()
 def build(file: BoardFile, source: Source) -> Board:
     """Return the board a checked file describes.
 
@@ -90,9 +96,13 @@ def assemble(
     for bus in file.buses:
         with _refusals(source, ("buses", bus.name)):
             board.share_bus(bus.name, bus.chips)
-    for net in file.nets:
+    _card_buses(board, file)
+    lines = _interrupts(board, file)
+    for net in _glue(board, file, source):
         with _refusals(source, ("nets", net.name)):
             board.join(net.name, net.pins, rest_of(net))
+    for line, pins in lines.items():
+        board.join(line, pins)
     source.finish()
     if wires is not None:
         wires(board)
@@ -104,6 +114,45 @@ def assemble(
     source.finish()
     board.power_on(done=file.board.power_on == "done")
     return board
+
+
+def _card_buses(board: Board, file: BoardFile) -> None:
+    """Put the connectors of cards on the board."""
+    chips = tuple(board.chips)
+    for card in file.cards:
+        if card.bus:
+            settings = {"base": card.base, "strobe": card.strobe}
+            made = board.add_chip(CardBus, card.name, card.bus, CLOCK, settings)
+            assert isinstance(made, CardBus)
+            made.chips = chips
+
+
+def _interrupts(board: Board, file: BoardFile) -> dict[str, list[str]]:
+    """Put the interrupts of cards on the board; return which are on one line together."""
+    lines: dict[str, list[str]] = {}
+    for card in file.cards:
+        if card.has_circuit:
+            edge = card.sense == "edge"
+            outputs = card.interrupt.split()
+            add_interrupt(board, card.name, outputs, bool(card.acknowledge), edge)
+        if card.line:
+            lines.setdefault(card.line, []).append(f"{card.name}.{INT.name}")
+    return lines
+
+
+def _glue(board: Board, file: BoardFile, source: Source) -> list[NetSection]:
+    """Put the parts of glue on the board; return the nets that join them to the rest."""
+    parts: list[Chip | GluePart] = [*board.chips, *board.glue.parts]
+    rows = {f"{part.name}.{row.name}": row for part in parts for row in part.pin_rows}
+    plan = plan_glue(file, rows, source.fail)
+    for part in plan.parts:
+        borrowed = {pin: (board.find_pin(name), wire) for pin, (name, wire) in part.taps.items()}
+        for pin, level in part.tied.items():
+            tied = Net(board.kernel, f"{part.name}.{pin}", rest=level)
+            borrowed[pin] = tied.solder(pin), 0
+        board.add_glue(part.name, part.pin_rows, part.blocks, borrowed, part.delay)
+    board.glue.order = plan.order
+    return plan.nets
 
 
 def rest_of(net: NetSection) -> int | None:
@@ -172,9 +221,20 @@ def card_of(file: BoardFile, host: HostSection) -> cards.Card | None:
             moved = [CardRow(start + r.offset, r.read, r.write, r.bits) for r in rows]
             blocks.append((reached.index(name), moved))
             start += card.block or max(row.offset for row in rows) + 1
+        if card.bus:
+            all_of_it = [CardRow(offset, offset, offset) for offset in range(card.size)]
+            blocks.append((reached.index(card.name), all_of_it))
         made = cards.card_of_rows(card.name, card.base, card.stride, blocks)
         made.memory, made.fixed, made.big_endian = card.memory, card.fixed, card.big_endian
         made.interrupt, made.signal = card.interrupt, SIGNALS.get(card.signal, 0)
+        made.edge = card.sense == "edge"
+        if card.has_circuit:
+            made.interrupt = f"{card.name}.{INT.name}"
+        if card.acknowledge:
+            at = card.acknowledge_at * card.stride
+            made.acknowledge = f"{card.name}.{ACK.name}"
+            made.acknowledge_read = -1 if card.acknowledge == "write" else at
+            made.acknowledge_write = -1 if card.acknowledge == "read" else at
         return made
     return None
 

@@ -3,8 +3,10 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from vbus.board.card_interrupt import active_low
 from vbus.chips.base import Chip
 from vbus.chips.tables import CardRow
+from vbus.protocols.port import CardAccess
 
 DIRECT = "direct"
 """The decode circuit every chip has: the address lines go straight to it."""
@@ -42,6 +44,10 @@ class Card:
         interrupt: the output, ``"chip.pin"``, that interrupts a program; low if its name has a /
             or ~.
         signal: number of the signal an interrupt sends to a program, or 0.
+        edge: whether an interrupt that stands is none any more once the program has been told.
+        acknowledge: the pin, ``"card./ACK"``, that an access pulses low, or "".
+        acknowledge_read: the offset at which a read does so, or -1.
+        acknowledge_write: the same for a write.
     """
 
     name: str
@@ -54,6 +60,10 @@ class Card:
     big_endian: bool = False
     interrupt: str = ""
     signal: int = 0
+    edge: bool = False
+    acknowledge: str = ""
+    acknowledge_read: int = -1
+    acknowledge_write: int = -1
 
     def decode(self, address: int, write: bool = False) -> tuple[int, int] | None:
         """Return (chip number, chip address) behind ``address``; None if nobody answers."""
@@ -64,18 +74,35 @@ class Card:
         """Return the data bits that nobody drives when ``address`` is read."""
         return self.unconnected.get(address - self.base, 0)
 
-    def text(self) -> str:
+    def access(self, address: int, write: bool, sides: list[str]) -> CardAccess | None:
+        """Return what an access reaches, in a session with these side pins; None: nothing."""
+        place, offset = self.decode(address, write), address - self.base
+        at = self.acknowledge_write if write else self.acknowledge_read
+        pulsed = sides.index(self.acknowledge) if at >= 0 and offset == at else -1
+        if place is None:
+            return CardAccess(-1, 0, 0xFF, pulsed) if pulsed >= 0 else None
+        return CardAccess(*place, self.floating(address), pulsed)
+
+    def text(self, sides: list[str]) -> str:
         """Return the table as HELLO tells it: ``r340=0.1`` and ``w340=0.1``, in hexadecimal.
 
         Direction and address at the card, number and address of the chip; ``/7F`` behind a read
-        are the data bits nobody drives.
+        are the data bits nobody drives, ``!5`` the side pin, of ``sides``, that the access pulses
+        low after it. Where no chip answers there is that alone: ``r344!5``.
         """
         entries = []
-        for letter, rows in (("r", self.reads), ("w", self.writes)):
-            for offset, (chip, address) in sorted(rows.items()):
-                bits = self.unconnected.get(offset, 0) if letter == "r" else 0
-                floating = f"/{bits:02X}" if bits else ""
-                entries.append(f"{letter}{self.base + offset:X}={chip:X}.{address:X}{floating}")
+        for letter, rows, at in (
+            ("r", self.reads, self.acknowledge_read), ("w", self.writes, self.acknowledge_write),
+        ):  # fmt: skip
+            for offset in sorted({*rows, *([at] if at >= 0 else [])}):
+                entry = f"{letter}{self.base + offset:X}"
+                if offset in rows:
+                    chip, address = rows[offset]
+                    bits = self.unconnected.get(offset, 0) if letter == "r" else 0
+                    entry += f"={chip:X}.{address:X}" + (f"/{bits:02X}" if bits else "")
+                if offset == at:
+                    entry += f"!{sides.index(self.acknowledge):X}"
+                entries.append(entry)
         return " ".join(entries)
 
     def program_text(self, outputs: list[str]) -> str:
@@ -90,9 +117,10 @@ class Card:
             if output in outputs:
                 bit = 1 << outputs.index(output)
                 lines |= bit
-                low |= bit if output.partition(".")[2][:1] in ("/", "~") else 0
+                low |= bit if active_low(output.partition(".")[2]) else 0
         if lines:
             parts += [f"lines={lines}", f"low={low}", f"signal={self.signal}"]
+            parts += ["edge=1"] if self.edge else []
         return ";".join(parts)
 
     def offsets(self) -> list[int]:

@@ -1,11 +1,16 @@
 """What cannot be seen in one key alone: names that must exist, owners there may be one of."""
 
+from collections.abc import Hashable
+
 from vbus.board import cards, circuit, plugins
+from vbus.board.glue_checks import check_card_bus, check_glue
 from vbus.board.metrics_checks import check_metrics
 from vbus.board.network_checks import NETWORK_SCHEME, check_network
 from vbus.board.node_checks import NodeChecks
 from vbus.board.pin_map_checks import PinMapChecks
-from vbus.board.sections import NO_PLANT, BoardFile, CardSection, ChipSection
+from vbus.board.scope_checks import check_scope
+from vbus.board.sections import ACCESSES, NO_PLANT, BoardFile, CardSection, ChipSection
+from vbus.board.serial_checks import check_serial
 from vbus.board.settings import listed, quoted, rule_hint, rule_names, suggestion
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
@@ -35,7 +40,8 @@ class _Checks:
         self._known: dict[str, list[str]] = known
         self._source: Source = source
         self._parts: dict[str, Chip] = {}
-        """A specimen of each chip: pins and axes may depend on the part number."""
+        """A specimen of each chip: pins and axes may depend on part number and settings."""
+        self._specimens: dict[Hashable, Chip] = {}
         self._owners: dict[str, str] = {}
 
     def run(self) -> None:
@@ -50,15 +56,19 @@ class _Checks:
         self._nets()
         for card in self._file.cards:
             self._card(card)
-        self._pin_maps = PinMapChecks(self._parts, self._known["chips"], self._source)
+        if self._file.glue or any(card.bus for card in self._file.cards):
+            check_glue(self._file, self._parts, self._source)
+        self._pin_maps = PinMapChecks(self._parts, self._known["chips"], self._file, self._source)
         for section in self._file.pinmaps:
             self._pin_maps.check(section)
         self._hosts()
+        check_serial(self._file, self._parts, self._source)
         NodeChecks(self._file, self._known, self._source).run()
         check_network(self._file, self._source)
         if self._file.nodes and self._file.faults:
             self._source.fail(("faults",), "faults are for boards without nodes; take them out")
         check_metrics(self._file, self._source)
+        check_scope(self._file, self._source)
         self._violations()
 
     def _exists(self, path: Path, kind: str, name: str) -> bool:
@@ -101,10 +111,13 @@ class _Checks:
                 (*path, "part"), f"found {quoted(chip.part)}; {hint}known are {listed(cls.PARTS)}"
             )
             return
+        alike = chip.part, chip.clock, *sorted(chip.settings.items())
         try:
-            self._parts[chip.name] = cls(
-                chip.name, chip.part, Kernel(), Clock(chip.clock), chip.settings
-            )
+            if alike not in self._specimens:
+                self._specimens[alike] = cls(
+                    chip.name, chip.part, Kernel(), Clock(chip.clock), chip.settings
+                )
+            self._parts[chip.name] = self._specimens[alike]
         except ValueError as error:
             self._source.fail(path, str(error))
 
@@ -211,14 +224,19 @@ class _Checks:
 
     def _card(self, card: CardSection) -> None:
         path: Path = ("cards", card.name)
-        if bool(card.ports) == bool(card.decode):
+        if card.bus:
+            check_card_bus(card, self._known["chips"], self._source)
+        elif bool(card.ports) == bool(card.decode):
             self._source.fail(path, 'a card has either "decode" and "chips", or a list of "ports"')
+        elif card.pins:
+            self._source.fail((*path, "pins"), 'pins are those of a bus; write bus = "ISA"')
         for place, name in enumerate(card.chips):
             if self._exists((*path, "chips", place), "chips", name) and name in self._parts:
                 self._decode(card, (*path, "decode"), self._parts[name])
         if card.decode and not card.chips:
             self._source.fail(path, f'"decode" needs chips: which ones are behind "{card.decode}"?')
         self._card_interrupt(card, path)
+        self._card_circuit(card, path)
         offsets: dict[int, int] = {}
         for place, port in enumerate(card.ports):
             where: Path = (*path, "ports", place)
@@ -239,10 +257,11 @@ class _Checks:
                 )
 
     def _card_interrupt(self, card: CardSection, path: Path) -> None:
-        if card.signal and not card.interrupt:
-            self._source.fail(
-                (*path, "signal"), 'a signal needs "interrupt": which output sends it?'
-            )
+        for key, what in (
+            ("signal", "a signal"), ("acknowledge", "an acknowledge"), ("line", "a line"),
+        ):  # fmt: skip
+            if getattr(card, key) and not card.interrupt:
+                self._source.fail((*path, key), f'{what} needs "interrupt": which output sends it?')
         if card.fixed and not card.memory:
             self._source.fail((*path, "fixed"), 'a fixed address needs "memory = true"')
         if card.fixed % 4096:
@@ -251,6 +270,44 @@ class _Checks:
             )
         for output in card.interrupt.split():
             self._card_output(output, (*path, "interrupt"))
+
+    def _card_circuit(self, card: CardSection, path: Path) -> None:
+        if card.sense == "edge" and not card.interrupt:
+            self._source.fail(
+                (*path, "sense"), 'to sense an edge needs "interrupt": of which output?'
+            )
+        if card.acknowledge_at and not card.acknowledge:
+            self._source.fail(
+                (*path, "acknowledge_at"),
+                f'an address to acknowledge at needs "acknowledge": {listed(ACCESSES)}',
+            )
+        if card.has_circuit and card.name in self._known["chips"]:
+            self._source.fail(
+                path,
+                f"a chip is called {quoted(card.name)} too; its interrupt has pins of its own"
+                f' ("{card.name}./INT"): give the card another name',
+            )
+        if not card.line:
+            return
+        if any(net.name == card.line for net in self._file.nets):
+            self._source.fail(
+                (*path, "line"), f"there is a net {quoted(card.line)} already; choose another name"
+            )
+        others = [other for other in self._file.cards if other.line == card.line]
+        if len(others) < 2:
+            lines = sorted({other.line for other in self._file.cards if other.line} - {card.line})
+            hint = suggestion(card.line, lines)
+            self._source.fail(
+                (*path, "line"),
+                f"no other card is on line {quoted(card.line)}; {hint}a line is shared by two cards"
+                " or more",
+            )
+        elif others[0].sense != card.sense:
+            self._source.fail(
+                (*path, "sense"),
+                f"card {quoted(others[0].name)} senses the {others[0].sense} of the same line;"
+                " cards on one line have one sense",
+            )
 
     def _card_output(self, named: str, path: Path) -> None:
         name, _, pin = named.partition(".")
@@ -291,7 +348,7 @@ class _Checks:
             if host.transport in links and scheme != NETWORK_SCHEME:
                 self._source.fail(
                     (*path, "transport"),
-                    f'"{host.transport}" is the link of hosts[{links[host.transport]}] already;'
+                    f'"{host.transport}" is the link of hosts[{links[host.transport] + 1}] already;'
                     " every host needs one of its own",
                 )
             links.setdefault(host.transport, place)
@@ -316,13 +373,16 @@ class _Checks:
     def _behind_card(self, path: Path, name: str, reached: list[str]) -> None:
         for card in self._file.cards:
             if card.name == name:
-                for chip in [*card.chips, *(port.chip for port in card.ports)]:
-                    if chip and chip not in reached:
-                        self._source.fail(
-                            path,
-                            f'card "{name}" decodes to "{chip}", which is not among the chips of'
-                            f" this host: {listed(reached)}",
-                        )
+                for verb, chips in (
+                    ("decodes to", card.decoded), ("is interrupted by", card.interrupting),
+                ):  # fmt: skip
+                    for chip in chips:
+                        if chip and chip not in reached:
+                            self._source.fail(
+                                path,
+                                f'card "{name}" {verb} "{chip}", which is not among the chips of'
+                                f" this host: {listed(reached)}",
+                            )
 
     # -- rules --------------------------------------------------------------------------------
 

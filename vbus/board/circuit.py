@@ -1,7 +1,7 @@
 """Circuit: chips, plants and nets under one virtual time, and what is found out about them."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Final
 
 from mypy_extensions import i64
@@ -9,7 +9,10 @@ from mypy_extensions import i64
 from vbus.board.interrupt_check import check_interrupts
 from vbus.board.strobe_player import StrobePlayer
 from vbus.chips.base import Chip
-from vbus.kernel import END, Clock, Kernel
+from vbus.chips.tables import PinRow
+from vbus.glue.part import Glue, GluePart, Input
+from vbus.glue.table import Block
+from vbus.kernel import END, NEVER, Clock, Kernel
 from vbus.options import Settings
 from vbus.signals import Net, Observer, Pin, Plant, Policy, Rule, Violation
 
@@ -23,6 +26,8 @@ POLICIES: Final = ("realtime", "lockstep", "slaved")
 STRETCH: Final = 20_000_000_000_000
 """Chip time, shared among the chips, that is computed without a look at Ctrl-C (ps)."""
 SHORTEST: Final = 1_000_000_000
+MOST_STEPS: Final = 2000
+"""Samples of a chip that a host may let pass in one go on a board that is served."""
 
 
 class Circuit:
@@ -48,9 +53,16 @@ class Circuit:
         self.kernel: Kernel = Kernel()
         self.limit: i64 = END
         """Time may run to this instant without the wall clock (ps); set by the pacer."""
+        self.sliced: bool = False
+        """Whether somebody brings a held host's time about in slices; set by the pacer."""
+        self.caught: i64 = 0
+        """The instant up to which every chip has been brought (ps)."""
         self.chips: list[Chip] = []
+        self._by_name: dict[str, Chip] = {}
+        self.glue: Glue = Glue(self.kernel)
+        """What stands between hosts and chips: the interrupts of cards, decoders, latches."""
         self.pins: list[Pin] = []
-        """The chips' pins."""
+        """The chips' pins, and those of :attr:`glue`."""
         self._pin_nets: list[Net] = []
         self.plants: list[Plant] = []
         self.axes: dict[str, Plant] = {}
@@ -81,16 +93,37 @@ class Circuit:
         Raises:
             ValueError: a chip of that name is there, or the chip refuses its settings.
         """
-        if any(chip.name == name for chip in self.chips):
+        if name in self._by_name:
             raise ValueError(f"there is a chip called {name!r} already")
         chip = cls(
             name, part, self.kernel, Clock(hz), settings, self.violation_policy, self.file_violation
         )
         self.chips.append(chip)
+        self._by_name[name] = chip
         for pin in chip.pins.values():
             self.pins.append(pin)
             self._own(pin.net)
         return chip
+
+    def add_glue(
+        self,
+        name: str,
+        pin_rows: tuple[PinRow, ...],
+        blocks: Iterable[Block],
+        borrowed: Mapping[str, Input],
+        delay: int = 0,
+    ) -> GluePart:
+        """Put a part of glue on the board; see :class:`~vbus.glue.part.GluePart`."""
+        made = GluePart(self.kernel, name, pin_rows, blocks, delay, borrowed)
+        self.glue.add(made)
+        for pin in made.pins.values():
+            self.pins.append(pin)
+            self._own(pin.net)
+        return made
+
+    def glue_of(self, chips: Iterable[Chip]) -> list[GluePart]:
+        """Return the glue in front of these chips and behind them."""
+        return self.glue.around(pin for chip in chips for pin in chip.pins.values())
 
     def connect(self, chip: str, axis: int, plant: Plant) -> None:
         """Attach ``plant`` to an axis (0-based) of ``chip``."""
@@ -152,6 +185,7 @@ class Circuit:
         """Release every reset at the present instant; ``done`` starts after the resets."""
         for chip in self.chips:
             chip.power_on(done)
+        self.glue.start()
 
     # -- looking up ---------------------------------------------------------------------------
 
@@ -161,10 +195,10 @@ class Circuit:
         Raises:
             ValueError: there is none.
         """
-        for chip in self.chips:
-            if chip.name == name:
-                return chip
-        known = ", ".join(chip.name for chip in self.chips) or "none"
+        chip = self._by_name.get(name)
+        if chip is not None:
+            return chip
+        known = ", ".join(self._by_name) or "none"
         raise ValueError(f"no chip called {name!r}; this board has: {known}")
 
     def find_pin(self, name: str) -> Pin:
@@ -174,6 +208,9 @@ class Circuit:
             ValueError: there is none.
         """
         chip_name, _, pin_name = name.partition(".")
+        for part in self.glue.parts:
+            if part.name == chip_name and pin_name in part.pins:
+                return part.pins[pin_name]
         chip = self.chip(chip_name)
         pin = chip.pins.get(pin_name)
         if pin is None:
@@ -229,9 +266,15 @@ class Circuit:
 
     def settled(self, when: int) -> None:
         """Every chip has been brought up to instant ``when``: tell the observers."""
+        self.caught = when
         self.kernel.settle()
         for observer in (*self.listeners, *self.observers):
             observer.settled(when)
+
+    def stride(self) -> int:
+        """Return how much chip time takes no long while to compute (ps)."""
+        step = min([chip.step_ps() for chip in self.chips], default=NEVER)
+        return step * MOST_STEPS if step < END // MOST_STEPS else END
 
     def end_leases(self) -> None:
         """Somebody is about to touch the board: what was promised to hosts comes true first."""

@@ -10,20 +10,22 @@ import msgspec
 
 from vbus.board import checks, plugins, sections
 from vbus.board.fault_checks import check_fault
+from vbus.board.glue_section import GlueSection
 from vbus.board.network_checks import check_zenoh
+from vbus.board.section import NAMES, Section, rows
 from vbus.board.settings import check_table, listed, quoted, suggestion
-from vbus.board.source import BoardFileError, Problem, Source
+from vbus.board.source import BoardFileError, Problem, Source, collection_held
 from vbus.board.toml_lines import Path
 from vbus.errors import PluginError
 from vbus.faults.table import faults
 from vbus.options import Option
 from vbus.signals.axis import SWITCHES
 
-_Section = TypeVar("_Section", bound=sections.Section)
+_Section = TypeVar("_Section", bound=Section)
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
-_NAMED: Final = ("chips", "plants", "nets", "buses", "cards", "pinmaps", "nodes")
+_NAMED: Final = ("chips", "plants", "nets", "glue", "buses", "cards", "pinmaps", "nodes")
 _SECTIONS: Final = ("board", "violations", *_NAMED, "hosts", "record", "waves", "zenoh", "metrics",
-                    "faults")  # fmt: skip
+                    "scope", "faults")  # fmt: skip
 
 
 def read_board_file(path: str | FilePath) -> tuple[sections.BoardFile, Source]:
@@ -50,6 +52,7 @@ def _text_of(path: str | FilePath) -> str:
         raise BoardFileError([Problem(str(path), line, "", "this is no UTF-8 text")]) from None
 
 
+@collection_held()
 def read_board_text(text: str, file: str = "board.toml") -> tuple[sections.BoardFile, Source]:
     """Check a board file that is already in memory; ``file`` is its name in messages."""
     data = _parsed(file, text)
@@ -89,6 +92,19 @@ def _no_toml(file: str, text: str, reason: str) -> Problem:
     return Problem(file, int(match[2]), "", f"no TOML: {match[1]} (column {match[3]})")
 
 
+def _with_card_buses(file: sections.BoardFile) -> sections.BoardFile:
+    """Return a file in which every host that uses a card with a bus reaches the bus too."""
+    buses = [card.name for card in file.cards if card.bus]
+    chips = tuple(chip.name for chip in file.chips)
+    hosts = [
+        msgspec.structs.replace(host, chips=(*(host.chips or chips), host.card))
+        if host.card in buses
+        else host
+        for host in file.hosts
+    ]
+    return msgspec.structs.replace(file, hosts=tuple(hosts))
+
+
 class _Reader:
     """Turns the tables of one file into structs; what is wrong goes to ``source``."""
 
@@ -109,6 +125,7 @@ class _Reader:
             chips=self._all("chips", self._chip),
             plants=self._all("plants", self._plant),
             nets=tuple(self._nets()),
+            glue=self._all("glue", self._glue),
             buses=self._plain("buses", sections.BusSection),
             cards=self._all("cards", self._card),
             pinmaps=self._all("pinmaps", self._pin_map),
@@ -118,12 +135,13 @@ class _Reader:
             nodes=self._plain("nodes", sections.NodeSection),
             zenoh=self.zenoh(),
             metrics=self._single("metrics", sections.MetricsSection),
+            scope=self._single("scope", sections.ScopeSection),
             faults=tuple(self._faults()),
         )
         known = {kind: list(self._table((kind,), self._data) or ()) for kind in _NAMED}
         checks.check(file, known, self._source)
         self._source.finish()
-        return file
+        return _with_card_buses(file)
 
     # -- tables -------------------------------------------------------------------------------
 
@@ -168,8 +186,8 @@ class _Reader:
             nested: keys that hold tables, read by the caller and given in ``extra``.
             extra: further fields of the struct.
         """
-        options = list(sections.rows(section))
-        lists = {row.name for row in options if row.kind == sections.NAMES}
+        options = list(rows(section))
+        lists = {row.name for row in options if row.kind == NAMES}
         own = list(own)
         placeholders = [Option(name, "text", "", "") for name in (*sorted(lists), *nested)]
         single = [row for row in options if row.name not in lists]
@@ -349,19 +367,47 @@ class _Reader:
         rows = table.get("ports", [])
         ports = self._array(sections.CardPortSection, (*path, "ports"), rows)
         known = tuple(port or sections.NO_PORT for port in ports)
-        read = self._keys(sections.CardSection, table, path, (), ("ports",), name=name, ports=known)
-        return read if isinstance(rows, list) else None
+        pins = self._wires(path, table)
+        read = self._keys(
+            sections.CardSection, table, path, (), ("ports", "pins"), name=name, ports=known,
+            pins=pins or {},
+        )  # fmt: skip
+        return read if isinstance(rows, list) and pins is not None else None
 
-    def _pin_map(self, name: str, table: dict[str, Any]) -> sections.PinMapSection | None:
-        path = ("pinmaps", name)
+    def _wires(self, path: Path, table: dict[str, Any]) -> dict[str, tuple[str, ...]] | None:
+        """Read the table ``pins``: names by name; one needs no list."""
         pins = self._table((*path, "pins"), table) or {}
         wires = {
             bit: self._names((*path, "pins", bit), [value] if isinstance(value, str) else value)
             for bit, value in pins.items()
         }
         whole = {bit: targets for bit, targets in wires.items() if targets is not None}
-        read = self._keys(sections.PinMapSection, table, path, (), ("pins",), name=name, pins=whole)
-        return read if len(whole) == len(pins) else None
+        return whole if len(whole) == len(pins) else None
+
+    def _pin_map(self, name: str, table: dict[str, Any]) -> sections.PinMapSection | None:
+        path = ("pinmaps", name)
+        pins = self._wires(path, table)
+        read = self._keys(
+            sections.PinMapSection, table, path, (), ("pins",), name=name, pins=pins or {}
+        )
+        return None if pins is None else read
+
+    def _glue(self, name: str, table: dict[str, Any]) -> GlueSection | None:
+        path = ("glue", name)
+        pins = self._wires(path, table)
+        equations = self._table((*path, "equations"), table) or {}
+        for output, text in equations.items():
+            if not isinstance(text, str):
+                self._source.fail(
+                    (*path, "equations", output),
+                    f'found {quoted(text)}; write an equation in quotes, such as "A & !B"',
+                )
+        read = self._keys(
+            GlueSection, table, path, (), ("pins", "equations"), name=name,
+            pins=pins or {},
+            equations={key: text for key, text in equations.items() if isinstance(text, str)},
+        )  # fmt: skip
+        return None if pins is None else read
 
     def _hosts(self) -> Iterator[sections.HostSection]:
         hosts = self._array(sections.HostSection, ("hosts",), self._data.get("hosts", []))

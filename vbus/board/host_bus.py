@@ -1,29 +1,25 @@
 """One host's hold on a board: bus cycles, strobes, pins and time."""
 
 from collections.abc import Callable
-from typing import ClassVar, Final
+from typing import ClassVar
 
 from mypy_extensions import i64, mypyc_attr
 
 from vbus.board.cards import Card
 from vbus.board.circuit import Circuit
 from vbus.board.host_clock import HostClock
+from vbus.board.host_info import port_info
 from vbus.board.host_leases import HostLeases
 from vbus.board.host_pins import HostPins
 from vbus.board.host_polls import HostPolls
 from vbus.board.host_selection import Selection
-from vbus.board.pin_maps import PinMap, wiring
+from vbus.board.pin_maps import PinMap
 from vbus.board.strobe_watch import SETTLE_EVERY, StrobeWatch
 from vbus.chips.base import Chip
-from vbus.kernel import END, NEVER, US, Kernel
+from vbus.kernel import END, NEVER, Kernel
 from vbus.protocols import codes
-from vbus.protocols.port import ChipInfo, HostPort, PortError, PortInfo
-from vbus.protocols.requests import FORESEEING
+from vbus.protocols.port import CardAccess, HostPort, PortError, PortInfo
 from vbus.state import Names
-
-LOCKSTEP_CYCLE: Final = US
-"""Default duration of a whole bus cycle where time moves only by cycles: an ISA bus, a fast MCU.
-Drivers that give up after some thirty polls must see the busy time pass (decision 7)."""
 
 
 class Hosts:
@@ -39,6 +35,18 @@ class Hosts:
     def __init__(self) -> None:
         self.ports: list[HostBus] = []
         self.claims: dict[str, HostBus] = {}
+
+    def deadlock(self, port: "HostBus") -> bool:
+        """Tell whether those that ``port`` has to wait for wait for ``port`` themselves."""
+        waiting = [port]
+        for one in waiting:
+            for chip in one.selection.selected:
+                holder = self.claims.get(chip.name, one)
+                if holder is port and one is not port:
+                    return True
+                if holder not in waiting and holder.held and holder.hold_until == NEVER:
+                    waiting.append(holder)
+        return False
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -63,6 +71,7 @@ class HostBus(HostPort):
         selection: the chips of following cycles.
         pins: what the host has soldered to the chips' nets.
         leases: what it may know of polls to come.
+        promises: whether it may know that; not where asking takes time, on a serial line.
         strobes: the bus cycles it makes by strobes.
         polls: the polls it has answered from leases.
     """
@@ -73,7 +82,7 @@ class HostBus(HostPort):
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
         "_card", "_hosts", "_kernel", "board", "chips", "cycle_ps", "held",
-        "hold_until", "label", "leases", "on_events", "on_resume", "pin_map",
+        "hold_until", "label", "leases", "on_events", "on_resume", "pin_map", "promises",
     )  # fmt: skip
 
     def __init__(
@@ -90,6 +99,7 @@ class HostBus(HostPort):
         self.chips: list[Chip] = chips
         self.cycle_ps: int = cycle_ps
         self.pin_map: PinMap | None = None
+        self.promises: bool = True
         self.held = False
         self.hold_until = 0
         self.on_resume: Callable[[], None] | None = None
@@ -97,12 +107,11 @@ class HostBus(HostPort):
         self._hosts: Hosts = hosts
         self._card: Card | None = card
         self._kernel: Kernel = board.kernel
-        realtime = board.policy == "realtime"
-        self.selection: Selection = Selection(
-            chips, [cycle_ps or (chip.cycle_ps if realtime else LOCKSTEP_CYCLE) for chip in chips]
-        )
+        self.selection: Selection = Selection(board, chips, cycle_ps)
         self.clock: HostClock = HostClock(board, self)
-        self.pins: HostPins = HostPins(board.kernel, label, chips, self._edge_seen)
+        self.pins: HostPins = HostPins(
+            board.kernel, label, chips, board.glue_of(chips), self._edge_seen
+        )
         self.leases: HostLeases = HostLeases(board, self.selection, self.pins)
         self.strobes: StrobeWatch = StrobeWatch(board, label, chips)
         self.polls: HostPolls = HostPolls(board, self, self.selection, self.clock)
@@ -115,28 +124,9 @@ class HostBus(HostPort):
 
     def info(self) -> PortInfo:
         """Return what HELLO tells."""
-        board = self.board
-        return PortInfo(
-            board.name,
-            board.policy,
-            board.rate if board.policy == "realtime" else 0.0,
-            [
-                ChipInfo(chip.name, chip.part, chip.FAMILY, chip.ADDRESS_BITS, cycle)
-                for chip, cycle in zip(self.chips, self.selection.cycles, strict=True)
-            ],
-            self.pins.line_names(),
-            self.pins.output_names(),
-            self.pins.side_names(),
-            ["claim", "events", "leases", FORESEEING, "lines", "pass", "polled_at", "sync"],
-            wiring(self.pin_map, self.chips, self.pins),
-            self._card.text() if self._card is not None else "",
-            self._program(),
+        return port_info(
+            self.board, self.selection, self.pins, self.promises, self.pin_map, self._card
         )
-
-    def _program(self) -> str:
-        if self._card is None:
-            return f"step={self.board.clock_step};" if self.pin_map is not None else ""
-        return f"step={self.board.clock_step};{self._card.program_text(self.pins.output_names())}"
 
     def cost(self, *cycles: int) -> list[int]:
         """Set what a whole cycle costs (ps), for all chips or for each; return what it did."""
@@ -156,19 +146,23 @@ class HostBus(HostPort):
         pins = self.pins
         return pins.number(pins.lines, pins.line_names(), name, self.selection.selected)
 
-    def card(self, address: int, write: bool = False) -> tuple[int, int] | None:
-        """Decode a card address into (chip number, chip address)."""
-        return self._card.decode(address, write) if self._card is not None else None
-
-    def card_floating(self, address: int) -> int:
-        """Return the data bits that nobody drives when a card address is read."""
-        return self._card.floating(address) if self._card is not None else 0
+    def card(self, address: int, write: bool = False) -> CardAccess | None:
+        """Decode a card address; None if nobody is there."""
+        card = self._card
+        return None if card is None else card.access(address, write, self.pins.side_names())
 
     # -- choosing chips -----------------------------------------------------------------------
 
     def select(self, mask: int) -> None:
         """Choose the chips of following cycles."""
-        self.selection.mask = mask
+        before, self.selection.mask = self.selection.mask, mask
+        if self._hosts.deadlock(self):
+            self.selection.mask = before
+            raise PortError(
+                codes.DEADLOCK,
+                f"select {mask:X}: claimed by a session that waits for what this one has claimed;"
+                " choose all chips of a packet, then claim them together",
+            )
         self.yield_to_claim()
 
     def claim(self) -> bool:
@@ -297,7 +291,7 @@ class HostBus(HostPort):
 
         Nothing is promised while another host could touch the chips.
         """
-        return self.leases.give(address) if len(self._hosts.ports) <= 1 else None
+        return self.leases.give(address) if self.promises and len(self._hosts.ports) <= 1 else None
 
     def foresee(self, address: int) -> tuple[int, int] | None:
         """Tell what comes after the lease just given (:class:`~vbus.protocols.port.HostPort`)."""
@@ -413,6 +407,7 @@ class HostBus(HostPort):
 
     def events(self, mask: int) -> None:
         """From now on report each edge of the output lines in ``mask``."""
+        self.pins.output_word()  # what a lazy chip owes has been before
         self.pins.watch(mask)
 
     def take_events(self) -> list[tuple[int, int]]:

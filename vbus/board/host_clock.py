@@ -80,7 +80,7 @@ class HostClock:
     def run_until(self, when: i64) -> None:
         """Let time pass to the instant of a cycle."""
         kernel = self._kernel
-        if kernel.next_due > when:
+        if kernel.next_stop > when:
             kernel.now = when
         else:
             kernel.run_until(when)
@@ -95,7 +95,16 @@ class HostClock:
 
     def pass_to(self, when: int) -> bool:
         """Let time pass to ``when`` if the wall clock allows; else hold the session."""
-        limit: int = self._board.limit
+        board = self._board
+        limit: int = board.limit
+        if when <= limit and board.sliced and when > self._kernel.now:
+            # A chip may have been set to samples so short that the rest is too much in one go.
+            caught: int = board.caught
+            now: int = self._kernel.now
+            most = max(caught + board.stride(), now)
+            if when > most:
+                limit = most
+                board.limit = most
         if when > limit:
             self.hold(when)
             return False

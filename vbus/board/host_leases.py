@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 from vbus.board.circuit import Circuit
 from vbus.board.host_pins import HostPins
 from vbus.board.host_selection import Selection
-from vbus.kernel import US
+from vbus.kernel import END, US
 from vbus.state import Names
 
 LONGEST_LEASE: Final = 100_000 * US
@@ -44,7 +44,7 @@ class HostLeases:
         if board.policy == "realtime" or board.disturbed:
             return None
         outputs = self._pins.output_word()
-        until = min(board.kernel.next_due, chip.steady_until(address))
+        until = min(board.kernel.next_due, chip.steady_until(address), END)
         until = min([until, *(neighbour.next_event() for neighbour in self._selection.chips)])
         now: int = board.kernel.now
         if until <= now + self._selection.cycle:
@@ -59,7 +59,7 @@ class HostLeases:
         if following is None:
             return None
         data, until = following
-        until = min(until, kernel.next_due, kernel.now + LONGEST_LEASE)
+        until = min(until, kernel.next_due, kernel.now + LONGEST_LEASE, END)
         for neighbour in self._selection.chips:
             if neighbour is not chip:
                 until = min(until, neighbour.next_event())

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from vbus.chips.base import Chip
+from vbus.chips.tables import PinRow
+from vbus.glue.part import GluePart
 from vbus.kernel import Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import PortError
@@ -24,18 +26,24 @@ class HostPins:
         kernel: the board's time.
         label: the host's name, for the names of its pins.
         chips: the session's chips.
+        glue: what is in front of those chips and behind them.
         on_edge: called when an output line moved whose events were asked for.
     """
 
     STATE: ClassVar[Names] = ("watched", "levels: list[(str, i64), ...]")
     WIRING: ClassVar[Names] = (
-        "_chips", "_kernel", "_label", "_on_edge", "_own_lines", "_soldered", "_word", "lines",
-        "outputs", "sides",
+        "_chips", "_kernel", "_label", "_on_edge", "_own_lines", "_owners", "_soldered", "_word",
+        "lines", "outputs", "sides",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_edges", "_watched", "_watches")
 
     def __init__(
-        self, kernel: Kernel, label: str, chips: list[Chip], on_edge: Callable[[], None]
+        self,
+        kernel: Kernel,
+        label: str,
+        chips: list[Chip],
+        glue: list[GluePart],
+        on_edge: Callable[[], None],
     ) -> None:
         self._kernel: Kernel = kernel
         self._label: str = label
@@ -49,10 +57,17 @@ class HostPins:
         self.sides: list[Pin] = []
         self.outputs: list[Pin] = []
         self._own_lines: list[Pin] = []
+        self._owners: list[tuple[str, dict[str, Pin]]] = [
+            *((chip.name, chip.pins) for chip in chips),
+            *((part.name, part.pins) for part in glue),
+        ]
+        rows: list[tuple[PinRow, ...]] = [
+            *(chip.pin_rows for chip in chips), *(part.pin_rows for part in glue)
+        ]  # fmt: skip
         seen: set[int] = set()
-        for chip in chips:
-            for row in chip.pin_rows:
-                pin = chip.pins[row.name]
+        for (_, pins), table in zip(self._owners, rows, strict=True):
+            for row in table:
+                pin = pins[row.name]
                 if id(pin.net) in seen or row.width > 1:
                     continue
                 seen.add(id(pin.net))
@@ -77,7 +92,7 @@ class HostPins:
         return [self._full_name(pin) for pin in self.outputs]
 
     def _full_name(self, pin: Pin) -> str:
-        owner = next(chip.name for chip in self._chips if chip.pins.get(pin.name) is pin)
+        owner = next(name for name, pins in self._owners if pins.get(pin.name) is pin)
         return f"{owner}.{pin.name}"
 
     def of(self, chip_pin: Pin) -> Pin:
@@ -195,17 +210,18 @@ class HostPins:
     def name_of(self, own: Pin) -> str:
         """Return the name of the chip's pin that the host's ``own`` one is soldered to, or ""."""
         if self._soldered.get(id(own.net)) is own:
-            for chip in self._chips:
-                for name, chip_pin in chip.pins.items():
-                    if chip_pin.net is own.net:
-                        return f"{chip.name}.{name}"
+            for owner, pins in self._owners:
+                for name, pin in pins.items():
+                    if pin.net is own.net:
+                        return f"{owner}.{name}"
         return ""
 
     def named(self, full_name: str) -> Pin:
         """Return this host's pin at the chip's pin ``full_name``."""
         owner, _, name = full_name.partition(".")
-        chip = next(chip for chip in self._chips if chip.name == owner)
-        return self.of(chip.pins[name])
+        return self.of(
+            next(pins[name] for other, pins in self._owners if other == owner and name in pins)
+        )
 
     @property
     def watched(self) -> int:
@@ -220,11 +236,11 @@ class HostPins:
     def levels(self) -> list[tuple[str, int]]:
         """What each pin of the host drives, by name of the chip's pin."""
         levels: dict[str, int] = {}
-        for chip in self._chips:
-            for name, chip_pin in chip.pins.items():
-                pin = self._soldered.get(id(chip_pin.net))
+        for owner, pins in self._owners:
+            for name, other in pins.items():
+                pin = self._soldered.get(id(other.net))
                 if pin is not None and pin.level != Z:
-                    levels[f"{chip.name}.{name}"] = pin.level
+                    levels[f"{owner}.{name}"] = pin.level
         return list(levels.items())
 
     @levels.setter

@@ -2,6 +2,7 @@
 
 from typing import ClassVar, Final
 
+from vbus.board.circuit import Circuit
 from vbus.chips.base import Chip
 from vbus.kernel import US
 from vbus.protocols import codes
@@ -10,28 +11,37 @@ from vbus.signals import Z
 from vbus.state import Names
 
 FLOATING: Final = 0xFF
+LOCKSTEP_CYCLE: Final = US
+"""Default duration of a whole bus cycle where time moves only by cycles: an ISA bus, a fast MCU.
+Drivers that give up after some thirty polls must see the busy time pass (decision 7)."""
 
 
 class Selection:
     """What SELECT has chosen.
 
     Args:
+        board: the board.
         chips: what the session may select, in order.
-        cycles: what a whole cycle costs with each of them (ps).
+        cycle_ps: what a whole cycle costs; 0: 1 us, or the chip's minimum in real time.
 
     Attributes:
         selected: the chips of following cycles.
         chip: the one chip selected; None if there are more, or none.
         cycle: what a whole cycle costs now (ps).
+        cycles: what it costs with each chip.
+        decoded: chips whose strobes or select glue drives: whole cycles are made at the chip.
     """
 
     STATE: ClassVar[Names] = ("mask",)
-    WIRING: ClassVar[Names] = ("chips", "cycles")
+    WIRING: ClassVar[Names] = ("chips", "cycles", "decoded")
     DERIVED: ClassVar[Names] = ("_mask", "chip", "cycle", "selected")
 
-    def __init__(self, chips: list[Chip], cycles: list[int]) -> None:
+    def __init__(self, board: Circuit, chips: list[Chip], cycle_ps: int) -> None:
+        least = [chip.cycle_ps if board.policy == "realtime" else LOCKSTEP_CYCLE for chip in chips]
+        cycles = [cycle_ps or cost for cost in least]
         self.chips: list[Chip] = chips
         self.cycles: list[int] = cycles
+        self.decoded: list[Chip] = board.glue.behind(chips)
         self._mask: int = 1
         self.selected: list[Chip] = chips[:1]
         self.chip: Chip | None = chips[0] if chips else None
@@ -81,7 +91,9 @@ class Selection:
         return "+".join(chip.name for chip in self.selected) or "-"
 
     def observed(self) -> bool:
-        """Whether somebody looks at a bus net of the chips selected."""
+        """Whether somebody looks at a bus net of the chips selected, which hosts drive."""
+        if self.decoded and any(chip in self.decoded for chip in self.selected):
+            return False
         for chip in self.selected:
             for pin in chip.bus_pins:
                 if pin.net.observers:

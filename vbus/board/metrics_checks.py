@@ -4,6 +4,7 @@ import re
 from ipaddress import ip_address
 from typing import Final
 
+from vbus.addresses import loopback_like, meant
 from vbus.board.sections import BoardFile
 from vbus.board.settings import quoted
 from vbus.board.source import Source
@@ -32,11 +33,7 @@ def metrics_address(text: str, remote: bool) -> tuple[str, int]:
             f'{quoted(text)}: "{host}" is no address; write numbers, such as "{EXAMPLE}"'
         ) from None
     if not address.is_loopback and not remote:
-        raise ValueError(
-            f"{quoted(text)} lets other computers in; write"
-            f' "{"[::1]" if address.version == 6 else "127.0.0.1"}:{match[2]}", or say'
-            " remote = true in [metrics] if that is meant"
-        )
+        raise ValueError(meant(text, f"{loopback_like(host)}:{match[2]}", "in [metrics]"))
     return str(address), int(match[2])
 
 

@@ -3,11 +3,14 @@
 import re
 from typing import Final
 
+from vbus.addresses import refused_endpoint, refused_link
 from vbus.board.sections import BoardFile, ZenohSection
 from vbus.board.settings import quoted
 from vbus.board.source import Source
 
 NETWORK_SCHEME: Final = "zenoh"
+_SOCKETS: Final = ("tcp", "rfc2217")
+"""Schemes of links that listen at an address of the network."""
 _ENDPOINT: Final = re.compile(r"(tcp|tls)/(\[[0-9a-fA-F:.]+\]|[^/:#?]+):(\d{1,5})")
 _RIGHT: Final = re.compile(r"(?:serve )?(\*\*|\*|[^/*$?#]+)(/(\*\*|\*|[^/*$?#]+))*")
 
@@ -46,6 +49,8 @@ def _check_endpoints(zenoh: ZenohSection, source: Source) -> None:
                     f"{quoted(endpoint)} lets hosts in that show no certificate; write"
                     f' "tls/{endpoint[4:]}", or leave certificate, key and authority out',
                 )
+            elif key == "listen" and (refused := refused_endpoint(endpoint, zenoh.remote)):
+                source.fail(("zenoh", key, place), refused)
 
 
 def _check_certificates(zenoh: ZenohSection, source: Source) -> None:
@@ -79,9 +84,13 @@ def _check_hosts(file: BoardFile, source: Source) -> None:
     earlier: dict[str, int] = {}
     for place, host in enumerate(file.hosts):
         scheme, _, rest = host.transport.partition(":")
+        path = ("hosts", place, "transport")
+        # An address with a variable is looked at when it is opened.
+        if scheme in _SOCKETS and "$" not in rest:
+            if refused := refused_link(scheme, rest, host.remote):
+                source.fail(path, refused)
         if scheme != NETWORK_SCHEME:
             continue
-        path = ("hosts", place, "transport")
         node = nodes.get(host.chips[0], "") if host.chips else ""
         if rest:
             source.fail(
@@ -92,7 +101,7 @@ def _check_hosts(file: BoardFile, source: Source) -> None:
         elif node in earlier:
             source.fail(
                 path,
-                f"hosts[{earlier[node]}] is on the network already; one entry serves any number of"
-                " hosts, and chips = [...] says what they reach",
+                f"hosts[{earlier[node] + 1}] is on the network already; one entry serves any number"
+                " of hosts, and chips = [...] says what they reach",
             )
         earlier.setdefault(node, place)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+from vbus.addresses import refused_endpoint
 from vbus.board.sections import BoardFile
 from vbus.board.settings import listed, suggestion
 from vbus.board.source import Source
@@ -30,9 +31,14 @@ class NodeChecks:
         if self._nodes:
             for bus in self._file.buses:
                 self._together(("buses", bus.name, "chips"), bus.chips, f'bus "{bus.name}"')
+            lines: dict[str, list[str]] = {}
             for card in self._file.cards:
-                chips = [*card.chips, *(port.chip for port in card.ports)]
+                chips = [*card.decoded, *card.interrupting]
                 self._together(("cards", card.name), chips, f'card "{card.name}"')
+                if card.line:
+                    others = lines.setdefault(card.line, [])
+                    others += chips
+                    self._together(("cards", card.name, "line"), others, f'line "{card.line}"')
             for pin_map in self._file.pinmaps:
                 chips = list(pin_map.chips) or list(self._home)
                 self._together(("pinmaps", pin_map.name), chips, f'pin map "{pin_map.name}"')
@@ -62,6 +68,9 @@ class NodeChecks:
             if node not in used:
                 self._source.fail(("nodes", node), f'no chip has node = "{node}"')
 
+        for section in self._file.nodes:
+            if refused := refused_endpoint(section.listen, self._file.zenoh.remote):
+                self._source.fail(("nodes", section.name, "listen"), refused)
         listening = [node.name for node in self._file.nodes if node.listen]
         for name in listening[1:]:
             self._source.fail(

@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 
-from vbus.board.pin_maps import PORT_BIT, PinMap, below, missing, targets, wires
-from vbus.board.sections import HostSection, PinMapSection
+from vbus.board.card_interrupt import ACK, INT
+from vbus.board.pin_maps import PORT_BIT, PinMap, below, missing, roles, targets, wires
+from vbus.board.sections import BoardFile, CardSection, HostSection, PinMapSection
 from vbus.board.settings import listed, quoted, suggestion
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
@@ -16,13 +17,28 @@ class PinMapChecks:
     Args:
         chips: a specimen of each chip that could be read.
         known: the name of every chip, those included that could not be read.
+        file: the board file: its cards, and which hosts have one beside a pin map.
         source: takes the mistakes.
     """
 
-    def __init__(self, chips: Mapping[str, Chip], known: list[str], source: Source) -> None:
+    def __init__(
+        self, chips: Mapping[str, Chip], known: list[str], file: BoardFile, source: Source
+    ) -> None:
         self._chips: Mapping[str, Chip] = chips
         self._known: list[str] = known
         self._source: Source = source
+        self._cards: dict[str, CardSection] = {card.name: card for card in file.cards}
+        self._interrupts: dict[str, tuple[str, ...]] = {
+            card.name: (INT.name, ACK.name) if card.acknowledge else (INT.name,)
+            for card in file.cards
+            if card.has_circuit
+        }
+        self._by_card: dict[str, set[str]] = {}
+        """The chips that hosts with a pin map reach by a card, by the name of the map."""
+        for host in file.hosts:
+            if host.pinmap and host.card in self._cards:
+                chips_there = self._by_card.setdefault(host.pinmap, set())
+                chips_there.update(self._cards[host.card].decoded)
 
     def check(self, section: PinMapSection) -> None:
         """Check one map."""
@@ -39,7 +55,7 @@ class PinMapChecks:
         for key, tied in (("low", section.low), ("high", section.high)):
             for place, name in enumerate(tied):
                 self._pin((*path, key, place), name.removeprefix("!"), meant)
-        if not section.pins:
+        if not section.pins and section.name not in self._by_card:
             self._fail(
                 path, 'it wires nothing; write pins such as PB0 = "/RD" in [pinmaps.NAME.pins]'
             )
@@ -73,6 +89,8 @@ class PinMapChecks:
 
     def _pin(self, path: Path, name: str, meant: tuple[str, ...]) -> None:
         chip, dot, pin = name.partition(".")
+        if chip in self._interrupts and pin in self._interrupts[chip]:
+            return
         if dot:
             if self._chip(path, chip) and chip in self._chips:
                 self._exists(path, chip, pin)
@@ -99,7 +117,7 @@ class PinMapChecks:
 
     def _wires(self, path: Path, pin_map: PinMap) -> None:
         wired: dict[str, dict[str, str]] = {}
-        for wire in wires(pin_map, self._chips):
+        for wire in wires(pin_map, self._chips, self._interrupts):
             mine = wired.setdefault(wire.chip, {})
             other = mine.setdefault(wire.pin, wire.source)
             if other != wire.source:
@@ -108,9 +126,19 @@ class PinMapChecks:
                     f'"{wire.chip}.{wire.pin}" is wired to {_bit_name(other)} already; a pin'
                     " has one source",
                 )
+        by_card = self._by_card.get(pin_map.name, set())
         for chip, mine in wired.items():
+            if chip not in self._chips:
+                continue
             lacking = missing(self._chips[chip], mine)
-            if lacking:
+            if chip in by_card:
+                own = [name for name in roles(self._chips[chip]) if name in mine]
+                if own:
+                    self._fail(
+                        path,
+                        f'"{chip}" is on the card of a host with this map: leave out {listed(own)}',
+                    )
+            elif lacking:
                 self._fail(
                     path,
                     f'"{chip}" cannot be reached: {listed(lacking)} not wired; wire each to a port'
@@ -121,11 +149,18 @@ class PinMapChecks:
         self, path: Path, host: HostSection, section: PinMapSection, reached: list[str]
     ) -> None:
         """Check that a host reaches the chips its pin map is wired to."""
-        if host.card:
-            self._fail(path, 'a host has either a "card" or a "pinmap": addresses or port bits')
+        if host.card in self._cards and not self._cards[host.card].memory:
+            self._fail(
+                path,
+                'a host has either a "card" or a "pinmap": addresses or port bits; both only if the'
+                ' card is the memory bus of the microcontroller ("memory = true")',
+            )
         meant = section.chips or tuple(self._known)
         pin_map = PinMap(section.name, section.pins, section.low, section.high, meant)
-        for chip in dict.fromkeys(wire.chip for wire in wires(pin_map, self._chips)):
+        found = wires(pin_map, self._chips, self._interrupts)
+        for chip in dict.fromkeys(wire.chip for wire in found):
+            if chip in self._interrupts and set(self._cards[chip].interrupting) & set(reached):
+                continue
             if chip not in reached:
                 self._fail(
                     path,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from vbus.chips.base import Chip
+from vbus.glue.part import GluePart
 from vbus.signals import HIGH, LOW
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class Wire:
     Attributes:
         source: ``"B3"`` for a port bit, ``"0"`` or ``"1"`` for a tied pin, with ``!`` in front
             where it is inverted.
-        chip: the chip's name.
+        chip: the chip's name, or that of a card whose interrupt it is.
         pin: the pin's name; the wires of D0-D7 are D0 to D7.
         path: where the board file says so, below the pin map's table.
     """
@@ -71,12 +72,23 @@ def below(bit: str, names: tuple[str, ...]) -> Iterator[tuple[tuple[str | int, .
         yield ("pins", bit) if len(names) == 1 else ("pins", bit, place), name
 
 
-def wires(pin_map: PinMap, chips: Mapping[str, Chip]) -> Iterator[Wire]:
-    """Give every wire of the map; pins that do not exist are left out."""
+def wires(
+    pin_map: PinMap, chips: Mapping[str, Chip], interrupts: Mapping[str, Iterable[str]]
+) -> Iterator[Wire]:
+    """Give every wire of the map; pins that do not exist are left out.
+
+    Args:
+        pin_map: the map.
+        chips: the chips by name.
+        interrupts: the pins of cards' interrupts, by the name of the card.
+    """
 
     def ends(source: str, name: str, path: tuple[str | int, ...]) -> Iterator[Wire]:
         inverted = name.startswith("!")
         owner, dot, pin = name.removeprefix("!").partition(".")
+        if pin in interrupts.get(owner, ()):
+            yield Wire("!" * inverted + source, owner, pin, path)
+            return
         for chip in [owner] if dot else pin_map.chips:
             if chip in chips and (pin if dot else owner) in targets(chips[chip]):
                 yield Wire("!" * inverted + source, chip, pin if dot else owner, path)
@@ -138,7 +150,7 @@ def missing(chip: Chip, wired: Iterable[str]) -> list[str]:
     return [name for name in roles(chip) if name not in have]
 
 
-def wiring(pin_map: PinMap | None, chips: list[Chip], pins: HostPins) -> str:
+def wiring(pin_map: PinMap | None, chips: list[Chip], glue: list[GluePart], pins: HostPins) -> str:
     """Return the wiring text of a session: what its host's pin decoder is told.
 
     It is a list of ``ROLE=SOURCE`` separated by spaces. The role is a letter of :func:`roles`
@@ -148,16 +160,19 @@ def wiring(pin_map: PinMap | None, chips: list[Chip], pins: HostPins) -> str:
     if pin_map is None:
         return ""
     by_name = {chip.name: chip for chip in chips}
+    others = {part.name: part for part in glue}
     entries: dict[str, None] = {}
     roles_of = {chip.name: roles(chip) for chip in chips}
-    for wire in wires(pin_map, by_name):
-        chip = by_name[wire.chip]
-        role = roles_of[wire.chip].get(wire.pin)
+    for wire in wires(pin_map, by_name, {name: one.pins for name, one in others.items()}):
+        role = roles_of.get(wire.chip, {}).get(wire.pin)
         if role is not None:
-            entries[f"{chips.index(chip)}{role}={wire.source}"] = None
+            entries[f"{chips.index(by_name[wire.chip])}{role}={wire.source}"] = None
             continue
-        pin = chip.pins[wire.pin]
-        is_input = next(row for row in chip.pin_rows if row.name == wire.pin).direction == "in"
+        if wire.chip in others and wire.pin in others[wire.chip].pins:
+            pin, rows = others[wire.chip].pins[wire.pin], others[wire.chip].pin_rows
+        else:
+            pin, rows = by_name[wire.chip].pins[wire.pin], by_name[wire.chip].pin_rows
+        is_input = next(row for row in rows if row.name == wire.pin).direction == "in"
         kind, known = (SIDE, pins.sides) if is_input else (OUTPUT, pins.outputs)
         for number, other in enumerate(known):
             if other.net is pin.net:

@@ -5,9 +5,11 @@ anybody else's. Nothing is scanned at import.
 """
 
 import difflib
+from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib import metadata
+from importlib.metadata import EntryPoint
 from typing import Final, TypeVar
 
 from vbus.chips.base import Chip
@@ -20,6 +22,9 @@ PLANTS: Final = "vbus.plants"
 PROTOCOLS: Final = "vbus.protocols"
 TRANSPORTS: Final = "vbus.transports"
 
+_installed: Final = cache(metadata.entry_points)
+"""Finds the entry points of all groups at once: it reads a file of each installed distribution."""
+
 _LOADED: Final[dict[EntryPoint, Family]] = {}
 """Families by entry point, once they are loaded."""
 
@@ -30,6 +35,11 @@ _KINDS: Final = {
     PROTOCOLS: "protocol",
     TRANSPORTS: "transport",
 }
+
+
+def entry_points(group: str) -> Iterable[EntryPoint]:
+    """Return the entry points of a group, as they are installed."""
+    return _installed().select(group=group)
 
 
 @cache

@@ -10,6 +10,8 @@ from typing import Any, Final
 from msgspec import Struct
 
 from vbus.board import plugins, sections, units
+from vbus.board.glue_section import GlueSection
+from vbus.board.section import NAMES, rows
 from vbus.board.settings import allowed
 from vbus.faults.table import faults
 from vbus.options import Option
@@ -36,11 +38,19 @@ def schema() -> Schema:
             "type": "object",
             "additionalProperties": {"anyOf": [_NAMES, _object(sections.NetSection)]},
         },
+        "glue": _by_name(
+            _object(
+                GlueSection,
+                pins=_pins(),
+                equations={"type": "object", "additionalProperties": {"type": "string"}},
+            )
+        ),
         "buses": _by_name(_object(sections.BusSection)),
         "cards": _by_name(
             _object(
                 sections.CardSection,
                 ports={"type": "array", "items": _object(sections.CardPortSection)},
+                pins=_pins(),
             )
         ),
         "pinmaps": _by_name(_object(sections.PinMapSection, pins=_pins())),
@@ -52,6 +62,7 @@ def schema() -> Schema:
             sections.ZenohSection, allow={"type": "object", "additionalProperties": _NAMES}
         ),
         "metrics": _object(sections.MetricsSection),
+        "scope": _object(sections.ScopeSection),
         "faults": {"type": "array", "items": _faults()},
     }
     return {
@@ -74,7 +85,7 @@ def value(option: Option) -> Schema:
     """Return what the value of one key may be."""
     kind = option.kind
     found: Schema
-    if kind == sections.NAMES:
+    if kind == NAMES:
         found = dict(_NAMES)
     elif kind == "choice":
         found = {"enum": list(option.choices)}
@@ -90,7 +101,7 @@ def value(option: Option) -> Schema:
                 found[key] = limit
         if kind == "rate":
             found = {"anyOf": [found, {"const": "max"}]}
-    said = option.title if kind == sections.NAMES else f"{option.title}; {allowed(option)}"
+    said = option.title if kind == NAMES else f"{option.title}; {allowed(option)}"
     found["description"] = said
     if option.default not in (None, "") and kind not in units.DIMENSIONS:
         found["default"] = option.default
@@ -111,7 +122,7 @@ def _table(options: Iterable[Option], extra: Mapping[str, Schema]) -> Schema:
 
 
 def _object(section: type[Struct], **extra: Schema) -> Schema:
-    return _table(sections.rows(section), extra)
+    return _table(rows(section), extra)
 
 
 def _by_name(table: Schema) -> Schema:
@@ -132,7 +143,7 @@ def _kinds(
         kinds: its values as a pattern, examples of them, and the keys each brings with it.
         extra: keys that hold tables.
     """
-    common = list(sections.rows(section))
+    common = list(rows(section))
     table = _table(common, extra)
     # Which keys there are the kind says; a kind nobody knows is for vbus check.
     del table["additionalProperties"]

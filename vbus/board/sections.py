@@ -4,52 +4,24 @@ These declarations are what the reader checks against, what its messages list, a
 ``docs/board-file.md`` is made from. The keys a chip or plant adds stand in its own ``OPTIONS``.
 """
 
-from collections.abc import Iterator
 from typing import Annotated, Final
 
-import msgspec
-from msgspec import Meta, Struct
-
-from vbus.options import Option, Value
+from vbus.board.glue_section import GlueSection
+from vbus.board.section import NAMES, Section
+from vbus.board.section import key as _key
+from vbus.options import Value
+from vbus.protocols.serial_line import FRAMES, USUAL_FRAME
 
 TIMES: Final = ("realtime", "lockstep", "slaved")
 LEVELS: Final = ("off", "warn", "strict")
 RESTS: Final = ("low", "high", "keep")
+SENSES: Final = ("level", "edge")
+ACCESSES: Final = ("read", "write", "either")
 SIGNALS: Final = {"SIGHUP": 1, "SIGUSR1": 10, "SIGUSR2": 12, "SIGALRM": 14, "SIGIO": 29}
 """Signals that may stand for an interrupt, with their numbers on Linux for x86."""
 
 NO_PLANT: Final = "none"
 """In place of a plant's name: nothing is behind the axis, or nets drive its encoder inputs."""
-
-NAMES: Final = "names"
-"""A list of names: the one kind of key that :class:`~vbus.options.Option` does not know."""
-
-
-def _key(
-    kind: str,
-    title: str,
-    choices: tuple[str, ...] = (),
-    low: float | None = None,
-    high: float | None = None,
-) -> Meta:
-    return Meta(description=title, extra={"rest": (choices, low, high), "kind": kind})
-
-
-def rows(section: type[Struct]) -> Iterator[Option]:
-    """Return the keys of a section that have a title; a row without default is required."""
-    for field in msgspec.structs.fields(section):
-        for meta in getattr(field.type, "__metadata__", ()):
-            default = field.default
-            if default is msgspec.NODEFAULT:
-                default = None if field.default_factory is msgspec.NODEFAULT else ""
-            choices, low, high = meta.extra["rest"]
-            yield Option(
-                field.name, meta.extra["kind"], default, meta.description, choices, low, high
-            )
-
-
-class Section(Struct, frozen=True, kw_only=True):
-    """Base of all sections."""
 
 
 class BoardSection(Section, frozen=True, kw_only=True):
@@ -216,7 +188,50 @@ class CardSection(Section, frozen=True, kw_only=True):
     signal: Annotated[
         str, _key("choice", "signal an interrupt sends to the program", tuple(SIGNALS))
     ] = ""
+    sense: Annotated[
+        str,
+        _key(
+            "choice", "whether the interrupt stands while its line does, or an edge counts", SENSES
+        ),
+    ] = "level"
+    acknowledge: Annotated[
+        str,
+        _key(
+            "choice",
+            "access that clears the interrupt's flip-flop; without one the card has no flip-flop",
+            ACCESSES,
+        ),
+    ] = ""
+    acknowledge_at: Annotated[
+        int, _key("count", "where: distance from the base, in strides", low=0)
+    ] = 0
+    line: Annotated[
+        str, _key("text", "name of an interrupt line that cards share; they pull it low together")
+    ] = ""
+    bus: Annotated[
+        str, _key("choice", "its connector, wired by pins, in place of ports and decode", ("ISA",))
+    ] = ""
+    size: Annotated[int, _key("count", "addresses of a card with a bus", low=1, high=256)] = 16
+    strobe: Annotated[int, _key("s", "how long the strobe of a cycle on its bus is low", low=1)] = (
+        500_000
+    )
     ports: tuple[CardPortSection, ...] = ()
+    pins: dict[str, tuple[str, ...]] = {}
+
+    @property
+    def has_circuit(self) -> bool:
+        """Whether its interrupt is more than the outputs themselves."""
+        return bool(self.acknowledge or self.line)
+
+    @property
+    def decoded(self) -> tuple[str, ...]:
+        """The chips behind its addresses."""
+        return (*self.chips, *(port.chip for port in self.ports))
+
+    @property
+    def interrupting(self) -> tuple[str, ...]:
+        """The chips that interrupt."""
+        return tuple(output.partition(".")[0] for output in self.interrupt.split())
 
 
 class PinMapSection(Section, frozen=True, kw_only=True):
@@ -248,9 +263,42 @@ class HostSection(Section, frozen=True, kw_only=True):
     pinmap: Annotated[
         str, _key("text", "the pin map of a microcontroller whose port bits are the host")
     ] = ""
+    remote: Annotated[
+        bool, _key("flag", "other computers may be let in (tcp and rfc2217, which ask for nothing)")
+    ] = False
     awaited: Annotated[
         bool, _key("flag", "on a board with nodes: time does not begin before this host uses it")
     ] = False
+    baud: Annotated[
+        int,
+        _key("count", "bits per second of a serial line, in chip time; 0: bytes take none", low=0),
+    ] = 0
+    frame: Annotated[
+        str, _key("choice", "data bits, parity and stop bits of the line", tuple(FRAMES))
+    ] = USUAL_FRAME
+    dtr: Annotated[tuple[str, ...], _key(NAMES, "pins that are low while DTR is on")] = ()
+    rts: Annotated[tuple[str, ...], _key(NAMES, "pins that are low while RTS is on")] = ()
+    breaks: Annotated[tuple[str, ...], _key(NAMES, "pins that are low during a break")] = ()
+    reset: Annotated[
+        tuple[str, ...],
+        _key(NAMES, "pins that are low for change_time when DTR goes on, as on an Arduino"),
+    ] = ()
+    change_time: Annotated[
+        int,
+        _key("s", "how long a change of DTR, RTS or break takes before anything follows", low=0),
+    ] = 1_000_000_000
+    cts: Annotated[str, _key("text", "pin that turns CTS on while it is low; else it is on")] = ""
+    dsr: Annotated[str, _key("text", "pin that turns DSR on while it is low; else it is on")] = ""
+
+    @property
+    def driven(self) -> dict[str, tuple[str, ...]]:
+        """The pins that follow the host's own lines, by key."""
+        return {"dtr": self.dtr, "rts": self.rts, "breaks": self.breaks, "reset": self.reset}
+
+    @property
+    def sensed(self) -> dict[str, str]:
+        """The pins the host's input lines follow, by key."""
+        return {"cts": self.cts, "dsr": self.dsr}
 
 
 class ZenohSection(Section, frozen=True, kw_only=True):
@@ -269,6 +317,9 @@ class ZenohSection(Section, frozen=True, kw_only=True):
     grace: Annotated[
         int, _key("s", "how long the session of a host that has vanished is kept for it", low=0)
     ] = 2_000_000_000_000
+    remote: Annotated[
+        bool, _key("flag", "other computers may be let in without certificates, with all rights")
+    ] = False
     allow: dict[str, tuple[str, ...]] | None = None
 
 
@@ -296,7 +347,7 @@ class RecordSection(Section, frozen=True, kw_only=True):
     ] = ""
     coverage: Annotated[
         str,
-        _key("text", "file that takes what hosts have exercised at the end: .txt, .json, .html"),
+        _key("text", "file that takes what hosts exercise, at the end: .txt, .json, .html, .xml"),
     ] = ""
 
 
@@ -308,6 +359,22 @@ class MetricsSection(Section, frozen=True, kw_only=True):
         _key("text", 'address such as "127.0.0.1:9100", port 0 for any free one; else none'),
     ] = ""
     remote: Annotated[bool, _key("flag", "other computers may be let in")] = False
+
+
+class ScopeSection(Section, frozen=True, kw_only=True):
+    """``[scope]``: the board in a browser."""
+
+    listen: Annotated[
+        str,
+        _key(
+            "text", 'address of the page, such as "127.0.0.1:0", port 0 for any free one; else none'
+        ),
+    ] = ""
+    remote: Annotated[bool, _key("flag", "other computers may be let in; needs a certificate")] = (
+        False
+    )
+    certificate: Annotated[str, _key("text", "file of the certificate for TLS (PEM)")] = ""
+    key: Annotated[str, _key("text", "file of its key (PEM)")] = ""
 
 
 class WaveSection(Section, frozen=True, kw_only=True):
@@ -360,6 +427,7 @@ class BoardFile(Section, frozen=True, kw_only=True):
     chips: tuple[ChipSection, ...]
     plants: tuple[PlantSection, ...]
     nets: tuple[NetSection, ...]
+    glue: tuple[GlueSection, ...] = ()
     buses: tuple[BusSection, ...]
     cards: tuple[CardSection, ...]
     pinmaps: tuple[PinMapSection, ...]
@@ -369,4 +437,5 @@ class BoardFile(Section, frozen=True, kw_only=True):
     nodes: tuple[NodeSection, ...] = ()
     zenoh: ZenohSection = ZenohSection()
     metrics: MetricsSection = MetricsSection()
+    scope: ScopeSection = ScopeSection()
     faults: tuple[FaultSection, ...] = ()

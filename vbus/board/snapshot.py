@@ -175,6 +175,9 @@ def _try(snapshot: Snapshot) -> None:
             twin.open_port(host.label, host.chips, host.cycle_ps)
         _bring(twin, snapshot, {})
         begun = twin.now
+        for chip in twin.chips:
+            if chip.overdue():
+                raise SnapshotError(f"chip {chip.name}: its state is not of {begun} ps")
         twin.catch_up()
         twin.run_until(min(begun + TRIED, END))
         twin.catch_up()
@@ -339,5 +342,5 @@ def read(data: bytes, name: str = "the snapshot") -> Snapshot:
             when, board, file, text, made_by, parts, tuple(HostState(*host) for host in hosts),
             state, counters, digest,
         )  # fmt: skip
-    except (ValueError, TypeError, LookupError, OverflowError, RecursionError) as error:
+    except (ValueError, TypeError, LookupError, RecursionError) as error:
         raise SnapshotError(f"{name}: its content makes no sense: {error}") from error

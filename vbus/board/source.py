@@ -1,12 +1,28 @@
 """Mistakes in a board file: collected with their lines, raised together."""
 
+import gc
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 
 from vbus.board.toml_lines import Path, TomlLines
 from vbus.errors import ConfigError
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+@contextmanager
+def collection_held() -> Iterator[None]:
+    """A board is many objects that stay: while it is made, nobody looks for garbage among them."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +59,11 @@ class BoardFileError(ConfigError):
 
 
 def key_text(path: Path) -> str:
-    """Return a path as TOML writes it: ``nets."/SYNC"``, ``hosts[0].transport``."""
+    """Return a path as TOML writes it, rows counted from 1: ``nets."/SYNC"``, ``hosts[1].card``."""
     text = ""
     for part in path:
         if isinstance(part, int):
-            text += f"[{part}]"
+            text += f"[{part + 1}]"
         else:
             name = part if _BARE.fullmatch(part) else '"' + part.replace('"', '\\"') + '"'
             text += f".{name}" if text else name
@@ -60,8 +76,12 @@ class Source:
     def __init__(self, file: str, text: str) -> None:
         self.file: str = file
         self.text: str = text
-        self._lines: TomlLines = TomlLines(text)
         self._problems: list[Problem] = []
+
+    @cached_property
+    def _lines(self) -> TomlLines:
+        """Where keys stand: nobody asks about a file without mistakes."""
+        return TomlLines(self.text)
 
     def fail(self, path: Path, message: str) -> None:
         """Note a mistake at ``path``."""

@@ -3,6 +3,7 @@
 from typing import Any, Final
 
 from vbus.errors import SnapshotError
+from vbus.signals import LOW
 from vbus.state import Saved
 from vbus.state.first import Adapter, from_tuple, to_tuple
 
@@ -45,7 +46,7 @@ def _load(board: Any, old: Any) -> Saved:
     parts, (kernel, tail, strobes), chips, wires, levels, ports = old[:6]
     return {
         "parts": parts, "levels": levels, "tail": tail, "wires": wires,
-        "kernel": from_tuple(board.kernel, kernel, "kernel"),
+        "kernel": from_tuple(board.kernel, kernel, "kernel"), "glue": _glue(board, levels),
         "ports": tuple(
             {**from_tuple(port, kept, port.label), "strobes": {"watches": watches}}
             for port, kept, watches in zip(board.ports, ports, strobes, strict=True)
@@ -53,6 +54,23 @@ def _load(board: Any, old: Any) -> Saved:
         "chips": tuple(
             from_tuple(chip, kept, chip.name) for chip, kept in zip(board.chips, chips, strict=True)
         ),
+    }  # fmt: skip
+
+
+def _glue(board: Any, levels: Any) -> Saved:
+    """Return the state of glue, which was that of the interrupts of cards: what they drive."""
+    driven = dict(zip(map(id, board.pins), levels, strict=False))
+    return {
+        "parts": tuple(
+            {
+                "blocks": tuple(
+                    {"state": int(low), "levels": int(not low), "driven": -1, "queue": ()}
+                    for block in part.blocks
+                    for low in [driven.get(id(block.outputs[0])) == LOW]
+                )
+            }
+            for part in board.glue.parts
+        )
     }  # fmt: skip
 
 

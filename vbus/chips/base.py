@@ -154,6 +154,22 @@ class Chip:
         """
         return False
 
+    def step_ps(self) -> int:
+        """Return how far apart the samples are that are computed one by one now (ps).
+
+        NEVER of a chip that rests, and of one whose samples cannot be set so short that a server
+        would be long at them.
+        """
+        return NEVER
+
+    def next_sample(self) -> int:
+        """Return the instant after now at which the chip's next sample is made or shows (ps).
+
+        What :meth:`telemetry` tells of an axis changes then. NEVER of a chip that rests or tells
+        of none.
+        """
+        return NEVER
+
     def steady_until(self, address: int) -> int:
         """Return until when reads at ``address`` give what the one just made gave (ps).
 
@@ -224,9 +240,32 @@ class Chip:
         """Return what a live view shows of this chip, by name."""
         return {}
 
+    def next_change(self) -> int:
+        """Return an instant after now, not later than the next sample that changes telemetry (ps).
+
+        Holds as long as nothing from outside touches the chip; :data:`NEVER` if nothing will.
+        Override it where that may change while outputs do not.
+        """
+        return self.next_event()
+
+    def peek(self, address: int) -> int:
+        """Return the byte that the register at ``address`` holds; nothing changes.
+
+        Raises:
+            ValueError: this chip's registers cannot be looked at.
+        """
+        raise ValueError(f"{self.part}: its registers cannot be looked at")
+
     def before_save(self) -> None:
         """Come to now."""
         self.advance()
+
+    def overdue(self) -> bool:
+        """Tell whether more is due inside than could have been left: no chip that ran is so.
+
+        Asked of a chip whose state comes from elsewhere, before it works that off.
+        """
+        return False
 
     def save(self) -> tuple[object, ...]:
         """Return the whole state as nested tuples of numbers, strings and bytes.

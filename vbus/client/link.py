@@ -4,9 +4,11 @@ import contextlib
 import errno
 import os
 import socket
+from pathlib import Path
 from typing import Final
 
 from vbus.errors import TransportError
+from vbus.runtime import pause_mark
 
 _READ: Final = 65536
 _GONE: Final = (errno.EIO, errno.EPIPE, errno.ECONNRESET, errno.ENXIO, errno.EBADF)
@@ -57,6 +59,11 @@ class Link:
     def until(self, deadline: float) -> float:
         """Return when to read although nothing has come, at the latest at ``deadline``."""
         return deadline
+
+    def paused(self) -> bool:
+        """Tell whether somebody has paused the board: it answers when they let it go on."""
+        kind, _, path = self.where.partition(":")
+        return kind in ("pty", "unix") and pause_mark(Path(path)).exists()
 
     def check(self) -> None:
         """Tell whether a link that was being opened is open.

@@ -146,6 +146,7 @@ class ZenohLink(Link):
         self._under_way: dict[int, _Query] = {}
         self._searching: bool = False
         self._closed: bool = False
+        self._paused: bool = False
         self._error: TransportError | None = None
         self._kept: list[Any] = []
 
@@ -155,6 +156,10 @@ class ZenohLink(Link):
         callback = zenoh.handlers.Callback(self._event, indirect=False)
         self._kept.append(self._network.liveliness().declare_token(token))
         self._kept.append(self._network.declare_subscriber(token, callback))
+        pauses = zenoh.handlers.Callback(self._pause, indirect=False)
+        mark = keys.paused(self._bus_key)
+        liveliness = self._network.liveliness()
+        self._kept.append(liveliness.declare_subscriber(mark, pauses, history=True))
         _open.add(self)
 
     # -- what a bus calls -----------------------------------------------------------------------
@@ -215,6 +220,10 @@ class ZenohLink(Link):
             for other in sorted(self._under_way):
                 self._send(self._under_way[other], watched=True)
 
+    def paused(self) -> bool:
+        """Tell whether somebody has paused the board: it has left word of that on the network."""
+        return self._paused
+
     def check(self) -> None:
         """The session is open."""
 
@@ -261,6 +270,9 @@ class ZenohLink(Link):
 
     def _event(self, sample: zenoh.Sample) -> None:
         self.arrived(-1, sample.payload.to_bytes())
+
+    def _pause(self, sample: zenoh.Sample) -> None:
+        self._paused = sample.kind == zenoh.SampleKind.PUT
 
     def arrived(self, number: int, data: bytes) -> None:
         """Take a reply, or events (number -1); for Zenoh's threads."""

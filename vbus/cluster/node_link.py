@@ -12,7 +12,7 @@ import zenoh
 from vbus.errors import NameInUseError, TransportError
 from vbus.network.access import answer_access, ask_access
 from vbus.network.security import Security
-from vbus.network.session import open_session
+from vbus.network.session import close_session, open_session
 from vbus.transports.zenoh_host import send_reply
 from vbus.transports.zenoh_inbox import Inbox
 
@@ -25,6 +25,8 @@ ATTEMPT_SECONDS: Final = 0.2
 """How long the first attempt to reach the middle of the star takes, and the pause after each."""
 LONGEST_ATTEMPT: Final = 2.0
 """How long later attempts take: certificates are shown over slow links, too."""
+MARGIN_MS: Final = 250
+"""What a lease is longer than a deadline: nodes look for silence ten times a second."""
 
 
 class Receiver:
@@ -83,6 +85,8 @@ class NodeLink:
         listen: Sequence[str],
         connect: Sequence[str],
         security: Security | None,
+        remote: bool,
+        deadline: float,
         waits: Callable[[str], None],
     ) -> None:
         """Join the network; where nobody listens yet, wait for it.
@@ -92,6 +96,8 @@ class NodeLink:
             listen: endpoints; whoever listens is the middle of the star.
             connect: endpoints of who listens.
             security: certificates, if any.
+            remote: other computers may be let in without.
+            deadline: how long the nodes of this process may be silent (s).
             waits: takes a sentence, once, if it has to wait.
 
         Raises:
@@ -101,9 +107,12 @@ class NodeLink:
         loop = asyncio.get_running_loop()
         self._loop = loop
         mode = "router" if listen else "client"
+        # Who stands still is named by the others when the deadline is over, not given up before. A
+        # session is closed at once only when the lease of a link that was cut is over, too.
+        lease = int(1000 * deadline) + MARGIN_MS
 
         def attempt(seconds: float) -> zenoh.Session:
-            return open_session(listen, connect, mode, security, seconds)
+            return open_session(listen, connect, mode, security, seconds, remote, lease)
 
         self._receiver = receiver
         self._inbox = Inbox(loop)
@@ -120,7 +129,7 @@ class NodeLink:
                     waits(f"nobody listens at {', '.join(connect)} yet; waits for it")
                 await asyncio.sleep(ATTEMPT_SECONDS)
                 seconds = min(2 * seconds, LONGEST_ATTEMPT)
-        self._opened.callback(self._session.close)
+        self._opened.callback(close_session, self._session)
         await loop.run_in_executor(None, self._declare, self._session, bool(listen), security)
 
     def _declare(self, session: zenoh.Session, listens: bool, security: Security | None) -> None:

@@ -21,8 +21,9 @@ from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.trace import hash_of, merged
+from vbus.server.loop import run_until_signal
 from vbus.server.readiness import tell_ready
-from vbus.server.server import Server, run_until_signal
+from vbus.server.server import Server
 from vbus.server.serving import links_of, network_of
 
 LAST_WORDS: Final = 0.1
@@ -274,8 +275,11 @@ class _Run:
     async def _open(self, link: NodeLink) -> None:
         names = [node.name for node in self._nodes]
         listen, connect = endpoints_of(self._file, names, self._options)
-        security = network_of(self._file.zenoh).security
-        await link.open(self._peers, listen, connect, security, self._report)
+        network = network_of(self._file.zenoh)
+        deadline = max(node.deadline for node in self._file.nodes if node.name in names) * 1e-12
+        await link.open(
+            self._peers, listen, connect, network.security, network.remote, deadline, self._report
+        )
 
     def _serve_hosts(self, loop: asyncio.AbstractEventLoop) -> None:
         for node in self._nodes:

@@ -65,7 +65,7 @@ def take_order(node: Node, orders: Orders, data: bytes) -> Answer:
             return Answer(node.name, now)
         pins = {chip.name: set(chip.pins) for chip in node.board.chips}
         scenario = read_scenario(request.lines, "order", pins, US)
-    except (msgspec.DecodeError, ConfigError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, ConfigError) as error:
         return Answer(node.name, now, error=f"this is no order: {error}")
     if request.at - LEAD < now:
         return Answer(

@@ -343,7 +343,8 @@ class Peers(Receiver):
             if not other.joined or rank in self._lost or other.state == DONE:
                 continue
             if now - other.heard > other.deadline:
-                self._lose(rank, f"has been silent for {other.deadline:g} s: it stalls")
+                said = f"has been silent for {other.deadline:g} s: it stalls or is cut off"
+                self._lose(rank, said)
         self.check(now)
 
     def _tell_state(self) -> None:

@@ -39,7 +39,7 @@ COMPILED: Final = (
 COLD: Final = frozenset({
     "__init__.py", "clauses.py", "state_1.py", "tables.py",
     "family.py", "datasheet.py", "bus.py", "packets.py", "coverage.py", "upsets.py",
-    "compatible.py",
+    "compatible.py", "inner_registers.py",
     "access.py", "host.py", "demo.py",
 })  # fmt: skip
 """Tables, what reads them once, and of a chip's folder all but its behaviour; by names of files."""

@@ -1,10 +1,11 @@
 """A fault that is armed, and the evidence of what it did."""
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Final, Protocol
+from typing import ClassVar, Final, Protocol
 
 from vbus.faults.row import Fault
 from vbus.faults.trigger import Until, When
+from vbus.faults.watch import ConditionWatch
 from vbus.options import Value
 from vbus.state import Names
 
@@ -79,7 +80,7 @@ class Armed:
     cleared: bool = False
     writes: tuple[tuple[int, int], ...] = ()
     side: int = 0
-    watcher: Any = field(default=None, repr=False)
+    watcher: ConditionWatch | None = field(default=None, repr=False)
 
     @property
     def name(self) -> str:

@@ -19,6 +19,7 @@ from vbus.faults.targets import find_target
 from vbus.faults.trigger import (
     AT,
     COMMAND,
+    CONDITION,
     CYCLE,
     EDGE,
     FOR,
@@ -28,9 +29,8 @@ from vbus.faults.trigger import (
     read_until,
     read_when,
 )
-from vbus.faults.watch import CycleWatcher, EdgeWatcher, write_of
+from vbus.faults.watch import ConditionWatch, CycleWatcher, write_of
 from vbus.kernel import US
-from vbus.signals import HIGH, LOW
 from vbus.state import Names
 
 LOOK: Final = 100 * US
@@ -199,8 +199,8 @@ class Faults:
     def _prepare(self, armed: Armed) -> None:
         """Check that the trigger fits the board, before anything is changed."""
         when, chip = armed.when, self._chip_of(armed)
-        if when.kind == EDGE:
-            self._board.find_pin(self._pin_of(armed))
+        if when.kind in (EDGE, CONDITION):
+            armed.watcher = self._watch(armed)
         if when.kind in (COMMAND, POSITION) and chip is None:
             raise ValueError(f'when = "{when.text}": a fault of a link has no {when.kind}')
         if when.kind == COMMAND and chip is not None:
@@ -226,29 +226,26 @@ class Faults:
         elif when.kind == POSITION:
             armed.side = 1 if self._position(armed) < when.number else -1
             self._push(now + LOOK, _LOOK, armed.number)
-        elif when.kind == EDGE:
-            self._watch_edge(armed)
+        elif armed.watcher is not None:
+            armed.watcher.begin()
         elif when.kind == RATE:
             if armed.until.kind == FOR and armed.fault.acts != LASTS:
                 self._push(now + armed.until.span, _STOP, armed.number)
             self._draw(armed)
 
-    def _watch_edge(self, armed: Armed) -> None:
-        number = armed.number
-        armed.watcher = EdgeWatcher(
-            HIGH if armed.when.number else LOW,
-            lambda: self._push(self._board.now, _BEGIN, number),
-        )
-        self._board.find_pin(self._pin_of(armed)).net.observe(armed.watcher)
+    def _watch(self, armed: Armed) -> ConditionWatch:
+        """Return what waits for an edge or a condition."""
+        text, chip = armed.when.name, self._chip_of(armed)
+        if armed.when.kind == EDGE:
+            place = f"{chip.name}.{text}" if "." not in text and chip is not None else text
+            net = self._board.find_pin(place).net
+            text = f'"{net.name}" {"rises" if armed.when.number else "falls"}'
+        return ConditionWatch(text, self._board, chip, lambda: self._met(armed))
 
     def _unwatch(self, armed: Armed) -> None:
         if armed.watcher is not None:
-            self._board.find_pin(self._pin_of(armed)).net.unobserve(armed.watcher)
+            armed.watcher.end()
             armed.watcher = None
-
-    def _pin_of(self, armed: Armed) -> str:
-        chip, name = self._chip_of(armed), armed.when.name
-        return f"{chip.name}.{name}" if "." not in name and chip is not None else name
 
     def _position(self, armed: Armed) -> int:
         place = armed.target if armed.fault.target == AXIS else f"{armed.target}.1"
@@ -408,6 +405,12 @@ class Faults:
 
     # -- state --------------------------------------------------------------------------------
 
+    def before_save(self) -> None:
+        """What conditions have seen at this instant is taken into account."""
+        for armed in self.live():
+            if armed.watcher is not None:
+                armed.watcher.flush()
+
     @property
     def records(self) -> list[Record]:
         """Every fault that was ever armed, as plain numbers and texts; the log stays out."""
@@ -439,8 +442,9 @@ class Faults:
         """Everything is loaded: let what acts on chips and buses act again."""
         self.acts.go_on([a for a in self._armed.values() if a.state == ACTING])
         for armed in self.live():
-            if armed.when.kind == EDGE and armed.state == WAITING:
-                self._watch_edge(armed)
+            if armed.when.kind in (EDGE, CONDITION) and armed.state == WAITING:
+                armed.watcher = self._watch(armed)
+                armed.watcher.begin()
         if self._queue:
             self._timer.at(self._queue[0][0])
         self._settle_watch()

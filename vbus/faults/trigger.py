@@ -5,6 +5,8 @@ from typing import Final
 
 from vbus.board.settings import quoted, suggestion
 from vbus.board.units import UnitError, parse
+from vbus.conditions.grammar import is_word, read
+from vbus.conditions.lexer import ConditionError
 from vbus.faults.row import LASTS, ONCE, Fault
 from vbus.kernel import END, SECOND
 
@@ -15,13 +17,14 @@ POSITION: Final = "position"
 COMMAND: Final = "command"
 EDGE: Final = "edge"
 RATE: Final = "rate"
+CONDITION: Final = "condition"
 
 CLEARED: Final = "cleared"
 FOR: Final = "for"
 
 WHEN_FORMS: Final = (
     '"now", "at 5 ms", "cycle 12", "position 1000", "command LTRJ" (or a register\'s name),'
-    ' "edge x./RST low" or "rate 10 Hz"'
+    ' "edge x./RST low", "rate 10 Hz" or a condition such as "x.real > 400 and x.HI == 1"'
 )
 UNTIL_FORMS: Final = '"once", "for 5 ms" or "cleared"'
 
@@ -31,10 +34,10 @@ class When:
     """A trigger.
 
     Attributes:
-        kind: :data:`NOW` to :data:`RATE`.
+        kind: :data:`NOW` to :data:`CONDITION`.
         number: instant (ps), ordinal of a bus cycle, position (counts), level of the edge, or
             mean interval (ps).
-        name: command, register or pin.
+        name: command, register, pin or condition.
         text: as it was written.
     """
 
@@ -83,7 +86,7 @@ def read_when(value: object) -> When:
             return When(CYCLE, _ordinal(rest), "", text)
         if kind == POSITION:
             return When(POSITION, int(rest, 0), "", text)
-        if kind == COMMAND and rest:
+        if kind == COMMAND and rest and len(rest.split()) == 1:
             return When(COMMAND, 0, rest, text)
         if kind == EDGE:
             pin, _, level = rest.rpartition(" ")
@@ -95,6 +98,13 @@ def read_when(value: object) -> When:
                 return When(RATE, 10**12 // hertz, "", text)
     except (UnitError, ValueError) as error:
         raise ValueError(f"when = {quoted(text)}: {error}") from None
+    if kind not in (NOW, AT, CYCLE, POSITION, EDGE, RATE):
+        try:
+            if not is_word(read(text, "when =")):
+                return When(CONDITION, 0, text, text)
+        except ConditionError as error:
+            if "." in text:
+                raise ValueError(str(error)) from None
     hint = suggestion(kind, (NOW, AT, CYCLE, POSITION, COMMAND, EDGE, RATE))
     raise ValueError(f"when = {quoted(text)}: {hint}write {WHEN_FORMS}")
 

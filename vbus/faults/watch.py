@@ -4,8 +4,13 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from vbus.board import plugins
+from vbus.board.circuit import Circuit
 from vbus.board.settings import listed, suggestion
 from vbus.chips.base import Chip
+from vbus.conditions.condition import COMMAND
+from vbus.conditions.lexer import ConditionError
+from vbus.conditions.watch import Watch
+from vbus.kernel import Timer
 from vbus.signals import Observer
 from vbus.state import Names
 
@@ -28,17 +33,50 @@ class CycleWatcher(Observer):
         self._tell(when, chip, write, address, data)
 
 
-class EdgeWatcher(Observer):
-    """Sees the edges of one net and tells of those to one level."""
+class ConditionWatch(Watch):
+    """A watch to which a command has come with its first byte.
 
-    def __init__(self, level: int, tell: Callable[[], None]) -> None:
-        self._level: int = level
-        self._tell: Callable[[], None] = tell
+    Args:
+        text: the condition.
+        board: the board.
+        chip: whose commands are meant where none is named; None: nobody's.
+        met: is called at the instant at which the condition holds.
 
-    def edge(self, when: int, net: str, level: int) -> None:
-        """Pass it on."""
-        if level == self._level:
-            self._tell()
+    Raises:
+        ValueError: it makes no sense on this board, or cannot be a trigger of a fault.
+    """
+
+    def __init__(
+        self, text: str, board: Circuit, chip: Chip | None, met: Callable[[], None]
+    ) -> None:
+        try:
+            super().__init__(text, board, "when =", met)
+        except ConditionError as error:
+            raise ValueError(str(error)) from None
+        if self.condition.remembers:
+            raise ValueError(
+                f'when = "{text}": a fault waits for what is, and for edges of pins and values:'
+                ' no "stable for", "previous", or edge of a flag or a comparison'
+            )
+        self._writes: list[tuple[str, str, tuple[tuple[int, int], ...]]] = []
+        for name, wanted in self.condition.commands:
+            of = board.chip(name) if name else chip
+            if of is None:
+                raise ValueError(f'when = "{text}": a fault of a link has no command')
+            self._writes.append((of.name, wanted, write_of(of, wanted)))
+
+    def timer(self) -> Timer:
+        """Return a timer that hosts' promises heed: what a fault does, they notice."""
+        return self.board.kernel.timer(self._look, saved=False)
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Take down the commands that begin."""
+        for name, wanted, writes in self._writes if write else ():
+            if name in chip.split("+") and ((address, data) in writes or (address, -1) in writes):
+                self.happen(COMMAND, name, wanted)
+        super().bus_cycle(when, host, chip, write, address, data)
 
 
 def write_of(chip: Chip, name: str) -> tuple[tuple[int, int], ...]:

@@ -1,5 +1,6 @@
 """A chip's CLK: clock cycles to picoseconds and back, without drift."""
 
+from itertools import pairwise
 from math import gcd
 from typing import ClassVar, Final
 
@@ -14,6 +15,8 @@ HELD: Final = END
 """While a clock stands, what would be due so many ps later is due at this instant plus that: time
 does not come there."""
 _NEVER: Final[i64] = int(NEVER)
+MOST_FAST: Final = 2
+"""How often as fast as its frequency says a clock may run that was kept."""
 _STANDING: Final = 1 << 62
 """Period of a clock that stands (ps)."""
 
@@ -156,4 +159,16 @@ class Clock:
 
     @courses.setter
     def courses(self, courses: list[Course]) -> None:
+        """Take them as they were kept.
+
+        Raises:
+            ValueError: one runs too fast, or does not begin where the one before has led.
+        """
+        for _, _, num, den in courses:
+            if min(num, den) <= 0 or den * PS_PER_SECOND > MOST_FAST * self.hz * num:
+                raise ValueError(f"a clock of {self.hz} Hz with a period of {num}/{den} ps")
+        for (start, since, num, den), (then, when, _, _) in pairwise(courses):
+            there = start + ((when - since + 1) * den - 1) // num
+            if not there <= then <= there + 1:
+                raise ValueError(f"a clock that jumps from cycle {there} to {then}")
         self._take(courses or [(0, 0, PS_PER_SECOND, self.hz)])

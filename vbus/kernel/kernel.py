@@ -35,18 +35,19 @@ class Task:
 class Timer:
     """One callback that can be set to one instant; made by :meth:`Kernel.timer`."""
 
-    __slots__ = ("callback", "due", "kernel", "rank", "saved")
+    __slots__ = ("callback", "due", "kernel", "looks", "rank", "saved")
     STATE: ClassVar[Names] = ("due",)
-    WIRING: ClassVar[Names] = ("callback", "kernel", "rank", "saved")
+    WIRING: ClassVar[Names] = ("callback", "kernel", "looks", "rank", "saved")
 
     def __init__(
-        self, kernel: "Kernel", rank: int, callback: Callable[[], None], saved: bool
+        self, kernel: "Kernel", rank: int, callback: Callable[[], None], saved: bool, looks: bool
     ) -> None:
         self.kernel: Kernel = kernel
         self.rank: int = rank
         self.callback: Callable[[], None] = callback
         self.due: int = NEVER
         self.saved: bool = saved
+        self.looks: bool = looks
 
     def at(self, when: int) -> None:
         """Set the timer to instant ``when`` (ps); an earlier setting is forgotten."""
@@ -56,7 +57,7 @@ class Timer:
             raise ValueError(f"instant {when} ps is past; it is {self.kernel.now} ps now")
         self.due = when
         if when != NEVER:
-            self.kernel.push(when, self.rank)
+            self.kernel.push(when, self.rank, self.looks)
 
     def cancel(self) -> None:
         """Forget the setting."""
@@ -74,21 +75,28 @@ class Kernel:
         "_done",
         "_heap",
         "_instant",
+        "_looks",
         "_timers",
         "_waiting",
         "batch",
         "next_due",
+        "next_stop",
         "now",
         "observations",
         "observed",
     )
     STATE: ClassVar[Names] = ("now", "dues: list[i64]")
     WIRING: ClassVar[Names] = ("_timers", "observed", "observations")
-    DERIVED: ClassVar[Names] = ("_done", "_heap", "_instant", "_waiting", "batch", "next_due")
+    DERIVED: ClassVar[Names] = (
+        "_done", "_heap", "_instant", "_looks", "_waiting", "batch", "next_due", "next_stop",
+    )  # fmt: skip
 
     def __init__(self) -> None:
         self.now: i64 = 0
         self.next_due: i64 = NEVER
+        """When the board does something next: what may be promised to hosts."""
+        self.next_stop: i64 = NEVER
+        """The same, or when an onlooker looks, if that comes first."""
         self.batch: i64 = 0
         """Number of the batch of changes under way: what moves in one batch moves together."""
         self.observed: int = 0
@@ -97,6 +105,7 @@ class Kernel:
         """How many have ever sat on nets. Who looks on leaves traces in saved states (when the
         last strobe was seen), never in replies, instants or findings."""
         self._heap: list[tuple[int, int]] = []
+        self._looks: list[tuple[int, int]] = []
         self._timers: list[Timer] = []
         self._instant: list[Task] = []
         self._done: int = 0
@@ -107,15 +116,38 @@ class Kernel:
 
         One that is not ``saved`` is no part of the board: it belongs to somebody who looks on.
         """
-        timer = Timer(self, len(self._timers), callback, saved)
+        timer = Timer(self, len(self._timers), callback, saved, False)
         self._timers.append(timer)
         return timer
 
-    def push(self, when: int, rank: int) -> None:
+    def onlooker(self, callback: Callable[[], None]) -> Timer:
+        """Make a timer of somebody who changes nothing.
+
+        It runs after all that the board does at its instant. Nobody else is told of it: what hosts
+        are promised is the same, whoever looks.
+        """
+        timer = Timer(self, len(self._timers), callback, False, True)
+        self._timers.append(timer)
+        return timer
+
+    def push(self, when: int, rank: int, looks: bool) -> None:
         """Queue the timer ``rank``; for :class:`Timer` only."""
-        heappush(self._heap, (when, rank))
-        if when < self.next_due:
-            self.next_due = when
+        if looks:
+            heappush(self._looks, (when, rank))
+        else:
+            heappush(self._heap, (when, rank))
+            if when < self.next_due:
+                self.next_due = when
+        if when < self.next_stop:
+            self.next_stop = when
+
+    def _find_next(self) -> None:
+        """A queue has lost its head."""
+        heap, looks = self._heap, self._looks
+        self.next_due = heap[0][0] if heap else NEVER
+        self.next_stop = self.next_due
+        if looks and looks[0][0] < self.next_stop:
+            self.next_stop = looks[0][0]
 
     def soon(self, task: Task) -> None:
         """Run ``task`` at this same instant, after what is running now has returned."""
@@ -149,10 +181,10 @@ class Kernel:
         if when > END:
             raise ValueError(f"time ends at {END} ps, asked {when} ps")
         self.settle()
-        while self.next_due <= when:
-            due, rank = heappop(self._heap)
-            heap = self._heap
-            self.next_due = heap[0][0] if heap else NEVER
+        while self.next_stop <= when:
+            own = self.next_due == self.next_stop
+            due, rank = heappop(self._heap if own else self._looks)
+            self._find_next()
             timer = self._timers[rank]
             if timer.due == due:
                 timer.due = NEVER
@@ -177,12 +209,13 @@ class Kernel:
         # What moves from here on does not move together with what moved before.
         self.batch += 1
         self._heap = []
-        self.next_due = NEVER
+        self._looks = []
+        self.next_due = self.next_stop = NEVER
         for timer, due in zip([one for one in self._timers if one.saved], dues, strict=True):
             timer.due = due
             if due != NEVER:
-                self.push(due, timer.rank)
+                self.push(due, timer.rank, timer.looks)
         for timer in self._timers:
             if not timer.saved and timer.due != NEVER:
                 timer.due = max(timer.due, int(self.now))
-                self.push(timer.due, timer.rank)
+                self.push(timer.due, timer.rank, timer.looks)

@@ -4,6 +4,7 @@
 #endif
 
 #include "card_link.h"
+#include "card_table.h"
 #include "link_text.h"
 #include "run_end.h"
 #include "vbus.h"
@@ -14,18 +15,13 @@
 #include <string.h>
 #include <unistd.h>
 
-#define MOST_PORTS 512
 #define DELAY_PORT 0x80 /* writes here are pauses on every PC */
 
-struct port {
-    unsigned long address;
-    unsigned char write, chip, chip_address, floating;
-};
 
 static struct {
     struct vbus bus;
-    struct port ports[MOST_PORTS];
-    unsigned count, selected;
+    struct card_table table;
+    unsigned selected;
     pid_t owner;
     int slaved, realtime;
     uint64_t time;
@@ -48,27 +44,6 @@ static void must(int error)
         fail("link", vbus_strerror(error));
 }
 
-/* Read "r340=0.1/7F"; return what follows, or NULL. */
-static const char *read_port(const char *text, struct port *port)
-{
-    char *end;
-
-    port->write = *text == 'w';
-    if (!port->write && *text != 'r')
-        return NULL;
-    port->address = strtoul(text + 1, &end, 16);
-    if (*end != '=')
-        return NULL;
-    port->chip = (unsigned char)strtoul(end + 1, &end, 16);
-    if (*end != '.')
-        return NULL;
-    port->chip_address = (unsigned char)strtoul(end + 1, &end, 16);
-    port->floating = 0;
-    if (*end == '/')
-        port->floating = (unsigned char)strtoul(end + 1, &end, 16);
-    return *end == ' ' ? end + 1 : *end == '\0' ? end : NULL;
-}
-
 /* What is still kept back goes out: polls answered from a lease, writes. */
 static void leave(void)
 {
@@ -85,7 +60,7 @@ static void open_session(void)
 
     static unsigned char description[LINK_TEXT_ROOM];
     static char text[LINK_TEXT_ROOM];
-    const char *where = getenv("VBUS_LINK"), *next = text, *leases;
+    const char *where = getenv("VBUS_LINK"), *leases;
     int size;
 
     if (card.owner == getpid())
@@ -103,10 +78,8 @@ static void open_session(void)
     must(size);
     if (link_text(description, (size_t)size, "card", text) <= 0)
         fail(where, "this link has no card; name one as card of the host in the board file");
-    while (*next != '\0') {
-        if (card.count == MOST_PORTS || (next = read_port(next, &card.ports[card.count++])) == NULL)
-            fail(where, "its card cannot be understood");
-    }
+    if (card_table_init(&card.table, text) < 0)
+        fail(where, "its card cannot be understood");
     link_text(description, (size_t)size, "policy", text);
     card.slaved = strcmp(text, "slaved") == 0;
     card.realtime = strcmp(text, "realtime") == 0;
@@ -130,49 +103,56 @@ static void open_card(void)
     inside--;
 }
 
-static const struct port *find(unsigned long address, int write)
+static const struct card_port *find(unsigned long address, int write)
 {
-    unsigned turn;
-
     open_card();
     run_end_access(run_end_limited() ? card_now() : 0);
-    for (turn = 0; turn < card.count; turn++)
-        if (card.ports[turn].address == address && card.ports[turn].write == write)
-            return &card.ports[turn];
-    return NULL;
+    return card_table_find(&card.table, address, write);
 }
 
-static void begin(const struct port *port)
+static void begin(const struct card_port *port)
 {
     unsigned chips = 1U << port->chip;
 
-    if (chips != card.selected)
+    if (!port->answers && !card.slaved) /* a cycle all the same */
+        must(vbus_delay(&card.bus, VBUS_US));
+    if (port->answers && chips != card.selected)
         must(vbus_select(&card.bus, chips));
-    card.selected = chips;
+    if (port->answers)
+        card.selected = chips;
     if (card.slaved) {
         card.time += VBUS_US;
         must(vbus_at(&card.bus, card.time));
     }
 }
 
+static void end(const struct card_port *port)
+{
+    if (port->acknowledges) {
+        must(vbus_pin(&card.bus, port->pin, 0));
+        must(vbus_pin(&card.bus, port->pin, 2));
+    }
+}
+
 unsigned card_read(unsigned long address)
 {
-    const struct port *port = find(address, 0);
+    const struct card_port *port = find(address, 0);
     int data;
 
     if (port == NULL)
         return 0xFF;
     inside++;
     begin(port);
-    data = vbus_read(&card.bus, port->chip_address);
+    data = port->answers ? vbus_read(&card.bus, port->chip_address) : 0;
     must(data);
+    end(port);
     inside--;
     return (unsigned)data | port->floating;
 }
 
 void card_write(unsigned long address, unsigned data)
 {
-    const struct port *port = find(address, 1);
+    const struct card_port *port = find(address, 1);
 
     if (port == NULL) {
         if (address == DELAY_PORT)
@@ -181,7 +161,9 @@ void card_write(unsigned long address, unsigned data)
     }
     inside++;
     begin(port);
-    must(vbus_write(&card.bus, port->chip_address, data & 0xFF));
+    if (port->answers)
+        must(vbus_write(&card.bus, port->chip_address, data & 0xFF));
+    end(port);
     must(vbus_flush(&card.bus));
     vbus_buffer(&card.bus);
     if (card.realtime)

@@ -50,7 +50,7 @@ static void select_chips(struct pin_link *link, unsigned chips)
     link->cycles++;
 }
 
-static unsigned on_read(void *context, unsigned chips, unsigned address)
+unsigned pin_link_read(void *context, unsigned chips, unsigned address)
 {
     struct pin_link *link = (struct pin_link *)context;
     int data;
@@ -72,7 +72,7 @@ static unsigned on_read(void *context, unsigned chips, unsigned address)
     return data < 0 ? FLOATING : (unsigned)data;
 }
 
-static void on_write(void *context, unsigned chips, unsigned address, unsigned data)
+void pin_link_write(void *context, unsigned chips, unsigned address, unsigned data)
 {
     struct pin_link *link = (struct pin_link *)context;
 
@@ -85,7 +85,7 @@ static void on_write(void *context, unsigned chips, unsigned address, unsigned d
         keep(link, vbus_echo(&link->bus, 0)); /* a delay loop may count from here */
 }
 
-static void on_side(void *context, unsigned number, unsigned level)
+void pin_link_side(void *context, unsigned number, unsigned level)
 {
     struct pin_link *link = (struct pin_link *)context;
 
@@ -117,15 +117,18 @@ int pin_link_open(struct pin_link *link, const char *where)
     link->step = VBUS_US;
     if (link_text(description, (size_t)size, "program", text) > 5 && strncmp(text, "step=", 5) == 0)
         link->step = strtoull(text + 5, NULL, 10);
-    if (link_text(description, (size_t)size, "wiring", text) <= 0)
+    if (link_text(description, (size_t)size, "card", text) > 0
+        && card_table_init(&link->card, text) < 0)
+        return keep(link, VBUS_E_PROTOCOL);
+    if (link_text(description, (size_t)size, "wiring", text) <= 0 && link->card.count == 0)
         return keep(link, PIN_LINK_E_WIRING);
     if (link->slaved && keep(link, vbus_now(&link->bus, &link->origin)) < 0)
         return link->error;
     if (pin_decoder_init(&link->pins, text) != 0)
         return keep(link, VBUS_E_PROTOCOL);
-    link->pins.on_read = on_read;
-    link->pins.on_write = on_write;
-    link->pins.on_side = on_side;
+    link->pins.on_read = pin_link_read;
+    link->pins.on_write = pin_link_write;
+    link->pins.on_side = pin_link_side;
     link->pins.context = link;
     vbus_buffer(&link->bus);
     /* Polls of a byte that cannot have changed need no round trip; VBUS_LEASES=0 asks each time. */

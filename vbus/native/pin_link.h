@@ -7,6 +7,7 @@
 #ifndef PIN_LINK_H
 #define PIN_LINK_H
 
+#include "card_table.h"
 #include "pin_decoder.h"
 #include "vbus.h"
 
@@ -17,6 +18,7 @@ extern "C" {
 struct pin_link {
     struct vbus bus;
     struct pin_decoder pins;
+    struct card_table card; /* what its memory bus reaches, where it has one */
 
     /* The host's own clock (ps), asked for time stamps; needed on slaved boards only. */
     uint64_t (*clock)(void *context);
@@ -43,6 +45,11 @@ int pin_link_open(struct pin_link *link, const char *where);
 
 /* Send what is still kept back and close the session; the first error, or 0. */
 int pin_link_close(struct pin_link *link);
+
+/* What the pin decoder calls; for a bus beside the port bits too. `link` is the struct pin_link. */
+unsigned pin_link_read(void *link, unsigned chips, unsigned address);
+void pin_link_write(void *link, unsigned chips, unsigned address, unsigned data);
+void pin_link_side(void *link, unsigned number, unsigned level);
 
 /* Bring the chips up to the host's time and take the levels of the output lines; 0 or an error. */
 int pin_link_sync(struct pin_link *link);

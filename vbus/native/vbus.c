@@ -11,6 +11,7 @@
 #include <netinet/tcp.h>
 #include <poll.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <termios.h>
@@ -23,6 +24,8 @@
 
 #define DEFAULT_TIMEOUT_MS 5000
 #define LONGEST_MS 86400000
+#define START_MS 5000 /* how long a board that has begun to start may take */
+#define PAUSE_MS 10
 #define PS_PER_MS UINT64_C(1000000000)
 
 const char *vbus_strerror(int error)
@@ -47,6 +50,10 @@ const char *vbus_strerror(int error)
     case VBUS_E_REFUSED(VBUS_REFUSED_BAD_LENGTH): return "refused: length 0 or over the limit";
     case VBUS_E_REFUSED(VBUS_REFUSED_BAD_VERSION): return "refused: version not spoken here";
     case VBUS_E_REFUSED(VBUS_REFUSED_CLOSED): return "refused: closed by the board";
+    case VBUS_E_REFUSED(VBUS_REFUSED_NO_ROOM): return "refused: the board can take no more hosts";
+    case VBUS_E_REFUSED(VBUS_REFUSED_DEADLOCK):
+        return "refused: SELECT of a chip claimed by a session that waits for what this one has"
+               " claimed";
     default: return error >= 0 ? "no error" : "refused";
     }
 }
@@ -180,9 +187,8 @@ static int open_tcp(struct vbus *bus, const char *place)
     return connect_to(bus, (const struct sockaddr *)&address, sizeof address);
 }
 
-int vbus_open(struct vbus *bus, const char *where)
+static int open_link(struct vbus *bus, const char *where)
 {
-    begin(bus);
     if (strncmp(where, "pty:", 4) == 0)
         return open_pty(bus, where + 4);
     if (strncmp(where, "unix:", 5) == 0)
@@ -221,18 +227,78 @@ static int64_t clock_ms(void)
     return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
 }
 
+/* Write the path of ".NAME.SUFFIX" beside the name of a link; false if there is no room. */
+static int beside(char made[VBUS_PATH_ROOM], const char *where, const char *suffix)
+{
+    const char *colon = strchr(where, ':');
+    const char *path = *where != '/' && *where != '.' && colon != NULL ? colon + 1 : where;
+    const char *slash = strrchr(path, '/');
+    size_t folder = slash == NULL ? 0 : (size_t)(slash + 1 - path);
+    size_t name = strlen(path) - folder;
+
+    if (folder + name + strlen(suffix) + 2 > VBUS_PATH_ROOM)
+        return 0;
+    memcpy(made, path, folder);
+    made[folder] = '.';
+    memcpy(made + folder + 1, path + folder, name);
+    memcpy(made + folder + 1 + name, suffix, strlen(suffix) + 1);
+    return 1;
+}
+
+/* Whether a process has taken the name of a link and not made it yet. It holds the lock of
+ * ".NAME.lock" beside the name as long as it lives. */
+static int starting(const char *where)
+{
+    char lock[VBUS_PATH_ROOM];
+    int fd, held;
+
+    if (!beside(lock, where, ".lock"))
+        return 0;
+    fd = open(lock, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    if (fd < 0)
+        return 0;
+    held = flock(fd, LOCK_SH | LOCK_NB) < 0 && errno == EWOULDBLOCK;
+    close(fd);
+    return held;
+}
+
+static int open_once(struct vbus *bus, const char *where)
+{
+    int error;
+
+    begin(bus);
+    error = open_link(bus, where);
+    if (error < 0 || strncmp(where, "tcp:", 4) == 0 || !beside(bus->pause_mark, where, ".paused"))
+        bus->pause_mark[0] = '\0';
+    return error;
+}
+
+int vbus_open(struct vbus *bus, const char *where)
+{
+    int64_t end = clock_ms() + START_MS;
+
+    for (;;) {
+        int error = open_once(bus, where);
+
+        if (error != VBUS_E_SYSTEM || bus->system != ENOENT || clock_ms() >= end
+            || !starting(where))
+            return error;
+        poll(NULL, 0, PAUSE_MS);
+    }
+}
+
 int vbus_open_wait(struct vbus *bus, const char *where, int wait_ms)
 {
     int64_t end = clock_ms() + wait_ms;
 
     for (;;) {
-        int error = vbus_open(bus, where);
+        int error = open_once(bus, where);
         int absent = error == VBUS_E_SYSTEM &&
                      (bus->system == ENOENT || bus->system == ECONNREFUSED);
 
         if (!absent || clock_ms() >= end)
             return error;
-        poll(NULL, 0, 10);
+        poll(NULL, 0, PAUSE_MS);
     }
 }
 
@@ -271,6 +337,19 @@ static int ready(struct vbus *bus, short events, int64_t deadline)
     }
 }
 
+/* No reply in time: false, or true with a new deadline if somebody has paused the board. */
+static int paused(struct vbus *bus, int64_t *deadline)
+{
+    int before = bus->paused;
+
+    bus->paused = bus->pause_mark[0] != '\0' && access(bus->pause_mark, F_OK) == 0;
+    if (bus->paused)
+        poll(NULL, 0, PAUSE_MS);
+    if (bus->paused || before) /* a board that goes on has its time to answer, too */
+        *deadline = deadline_of(bus);
+    return bus->paused || before;
+}
+
 static int lost(struct vbus *bus)
 {
     if (errno == EIO || errno == EPIPE || errno == ECONNRESET)
@@ -294,6 +373,8 @@ static int send_out(struct vbus *bus)
         } else if (errno == EAGAIN || errno == EWOULDBLOCK) {
             int found = ready(bus, POLLOUT, deadline);
 
+            if (found == 0 && paused(bus, &deadline))
+                continue;
             if (found <= 0)
                 return found < 0 ? found : die(bus, VBUS_E_TIMEOUT);
         } else if (errno != EINTR) {
@@ -482,6 +563,8 @@ static int take(struct vbus *bus, unsigned char *data, size_t size, int64_t dead
         if (here == 0) {
             int found = receive(bus, deadline);
 
+            if (found == 0 && paused(bus, &deadline))
+                continue;
             if (found <= 0)
                 return found < 0 ? found : die(bus, VBUS_E_TIMEOUT);
             continue;

@@ -2,8 +2,8 @@
  *
  * One header and one C99 file; no dependency beyond POSIX, no allocation, no global state. Builds
  * as C and as C++, for 32 and 64 bits. Every function but vbus_strerror takes the caller's own
- * struct vbus, keeps to calls that POSIX allows in signal handlers, and works over any file
- * descriptor that carries the byte protocol.
+ * struct vbus, keeps to calls that POSIX allows in signal handlers (and flock, in vbus_open), and
+ * works over any file descriptor that carries the byte protocol.
  *
  *     struct vbus bus;
  *     if (vbus_open(&bus, "pty:/run/vbus/bench-x") < 0) ...
@@ -82,6 +82,8 @@ extern "C" {
 #define VBUS_REFUSED_BAD_LENGTH 4
 #define VBUS_REFUSED_BAD_VERSION 5
 #define VBUS_REFUSED_CLOSED 6
+#define VBUS_REFUSED_NO_ROOM 7
+#define VBUS_REFUSED_DEADLOCK 8
 
 /* --- errors ----------------------------------------------------------------------------------- */
 
@@ -102,9 +104,12 @@ extern "C" {
 #define VBUS_US UINT64_C(1000000)   /* a microsecond */
 #define VBUS_MS UINT64_C(1000000000) /* a millisecond */
 
+#define VBUS_PATH_ROOM 1024         /* characters of a link's name that are enough */
+
 struct vbus {
     int fd;         /* the descriptor, or -1 */
-    int timeout_ms; /* what a reply may take besides the time its requests let pass; -1: for ever */
+    int timeout_ms; /* what a reply may take besides the time its requests let pass; -1: for ever;
+                     * while somebody has paused the board, replies are waited for as long */
     int system;     /* errno behind the last VBUS_E_SYSTEM */
     unsigned refused; /* number of the request refused last */
 
@@ -113,7 +118,8 @@ struct vbus {
     void *context;
 
     /* The rest is the library's own. */
-    int is_socket, buffering, dead, pending;
+    char pause_mark[VBUS_PATH_ROOM]; /* the file that is there while the board is paused, or "" */
+    int is_socket, buffering, dead, pending, paused;
     uint16_t number, asked[VBUS_MOST_ASKED];
     unsigned ask_first, ask_count;
     uint64_t passing;
@@ -128,10 +134,11 @@ struct vbus {
 };
 
 /* Open a session. `where` is "pty:PATH" (or just the path), "unix:PATH" or "tcp:ADDRESS:PORT" with
- * a numeric IPv4 address or "localhost". A terminal is put into raw mode. */
+ * a numeric IPv4 address or "localhost". A terminal is put into raw mode. A board that has begun to
+ * start, as the lock of its name shows, is waited for up to 5 s. */
 int vbus_open(struct vbus *bus, const char *where);
 
-/* The same for a board that may still have to come: tries again for `wait_ms`. */
+/* The same for a board that may still have to come: tries again for `wait_ms`; 0: once. */
 int vbus_open_wait(struct vbus *bus, const char *where, int wait_ms);
 
 /* Make a session of a descriptor that is open; vbus_close closes it. */

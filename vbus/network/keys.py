@@ -26,6 +26,11 @@ def host(bus_key: str, session: str) -> str:
     return f"{bus_key}/hosts/{session}"
 
 
+def paused(bus_key: str) -> str:
+    """Return the liveliness token that is there as long as the board is paused."""
+    return f"{bus_key}/paused"
+
+
 def status(board: str) -> str:
     """Return the key of what a board tells about itself (JSON)."""
     return f"{ROOT}/{board}/status"

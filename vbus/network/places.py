@@ -9,7 +9,7 @@ from typing import Final
 
 from vbus.errors import TransportError
 from vbus.network.security import Security
-from vbus.runtime import runtime_directory
+from vbus.runtime import is_trusted, subdirectory
 
 ROUTER: Final = "router"
 VARIABLE: Final = "VBUS_ZENOH"
@@ -19,18 +19,12 @@ _held: dict[Path, int] = {}
 
 def board_place(board: str) -> Path:
     """Return the file that tells where a board is."""
-    return _directory() / f"{board}.board"
+    return subdirectory("zenoh") / f"{board}.board"
 
 
 def router_place() -> Path:
     """Return the file that tells where this computer's router is."""
-    return _directory() / ROUTER
-
-
-def _directory() -> Path:
-    directory = runtime_directory() / "zenoh"
-    directory.mkdir(mode=0o700, exist_ok=True)
-    return directory
+    return subdirectory("zenoh") / ROUTER
 
 
 def register(place: Path, endpoints: Sequence[str]) -> Path:
@@ -40,10 +34,14 @@ def register(place: Path, endpoints: Sequence[str]) -> Path:
     """
     temporary = place.with_name(f".{place.name}.{os.getpid()}")
     flags = os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NOFOLLOW
-    fd = os.open(temporary, flags, 0o600)
-    fcntl.flock(fd, fcntl.LOCK_SH)
-    os.write(fd, "\n".join(endpoints).encode())
-    temporary.replace(place)
+    with contextlib.ExitStack() as made:
+        fd = os.open(temporary, flags, 0o600)
+        made.callback(os.close, fd)
+        made.callback(temporary.unlink)
+        fcntl.flock(fd, fcntl.LOCK_SH)
+        os.write(fd, "\n".join(endpoints).encode())
+        temporary.replace(place)
+        made.pop_all()
     _held[place] = fd
     return place
 
@@ -61,10 +59,12 @@ def unregister(place: Path) -> None:
 def endpoints_at(place: Path) -> tuple[str, ...]:
     """Return where something is reached; nowhere if it does not run (any more)."""
     try:
-        fd = os.open(place, os.O_RDONLY | os.O_CLOEXEC)
+        fd = os.open(place, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
     except OSError:
         return ()
     try:
+        if not is_trusted(os.fstat(fd)):
+            return ()
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return tuple(os.read(fd, 65536).decode().split())

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from vbus.addresses import refused_endpoint
 from vbus.errors import TransportError
 from vbus.network.security import Security
 
@@ -36,12 +37,14 @@ class Network:
         connect: endpoints of routers to connect to.
         security: certificates and rights, if any.
         grace_seconds: how long the session of a host that has vanished is kept for its return.
+        remote: other computers may be let in without certificates.
     """
 
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
     security: Security | None = None
     grace_seconds: float = 2.0
+    remote: bool = False
 
 
 def open_network(network: Network) -> zenoh.Session:
@@ -51,7 +54,9 @@ def open_network(network: Network) -> zenoh.Session:
         TransportError: see :func:`open_session`.
     """
     mode = "router" if network.listen else "client"
-    return open_session(network.listen, network.connect, mode, network.security, OPEN_SECONDS)
+    return open_session(
+        network.listen, network.connect, mode, network.security, OPEN_SECONDS, network.remote
+    )
 
 
 def open_session(
@@ -60,6 +65,8 @@ def open_session(
     mode: str = "peer",
     security: Security | None = None,
     wait: float | None = None,
+    remote: bool = False,
+    lease_ms: int = LEASE_MS,
 ) -> zenoh.Session:
     """Open a Zenoh session that talks to the given endpoints and to nobody else.
 
@@ -76,6 +83,8 @@ def open_session(
         wait: seconds to wait for an endpoint of ``connect``; without one the session is not
             opened. 0: open at once, connect when an endpoint is there, and again whenever it was
             lost (never so for a client). None: 3 s for a client, else 0.
+        remote: other computers may be let in without certificates.
+        lease_ms: how long this session may be silent before others give it up.
 
     Raises:
         TransportError: an endpoint is none, cannot be listened on, or cannot be reached; says
@@ -85,7 +94,10 @@ def open_session(
 
     if wait is None:
         wait = OPEN_SECONDS if mode == "client" else 0.0
-    settings = _settings(listen, connect, mode, security, wait)
+    settings = _settings(listen, connect, mode, security, wait, lease_ms)
+    for endpoint in listen:
+        if refused := refused_endpoint(endpoint, remote):
+            raise TransportError(refused)
     config = zenoh.Config()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
@@ -101,6 +113,7 @@ def _settings(
     mode: str,
     security: Security | None,
     wait: float,
+    lease_ms: int,
 ) -> dict[str, Any]:
     """Return Zenoh's settings by path."""
     if mode not in MODES:
@@ -123,7 +136,7 @@ def _settings(
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,
-        "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/lease": lease_ms,
         "transport/link/rx/max_message_size": LARGEST_MESSAGE,
         "transport/link/protocols": list(_PROTOCOLS),
         "transport/unicast/open_timeout": 3000,
@@ -137,9 +150,12 @@ def _settings(
 
 
 def close_session(session: zenoh.Session) -> None:
-    """Close a session; again is harmless."""
+    """Close a session; again is harmless. One that is cut off ends without a word to others."""
+    import zenoh
+
     close: Callable[[], None] = session.close
-    close()
+    with contextlib.suppress(zenoh.ZError):
+        close()
 
 
 def check_endpoint(endpoint: str, security: Security | None = None) -> None:

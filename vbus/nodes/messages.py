@@ -142,7 +142,7 @@ def decode(data: bytes, sender: str, nodes: int, wires: int) -> Message:
         raise _bad(sender, f"{found}; this vbus speaks version {VERSION}")
     try:
         message: Message = _decoder.decode(data[1:])
-    except (msgspec.DecodeError, msgspec.ValidationError, RecursionError) as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise _bad(sender, f"bytes that are no message ({error})") from None
     wrong = _wrong(message, nodes, wires)
     if wrong:

@@ -90,7 +90,9 @@ class Orders:
         self._orders: dict[int, Order] = {}
         self._given: int = 0
         self._step: int = 0
-        self._pins: HostPins = HostPins(board.kernel, label, board.chips, _nothing)
+        self._pins: HostPins = HostPins(
+            board.kernel, label, board.chips, board.glue.parts, _nothing
+        )
 
     def give(self, order: Order, keep: bool = False) -> int:
         """Take an order; return its number.

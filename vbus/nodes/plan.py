@@ -105,7 +105,8 @@ def _digest(file: BoardFile) -> str:
         msgspec.structs.replace(node, deadline=3_000_000_000_000, listen="") for node in file.nodes
     )
     core = msgspec.structs.replace(
-        file, path="", board=board, nodes=nodes, hosts=(), cards=(), pinmaps=(), waves=(),
+        file, path="", board=board, nodes=nodes, hosts=(), pinmaps=(), waves=(),
+        cards=tuple(card for card in file.cards if card.has_circuit),
         record=type(file.record)(), zenoh=type(file.zenoh)(),
     )  # fmt: skip
     text = __version__.encode() + msgspec.json.encode(core)
@@ -137,9 +138,7 @@ def part_of(file: BoardFile, node: str) -> BoardFile:
             if not net.delay and all(pin.partition(".")[0] in names for pin in net.pins)
         ),
         buses=tuple(bus for bus in file.buses if mine(bus.chips)),
-        cards=tuple(
-            card for card in file.cards if mine((*card.chips, *(p.chip for p in card.ports)))
-        ),
+        cards=tuple(card for card in file.cards if mine(card.decoded)),
         pinmaps=tuple(pin_map for pin_map in file.pinmaps if mine(pin_map.chips)),
         hosts=tuple(host for host in file.hosts if mine(host.chips)),
     )

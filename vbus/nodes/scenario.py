@@ -6,9 +6,8 @@ from operator import attrgetter
 from vbus.errors import ConfigError
 from vbus.kernel import END
 from vbus.nodes.orders import PIN, READ, WRITE, Order
+from vbus.protocols.port import PIN_LEVELS
 from vbus.protocols.quantities import parse_duration
-
-LEVELS = {"0": 0, "1": 1, "z": 2}
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,9 +97,9 @@ def _orders(words: list[str], chips: dict[str, set[str]], cycle: int) -> list[Or
         if pin not in chips[names[0]]:
             known = ", ".join(sorted(chips[names[0]]))
             raise ValueError(f"{names[0]} has no pin {pin!r}; it has {known}")
-        if level not in LEVELS:
+        if level not in PIN_LEVELS:
             raise ValueError(f"level {level!r}: allowed are 0, 1 and z (let go)")
-        return [Order(when, names, PIN, 0, LEVELS[level], pin)]
+        return [Order(when, names, PIN, 0, PIN_LEVELS[level], pin)]
     raise ValueError(
         f"unknown request {' '.join(words[2:])!r}; allowed are: w ADDRESS DATA ..., r ADDRESS"
         " [COUNT], pin NAME 0|1|z (numbers are hexadecimal)"

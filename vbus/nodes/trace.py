@@ -46,7 +46,8 @@ class NodeTrace(TraceHash):
 def merged(traces: Iterable[Iterable[Line]]) -> Iterator[str]:
     """Merge the traces of nodes, given by rank, in order of (instant, node, sequence)."""
     ranked = ([(when, rank, text) for when, text in lines] for rank, lines in enumerate(traces))
-    for when, rank, text in merge(*ranked, key=itemgetter(0, 1)):
+    # Of equal instants, merge() takes the one of the earlier list.
+    for when, rank, text in merge(*ranked, key=itemgetter(0)):
         yield f"{when} {rank} {text}\n"
 
 

@@ -5,18 +5,30 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.options import Option, Settings
-from vbus.plant.shaft import SHAFT_OPTIONS, Mechanics, Shaft, mass_options
+from vbus.plant.encoder import floor
+from vbus.plant.response import TICKS, Motor, Response, response_of
+from vbus.plant.shaft import SHAFT_OPTIONS, TWO_PI, Mechanics, Shaft, mass_options
+from vbus.plant.travel import NOWHERE, Travel
+from vbus.signals import LaneRow
 from vbus.state import Names
 
+MOST_DRIVEN: Final = 10.0
+"""Times what its voltages drive: no motor takes that; a current that was kept is checked."""
 NO_CURRENT: Final = 1e-12
 """Amperes below which a decaying current is over; it would fade for hundreds of periods more."""
+CORNERS: Final = 64
+"""Straight pieces that the course of a period is drawn in, if the motor changes in its midst."""
+_PARTS: Final = 17179869184.0
+"""Ticks of a period."""
 
 
 class DcMotor(Shaft):
     """Amplifier, armature and shaft; the defaults are a small 24 V servo motor.
 
-    Armature and shaft are solved together and implicitly in each sub-step, so that no choice of
-    parameters and period makes them unstable; without inductance the current follows at once.
+    With ``substeps = 0`` armature and shaft are solved exactly, from one change of direction, stop
+    or break-away to the next, and so is every place within a period. With sub-steps they are solved
+    together and implicitly in each of them, and the course is straight between. No choice of
+    parameters and period makes either unstable; without inductance the current follows at once.
 
     With a servo period of 256 us and 500 lines, the defaults run at up to 65 counts a period,
     and have a mechanical time constant of 14 ms.
@@ -25,6 +37,8 @@ class DcMotor(Shaft):
     TAKES: ClassVar[tuple[str, ...]] = ("drive",)
     OPTIONS: ClassVar[tuple[Option, ...]] = (
         *SHAFT_OPTIONS,
+        Option("substeps", "count", 4, "steps of the mechanics in each period of the chip; 0: none,"
+               " the motor's equations are solved exactly", low=0, high=1000),
         Option("supply", "V", 24.0, "supply of the amplifier, where its output saturates",
                low=0.0),
         Option("gain", "V", 24.0, "output of the amplifier at full command"),
@@ -35,15 +49,22 @@ class DcMotor(Shaft):
         *mass_options(inertia=5e-6, viscous=1e-6, coulomb=0.002, static=0.0025),
     )  # fmt: skip
 
-    STATE: ClassVar[Names] = ("current: float", *Shaft.STATE)
+    LANES: ClassVar[tuple[LaneRow, ...]] = (
+        LaneRow("current", "motor current", "A", "current", 1e-4),
+        *Shaft.LANES,
+    )
+    STATE: ClassVar[Names] = (
+        "current: float", *Shaft.STATE, "_volts: float", "_began: float", "_departed: float",
+        "_solved: bool",
+    )  # fmt: skip
     WIRING: ClassVar[Names] = (
         "_supply", "_amplifier", "_resistance", "_inductance", "_torque_constant", "_back_emf",
-        "_viscous",
+        "_viscous", "solved_exactly",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
         "_keep", "_admit", "_induced", "_other_period", "_other_keep", "_other_admit",
-        "_other_induced", "_other_gain", "_other_ease", "_other_loss", "_other_turn", "_volts",
-        "_began",
+        "_other_induced", "_other_gain", "_other_ease", "_other_loss", "_other_turn", "_response",
+        "_other_response", "_travel",
     )  # fmt: skip
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -74,7 +95,21 @@ class DcMotor(Shaft):
         # Amplifier and current at the start of the last period.
         self._volts: float = 0.0
         self._began: float = 0.0
+        self.solved_exactly: bool = self._substeps == 0
+        """Its equations are solved, not its sub-steps made."""
+        # The course of the last period follows from its beginning.
+        self._solved: bool = False
+        self._response: Response = Response()
+        self._other_response: Response = self._response
+        self._travel: Travel = Travel(1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
         self.prepare(256e-6)
+
+    def after_load(self) -> None:
+        """Refuse a current that cannot be; the shaft does the rest."""
+        super().after_load()
+        driving = float(self.settings["supply"]) + self._back_emf * abs(self.velocity)
+        if abs(self.current) * self._resistance > MOST_DRIVEN * driving:
+            raise ValueError(f"a motor that takes {self.current:g} A")
 
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds."""
@@ -89,6 +124,10 @@ class DcMotor(Shaft):
         else:
             super().prepare(period)
         self._other_period = before
+
+    def telemetry(self) -> dict[str, float]:
+        """Return the current of the armature and what the shaft tells."""
+        return {"current": self.current, **super().telemetry()}
 
     def mechanics(self) -> Mechanics:
         """Return the numbers as they are now; change them and give them to :meth:`refit`."""
@@ -108,6 +147,9 @@ class DcMotor(Shaft):
 
     def _exchange(self) -> None:
         """Let what the last two periods were prepared with change places."""
+        response = self._response
+        self._response, self._other_response = self._other_response, response
+        self._travel.response = self._response
         keep, admit, induced = self._keep, self._admit, self._induced
         self._keep, self._admit = self._other_keep, self._other_admit
         self._induced = self._other_induced
@@ -121,6 +163,9 @@ class DcMotor(Shaft):
     def _divide(self, substeps: i64) -> None:
         # What was prepared before may be of another motor: faults change it.
         self._other_period = 0.0
+        if self.solved_exactly:
+            self._solve()
+            return
         step = self._period / float(substeps)
         impedance = self._inductance + step * self._resistance
         self._keep = self._inductance / impedance
@@ -128,6 +173,21 @@ class DcMotor(Shaft):
         self._induced = self._admit * self._back_emf
         self._damping = self._viscous + self._torque_constant * self._admit * self._back_emf
         super()._divide(substeps)
+
+    def _solve(self) -> None:
+        """Make what a period, and what may happen in it, is worked out with."""
+        motor = Motor(
+            self._resistance, self._inductance, self._torque_constant, self._back_emf,
+            self._inertia, self._viscous, self._counts / TWO_PI,
+        )  # fmt: skip
+        self._response = response_of(motor, self._period)
+        travel = Travel(
+            self._resistance, self._inductance, self._torque_constant, self._back_emf,
+            self._inertia, self._viscous,
+        )  # fmt: skip
+        travel.response = self._response
+        travel.load, travel.coulomb, travel.static = self._load, self._coulomb, self._static
+        self._travel = travel
 
     def drive(self, command: float, error: i64) -> i64:
         """Run one period with ``command`` of full scale (-1.0 to 1.0) at the amplifier."""
@@ -141,11 +201,142 @@ class DcMotor(Shaft):
         self._departed = self.velocity
         first = self._depart()
         self._untraced = True
-        here = self._spin(None)
+        if self.solved_exactly:
+            self._solved = True
+            here = self._leap(first)
+        else:
+            here = self._spin(None)
         self._resting = (
             self.current == self._began and self.velocity == self._departed and here == first
         )
         return self._arrive(here)
+
+    # -- exactly ------------------------------------------------------------------------------
+
+    def _leap(self, first: float) -> float:
+        """Run the period in one, if nothing happens in it; return where it leads."""
+        response = self._response
+        span = response.whole
+        volts = self._volts
+        current = self._began
+        speed = self._departed
+        if speed == 0.0 or response.coarsest > 0 or response.instant:
+            return self._go(TICKS)
+        way = 1.0 if speed > 0.0 else -1.0
+        torque = -self._load - way * self._coulomb
+        constant, viscous = self._torque_constant, self._viscous
+        pull = constant * current - viscous * speed + torque
+        after = current + (
+            span.current_of_current * current + span.current_of_speed * speed
+            + (span.current_of_volts * volts + span.current_of_torque * torque)
+        )  # fmt: skip
+        faster = speed + (
+            span.speed_of_current * current + span.speed_of_speed * speed
+            + (span.speed_of_volts * volts + span.speed_of_torque * torque)
+        )  # fmt: skip
+        here = first + (
+            span.place_of_current * current + span.place_of_speed * speed
+            + (span.place_of_volts * volts + span.place_of_torque * torque)
+        )  # fmt: skip
+        if way * faster <= 0.0:
+            return self._go(TICKS)
+        if way * pull < 0.0 and way * (constant * after - viscous * faster + torque) > 0.0:
+            travel = self._travel
+            travel.volts = volts
+            if not travel.clear(way, current, speed, torque, span.seconds):
+                return self._go(TICKS)
+        if self._stopped and (
+            here >= float(self._high - self._base) + 0.5
+            or here <= float(self._low - self._base) + 0.5
+        ):
+            return self._go(TICKS)
+        self.current = after
+        self.velocity = faster
+        return here
+
+    def _go(self, until: i64) -> float:
+        """Go through the last period as far as ``until``, and be there; return the place."""
+        travel = self._travel
+        self._from_the_beginning()
+        travel.go(until, 0.0, 0.0)
+        current = travel.current
+        if travel.speed == 0.0 and -NO_CURRENT < current < NO_CURRENT:
+            current = 0.0
+        self.current = current
+        self.velocity = travel.speed
+        return travel.place
+
+    def _from_the_beginning(self) -> None:
+        travel = self._travel
+        travel.volts = self._volts
+        travel.current = self._began
+        travel.speed = self._departed
+        travel.place = self._first
+        if self._stopped:
+            travel.low = float(self._low - self._base) + 0.5
+            travel.high = float(self._high - self._base) + 0.5
+        else:
+            travel.low, travel.high = -NOWHERE, NOWHERE
+
+    def count_at(self, fraction: float) -> i64:
+        """Return the count at ``fraction`` (0.0 to 1.0) of the last period."""
+        if not self._solved or fraction <= 0.0:
+            return super().count_at(fraction)
+        if fraction >= 1.0:
+            return self.count
+        self._from_the_beginning()
+        tick: i64 = int(fraction * _PARTS)
+        self._travel.go(tick, 0.0, 0.0)
+        return self._base + floor(self._travel.place)
+
+    def fraction_at(self, count: i64) -> float:
+        """Return when, as a fraction of the last period, the encoder first reached ``count``."""
+        if not self._solved:
+            return super().fraction_at(count)
+        away = count - self._base
+        start = floor(self._first)
+        if away == start:
+            return 0.0
+        rising = away > start
+        self._from_the_beginning()
+        # Going down, a count is reached when the shaft leaves the one above it.
+        if not self._travel.go(
+            TICKS, float(away) if rising else float(away) + 1.0, 1.0 if rising else -1.0
+        ):
+            return 1.0
+        fraction = float(self._travel.tick) / _PARTS
+        return self._reached(count, fraction, rising)
+
+    def _course(self) -> list[float]:
+        """Return the course of the last period in straight pieces, and keep it so.
+
+        That is for whoever changes the motor within a period: it goes on as it was.
+        """
+        if self._solved:
+            places = [self._first]
+            tick: i64 = 0
+            while tick < TICKS:
+                tick += TICKS // CORNERS
+                self._from_the_beginning()
+                self._travel.go(tick, 0.0, 0.0)
+                places.append(self._travel.place)
+            places[CORNERS] = self._last
+            self._solved = False
+            self._write_pieces(CORNERS, self._first)[:] = places
+        return super()._course()
+
+    def _forget_course(self) -> None:
+        self._solved = False
+        super()._forget_course()
+
+    def before_save(self) -> None:
+        """Write the course down that the state has; a solved one follows from its beginning."""
+        if self._solved:
+            self._write_pieces(1, self._first)[1] = self._last
+        else:
+            super().before_save()
+
+    # -- in sub-steps -------------------------------------------------------------------------
 
     def _trace(self) -> None:
         self._spin(self._write_pieces(self._substeps, self._first))

@@ -19,6 +19,8 @@ ENCODER_OPTIONS: Final = (
 _A: Final = (0, 1, 1, 0)
 _B: Final = (0, 0, 1, 1)
 
+MOST_TURNED: Final = float(1 << 26)
+"""Counts beyond which no shaft turns in a period; a position that was kept is checked."""
 # The largest float below 1.
 _ALMOST_ONE: Final = 0.99999999999999988898
 
@@ -181,7 +183,7 @@ class EncodedPlant(Plant):
     def count_at(self, fraction: float) -> i64:
         """Return the count at ``fraction`` (0.0 to 1.0) of the last period."""
         if fraction <= 0.0:
-            return self._base + _floor(self._first)
+            return self._base + floor(self._first)
         points = self._course()
         place = fraction * float(self._pieces)
         piece: i64 = int(place)
@@ -189,7 +191,7 @@ class EncodedPlant(Plant):
             return self.count
         start = points[piece]
         end = points[piece + 1]
-        return self._base + _floor(start + (end - start) * (place - float(piece)))
+        return self._base + floor(start + (end - start) * (place - float(piece)))
 
     def fraction_at(self, count: i64) -> float:
         """Return when, as a fraction of the last period, the encoder first reached ``count``.
@@ -199,7 +201,7 @@ class EncodedPlant(Plant):
         """
         points = self._course()
         away = count - self._base
-        start = _floor(points[0])
+        start = floor(points[0])
         if away == start:
             return 0.0
         rising = away > start
@@ -210,15 +212,19 @@ class EncodedPlant(Plant):
             if (end >= border) if rising else (end < border):
                 begin = points[piece]
                 fraction = (float(piece) + (border - begin) / (end - begin)) / float(self._pieces)
-                # The border itself may be missed by a rounding error.
-                step = 2.220446049250313e-16
-                while fraction < 1.0:
-                    here = self.count_at(fraction)
-                    if (here >= count) if rising else (here <= count):
-                        return fraction
-                    fraction += step
-                    step *= 2.0
-                return 1.0
+                return self._reached(count, fraction, rising)
+        return 1.0
+
+    def _reached(self, count: i64, fraction: float, rising: bool) -> float:
+        """Return the first fraction from ``fraction`` on at which ``count`` is reached."""
+        # The border itself may be missed by a rounding error.
+        step = 2.220446049250313e-16
+        while fraction < 1.0:
+            here = self.count_at(fraction)
+            if (here >= count) if rising else (here <= count):
+                return fraction
+            fraction += step
+            step *= 2.0
         return 1.0
 
     def index_between(self, start: i64, end: i64) -> tuple[bool, i64]:
@@ -234,11 +240,13 @@ class EncodedPlant(Plant):
         self._first = self._points[0]
         self._last = self._points[self._pieces]
         part = self._last - float(self.count - self._base)
+        if not -1.0 < part < 2.0 or not max(map(abs, self._points)) < MOST_TURNED:
+            raise ValueError(f"a shaft that has turned to {self._points} is not at {self.count}")
         self._part = part if part < 1.0 else _ALMOST_ONE
         self._untraced = False
 
 
-def _floor(value: float) -> i64:
+def floor(value: float) -> i64:
     """Round down."""
     whole: i64 = int(value)
     return whole - 1 if value < float(whole) else whole

@@ -6,6 +6,7 @@ from mypy_extensions import i64
 
 from vbus.options import Option, Settings
 from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
+from vbus.signals import LaneRow
 from vbus.state import Names
 
 SHAFT_OPTIONS: Final = (
@@ -15,12 +16,12 @@ SHAFT_OPTIONS: Final = (
            low=-(1 << 30), high=1 << 30),
     Option("stop_high", "count", 0, "count of the upper end stop",
            low=-(1 << 30), high=1 << 30),
-    Option("substeps", "count", 4, "steps of the mechanics in each period of the chip",
-           low=1, high=1000),
 )  # fmt: skip
-"""Settings of every motor. Inertia and friction have defaults of the motor's
-own: see :func:`mass_options`."""
+"""Settings of every motor. Its ``substeps``, and defaults of inertia and friction, are its own: see
+:func:`mass_options`."""
 
+MOST_COUNTS: Final = 1e9
+"""Counts a second that no shaft turns; a speed that was kept is checked."""
 TWO_PI: Final = 6.283185307179586
 
 
@@ -85,6 +86,7 @@ class Shaft(EncodedPlant):
     End stops are hard and take the whole impact: the shaft stands in the middle of their count.
     """
 
+    LANES: ClassVar[tuple[LaneRow, ...]] = (LaneRow("load", "load torque", "N*m", "load", 1e-6),)
     STATE: ClassVar[Names] = (
         "period: float", "velocity: float", "_resting: bool", *EncodedPlant.STATE,
     )  # fmt: skip
@@ -132,6 +134,10 @@ class Shaft(EncodedPlant):
         # Speed at the start of the last period.
         self._departed: float = 0.0
 
+    def telemetry(self) -> dict[str, float]:
+        """Return the torque of the load."""
+        return {"load": self._load}
+
     @property
     def period(self) -> float:
         """The length of a period in seconds; it is prepared for before the rest is loaded."""
@@ -140,6 +146,12 @@ class Shaft(EncodedPlant):
     @period.setter
     def period(self, period: float) -> None:
         self.prepare(period)
+
+    def after_load(self) -> None:
+        """Refuse a speed that no shaft has, and work out where the course begins and ends."""
+        if abs(self.velocity) * self._counts > TWO_PI * MOST_COUNTS:
+            raise ValueError(f"a shaft that turns at {self.velocity:g} rad/s")
+        super().after_load()
 
     def prepare(self, period: float) -> None:
         """Set the length of a period in seconds."""

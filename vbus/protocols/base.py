@@ -20,6 +20,8 @@ class Protocol:
     the session calls :meth:`resume` when the wait may be over.
     """
 
+    NO_ROOM: ClassVar[bytes] = b""
+    """What a host is told in place of an answer when the board can take no more hosts."""
     STATE: ClassVar[Names] = ()
     WIRING: ClassVar[Names] = ("port", "out")
 

@@ -40,6 +40,7 @@ class ByteProtocol(Protocol):
     answered with that same refusal until :meth:`reset`.
     """
 
+    NO_ROOM: ClassVar[bytes] = bytes((ord("X"), codes.NO_ROOM, 0, 0))
     STATE: ClassVar[Names] = (
         "_kept: bytearray[...]", "_number", "_refusal: bytes[...]", "_watching: bool", "_leasing",
         "_partial: bytearray[...]",

@@ -10,3 +10,7 @@ BAD_AT: Final = 3
 BAD_LENGTH: Final = 4
 BAD_VERSION: Final = 5
 CLOSED: Final = 6
+NO_ROOM: Final = 7
+"""The board can take no more hosts: it has no descriptor left."""
+DEADLOCK: Final = 8
+"""SELECT of a chip that is claimed by a session which waits for this one."""

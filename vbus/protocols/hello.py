@@ -22,5 +22,5 @@ def decode_hello(data: bytes) -> tuple[int, PortInfo]:
         fields: dict[str, object] = msgspec.msgpack.decode(data, type=dict[str, object])
         version = msgspec.convert(fields.pop("version", None), int)
         return version, msgspec.convert(fields, PortInfo)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(f"HELLO's answer cannot be read: {error}") from error

@@ -1,9 +1,15 @@
 """What a host can ask of a board, whatever the wire it comes over."""
 
+from dataclasses import dataclass
+from typing import Final
+
 from mypy_extensions import mypyc_attr
 
 from vbus.protocols.info import ChipInfo as ChipInfo
 from vbus.protocols.info import PortInfo as PortInfo
+
+PIN_LEVELS: Final = {"0": 0, "1": 1, "z": 2}
+"""What a side pin may be driven to, as people write it; z lets go."""
 
 
 class PortError(Exception):
@@ -25,6 +31,23 @@ class NotYet(Exception):
     :attr:`HostPort.held` is true now: keep the request, and make the same call when the session
     is resumed. Only ports of boards with nodes raise it, where no cycle may run ahead of the grant.
     """
+
+
+@dataclass(frozen=True, slots=True)
+class CardAccess:
+    """What an access at a card address reaches.
+
+    Attributes:
+        chip: number of the chip in the session; -1 if none answers.
+        address: address at that chip.
+        floating: data bits that nobody drives in a read: they read as 1.
+        pulsed: side pin that the card pulses low after it; -1: none.
+    """
+
+    chip: int
+    address: int
+    floating: int
+    pulsed: int
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -185,13 +208,9 @@ class HostPort:
         """Return the number of the control line called ``name``."""
         raise NotImplementedError
 
-    def card(self, address: int, write: bool = False) -> tuple[int, int] | None:
-        """Decode a card address into (chip number, chip address); None if nobody answers.
+    def card(self, address: int, write: bool = False) -> CardAccess | None:
+        """Decode a card address; None if nobody is there.
 
         A card's port may lead elsewhere in a write than in a read.
         """
         raise NotImplementedError
-
-    def card_floating(self, address: int) -> int:
-        """Return the data bits that nobody drives when a card address is read: they read as 1."""
-        return 0

@@ -307,6 +307,13 @@ FORESEEN: Final = "M"
 FORESEEING: Final = "leases_ahead"
 """The feature that tells of LEASES 2."""
 
+
+def features(promises: bool) -> list[str]:
+    """Return what HELLO says a session can ask for; without ``promises`` no leases."""
+    leases = ["leases", FORESEEING] if promises else []
+    return ["claim", "events", *leases, "lines", "pass", "polled_at", "sync"]
+
+
 REFUSALS: Final = {
     codes.UNKNOWN_REQUEST: ("UNKNOWN", "unknown request"),
     codes.NO_SUCH: ("NO_SUCH", "no such line, pin, chip or address"),
@@ -317,6 +324,11 @@ REFUSALS: Final = {
     codes.BAD_LENGTH: ("BAD_LENGTH", "length 0 or over the limit"),
     codes.BAD_VERSION: ("BAD_VERSION", "version not spoken here"),
     codes.CLOSED: ("CLOSED", "closed by the board"),
+    codes.NO_ROOM: ("NO_ROOM", "the board can take no more hosts"),
+    codes.DEADLOCK: (
+        "DEADLOCK",
+        "SELECT of a chip claimed by a session that waits for what this one has claimed",
+    ),
 }
 """Reasons in the ``'X'`` reply: short name and sentence, by code."""
 

@@ -29,6 +29,7 @@ class TerminalProtocol(Protocol):
     for each request. Keys that come while a request waits have their turn when it is answered.
     """
 
+    NO_ROOM: ClassVar[bytes] = TextProtocol.NO_ROOM.replace(b"\n", NEW_LINE)
     STATE: ClassVar[Names] = (
         "_inner: part", "_typed: bytearray[...]", "_line: bytearray[...]", "_escape",
     )  # fmt: skip
@@ -60,9 +61,10 @@ class TerminalProtocol(Protocol):
         del self._typed[:place]
 
     def resume(self) -> None:
-        """Go on after a wait."""
-        self._inner.resume()
-        self._answered()
+        """Go on after a wait; it need not have been for an answer."""
+        if self._inner.kept:
+            self._inner.resume()
+            self._answered()
         self.receive(b"")
 
     def _key(self, key: int) -> None:

@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 
 from vbus.kernel.kernel import END, NEVER, NS
 from vbus.protocols.base import Protocol
-from vbus.protocols.port import HostPort, NotYet, PortError
+from vbus.protocols.port import PIN_LEVELS, CardAccess, HostPort, NotYet, PortError
 from vbus.protocols.quantities import format_instant, parse_duration
 from vbus.state import Names
 
@@ -101,6 +101,7 @@ class TextProtocol(Protocol):
     back, in order. Numbers are hexadecimal, except behind qtest's verbs (as in C).
     """
 
+    NO_ROOM: ClassVar[bytes] = b"error: the board can take no more hosts\n"
     STATE: ClassVar[Names] = (
         "_kept: bytearray[...]", "_overlong: bool", "_mask", "_partial: list[str, ...]",
     )  # fmt: skip
@@ -124,6 +125,11 @@ class TextProtocol(Protocol):
         self._overlong = False
         self._mask = 1
         self._partial.clear()
+
+    @property
+    def kept(self) -> int:
+        """How many bytes wait: half a line, or lines that cannot be answered yet."""
+        return len(self._kept)
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out every line now complete."""
@@ -222,7 +228,7 @@ class TextProtocol(Protocol):
         number = self.port.pin_number(arguments[0])
         if len(arguments) == 1:
             return str(self.port.getpin(number))
-        level = {"0": 0, "1": 1, "z": 2, "Z": 2}.get(arguments[1])
+        level = PIN_LEVELS.get(arguments[1].lower())
         if level is None:
             raise _Mistake(f"level {arguments[1]!r}; allowed are 0, 1, and z to let go")
         self.port.pin(number, level)
@@ -305,28 +311,32 @@ class TextProtocol(Protocol):
         return f"OK {self.port.now() // NS}"
 
     def _card_read(self, arguments: list[str]) -> int:
-        card_address = _c_number(arguments[0], "address")
-        place = self.port.card(card_address)
-        if place is None:
-            return UNCLAIMED
-        chip, address = place
-        self.port.select(1 << chip)
-        try:
-            return self.port.read(address) | self.port.card_floating(card_address)
-        finally:
-            self.port.select(self._mask)
+        access = self.port.card(_c_number(arguments[0], "address"))
+        return UNCLAIMED if access is None else self._card_cycle(access, None)
 
     def _do_outb(self, arguments: list[str]) -> str | None:
-        place = self.port.card(_c_number(arguments[0], "address"), write=True)
+        access = self.port.card(_c_number(arguments[0], "address"), write=True)
         data = _c_number(arguments[1], "data") & 0xFF
-        if place is not None:
-            chip, address = place
-            self.port.select(1 << chip)
+        if access is not None:
+            self._card_cycle(access, data)
+        return "OK"
+
+    def _card_cycle(self, access: CardAccess, written: int | None) -> int:
+        """Run a cycle of the card, a write if there is a byte for it; return what was read."""
+        data = access.floating
+        if access.chip >= 0:
+            self.port.select(1 << access.chip)
             try:
-                self.port.write(address, data)
+                if written is None:
+                    data |= self.port.read(access.address)
+                else:
+                    self.port.write(access.address, written)
             finally:
                 self.port.select(self._mask)
-        return "OK"
+        if access.pulsed >= 0:
+            self.port.pin(access.pulsed, 0)
+            self.port.pin(access.pulsed, 2)
+        return data
 
     _do_writeb = _do_outb
 

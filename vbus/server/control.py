@@ -2,14 +2,19 @@
 
 Beside a board's status socket stands one whose name ends in ``.control``. A request is
 ``{"do": NAME, ...}`` with what the order needs; the reply is ``{"done": RESULT}`` or
-``{"error": SENTENCE}``. Bytes travel in base64. The socket is as private as the runtime directory.
+``{"error": SENTENCE}``. Bytes travel in base64. The socket is as private as the runtime directory;
+whoever gets there all the same is asked by the system who they are: orders come from the user who
+runs the board, and from root.
 """
 
 import asyncio
 import json
 import logging
-from collections.abc import Callable
-from typing import Any
+import os
+import socket
+import struct
+from collections.abc import Callable, Mapping
+from typing import Any, Final
 
 from vbus.errors import VbusError
 from vbus.server.local_socket import Connection, OnEnd
@@ -17,6 +22,8 @@ from vbus.transports.base import Link
 
 Order = Callable[[dict[str, Any]], Any]
 """Is given a request; returns what JSON can hold, or raises ValueError or VbusError."""
+
+_CREDENTIALS: Final = struct.Struct("3i")
 
 log = logging.getLogger("vbus")
 
@@ -35,16 +42,22 @@ class Control:
         self._before: Callable[[], object] = before
         self.orders: dict[str, Order] = {}
 
-    def carry_out(self, line: bytes) -> dict[str, Any]:
-        """Carry out one request; whatever is wrong with it stands in the reply."""
+    def carry_out(self, line: bytes, own: Mapping[str, Order] | None = None) -> dict[str, Any]:
+        """Carry out one request; whatever is wrong with it stands in the reply.
+
+        Args:
+            line: the request.
+            own: what only who asks can order, beside :attr:`orders`.
+        """
         try:
             request = json.loads(line)
             if not isinstance(request, dict) or not isinstance(request.get("do"), str):
                 raise ValueError('a request is a JSON object with a text "do"')
             name = request.pop("do")
-            order = self.orders.get(name)
+            orders = {**self.orders, **(own or {})}
+            order = orders.get(name)
             if order is None:
-                known = ", ".join(self.orders) or "nothing"
+                known = ", ".join(orders) or "nothing"
                 raise ValueError(f'there is no order "{name}"; there is {known}')
             self._before()
             return {"done": order(request)}
@@ -54,6 +67,23 @@ class Control:
         except Exception:
             log.exception("internal error while carrying out an order; the board goes on")
             return {"error": "internal error; the board's own messages say more"}
+
+
+def user_behind(fd: int) -> int:
+    """Return the user whose process has connected to a Unix socket, as the system knows it."""
+    with socket.socket(fileno=os.dup(fd)) as link:
+        found = link.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    _, user, _ = _CREDENTIALS.unpack(found)
+    return int(user)
+
+
+def refusal_of(fd: int) -> str:
+    """Return why who has connected to a Unix socket may give no orders; "" if they may."""
+    user, mine = user_behind(fd), os.geteuid()
+    if user in (mine, 0):
+        return ""
+    who = f"user {mine}, who runs it, and from root" if mine else "root, who runs it"
+    return f"this board takes orders from {who}; you are user {user}"
 
 
 class ControlConnection(Connection):
@@ -75,8 +105,9 @@ class ControlConnection(Connection):
         self._control: Control = control
 
     def take(self, line: bytes) -> None:
-        """Carry out the request and reply."""
-        self._reply(self._control.carry_out(line))
+        """Carry out the request and reply; orders of somebody else are refused."""
+        refusal = refusal_of(self._link.fd)
+        self._reply({"error": refusal} if refusal else self._control.carry_out(line))
 
     def too_long(self) -> None:
         """Refuse the request."""

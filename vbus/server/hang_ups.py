@@ -19,7 +19,7 @@ class HangUps:
 
     def open(self) -> None:
         """Notice from now on."""
-        self._loop.add_reader(self._poll.fileno(), self._hung_up)
+        self._loop.add_reader(self._poll.fileno(), self.look)
 
     def close(self) -> None:
         """Notice nothing more."""
@@ -37,7 +37,8 @@ class HangUps:
         if self._callbacks.pop(fd, None) is not None:
             self._poll.unregister(fd)
 
-    def _hung_up(self) -> None:
+    def look(self) -> None:
+        """Call back for whoever has gone."""
         for fd, _ in self._poll.poll(0):
             callback = self._callbacks.get(fd)
             if callback is not None:

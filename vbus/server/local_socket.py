@@ -112,6 +112,7 @@ class LocalSocket:
         connection: Callable[[asyncio.AbstractEventLoop, Link, OnEnd], Connection],
     ) -> None:
         self._transport: UnixTransport = UnixTransport(str(path), {})
+        self._transport.no_room = b'{"error": "the board has no descriptor left for this"}\n'
         self._connection: Callable[[asyncio.AbstractEventLoop, Link, OnEnd], Connection] = (
             connection
         )

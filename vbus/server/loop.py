@@ -3,9 +3,12 @@
 import asyncio
 import select
 import selectors
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Coroutine
 from contextvars import Context
 from typing import Any, Final, TypeVarTuple
+
+from vbus.server.watchdog import Watchdog
 
 _Arguments = TypeVarTuple("_Arguments")
 _MOST_EVENTS: Final = 64
@@ -49,7 +52,18 @@ class DirectSelector(selectors.EpollSelector):
                         self.failed(error)
             # With a time-out something is due soon: the event loop looks at the clock itself.
             if indirect or self.wanted or not found or timeout is not None:
-                return indirect
+                return self._current(indirect)
+
+    def _current(
+        self, indirect: list[tuple[selectors.SelectorKey, int]]
+    ) -> list[tuple[selectors.SelectorKey, int]]:
+        """Leave out what a callback has unregistered meanwhile.
+
+        Its descriptor may be in use again, and the event loop would take the new reader for the
+        old one and remove it.
+        """
+        known = self.get_map()
+        return [(key, mask) for key, mask in indirect if known.get(key.fd) is key]
 
 
 def _ignore(error: Exception) -> None:
@@ -102,3 +116,34 @@ class HostLoop(asyncio.SelectorEventLoop):
         """Schedule a callback for later, and see that its time is noticed."""
         self._direct.wanted = True
         return super().call_at(when, callback, *args, context=context)
+
+
+def run_until_signal(serve: Callable[[asyncio.Event], Coroutine[Any, Any, None]]) -> None:
+    """Run a coroutine in a loop of its own; SIGINT and SIGTERM set the event it is given.
+
+    One that is stuck and cannot is killed within a second; see :mod:`vbus.server.watchdog`.
+    """
+
+    async def main(watchdog: Watchdog) -> None:
+        stop = asyncio.Event()
+        loop = asyncio.get_running_loop()
+
+        def end(number: int, frame: object) -> None:
+            watchdog.heard()
+            loop.call_soon_threadsafe(stop.set)
+
+        def woken() -> None:  # and now, or just before, end() is called
+            if not watchdog.woken():
+                loop.remove_reader(watchdog.wake)
+
+        # Not the loop's own handlers: the one descriptor C's handler writes to is the watchdog's.
+        before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+        loop.add_reader(watchdog.wake, woken)
+        try:
+            await serve(stop)
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    with Watchdog() as watchdog, asyncio.Runner(loop_factory=HostLoop) as runner:
+        runner.run(main(watchdog))

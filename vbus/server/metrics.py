@@ -42,6 +42,7 @@ class MetricsPort:
             raise PluginError(_MISSING) from error
         self._host: str = f"[{host}]" if ":" in host else host
         self._transport: TcpTransport = TcpTransport(f"{host}:{port}", {})
+        self._transport.remote = True  # where it is not meant, the address has been refused
         self._registry: CollectorRegistry = CollectorRegistry()
         self._registry.register(Collector(statistics))
         self._talks: set[asyncio.Task[None]] = set()

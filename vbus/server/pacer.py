@@ -84,15 +84,15 @@ class Pacer:
         """Every lag noted."""
         self.clock: Callable[[], int] = clock
         """Wall time (ns)."""
-        rate = Fraction(0 if not self.real or self.free else board.rate).limit_denominator(10**6)
-        self._ps_per_ns: tuple[int, int] = (1000 * rate.numerator, rate.denominator)
-        # What is meant in wall time grows with the rate; chip time computed at a time does not
-        # shrink with it.
-        scale = max(1, self._ps_per_ns[0] // (1000 * self._ps_per_ns[1]))
-        self._stalled: int = STALL * scale
-        self._scale: int = scale
-        self._tick: int = TICK * scale
-        self._longest: int = LONGEST_TICK * scale
+        self._ps_per_ns: tuple[int, int] = (0, 1)
+        self._scale: int = 1
+        self._stalled: int = STALL
+        self._tick: int = TICK
+        self._longest: int = LONGEST_TICK
+        self._paced: bool = False
+        self._last: int = END
+        """Time is moved no further than this (ps); hosts may be ahead of it."""
+        self._use_rate()
         self._slice: int = SLICE
         self._slicing: bool = False
         self._slices: Slices = Slices(board, clock)
@@ -105,17 +105,36 @@ class Pacer:
         self._tick_at: int = 0
         self._wakes: list[tuple[int, int, Callable[[], None]]] = []
         self._wake_number: int = 0
-        self._paced: bool = self.real and not self.free
+        self.look_for_hosts: Callable[[], None] = _nothing
+        """Ends the sessions of hosts that have gone while they waited: no time passes for them."""
         self.report: Callable[[str], None] = log.warning
         """Takes the sentence that time comes near its end."""
         self.on_end: Callable[[], None] = _nothing
         """Called when time has ended on a board that nobody but the pacer moves."""
         self.over: bool = False
         """Whether that is so."""
-        self._last: int = END - AHEAD if self._paced else END
-        """Time is moved no further than this (ps); hosts may be ahead of it."""
         self._near: int = END - DAY
         """Beyond this instant there is something to tell or to stop (ps)."""
+        self.bound: int = NEVER
+        """Whoever controls the board lets time run no further (ps); NEVER if nobody does."""
+        self.on_bound: Callable[[], None] = _nothing
+        """Called when time is there: moves the bound, or halts."""
+        self.halted: bool = False
+        """Whether time stands still, and what hosts ask for is kept for later."""
+
+    def _use_rate(self) -> None:
+        """Take the board's rate."""
+        self.free = self.real and isinf(self.board.rate)
+        self._paced = self.real and not self.free
+        rate = Fraction(self.board.rate if self._paced else 0).limit_denominator(10**6)
+        self._ps_per_ns = (1000 * rate.numerator, rate.denominator)
+        # What is meant in wall time grows with the rate; chip time computed at a time does not
+        # shrink with it.
+        self._scale = max(1, self._ps_per_ns[0] // (1000 * self._ps_per_ns[1]))
+        self._stalled = STALL * self._scale
+        self._tick = TICK * self._scale
+        self._longest = LONGEST_TICK * self._scale
+        self._last = END - AHEAD if self._paced else END
 
     # -- time ---------------------------------------------------------------------------------
 
@@ -132,6 +151,8 @@ class Pacer:
         """
         board = self.board
         kernel = board.kernel
+        if self.bound < NEVER:
+            return self._catch_up_to_bound()
         if not self._paced:
             target = kernel.now + LEASE
             board.limit = target if target <= self._near else self._nearing(target)
@@ -145,12 +166,65 @@ class Pacer:
         if self._slices.open:
             return False  # more moves than the machine can follow: time waits for the chips
         board.limit = target + AHEAD
-        if kernel.next_due > target >= kernel.now:
+        if kernel.next_stop > target >= kernel.now:
             kernel.now = target
         elif target > kernel.now and not self._slices.run(target):
             board.limit = kernel.now + AHEAD
             return False
         return True
+
+    # -- in somebody's control ----------------------------------------------------------------
+
+    def halt(self) -> None:
+        """Let time stand still from now on."""
+        self.halted = True
+        self.bound = self.board.limit = self.board.now
+
+    def confine(self, bound: int) -> None:
+        """Let time run on, to ``bound`` at most (ps); NEVER: as ever."""
+        self.halted = False
+        self.bound = bound
+        self.jumped()
+        if self.free:
+            self._slice_soon()
+
+    def set_rate(self, rate: float) -> None:
+        """Let chip time run at another rate from now on, on a board in real time.
+
+        Args:
+            rate: chip seconds per wall second; ``inf`` is as fast as possible.
+        """
+        self.board.rate = rate
+        self._use_rate()
+        if self._paced and self._timer is None and self._loop is not None:
+            self._use_timer(self._loop)
+        if not self.halted:
+            self.confine(self.bound)
+
+    def _catch_up_to_bound(self) -> bool:
+        """Bring the board to the present, or as far as whoever controls it lets it come."""
+        board = self.board
+        began = self.clock()
+        present, ahead = board.now, LEASE
+        there = True
+        while there and not self.halted:
+            if self._paced:
+                present, ahead = min(self.wall(), self.bound, self._last), AHEAD
+            if present > board.now:
+                there = self._slices.run(present)
+            if board.now < self.bound:
+                break
+            self.on_bound()
+            there = there and self.clock() - began < SLICE_NS
+        board.limit = self._within(present + ahead)
+        return there
+
+    def _within(self, instant: int) -> int:
+        """Return how far towards ``instant`` hosts may let time run (ps).
+
+        Not to the bound itself: whoever has set it looks before anybody goes on there.
+        """
+        return max(min(instant, self.bound - 1, END), int(self.board.now))
 
     def _nearing(self, target: int) -> int:
         """Time comes near its end: tell people once; return how far towards ``target`` it goes."""
@@ -214,9 +288,11 @@ class Pacer:
         self._tick_at = self.board.now + self._tick
         self._armed = NEVER
         self._hold()
-        wakes, self._wakes = self._wakes, []
-        for _, _, callback in sorted(wakes):
-            callback()
+        wakes, self._wakes = sorted(self._wakes), []
+        while wakes and not self.halted:
+            wakes.pop(0)[2]()
+        self._wakes += wakes
+        heapq.heapify(self._wakes)
         self.arm()
 
     # -- waking up ----------------------------------------------------------------------------
@@ -225,21 +301,26 @@ class Pacer:
         """Begin to move the board's time; wall time counts from here."""
         self._loop = loop
         self._anchor_ns, self._anchor_ps = self.clock(), self.board.now
+        self.board.sliced = not self.real
         self._hold()
         if self.free:
             self._slice_soon()
         elif self.real:
-            self._timer = TimerFd()
-            loop.add_reader(self._timer.fd, self._woken)
+            self._use_timer(loop)
             self._tick_at = self.board.now + self._tick
             self.arm()
 
+    def _use_timer(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._timer = TimerFd()
+        loop.add_reader(self._timer.fd, self._woken)
+
     def _hold(self) -> None:
         """Let hosts move time no further than the wall clock has it, or than one slice."""
-        self.board.limit = min(self.board.now + (AHEAD if self._paced else LEASE), END)
+        self.board.limit = self._within(self.board.now + (AHEAD if self._paced else LEASE))
 
     def stop(self) -> None:
         """Let time stand still."""
+        self.board.sliced = False
         timer, self._timer = self._timer, None
         loop, self._loop = self._loop, None
         if timer is not None and loop is not None:
@@ -266,9 +347,9 @@ class Pacer:
 
     def arm(self) -> None:
         """Set the timer to the earliest of: next watched edge, next wake-up, next tick."""
-        if not self._paced:
+        if not self._paced or self.halted:
             return
-        due = min(self.board.next_due(), self._tick_at)
+        due = min(self.board.next_due(), self._tick_at, self.bound)
         if self._wakes:
             due = min(due, self._wakes[0][0])
         self._asleep = due
@@ -290,6 +371,8 @@ class Pacer:
     def _woken(self) -> None:
         if self._timer is not None:
             self._timer.acknowledge()
+        if self.halted or not self._paced:
+            return
         if self._armed != NEVER:
             self._note_lag(max(0, self.wall() - self._armed))
         self._armed = NEVER
@@ -306,7 +389,7 @@ class Pacer:
         self.arm()
 
     def _wake(self, now: int) -> None:
-        while self._wakes and self._wakes[0][0] <= now:
+        while not self.halted and self._wakes and self._wakes[0][0] <= now:
             heapq.heappop(self._wakes)[2]()
 
     def _adapt_tick(self, took: int) -> None:
@@ -330,12 +413,16 @@ class Pacer:
         Time moves by itself on a board without limit; else only as far as a held host asks.
         """
         self._slicing = False
-        if self._loop is None or not (self._wakes or self.free):
+        if self._loop is None:
+            return
+        self.look_for_hosts()
+        if self.halted or not (self._wakes or self.free):
             return
         board = self.board
-        target = board.now + self._slice
+        target = board.now + min(self._slice, board.stride())
         if target > self._near:
             target = self._nearing(target)
+        target = min(target, self.bound)
         if not self.free:
             target = min(target, self._wakes[0][0])
         slices = self._slices
@@ -344,12 +431,14 @@ class Pacer:
         if target > board.now and not slices.open:
             there = slices.run(target)
         ran = self.clock() - began
+        if board.now >= self.bound:
+            self.on_bound()
         if slices.catch_up():
-            board.limit = min(board.now + LEASE, END)
+            board.limit = self._within(board.now + LEASE)
             if not self.free and there:
                 self._adapt_slice(ran + slices.took)
             self._wake(board.now)
-        if (self.free and not self.over) or self._wakes:
+        if not self.halted and ((self.free and not self.over) or self._wakes):
             self._slice_soon()
 
     def _adapt_slice(self, took: int) -> None:

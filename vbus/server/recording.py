@@ -3,16 +3,18 @@
 import asyncio
 import io
 import os
+import shutil
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO, Final, TextIO
+from typing import Any, BinaryIO, Final, NoReturn, TextIO
 
 from vbus.board.board import Board
 from vbus.board.checks import all_rules
 from vbus.board.sections import RecordSection, WaveSection
 from vbus.errors import VbusError, read_errors, write_errors
+from vbus.server.registry import journal_path
 from vbus.signals import Observer
 from vbus.trace.decode import settings_for_decoders
 from vbus.trace.findings.formats import FORMATS, format_of
@@ -71,6 +73,17 @@ def wave_of(board: Board, wave: WaveSection, file: TextIO, report: Callable[[str
     )  # fmt: skip
 
 
+def no_journal(request: dict[str, Any]) -> NoReturn:
+    """Refuse to save a journal of a board that keeps none.
+
+    Raises:
+        ValueError: always.
+    """
+    raise ValueError(
+        "this board keeps no journal, which begins at power-on: run it with --journal FILE"
+    )
+
+
 def _families(board: Board) -> dict[str, str]:
     return {chip.name: chip.FAMILY for chip in board.chips}
 
@@ -89,12 +102,14 @@ class Recording:
         settle: called before a host gets its answer; tells whether the journal holds what is
             answered. None where it need not.
         told: what ``vbus ls --json`` shows of the journal.
+        others: what else is recorded, as people call it.
     """
 
     def __init__(self, board: Board, text: str, name: str, report: Callable[[str], None]) -> None:
         self.journal: Journal | None = None
         self.settle: Callable[[], bool] | None = None
         self.told: dict[str, str] = {}
+        self.others: list[str] = []
         self._board: Board = board
         self._text: str = text
         self._name: str = name
@@ -167,16 +182,20 @@ class Recording:
         self._opened.callback(file.close)
         wave = wave_of(self._board, section, file, self._report)
         self._opened.callback(wave.stop)
+        self.others.append(f"the waveform in {section.file}")
         wave.start()
 
     def _write_at_end(
         self, what: str, path: str, observer: Observer, make: Callable[[], str]
     ) -> None:
         file = self._opened.enter_context(create(path))
+        self.others.append(f"the {what} in {path}")
 
         def write() -> None:
             try:
-                file.write(make().encode())
+                data = make().encode()
+                while data:
+                    data = data[file.write(data) :]
             except OSError as error:
                 self._report(f"the {what} is not written: {error.strerror}")
 
@@ -188,6 +207,26 @@ class Recording:
         if self.journal is not None:
             self.journal.flush()
             self._timer = loop.call_later(FLUSH_SECONDS, self.start, loop)
+
+    def save(self, request: dict[str, Any]) -> dict[str, str]:
+        """Write a copy of the journal, as if the run ended now, in the runtime directory.
+
+        Returns:
+            Where the copy is, and the instant of its end (ps).
+
+        Raises:
+            VbusError: it cannot be written.
+        """
+        if self.journal is None:
+            no_journal(request)
+        board = self._board
+        path = journal_path(board.name, board.now)
+        ending = self.journal.ending()
+        with write_errors(path):
+            shutil.copyfile(self.told["file"], path)
+            with path.open("ab") as file:
+                file.write(ending)
+        return {"file": str(path), "when_ps": str(board.now)}
 
     def close(self) -> None:
         """The board has stopped: end every recording."""

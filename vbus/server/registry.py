@@ -3,13 +3,14 @@
 import contextlib
 import json
 import socket
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
 from typing import Any, Final
 
 from vbus.errors import TransportError, VbusError
-from vbus.runtime import runtime_directory
+from vbus.runtime import is_trusted, subdirectory
 from vbus.transports.runtime import NameLock, socket_address
 
 ANSWER_SECONDS: Final = 2.0
@@ -22,9 +23,7 @@ ORDER_SECONDS: Final = 60.0
 
 def boards_directory() -> Path:
     """Return the directory in which running boards have their status sockets."""
-    directory = runtime_directory() / "boards"
-    directory.mkdir(mode=0o700, exist_ok=True)
-    return directory
+    return subdirectory("boards")
 
 
 def status_path(board: str) -> Path:
@@ -47,6 +46,11 @@ def log_path(board: str) -> Path:
     return boards_directory() / f"{_safe(board)}.log"
 
 
+def journal_path(board: str, when: int) -> Path:
+    """Return where a copy of a journal of the board called ``board`` is, which ends at ``when``."""
+    return subdirectory("journals") / f"{_safe(board)}-{when}.vbj"
+
+
 def _safe(board: str) -> str:
     return "".join(c if c.isalnum() or c in "-_." else "_" for c in board)
 
@@ -56,8 +60,11 @@ def _exchange(path: Path, request: bytes, seconds: float) -> dict[str, Any]:
 
     Raises:
         OSError: nobody answers, or not in time.
-        ValueError: the answer is none of a board.
+        ValueError: the answer is none of a board, or the socket is somebody else's.
     """
+    found = path.lstat()
+    if not stat.S_ISSOCK(found.st_mode) or not is_trusted(found):
+        raise ValueError("it is no socket, or one that others have made or may write to")
     deadline = monotonic() + seconds
     data = bytearray()
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
@@ -88,6 +95,8 @@ def ask(path: Path) -> dict[str, Any]:
     """
     try:
         answer = _exchange(path, b"", ANSWER_SECONDS)
+        if "error" in answer:
+            raise ValueError(answer["error"])
         if not isinstance(answer.get("board"), str):
             raise ValueError("an answer that names no board")
         return answer

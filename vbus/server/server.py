@@ -4,35 +4,41 @@ import asyncio
 import json
 import logging
 import os
-import signal
-from collections.abc import Callable, Coroutine, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 from vbus.board import plugins
 from vbus.board.board import Board
 from vbus.board.cards import Card
 from vbus.board.pin_maps import PinMap
+from vbus.board.sections import NO_HOST, HostSection
 from vbus.compiled import core
-from vbus.errors import NameInUseError, PluginError
+from vbus.errors import NameInUseError, PluginError, TransportError
 from vbus.kernel import END
 from vbus.network.session import Network
 from vbus.protocols.base import Protocol
+from vbus.runtime import pause_mark
 from vbus.server.control import Control, ControlConnection
+from vbus.server.departures import Departures
 from vbus.server.fault_orders import FaultOrders
 from vbus.server.hang_ups import HangUps
+from vbus.server.jump import Jump
 from vbus.server.local_socket import Connection, LocalSocket, OnEnd
-from vbus.server.loop import HostLoop
+from vbus.server.loop import run_until_signal
 from vbus.server.message_session import MessageSession
 from vbus.server.metrics import MetricsPort
 from vbus.server.pacer import Pacer
+from vbus.server.recording import Recording, no_journal
 from vbus.server.registry import control_path, status_path, watch_path
-from vbus.server.session import Serving, Session
+from vbus.server.serial_lines import on_line
+from vbus.server.session import Serving, Session, Turns
 from vbus.server.snapshots import SnapshotOrders
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
-from vbus.server.watchdog import Watchdog
+from vbus.server.steps import RUNNING, Steps
 from vbus.server.watching import Watcher
 from vbus.trace.decode import settings_for_decoders
 from vbus.transports.base import Link, MessageLink, Served, Transport, split_url
@@ -54,6 +60,8 @@ class LinkSpec:
         card: address decoding of a card, if any.
         pin_map: wiring of a microcontroller's port bits, if any.
         network: the board's place on the network, for transports that use it.
+        remote: other computers may be let in.
+        line: the entry itself, whose serial line it may be.
     """
 
     transport: str
@@ -63,6 +71,8 @@ class LinkSpec:
     card: Card | None = None
     pin_map: PinMap | None = None
     network: Network | None = None
+    remote: bool = False
+    line: HostSection = NO_HOST
 
 
 class _Host:
@@ -73,8 +83,11 @@ class _Host:
         self.spec: LinkSpec = spec
         self.label: str = label
         self.transport: Transport = _plugin(plugins.TRANSPORTS, scheme, Transport)(path, options)
+        self.transport.remote = spec.remote
+        self.transport.line = spec.line
         self.protocol: str = spec.protocol or self.transport.PROTOCOL
         self.wire: type[Protocol] = _plugin(plugins.PROTOCOLS, self.protocol, Protocol)
+        self.transport.no_room = self.wire.NO_ROOM
         self.sessions: list[Session] = []
         self.served: int = 0
         self._received: int = 0
@@ -161,7 +174,13 @@ class Server:
         self.control: Control = Control(self.pacer.catch_up)
         self.control.orders |= SnapshotOrders(board, self.pacer, self.sessions).orders()
         self.control.orders |= self.faults.orders()
+        self.steps: Steps = Steps(board, self.pacer, self.sessions)
+        self.control.orders |= self.steps.orders()
+        self.jump: Jump = Jump(board, self.pacer, self.steps, self._onlookers)
+        self.control.orders["journal.save"] = no_journal
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
+        self._turns: Turns = Turns()
+        self.departures: Departures = Departures(self.pacer)
         self._metrics: MetricsPort | None = None
         if metrics is not None:
             self._metrics = MetricsPort(*metrics, self.statistics)
@@ -170,6 +189,13 @@ class Server:
         self.local_sockets: tuple[LocalSocket, ...] = ()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._closing: ExitStack = ExitStack()
+
+    def keep(self, recording: Recording) -> None:
+        """Tell of what is recorded of the board, save its journal, and go back in it, if asked."""
+        if recording.told:
+            self.details = partial(dict, journal=recording.told)
+            self.control.orders["journal.save"] = recording.save
+            self.jump.recording = recording
 
     def sessions(self) -> Iterator[Session]:
         """Give every session that is open, host by host."""
@@ -195,16 +221,23 @@ class Server:
             hang_ups = HangUps(loop)
             hang_ups.open()
             self._closing.callback(hang_ups.close)
+            self.pacer.look_for_hosts = hang_ups.look
             for host in self._hosts:
                 self._open_host(host, loop, hang_ups)
             if self._metrics is not None:
                 self._metrics.open(loop)
                 self._closing.callback(self._metrics.close)
-        except BaseException:
+            self._closing.callback(self._mark_pause, False)
+            self._mark_pause(False)
+            self.steps.changed.append(lambda: self._mark_pause(self.steps.state != RUNNING))
+            self._closing.callback(self.departures.close)
+            self._closing.callback(self.pacer.stop)
+            self.pacer.start(loop)
+        except BaseException as error:
             self.stop()
+            if isinstance(error, OSError) and not isinstance(error, TransportError):
+                raise TransportError(f"board {self.board.name}: {error.strerror}") from error
             raise
-        self._closing.callback(self.pacer.stop)
-        self.pacer.start(loop)
 
     def _open_local_sockets(self, loop: asyncio.AbstractEventLoop) -> None:
         name = self.board.name
@@ -223,8 +256,26 @@ class Server:
                     " this one another name"
                 ) from error
 
+    def _mark_pause(self, paused: bool) -> None:
+        """Leave word with each link that it answers later, or that it answers again."""
+        for host in self._hosts:
+            host.transport.tell_pause(paused)
+        for kind, _, path in (url.partition(":") for url in self.urls):
+            if kind in ("pty", "unix"):
+                mark = pause_mark(Path(path))
+                with suppress(OSError):  # clients then wait no longer than ever
+                    mark.unlink(missing_ok=True)
+                    if paused:
+                        os.close(os.open(mark, os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
+
     def _watcher(self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd) -> Watcher:
-        return Watcher(loop, link, on_end, self.board, self.status())
+        return Watcher(
+            loop, link, on_end, self.board, self.status(), lambda: self.pacer.lag, self.control,
+            self.steps, self.jump,
+        )  # fmt: skip
+
+    def _onlookers(self) -> list[Any]:
+        return list(self.local_sockets[1].connections)
 
     def _open_host(self, host: _Host, loop: asyncio.AbstractEventLoop, hang_ups: HangUps) -> None:
         board, transport = self.board, host.transport
@@ -234,8 +285,12 @@ class Server:
             Served(board, chips, self.statistics, self.pacer.catch_up, host.spec.network)
         )
         self._closing.callback(self._close_host, host)
-        serving = Serving(loop, self.pacer, self.round_trips, hang_ups, host.ended, self._settle)
-        transport.open(loop, partial(self._connect, host, serving))
+        serving = Serving(
+            loop, self.pacer, self._turns, self.round_trips, hang_ups, self.departures,
+            host.ended, self._settle,
+        )  # fmt: skip
+        connect = partial(self._connect, host, serving)
+        transport.open(loop, partial(self.departures.admit, begin=connect))
 
     def _connect(self, host: _Host, serving: Serving, link: Link) -> None:
         """Begin the session of a host that has connected."""
@@ -249,11 +304,16 @@ class Server:
                 # The addresses of a card and the wires of a pin map are those of the whole entry.
                 chips, card, pin_map = list(link.chips), None, None
         port = self.board.open_port(host.label, chips or None, spec.cycle_ps, card, pin_map)
-        session = kind(serving, link, port, host.wire(port))
+        wire = host.wire(port)
+        line = on_line(spec.line, self.board, port, wire)
+        session = kind(serving, link, port, line or wire)
         port.on_resume = session.resume_soon
-        port.on_events = session.events_soon
+        # What is said unasked takes its time on a line, too.
+        port.on_events = session.resume_soon if line else session.events_soon
         host.sessions.append(session)
         session.begin()
+        if self.pacer.halted:
+            session.hold()
         self.faults.connected(self._hosts.index(host), session)
 
     def sessions_of(self, place: int) -> list[Session] | None:
@@ -269,7 +329,10 @@ class Server:
 
     def stop(self) -> None:
         """End every session and remove every name; may be called again."""
-        self._closing.close()
+        try:
+            self._closing.close()
+        except OSError as error:  # everything else has been closed
+            self._report(f"board {self.board.name}, while it stopped: {error}")
 
     async def serve(self, stop: asyncio.Event, ready: Callable[[], None] | None = None) -> None:
         """Serve until ``stop`` is set.
@@ -287,6 +350,11 @@ class Server:
             self.stop()
         self.pacer.check_over()
 
+    @property
+    def watched(self) -> bool:
+        """Whether somebody watches the board from another process."""
+        return any(local.connections for local in self.local_sockets[1:2])
+
     # -- telling about itself -------------------------------------------------------------------
 
     def status(self) -> bytes:
@@ -303,6 +371,7 @@ class Server:
             "pid": os.getpid(),
             "core": core(),
             "policy": board.policy,
+            "state": self.steps.state,
             "rate": "max" if self.pacer.free else board.rate,
             "time_ps": board.now,
             "time_left_ps": END - board.now,
@@ -364,29 +433,3 @@ def run(
         await server.serve(stop, None if on_ready is None else partial(on_ready, server))
 
     run_until_signal(serve)
-
-
-def run_until_signal(serve: Callable[[asyncio.Event], Coroutine[Any, Any, None]]) -> None:
-    """Run a coroutine in a loop of its own; SIGINT and SIGTERM set the event it is given.
-
-    One that is stuck and cannot is killed within a second; see :mod:`vbus.server.watchdog`.
-    """
-
-    async def main(watchdog: Watchdog) -> None:
-        stop = asyncio.Event()
-        loop = asyncio.get_running_loop()
-
-        def end(number: int, frame: object) -> None:
-            watchdog.heard()
-            loop.call_soon_threadsafe(stop.set)
-
-        # Not the loop's own handlers: the one descriptor C's handler writes to is the watchdog's.
-        before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            await serve(stop)
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-
-    with Watchdog() as watchdog, asyncio.Runner(loop_factory=HostLoop) as runner:
-        runner.run(main(watchdog))

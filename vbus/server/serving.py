@@ -4,7 +4,6 @@ import asyncio
 import logging
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -38,6 +37,8 @@ def links_of(file: BoardFile) -> list[LinkSpec]:
             card_of(file, host),
             pin_map_of(file, host.pinmap),
             network,
+            host.remote,
+            host,
         )
         for host in file.hosts
     ]
@@ -53,7 +54,7 @@ def network_of(zenoh: ZenohSection) -> Network:
     security = None
     if zenoh.certificate:
         security = Security(zenoh.certificate, zenoh.key, zenoh.authority, zenoh.allow)
-    return Network(zenoh.listen, zenoh.connect, security, zenoh.grace * 1e-12)
+    return Network(zenoh.listen, zenoh.connect, security, zenoh.grace * 1e-12, zenoh.remote)
 
 
 def serve(
@@ -86,28 +87,38 @@ def serve(
     serve_read(file, source, rate, on_ready, report, snapshot)
 
 
-def recorded(file: BoardFile, record: Mapping[str, object], metrics: str) -> BoardFile:
-    """Return a board file with what a command line wants recorded; see :func:`serve`."""
+def recorded(
+    file: BoardFile, record: Mapping[str, object], metrics: str, scope: str = ""
+) -> BoardFile:
+    """Return a board file with what a command line wants recorded and shown; see :func:`serve`.
+
+    Args:
+        file: the board file.
+        record: replaces keys of its ``[record]``.
+        metrics: replaces ``listen`` of its ``[metrics]``.
+        scope: replaces ``listen`` of its ``[scope]``.
+    """
     wanted = dict(record)
     waves = file.waves
     if "wave" in wanted:
         waves = (*waves, WaveSection(name="command line", file=str(wanted.pop("wave"))))
     records = msgspec.structs.replace(file.record, **wanted)
     counted = msgspec.structs.replace(file.metrics, listen=metrics or file.metrics.listen)
-    return msgspec.structs.replace(file, record=records, waves=waves, metrics=counted)
+    shown = msgspec.structs.replace(file.scope, listen=scope or file.scope.listen)
+    return msgspec.structs.replace(file, record=records, waves=waves, metrics=counted, scope=shown)
 
 
 def metrics_of(file: BoardFile) -> tuple[str, int] | None:
-    """Return where a board file has its numbers read, if anywhere.
+    """Return where the numbers of a board are read, if anywhere.
 
     Raises:
-        ConfigError: that is no address.
+        ConfigError: that is no address; what the file itself says has been checked.
     """
     counted = file.metrics
     try:
         return metrics_address(counted.listen, counted.remote) if counted.listen else None
     except ValueError as error:
-        raise ConfigError(f"{file.path}: metrics: {error}") from None
+        raise ConfigError(f"--metrics: {error}") from None
 
 
 def serve_read(
@@ -131,13 +142,7 @@ def serve_read(
                 f" {file.board.time}"
             )
         file = msgspec.structs.replace(file, board=msgspec.structs.replace(file.board, rate=rate))
-    address = None
-    if file.metrics.listen:
-        # What the file itself says has been checked.
-        try:
-            address = metrics_address(file.metrics.listen, file.metrics.remote)
-        except ValueError as error:
-            raise ConfigError(f"--metrics: {error}") from None
+    address = metrics_of(file)
     board = build(file, source)
     if snapshot:
         if file.record.journal:
@@ -149,8 +154,7 @@ def serve_read(
     recording = Recording(board, source.text, file.path, report or log.warning)
 
     def ready(server: Server) -> None:
-        if recording.told:
-            server.details = partial(dict, journal=recording.told)
+        server.keep(recording)
         recording.start(asyncio.get_running_loop())
         if on_ready is not None:
             on_ready(server)

@@ -11,21 +11,25 @@ from typing import Final
 from vbus.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
+from vbus.server.departures import Departures
 from vbus.server.hang_ups import HangUps
 from vbus.server.pacer import Pacer
 from vbus.server.statistics import Histogram
 from vbus.transports.base import Link
 
 READ_SIZE: Final = 4096
+"""Bytes read at a time, which is a turn: a host that sends without end leaves the others theirs."""
 LOOKS: Final = 24 if len(os.sched_getaffinity(0)) > 1 else 0
 """How often to look for a next message before sleeping: some 30 us. On a single processor looking
 would only keep the host from running."""
-BURST: Final = 32
+BURST: Final = 8
 """Messages served in a row before other sessions have their turn."""
 PATIENCE: Final = 8
 """Lone messages in a row after which a session is not looked at any longer than needed."""
 RETRY: Final = 64
 """Lone messages after which looking is tried again."""
+MOST_EVENTS: Final = 1 << 20
+"""Unsent bytes beyond which a host that asked for events and does not read them is hung up on."""
 MOST_PENDING: Final = 65536
 """Unsent bytes beyond which a host that does not read is not read from either."""
 
@@ -40,6 +44,18 @@ class LinkFilter:
         raise NotImplementedError
 
 
+class Turns:
+    """Whom a server served last: only a host that has it to itself is looked for before sleeping.
+
+    Beside others looking is time taken from them.
+    """
+
+    __slots__ = ("last",)
+
+    def __init__(self) -> None:
+        self.last: Session | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class Serving:
     """What serves the sessions of one host entry.
@@ -47,16 +63,20 @@ class Serving:
     Attributes:
         loop: the event loop; a :class:`~vbus.server.loop.HostLoop` calls its sessions itself.
         pacer: moves the board's time.
+        turns: of all sessions of the server.
         round_trips: takes how long each message took, from its arrival to its answer (ns).
         hang_ups: notices hosts that go while nothing is read from them.
+        departures: takes over what a host that has gone waits for.
         on_end: called once when a session has ended.
         settle: called before an answer leaves; False if it must not. None where nobody minds.
     """
 
     loop: asyncio.AbstractEventLoop
     pacer: Pacer
+    turns: Turns
     round_trips: Histogram
     hang_ups: HangUps
+    departures: Departures
     on_end: Callable[["Session"], None]
     settle: Callable[[], bool] | None = None
 
@@ -85,6 +105,7 @@ class Session:
             serving.loop, "add_direct_reader", serving.loop.add_reader
         )
         self._pacer: Pacer = serving.pacer
+        self._turns: Turns = serving.turns
         self._on_end: Callable[[Session], None] = serving.on_end
         self._settle: Callable[[], bool] | None = serving.settle
         self._clock: Callable[[], int] = serving.pacer.clock
@@ -95,6 +116,7 @@ class Session:
         self._open: bool = True
         self._waiting: int = 0
         self._hang_ups: HangUps = serving.hang_ups
+        self._departures: Departures = serving.departures
         self._flush_scheduled: bool = False
         self._patience: int = PATIENCE
         self._skipped: int = 0
@@ -124,10 +146,12 @@ class Session:
         """Serve what has come; then look a little longer, because a driver that polls asks again.
 
         Looking costs less than sleeping and being woken. It is given up for a while when nothing
-        came, and after a few messages in a row the other sessions have their turn.
+        came or another session was served meanwhile; after a few messages in a row, or as many
+        bytes as are read at a time, the others have their turn.
         """
         served = looks = 0
-        most = LOOKS if self._patience else 0
+        most = LOOKS if self._patience and self._turns.last is self else 0
+        self._turns.last = self
         while True:
             try:
                 data = os.read(self._fd, READ_SIZE)
@@ -150,7 +174,7 @@ class Session:
             self._serve(data)
             served += 1
             looks = 0
-            if not most or served == BURST or not self._reading:
+            if not most or served == BURST or len(data) == READ_SIZE or not self._reading:
                 break
         if served > 1:
             self._patience = PATIENCE
@@ -198,18 +222,23 @@ class Session:
         log.exception(
             "internal error while serving %s; its session ends, the board goes on", self.link.peer
         )
+        self.port.held = False
         self.end("internal error")
 
     # -- waiting ------------------------------------------------------------------------------
 
     def _wait(self) -> None:
         """The port is held: read no more until what it waits for has come."""
+        if not self._open:  # the host has gone while it was answered: no time passes for it
+            return
         self._read_off()
         self._listen_for_the_end()
         until = self.port.hold_until
         if until != NEVER and self._waiting != until:
             self._waiting = until
             self._pacer.wake_at(until, self.resume)
+            if not self._pacer.real:
+                self._hang_ups.look()  # whoever comes next is not let in before this wait is over
 
     def _listen_for_the_end(self) -> None:
         """While nothing is read, notice a host that has gone: others may wait for its claim.
@@ -221,7 +250,7 @@ class Session:
             self._hang_ups.watch(self._fd, self._hung_up)
 
     def _hung_up(self) -> None:
-        self.end("closed by the host")
+        self._host_gone(True)
 
     def resume(self) -> None:
         """What the session waited for may have come."""
@@ -230,12 +259,23 @@ class Session:
         self._hang_ups.forget(self._fd)
         self._waiting = 0
         self._pacer.catch_up()
+        if self._pacer.halted:
+            self.hold()
+            return
         if not self.port.go_on():
             self._wait()
             return
         self._serve(b"")
         if self._open and not self.port.held and len(self._pending) <= MOST_PENDING:
             self._read_on()
+
+    def hold(self) -> None:
+        """Time stands still: what the host asks for from here on is kept until it runs again."""
+        port = self.port
+        if not port.held:
+            port.held = True
+            port.hold_until = max(self._pacer.board.now, 1)
+        self._wait()
 
     def resume_soon(self) -> None:
         """Another session has given back its claim."""
@@ -261,6 +301,12 @@ class Session:
     def _push(self) -> None:
         """Send what nobody asked for just now."""
         self._send()
+        if len(self._pending) > MOST_EVENTS:
+            log.warning(
+                "%s: %d bytes of events wait for a host that does not read them; its session ends",
+                self.link.peer, len(self._pending),
+            )  # fmt: skip
+            self.end("does not read its events", True)
 
     # -- writing ------------------------------------------------------------------------------
 
@@ -346,7 +392,8 @@ class Session:
 
     def _host_gone(self, carry_out: bool) -> None:
         """The link says that the host has gone; maybe what it sent before is to be carried out."""
-        while carry_out and self._open and not self.port.held:
+        port = self.port
+        while carry_out and self._open and not (port.held and port.hold_until == NEVER):
             try:
                 data = os.read(self._fd, READ_SIZE)
             except OSError:
@@ -370,13 +417,24 @@ class Session:
         self._open = False
         log.debug("%s: %s", self.link.peer, reason)
         for step in (
-            self._look_no_more, self.protocol.reset, self.port.close,
+            self._look_no_more, self._abandon if hang_up else self._depart,
             self.link.hang_up if hang_up else self.link.close, partial(self._on_end, self),
         ):  # fmt: skip
             try:
                 step()
             except Exception:  # the next host shall find nothing of this one
                 log.exception("internal error while the session of %s ended", self.link.peer)
+
+    def _depart(self) -> None:
+        """What the host waits for comes all the same; see :class:`Departures`."""
+        if not self._departures.take(self.port, self.protocol):
+            self._abandon()
+
+    def _abandon(self) -> None:
+        try:
+            self.protocol.reset()
+        finally:
+            self.port.close()
 
     def _look_no_more(self) -> None:
         self._pacer.forget(self.resume)

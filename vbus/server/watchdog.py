@@ -2,8 +2,12 @@
 
 Python runs handlers of signals between two steps of the interpreter; while a step of compiled code,
 or a call into somebody's library, does not return, none is run. But the byte that C's own handler
-writes (``signal.set_wakeup_fd``) is written at once. A small process reads it. If the server does
+writes (``signal.set_wakeup_fd``) is written at once. A small process reads it, and wakes the
+server: a signal that came just before the server went to sleep has woken nobody. If the server does
 not say that it has heard, that process tells where it hangs and kills it.
+
+Seconds are counted in steps of :data:`LOOK`, so that those in which the machine itself stood still
+are not held against the server.
 """
 
 import faulthandler
@@ -12,7 +16,6 @@ import select
 import signal
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from types import TracebackType
 from typing import Final
@@ -32,7 +35,11 @@ _DUMP: Final = 0.1
 
 
 class Watchdog:
-    """The server's side; a context in which SIGINT and SIGTERM have an effect."""
+    """The server's side; a context in which SIGINT and SIGTERM have an effect.
+
+    Attributes:
+        wake: becomes readable when a signal has come.
+    """
 
     def __enter__(self) -> "Watchdog":
         """Start the process; from here on C's handler tells it of signals."""
@@ -40,8 +47,9 @@ class Watchdog:
             faulthandler.enable()
         signals, self._signals = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
         heard, self._heard = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
+        self.wake, wake = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
         server = os.pidfd_open(os.getpid())
-        passed = (signals, heard, server)
+        passed = (signals, heard, wake, server)
         # The process inherits what is blocked: Ctrl-C is for all of a terminal, and not for it.
         unblocked = signal.pthread_sigmask(signal.SIG_BLOCK, ENDINGS)
         self._process: subprocess.Popen[bytes] | None = None
@@ -55,6 +63,10 @@ class Watchdog:
             os.close(fd)
         self._before: int = signal.set_wakeup_fd(self._signals, warn_on_full_buffer=False)
         return self
+
+    def woken(self) -> bool:
+        """Take what has made :attr:`wake` readable; False if nothing ever will again."""
+        return bool(os.read(self.wake, 64))
 
     def heard(self) -> None:
         """A handler runs: the server is not stuck."""
@@ -71,6 +83,7 @@ class Watchdog:
         signal.set_wakeup_fd(self._before)
         os.close(self._signals)
         os.close(self._heard)
+        os.close(self.wake)
         if self._process is not None:
             self._process.wait()
 
@@ -78,7 +91,7 @@ class Watchdog:
 # -- the process beside it ------------------------------------------------------------------------
 
 
-def _watch(pid: int, signals: int, heard: int, server: int) -> None:
+def _watch(pid: int, signals: int, heard: int, wake: int, server: int) -> None:
     """Wait for a signal; see that the server hears it and ends."""
     poll = select.poll()
     poll.register(signals, select.POLLIN)
@@ -92,25 +105,31 @@ def _watch(pid: int, signals: int, heard: int, server: int) -> None:
             return
         for number in numbers:
             if number in ENDINGS:
+                with suppress(OSError):  # it has ended
+                    os.write(wake, b"\0")
                 _see_it_end(pid, signal.Signals(number).name, heard, server)
                 return
 
 
 def _see_it_end(pid: int, name: str, heard: int, server: int) -> None:
-    begun, before = time.monotonic(), _state(pid)[1]
-    deadline = begun + PATIENCE
+    waited, longest, before = 0.0, PATIENCE, _state(pid)[1]
     poll = select.poll()
     poll.register(heard, select.POLLIN)
     poll.register(server, select.POLLIN)
-    if any(fd == heard for fd, _ in poll.poll(PATIENCE * 1000)):
-        poll.modify(heard, 0)  # that it is closed is told all the same
-        deadline = begun + CLOSING
-    while not poll.poll(max(deadline - time.monotonic(), LOOK) * 1000):
+    while True:
+        if ready := dict(poll.poll(LOOK * 1000)):
+            if ready != {heard: select.POLLIN}:
+                return
+            poll.modify(heard, 0)  # that it is closed is told all the same
+            longest = CLOSING
+            continue
+        waited += LOOK
+        if waited < longest:
+            continue
         state, used = _state(pid)
         starved = state == "R" and used - before < BUSY
-        if state in "Tt" or (starved and time.monotonic() < begun + STARVED):
+        if state in "Tt" or (starved and waited < STARVED):
             continue
-        waited = time.monotonic() - begun
         sys.stderr.write(
             f"vbus: {name} has not ended process {pid} within {waited:.1f} s; it is killed, and"
             " this is where it stood\n"

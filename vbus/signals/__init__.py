@@ -1,6 +1,7 @@
 """Wires, pins, the seam to the mechanics, and those who look on."""
 
 from vbus.signals.axis import Plant, Switch
+from vbus.signals.lane import LaneRow
 from vbus.signals.net import HIGH, LOW, Net, Pin, Watcher, Z
 from vbus.signals.observer import Observer
 from vbus.signals.trace_hash import TraceHash
@@ -12,6 +13,7 @@ __all__ = [
     "OFF",
     "STRICT",
     "WARN",
+    "LaneRow",
     "Net",
     "Observer",
     "Pin",

@@ -5,6 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64, mypyc_attr
 
 from vbus.options import Option, Settings, Value, with_defaults
+from vbus.signals.lane import LaneRow
 from vbus.state import UNDECLARED, Names
 from vbus.state.first import load_tuple, save_tuple
 
@@ -66,7 +67,11 @@ class Plant:
 
     TAKES: ClassVar[tuple[str, ...]] = ("drive",)
     """Kinds of drive this plant understands: ``drive``, ``pulses``, ``phases``."""
+    MODEL: ClassVar[int] = 1
+    """Version of the model: one more whenever it moves otherwise than before."""
     OPTIONS: ClassVar[tuple[Option, ...]] = ()
+    LANES: ClassVar[tuple[LaneRow, ...]] = ()
+    """What :meth:`telemetry` tells."""
     STATE: ClassVar[Names] = UNDECLARED
     WIRING: ClassVar[Names] = ("settings", "switches")
 
@@ -117,6 +122,10 @@ class Plant:
         ``start`` itself does not count. Returns ``(True, count)`` or ``(False, 0)``.
         """
         return False, 0
+
+    def telemetry(self) -> dict[str, float]:
+        """Return what a live view shows of the mechanics, by name, at the end of the period."""
+        return {}
 
     def resting(self) -> bool:
         """Whether another period with the same drive would leave every bit of state as it is."""

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from vbus.testing.judge import Judge, accepted
-from vbus.testing.project import read_project
+from vbus.testing.judge import accepted
+from vbus.testing.project import Project, read_project
 from vbus.trace.findings.suppress import Suppression
 
 
@@ -56,10 +56,10 @@ class Acceptances:
     """
 
     def __init__(self, config: pytest.Config) -> None:
-        self.project: Judge = read_project(config.rootpath)
+        self.project: Project = read_project(config.rootpath)
         self._all: dict[tuple[str, str, str], Acceptance] = {}
         self._deselected: set[str] = set()
-        for one in self.project.accepted:
+        for one in self.project.judge.accepted:
             self._add("", one)
 
     def _add(self, scope: str, one: Suppression) -> Acceptance:

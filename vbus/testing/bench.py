@@ -6,31 +6,37 @@ import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, TextIO, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TextIO, TypeVar
 
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.sections import BoardFile, HostSection
 from vbus.board.source import Source
 from vbus.errors import ConfigError, VbusError
-from vbus.kernel import NEVER
 from vbus.protocols.quantities import format_instant
 from vbus.runtime import private_runtime
 from vbus.server.server import LinkSpec
-from vbus.signals import Violation
 from vbus.testing.boards import board_text, default_part, for_test
 from vbus.testing.clock import BoardClock
-from vbus.testing.judge import CHOICES, FAIL, Judge, Judged
-from vbus.testing.limits import Limits, Watch
+from vbus.testing.interrupt import Interrupt
+from vbus.testing.judge import CHOICES, FAIL, Judge, Judged, by_rule
+from vbus.testing.limits import BUDGET, UNBOUNDED, Limits, Watch, budget_of
 from vbus.testing.serving import ServedBoard
+from vbus.testing.tolerance import NEAR, tolerance_of
+from vbus.testing.variant import Variant
+from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
+from vbus.trace.runs.difference import Tolerance
+
+if TYPE_CHECKING:
+    from vbus.trace.coverage.coverage import CoverageObserver
 
 _T = TypeVar("_T")
 KEYWORDS: Final = ("board", "plant", "clock", "seed", "rate", "strict")
 """What may be said of a board: keywords of the marker, and of :meth:`Bench.make`."""
-_BOUNDLESS: Final = Limits(cycles=1 << 62, chip_time=NEVER)
+_NO_VARIANT: Final = Variant()
 
 
 @dataclass(slots=True)
@@ -54,22 +60,39 @@ class TestedBoard:
         file: its board file as it runs here.
         source: the same as text.
         strict: whether a breach of a datasheet fails the test.
+        budget: what its hosts may take.
+        covered: whether what they exercise is counted.
     """
 
-    def __init__(self, board: Board, file: BoardFile, source: Source, strict: bool) -> None:
+    def __init__(
+        self,
+        board: Board,
+        file: BoardFile,
+        source: Source,
+        strict: bool,
+        budget: Limits,
+        covered: bool = False,
+    ) -> None:
         self.board = board
         self.file = file
         self.source = source
         self.strict = strict
+        self.budget = budget
         self._bytes = io.BytesIO()
         self._journal = Journal(board, self._bytes, source.text, file.path)
-        self.watch = Watch(board, _BOUNDLESS, times=True)
+        self.watch = Watch(board, budget, times=True)
+        self.coverage: CoverageObserver | None = None
+        if covered:
+            from vbus.testing.suite_coverage import coverage_observer
+
+            self.coverage = coverage_observer(board)
         self.judged: Judged | None = None
         self.served: ServedBoard | None = None
         self.address: str = ""
         self._wave: Any = None
         self._wave_text: TextIO = io.StringIO()
-        self.clock = BoardClock(board, self.call)
+        self.clock = BoardClock(board, self.call, self.watch.excused)
+        board.waits = self.clock.wait_until
 
     def call(self, what: Callable[[], _T]) -> _T:
         """Do something to the board while no host does."""
@@ -86,6 +109,16 @@ class TestedBoard:
         """End the journal and return it."""
         self.call(self._journal.close)
         return self._bytes.getvalue()
+
+    def page(self) -> bytes:
+        """Return what the journal holds as one page for a browser."""
+        from vbus.scope.page_file import one_file
+        from vbus.scope.replayed import replayed
+
+        reader = JournalReader(io.BytesIO(self.journal()))
+        board = build(self.file, self.source)
+        recorded = replayed(board, reader, reader.header.families)
+        return one_file(recorded.description, recorded.frames)
 
     def wave(self) -> str:
         """End the waveform and return it; "" if there is none."""
@@ -114,6 +147,11 @@ class Bench:
         strict: whether a cycle that breaks a datasheet is lost, where a test says nothing else.
         waves: ``"never"``, ``"on-failure"`` or ``"always"``.
         judge: which violations fail a test that says nothing else.
+        budget: what a test may take that says nothing else.
+        covered: whether what its hosts exercise is counted.
+        tolerance: how far from its golden the run of a test may be that says nothing else.
+        variant: which one of a matrix the test is.
+        scope: whether a test that fails leaves a page for a browser.
 
     Raises:
         VbusError: a keyword is unknown, or makes no sense.
@@ -129,11 +167,20 @@ class Bench:
         strict: bool = False,
         waves: str = "never",
         judge: Judge | None = None,
+        budget: Limits = BUDGET,
+        covered: bool = False,
+        tolerance: Tolerance = NEAR,
+        variant: Variant = _NO_VARIANT,
+        scope: bool = True,
     ) -> None:
         self.name = name
+        self.variant = variant
+        self.budget: Limits = budget_of("vbus", keywords.get("budget", {}), budget)
+        self.tolerance = tolerance_of("vbus", keywords.get("golden", {}), tolerance)
         self.judge: Judge = (judge or Judge()).told("vbus", keywords)
-        keywords = {key: value for key, value in keywords.items() if key not in CHOICES}
-        _check_keywords(keywords, ("accept", *CHOICES))
+        of_test = ("budget", "golden", *CHOICES)
+        keywords = {key: value for key, value in keywords.items() if key not in of_test}
+        _check_keywords(keywords, ("accept", *of_test))
         self.folders = list(folders)
         self.folder = folder
         self.boards: list[TestedBoard] = []
@@ -144,6 +191,9 @@ class Bench:
         self._stack = ExitStack()
         self._failure: FailureReport | None = None
         self._main: TestedBoard | None = None
+        self._interrupt: Interrupt | None = None
+        self._covered = covered
+        self._scope = scope
 
     # -- boards -------------------------------------------------------------------------------
 
@@ -158,15 +208,24 @@ class Bench:
             VbusError: the board, or a keyword, makes no sense.
         """
         _check_keywords(keywords)
-        given = {**self._keywords, **keywords}
+        return self._make(board, {**self._keywords, **keywords}, _NO_VARIANT)
+
+    def _make(self, board: str | Path, given: dict[str, Any], variant: Variant) -> TestedBoard:
         asked = board or given.get("board") or default_part()
         text, name = board_text(asked, self.folders, given.get("plant", ""), given.get("clock", ""))
+        text = variant.of_board(text, name)
         rate = given.get("rate")
         if rate is not None and not (isinstance(rate, int | float) and rate > 0):
             raise VbusError(f"rate={rate!r}: it is chip seconds per second, more than 0")
         strict = bool(given.get("strict", self._strict))
-        file, source = for_test(text, name, given.get("seed", self._seed), rate, strict)
-        made = TestedBoard(build(file, source), file, source, strict)
+        seed = given.get("seed", self._seed) if variant.seed is None else variant.seed
+        file, source = variant.of_specimen(*for_test(text, name, seed, rate, strict))
+        built = build(file, source)
+        built.run_for(variant.start)
+        budget = self.budget
+        if rate is not None and budget.chip_time == BUDGET.chip_time:  # it passes by itself
+            budget = replace(budget, chip_time=UNBOUNDED)
+        made = TestedBoard(built, file, source, strict, budget, self._covered)
         if self._waves != "never":
             made.record_wave()
         self.boards.append(made)
@@ -178,7 +237,13 @@ class Bench:
         ``otherwise`` is its part if the test's marker names no board.
         """
         if self._main is None:
-            self._main = self.make(self._keywords.get("board") or otherwise)
+            board = self._keywords.get("board") or self.variant.part or otherwise
+            self._main = self._make(board, self._keywords, self.variant)
+        return self._main
+
+    @property
+    def begun(self) -> TestedBoard | None:
+        """The test's board, if it has been asked for."""
         return self._main
 
     def of(self, board: Board) -> TestedBoard:
@@ -197,6 +262,18 @@ class Bench:
         return next(
             (path for folder in self.folders if (path := folder / name).exists()), Path(name)
         )
+
+    def find_file(self, name: str | Path) -> Path:
+        """Return the path of a file that must be there.
+
+        Raises:
+            VbusError: it is not.
+        """
+        path = self.find(name)
+        if not path.is_file():
+            what = "is no file" if path.exists() else "is not there"
+            raise VbusError(f"{name} {what}; looked for it in {', '.join(map(str, self.folders))}")
+        return path
 
     def terminal(self) -> str:
         """Serve the test's board on a terminal of its own; return the terminal's path.
@@ -223,17 +300,38 @@ class Bench:
                 pin_map_of(tested.file, host.pinmap),
             )
             served = ServedBoard(tested.board, [link], tested.file.board.stall)
+            self._interrupt = self._stack.enter_context(Interrupt(tested.watch))
             self._stack.enter_context(served)
             tested.served = served
         return tested.address
 
+    def let_interrupt(self, allowed: bool) -> None:
+        """Say whether a host that hangs on a terminal may be interrupted: while a test runs."""
+        if self._interrupt is not None:
+            self._interrupt.allowed = allowed
+
+    def relent(self) -> None:
+        """The test is over: let its hosts put their machines in order."""
+        for tested in self.boards:
+            tested.call(tested.watch.relent)
+
     def close(self) -> None:
-        """Stop what runs; write the waveforms that are wanted of every test."""
+        """Stop what runs; write the waveforms that are wanted of every test.
+
+        Raises:
+            VbusError: a thread that hung on a terminal goes on.
+        """
         self._stack.close()
         for tested in self.boards:
             tested.served = None
             if self._waves == "always" and self._failure is None:
                 self._keep(tested, "vcd", tested.wave().encode())
+        if self._interrupt is not None:
+            self._interrupt.check_threads()
+
+    def coverages(self) -> "list[CoverageObserver]":
+        """Return what has counted what the hosts of this test exercise."""
+        return [tested.coverage for tested in self.boards if tested.coverage is not None]
 
     # -- verdict ------------------------------------------------------------------------------
 
@@ -242,6 +340,8 @@ class Bench:
         lines = []
         for tested in self.boards:
             name = tested.board.name
+            if tested.watch.stuck:
+                lines += [f"the host hung: {tested.watch.stuck}", *tested.watch.details]
             lines += [
                 f'fault {armed} of board "{name}" never fired: the test did not test it;'
                 " look at its trigger, or clear() it"
@@ -250,9 +350,9 @@ class Bench:
             ]
             judged = self.judged(tested)
             if tested.strict or self.judge.violations == FAIL:
-                lines += _by_rule(judged.failing)
+                lines += by_rule(judged.failing)
             if self.judge.after_fault == FAIL:
-                lines += _by_rule(judged.after_fault, ", after a fault")
+                lines += by_rule(judged.after_fault, ", after a fault")
         return lines
 
     def judged(self, tested: TestedBoard) -> Judged:
@@ -280,6 +380,9 @@ class Bench:
         faults = tested.faults()
         lines = tested.call(lambda: tested.watch.lines)
         journal = self._keep(tested, "vbj", tested.journal())
+        if self.variant.scenario is not None and tested is self._main:
+            report.lines.append(f"under:   {self.variant.scenario}")
+            report.properties.append(("vbus.under", str(self.variant.scenario)))
         replay = f"vbus replay {shlex.quote(str(journal))}"
         report.lines += [
             f'board "{board.name}" at {format_instant(board.now)}, seed {board.seed},'
@@ -298,25 +401,36 @@ class Bench:
             ("vbus.violations", "\n".join(f"{v.rule} {v.detail}" for v in tested.watch.violations)),
             ("vbus.faults", "\n".join(str(armed) for armed in faults)),
         ]
+        if self._scope:
+            self._keep_page(tested, report)
         wave = tested.wave()
         if wave:
             path = self._keep(tested, "vcd", wave.encode())
             report.lines.append(f"wave:    {path}")
             report.properties.append(("vbus.wave", str(path)))
 
+    def _keep_page(self, tested: TestedBoard, report: FailureReport) -> None:
+        try:
+            page = self._keep(tested, "html", tested.page())
+        except Exception as error:  # the journal tells more than what stops it from being played
+            report.lines.append(f"scope:   no page: {type(error).__name__}: {error}")
+            return
+        report.lines.append(f"scope:   {page}")
+        report.properties.append(("vbus.scope", str(page)))
+
     def _violations(self, tested: TestedBoard) -> Iterator[str]:
         judged = self.judged(tested)
         yield f"violations: {len(judged.failing) or 'none'}"
-        yield from (f"    {line}" for line in _by_rule(judged.failing))
+        yield from (f"    {line}" for line in by_rule(judged.failing))
         if judged.after_fault:
             yield f"violations after a fault: {len(judged.after_fault)}"
-            yield from (f"    {line}" for line in _by_rule(judged.after_fault))
+            yield from (f"    {line}" for line in by_rule(judged.after_fault))
         reasons = Counter((v.chip, v.rule, reason) for v, reason in judged.accepted)
         for (chip, rule, reason), count in reasons.items():
             yield f"accepted:  {chip} broke {rule} {count} times: {reason}"
         if judged.notes:
             yield f"notes: {len(judged.notes)}"
-            yield from (f"    {line}" for line in _by_rule(judged.notes, verb="notes"))
+            yield from (f"    {line}" for line in by_rule(judged.notes, verb="notes"))
         if tested.watch.no_effect.counts:
             yield f"without effect: {tested.watch.no_effect.text()}"
 
@@ -326,20 +440,6 @@ class Bench:
         path = self.folder() / f"{test}{f'-{number + 1}' if number else ''}.{suffix}"
         path.write_bytes(content)
         return path
-
-
-def _by_rule(violations: Iterable[Violation], when: str = "", verb: str = "broke") -> list[str]:
-    """Return a sentence for each rule that the host of each chip broke."""
-    found: dict[tuple[str, str], list[Violation]] = {}
-    for v in violations:
-        found.setdefault((v.chip, v.rule), []).append(v)
-    lines = []
-    for (chip, rule), several in found.items():
-        first = several[0]
-        times = f"{len(several)} times, first " if len(several) > 1 else ""
-        at = format_instant(first.when)
-        lines.append(f"{chip} {verb} {rule} {times}at {at}{when}: {first.detail}  [{first.clause}]")
-    return lines
 
 
 def _check_keywords(keywords: Iterable[str], also: Iterable[str] = ()) -> None:

@@ -69,7 +69,7 @@ def chip_bench(bench: Bench, start: str) -> ChipBench:
     if chip is None:
         have = ", ".join(f"{chip.name} = {chip.part}" for chip in board.chips)
         raise VbusError(f'board "{board.name}" has no {part} or kin; it has {have}')
-    board.run_until(max(board.now, chip.ready_at()))
+    board.run_until(max(board.now, chip.ready_at() + bench.variant.start))
     bus = connect_in_process(board)
     client, calls = family.object("host"), family.object("calls")
     host = client(bus, chip.name) if client else calls(bus.chip(chip.name)) if calls else None

@@ -1,12 +1,16 @@
-"""Chip time in the hands of a test."""
+"""Chip time as a test moves it."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any, Final
 
 from vbus.board.board import Board
 from vbus.errors import VbusError
 from vbus.protocols.quantities import format_instant, picoseconds
+from vbus.trace.until import wait_until
+
+WITHIN: Final = "10 s"
+"""Chip time that something may take to come."""
 
 Call = Callable[[Callable[[], Any]], Any]
 
@@ -19,11 +23,15 @@ class BoardClock:
     Args:
         board: the board.
         call: carries something out while no host acts on the board.
+        excused: a block in which time passes by order of the test.
     """
 
-    def __init__(self, board: Board, call: Call) -> None:
+    def __init__(
+        self, board: Board, call: Call, excused: Callable[[], AbstractContextManager[None]]
+    ) -> None:
         self.board: Final = board
         self._call: Final = call
+        self._excused: Final = excused
         self._frozen = False
 
     @property
@@ -41,7 +49,7 @@ class BoardClock:
         length = _ps(duration)
         if length < 0:
             raise VbusError(f"advance by {duration}: time does not run backwards")
-        self._move(lambda: self.board.now + length)
+        self._move(lambda: self.board.run_for(length))
 
     def run_until(self, instant: int | str) -> None:
         """Let time pass to ``instant``, inclusive of what happens at it.
@@ -54,7 +62,22 @@ class BoardClock:
             raise VbusError(
                 f"run_until {format_instant(when)}: it is {format_instant(self.now)} already"
             )
-        self._move(lambda: when)
+        self._move(lambda: self.board.run_until(when))
+
+    def wait_until(self, condition: str, within: int | str = WITHIN) -> int:
+        """Let time pass to the earliest instant at which ``condition`` holds; return it (ps).
+
+        Args:
+            condition: such as ``"x.status.TRAJECTORY_COMPLETE"``.
+            within: how long it may take.
+
+        Raises:
+            VbusError: it makes no sense on this board, or has not come to hold in time; or time
+                is the wall clock's, or frozen.
+        """
+        length = _ps(within)
+        self._move(lambda: wait_until(self.board, condition, length))
+        return self.now
 
     @contextmanager
     def freeze(self) -> Iterator[None]:
@@ -76,14 +99,17 @@ class BoardClock:
             self._frozen = False
             self._call(lambda: [port.cost(*costs) for port, costs in frozen])
 
-    def _move(self, until: Callable[[], int]) -> None:
+    def _move(self, pass_time: Callable[[], object]) -> None:
         self._master("move")
         if self._frozen:
             raise VbusError("time is frozen: let the freeze() block end first")
 
         def work() -> None:
-            self.board.run_until(until())
-            self.board.catch_up()
+            with self._excused():
+                try:
+                    pass_time()
+                finally:
+                    self.board.catch_up()
 
         self._call(work)
 

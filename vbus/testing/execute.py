@@ -5,6 +5,7 @@ import os
 import shlex
 import shutil
 import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -12,7 +13,7 @@ from typing import Final
 from vbus.errors import VbusError
 from vbus.kernel import SECOND
 from vbus.testing.bench import Bench, TestedBoard
-from vbus.testing.limits import Limits
+from vbus.testing.limits import UNBOUNDED, Limits
 from vbus.testing.programs import Outcome, run_program
 
 _SOURCES: Final = (".c", ".cpp", ".cc", ".cxx")
@@ -59,7 +60,9 @@ class Execute:
 
         Raises:
             VbusError: it cannot be compiled or started.
+            HostStuck: it has passed the budget of the test.
         """
+        __tracebackhide__ = True
         tested = self._bench.main()
         if tested.served is not None:
             raise VbusError(
@@ -70,28 +73,37 @@ class Execute:
         if path.suffix in _SOURCES:
             command = [str(self.compile(program, *sources, shim=shim, flags=flags))]
         elif avr:
-            command = _avr_command(tested, avr, path)
+            command = [*_avr_command(tested, avr), str(self._bench.find_file(program))]
         elif path.suffix == ".py":
-            command = ["python", str(path)]
+            command = ["python", str(self._bench.find_file(program))]
         else:
             command = [str(path)]
-        limits = Limits(1 << 62, 60 * SECOND if longest is None else longest, timeout)
-        return run_program(
+        most = 60 * SECOND if longest is None else longest
+        limits = Limits(UNBOUNDED, most, wall=timeout)
+        tested.watch.check()
+        outcome = run_program(
             tested.file,
             tested.source,
             [*command, *map(str, arguments)],
             limits,
             environment,
             board=tested.board,
+            watch=tested.watch,
         )
+        if tested.watch.ended:  # what it has said until then belongs to the report
+            sys.stdout.write(outcome.output)
+            sys.stderr.write(outcome.errors)
+        tested.watch.check()
+        return outcome
 
     def compile(self, *sources: str | Path, shim: str = "", flags: str = "") -> Path:
         """Compile C or C++ sources against the C client; return the program.
 
         Raises:
-            VbusError: there is no compiler, or it complains; its words are in the message.
+            VbusError: a source is not there; there is no compiler, or it complains, with its
+                words in the message.
         """
-        files = [self._bench.find(source) for source in sources]
+        files = [self._bench.find_file(source) for source in sources]
         plus = shim in ("avr", "arduino", "pic") or any(file.suffix != ".c" for file in files)
         compiler = os.environ.get("CXX" if plus else "CC") or ("g++" if plus else "cc")
         if shutil.which(shlex.split(compiler)[0]) is None:
@@ -99,8 +111,9 @@ class Execute:
         asked = " ".join(str(file.resolve()) for file in files) + shim + flags
         digest = hashlib.sha256(asked.encode()).hexdigest()[:8]
         output = self._bench.folder() / f"{files[0].stem}-{digest}"
+        made = output.with_name(f"{output.name}.{os.getpid()}")
         done = subprocess.run(
-            [*shlex.split(compiler), "-o", str(output), *shlex.split(flags), *cflags(shim),
+            [*shlex.split(compiler), "-o", str(made), *shlex.split(flags), *cflags(shim),
              *map(str, files)],
             capture_output=True,
             text=True,
@@ -108,6 +121,7 @@ class Execute:
         if done.returncode:
             names = ", ".join(map(str, sources))
             raise VbusError(f"{names}: the compiler refuses it:\n{done.stderr.strip()}")
+        made.replace(output)  # at once: other workers of the run may be about to start it
         return output
 
 
@@ -124,7 +138,7 @@ def cflags(shim: str = "") -> list[str]:
     return (SHIMS[shim] if shim else PLAIN).flags()
 
 
-def _avr_command(tested: TestedBoard, avr: str, path: Path) -> list[str]:
+def _avr_command(tested: TestedBoard, avr: str) -> list[str]:
     from vbus.tools.exec_avr import parse, simulator
 
     if tested.board.policy != "slaved":
@@ -136,4 +150,4 @@ def _avr_command(tested: TestedBoard, avr: str, path: Path) -> list[str]:
         options = parse(avr)
     except ValueError as error:
         raise VbusError(f"avr={avr!r}: {error}") from None
-    return [simulator(), "--link", "{link}", *options, str(path)]
+    return [simulator(), "--link", "{link}", *options]

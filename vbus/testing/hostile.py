@@ -30,8 +30,8 @@ from vbus.errors import ConfigError
 from vbus.kernel import US
 from vbus.options import Value
 from vbus.testing.boards import section_line, with_keys
-from vbus.testing.in_process import HostStuck, connect_in_process
-from vbus.testing.limits import Limits, Watch
+from vbus.testing.in_process import connect_in_process
+from vbus.testing.limits import HostStuck, Limits, Watch
 from vbus.testing.programs import Outcome, run_program
 
 Host = Callable[[Bus], object] | Sequence[str]
@@ -42,7 +42,8 @@ Judge = Callable[[Outcome], str]
 
 PHASES: Final = 32
 """How many places in a sample a host may start at."""
-_PHASE: Final = 17 * US
+PHASE: Final = 17 * US
+"""From one of these places to the next (ps)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,7 @@ class Scenario:
         if self.seed:
             parts.append(f"seed = {self.seed}")
         if self.phase:
-            parts.append(f"start {self.phase * _PHASE // US} us after power-on")
+            parts.append(f"start {self.phase * PHASE // US} us after power-on")
         return ", ".join(parts) or "a typical chip, with no extreme at all"
 
 
@@ -113,6 +114,13 @@ def extremes(file: BoardFile) -> list[tuple[str, str, tuple[Value, ...]]]:
         for option in chip_class(chip.part).OPTIONS
         if option.extremes and option.name not in chip.settings
     ]
+
+
+def possible(board: str, scenario: Scenario) -> bool:
+    """Tell whether the chips of a board file (text) may have the extremes of a scenario."""
+    file, _ = read_board_text(board)
+    values = {(chip, key): values for chip, key, values in extremes(file)}
+    return all(value in values.get((chip, key), ()) for chip, key, value in scenario.extremes)
 
 
 def with_extremes(text: str, scenario: Scenario) -> str:
@@ -170,13 +178,13 @@ def play(
         )
     if not callable(host):
         folder = Path(name).parent if name else None
-        start = scenario.phase * _PHASE
+        start = scenario.phase * PHASE
         return run_program(file, source, host, bounds, folder=folder, start=start)
     made = build(file, source)
     watch = Watch(made, bounds)
-    made.run_for(scenario.phase * _PHASE)
+    made.run_for(scenario.phase * PHASE)
     outcome = Outcome()
-    bus = connect_in_process(made, watch=watch)
+    bus = connect_in_process(made)
     try:
         result = host(bus)
         outcome.output = "" if result is None else str(result)
@@ -197,6 +205,34 @@ def failed(outcome: Outcome) -> str:
     if outcome.stuck:
         return f"the host hangs: {outcome.stuck}"
     return f"the host fails with exit code {outcome.code}" if outcome.code else ""
+
+
+def search(
+    board: str, weak: Callable[[Scenario], bool], examples: int, seed: int = 0
+) -> Scenario | None:
+    """Return the fewest extremes of a board file (text) that are ``weak``; None if none are found.
+
+    Args:
+        board: the board file.
+        weak: tells whether something fails under a scenario, the same whenever it is asked.
+        examples: how many scenarios to try at most before one fails.
+        seed: of the search.
+    """
+    try:
+        return find(
+            scenarios(board),
+            weak,
+            settings=settings(
+                max_examples=examples,
+                database=None,
+                deadline=None,
+                phases=(Phase.generate, Phase.shrink),
+                suppress_health_check=list(HealthCheck),
+            ),
+            random=Random(seed),
+        )
+    except NoSuchExample:
+        return None
 
 
 def find_weakness(
@@ -230,20 +266,8 @@ def find_weakness(
             outcomes[scenario] = play(text, host, scenario, limits, name)
         return bool(judge(outcomes[scenario]))
 
-    try:
-        worst = find(
-            scenarios(text),
-            weak,
-            settings=settings(
-                max_examples=examples,
-                database=None,
-                deadline=None,
-                phases=(Phase.generate, Phase.shrink),
-                suppress_health_check=list(HealthCheck),
-            ),
-            random=Random(seed),
-        )
-    except NoSuchExample:
+    worst = search(text, weak, examples, seed)
+    if worst is None:
         return None
     outcome = outcomes[worst]
     return Weakness(worst, judge(outcome), outcome, with_extremes(text, worst))

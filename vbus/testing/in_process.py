@@ -7,14 +7,11 @@ from vbus.board.board import Board
 from vbus.board.cards import Card
 from vbus.client.bus import Bus
 from vbus.client.link import Link
+from vbus.client.message import Message
 from vbus.errors import TransportError
 from vbus.kernel import NEVER
 from vbus.protocols.byte import ByteProtocol
 from vbus.testing.limits import Watch
-
-
-class HostStuck(AssertionError):
-    """A host under test has passed one of its :class:`~vbus.testing.limits.Limits`."""
 
 
 class InProcessLink(Link):
@@ -29,7 +26,6 @@ class InProcessLink(Link):
         chips: names of the chips it reaches; all if empty.
         cycle_ps: what a whole bus cycle costs; 0 is the default of the time policy.
         card: address decoding of a plug-in card.
-        watch: ends the host with :class:`HostStuck` when it passes a bound.
     """
 
     by_descriptor = False
@@ -41,14 +37,12 @@ class InProcessLink(Link):
         chips: tuple[str, ...] = (),
         cycle_ps: int = 0,
         card: Card | None = None,
-        watch: Watch | None = None,
     ) -> None:
         # Always readable: whatever a call waits for is here when it looks.
         super().__init__(f"board {board.name}", os.eventfd(1, os.EFD_NONBLOCK | os.EFD_CLOEXEC))
         self._board: Final = board
         self._port = board.open_port(label, chips or None, cycle_ps, card)
         self._protocol = ByteProtocol(self._port)
-        self._watch: Watch | None = watch
 
     def write(self, data: memoryview) -> int:
         """Carry out what the bytes ask for."""
@@ -63,8 +57,6 @@ class InProcessLink(Link):
             self._board.run_until(max(port.hold_until, self._board.now))
             if port.go_on():
                 protocol.resume()
-        if self._watch is not None and self._watch.stuck:
-            raise HostStuck(f"the host hangs: {self._watch.stuck}")
         return len(data)
 
     def read(self) -> bytes:
@@ -80,14 +72,37 @@ class InProcessLink(Link):
         super().close()
 
 
-def connect_in_process(
-    board: Board, label: str = "host", chips: tuple[str, ...] = (), watch: Watch | None = None
-) -> Bus:
+class InProcessBus(Bus):
+    """A client's bus that ends a host which has passed a bound of a :class:`Watch` on its board.
+
+    Args:
+        link: leads to the board.
+        watches: those that look at it.
+    """
+
+    def __init__(self, link: InProcessLink, watches: list[Watch]) -> None:
+        super().__init__(link)
+        self._watches: Final = watches
+
+    def exchange(self, message: Message, mask: int | None) -> None:
+        """Carry out a whole message; one without a request is none.
+
+        Raises:
+            HostStuck: the host must not go on.
+        """
+        __tracebackhide__ = True
+        super().exchange(message, mask)
+        for watch in self._watches if message.requests else ():
+            watch.check()
+
+
+def connect_in_process(board: Board, label: str = "host", chips: tuple[str, ...] = ()) -> Bus:
     """Return a client's bus on a board of this process, with HELLO done.
 
     It is what :func:`vbus.client.connect` returns, so a driver written on that runs unchanged.
     """
-    bus = Bus(InProcessLink(board, label, chips, watch=watch))
+    watches = [one for one in board.observers if isinstance(one, Watch)]
+    bus = InProcessBus(InProcessLink(board, label, chips), watches)
     try:
         bus.hello()
     except BaseException:

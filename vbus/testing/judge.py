@@ -7,6 +7,7 @@ from typing import Any, Final
 from vbus.board.checks import all_rules
 from vbus.board.settings import rule_hint, rule_names
 from vbus.errors import ConfigError
+from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
 from vbus.trace.findings.suppress import Suppression
 
@@ -82,6 +83,20 @@ class Judge:
             else:
                 judged.failing.append(found)
         return judged
+
+
+def by_rule(violations: Iterable[Violation], when: str = "", verb: str = "broke") -> list[str]:
+    """Return a sentence for each rule that the host of each chip broke."""
+    found: dict[tuple[str, str], list[Violation]] = {}
+    for v in violations:
+        found.setdefault((v.chip, v.rule), []).append(v)
+    lines = []
+    for (chip, rule), several in found.items():
+        first = several[0]
+        times = f"{len(several)} times, first " if len(several) > 1 else ""
+        at = format_instant(first.when)
+        lines.append(f"{chip} {verb} {rule} {times}at {at}{when}: {first.detail}  [{first.clause}]")
+    return lines
 
 
 def accepted(where: str, given: Any) -> list[Suppression]:

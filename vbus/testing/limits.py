@@ -1,113 +1,45 @@
-"""How long a host may go on before a test says that it hangs, counted in chip time."""
+"""How much a test may take: its budget of chip time, bus cycles and polls in vain."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
-from vbus.board.board import Board
-from vbus.faults.armed import BEGUN
+from vbus.board.settings import listed, suggestion
+from vbus.errors import ConfigError
 from vbus.kernel import SECOND
-from vbus.protocols.quantities import format_instant
-from vbus.signals import Violation
-from vbus.trace.decode import BoardPackets
-from vbus.trace.findings.no_effect import NoEffect
-from vbus.trace.latest_lines import LatestLines
-from vbus.trace.packets import Packet
+from vbus.protocols.quantities import picoseconds
+from vbus.server.host_limits import IN_VAIN, POLLING
+from vbus.server.host_limits import UNBOUNDED as UNBOUNDED
+from vbus.server.host_limits import HostStuck as HostStuck
+from vbus.server.host_limits import Limits as Limits
+from vbus.server.host_limits import Watch as Watch
 
-KEPT: Final = 40
-"""Lines of a transcript that are kept."""
+BUDGET: Final = Limits(300_000, 60 * SECOND, IN_VAIN, POLLING)
+"""What a test may take that says nothing else."""
+BUDGET_KEYS: Final = ("cycles", "chip_time", "polls", "polling")
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Bounds of a host's run. The first two count what repeats, so a verdict repeats too.
+def budget_of(where: str, given: Any, otherwise: Limits) -> Limits:
+    """Return the limits that a table says, for what it leaves out those of ``otherwise``.
 
-    Attributes:
-        cycles: bus cycles.
-        chip_time: instant at which the host must be done (ps).
-        wall: seconds of wall time, for a host that does nothing at all on the bus.
+    Raises:
+        ConfigError: it is no table, a key is unknown, or a value makes no sense.
     """
-
-    cycles: int = 100_000
-    chip_time: int = 60 * SECOND
-    wall: float = 60.0
-
-
-class Watch(BoardPackets):
-    """Counts a host's bus cycles, keeps the last ones in the manual's words, and knows its limits.
-
-    Args:
-        board: the board; the watch observes it from now on.
-        limits: the bounds.
-        over: is called once, with a sentence, when a bound is passed.
-        times: begin each line with the instant of its first packet's end.
-    """
-
-    def __init__(
-        self,
-        board: Board,
-        limits: Limits,
-        over: Callable[[str], None] | None = None,
-        times: bool = False,
-    ) -> None:
-        super().__init__({chip.name: chip.FAMILY for chip in board.chips}, self._packet)
-        self.cycles: int = 0
-        self.stuck: str = ""
-        """Which bound was passed, as a sentence; "" if none was."""
-        self.violations: list[Violation] = []
-        self.faulted: dict[str, int] = {}
-        """Instant at which a fault first began, by chip; "" is a link, and so every chip."""
-        self.no_effect: NoEffect = NoEffect()
-        self._chips: list[str] = [chip.name for chip in board.chips]
-        self._lines: LatestLines = LatestLines(maxlen=KEPT)
-        self._limits: Limits = limits
-        self._over: Callable[[str], None] | None = over
-        self._times: bool = times
-        board.observe(self)
-
-    @property
-    def lines(self) -> list[str]:
-        """The latest packets and violations."""
-        return [
-            f"{format_instant(line.when)} {line.counted()}" if self._times else line.counted()
-            for line in self._lines
-        ]
-
-    def _packet(self, chip: str, packet: Packet) -> None:
-        self.no_effect.add(packet)
-        self._lines.add(packet.end, f"{chip} {packet.text}")
-
-    def bus_cycle(
-        self, when: int, host: str, chip: str, write: bool, address: int, data: int
-    ) -> None:
-        """Count a cycle."""
-        self.cycles += 1
-        super().bus_cycle(when, host, chip, write, address, data)
-        if self.cycles > self._limits.cycles:
-            self.pass_bound(f"it made more than {self._limits.cycles} bus cycles")
-        elif when > self._limits.chip_time:
-            self.pass_bound(
-                f"it was not done after {self._limits.chip_time / SECOND:g} s of chip time"
-            )
-
-    def violation(self, violation: Violation) -> None:
-        """Keep a violation."""
-        super().violation(violation)
-        self.violations.append(violation)
-        if self.loses(violation):  # its cycle says so
-            return
-        text = f"{violation.chip} ! {violation.rule}: {violation.detail}"
-        self._lines.add(violation.when, text)
-
-    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
-        """Remember on which chip a fault has begun."""
-        if what == BEGUN:
-            chip = target.partition(".")[0]
-            self.faulted.setdefault(chip if chip in self._chips else "", when)
-
-    def pass_bound(self, sentence: str) -> None:
-        """Say that the host hangs, if nothing has said so before."""
-        if not self.stuck:
-            self.stuck = sentence
-            if self._over is not None:
-                self._over(sentence)
+    if not isinstance(given, dict):
+        raise ConfigError(
+            f'{where}: budget = {given!r}: write a table, {{"cycles": 20_000, "chip_time": "2 s"}}'
+        )
+    values: dict[str, Any] = {key: getattr(otherwise, key) for key in BUDGET_KEYS}
+    for key, value in given.items():
+        if key not in BUDGET_KEYS:
+            hint = suggestion(str(key), BUDGET_KEYS)
+            allowed = listed(BUDGET_KEYS)
+            raise ConfigError(f"{where}: budget: unknown key {key!r}; {hint}allowed are {allowed}")
+        in_time = key in ("chip_time", "polling")
+        try:
+            number = picoseconds(value)
+            if number <= 0 or isinstance(value, str) != in_time:
+                raise ValueError
+        except (TypeError, ValueError):
+            allowed = 'a time with its unit, such as "2 s"' if in_time else "a number more than 0"
+            raise ConfigError(f"{where}: budget: {key} = {value!r}: write {allowed}") from None
+        values[key] = number / SECOND if key == "polling" else number
+    return Limits(**values)

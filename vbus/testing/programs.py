@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -62,22 +63,42 @@ class _Run(ServedBoard):
     """The board's side of one run."""
 
     def __init__(
-        self, file: BoardFile, board: Board, limits: Limits, folder: Path, start: int
+        self,
+        file: BoardFile,
+        board: Board,
+        limits: Limits,
+        folder: Path,
+        start: int,
+        of_test: Watch | None,
     ) -> None:
         board.run_for(start)
         self.link: str = f"unix:{folder / 'host.sock'}"
+        self.watch = Watch(board, limits, self.kill)
+        self._of_test = of_test
+        if of_test is not None:
+            of_test.over = self.kill
         host = host_of(file)
-        mine, variables = link_of_program(board, file, host, self.link)
+        left = min(watch.left for watch in (self.watch, of_test) if watch is not None)
+        mine, variables = link_of_program(board, file, host, self.link, limit=max(left, 1))
         self.environment: dict[str, str] = {**variables, "VBUS_RUNTIME": str(folder)}
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host or not section.card]
         super().__init__(board, [mine, *others], file.board.stall)
-        self.watch = Watch(board, limits, self._kill)
         self.process: subprocess.Popen[str] | None = None
+        self.killed: bool = False
 
-    def _kill(self, sentence: str) -> None:
+    def kill(self, sentence: str) -> None:
+        """End the program, which has passed a bound."""
+        self.killed = True
         if self.process is not None:
             self.process.kill()
+
+    def ended(self, board_ends: ExitStack) -> None:
+        """The program has ended: what time passes until the board is served no more is not its."""
+        self.watch.close()
+        if self._of_test is not None:
+            self._of_test.over = None
+            board_ends.enter_context(self._of_test.excused())
 
 
 _runtime = threading.Lock()
@@ -92,6 +113,7 @@ def run_program(
     folder: Path | None = None,
     start: int = 0,
     board: Board | None = None,
+    watch: Watch | None = None,
 ) -> Outcome:
     """Run a program on a board that lives as long as the program does.
 
@@ -108,6 +130,7 @@ def run_program(
         folder: where it runs; the present directory if None.
         start: instant at which it may make its first bus cycle (ps).
         board: the board of that file, if it is there already; it goes on from where it stands.
+        watch: one that looks at that board, and ends the program as well.
 
     Raises:
         ConfigError: the board cannot be built.
@@ -118,13 +141,13 @@ def run_program(
         board = build(file, source)
     else:
         bounds = replace(bounds, chip_time=board.now + bounds.chip_time)
-    with _runtime, private_runtime() as own:
-        run = _Run(file, board, bounds, own, start)
-        try:
-            with run:
+    with _runtime, private_runtime() as own, ExitStack() as board_ends:
+        run = _Run(file, board, bounds, own, start, watch)
+        with run:
+            try:
                 outcome = _communicate(run, command, bounds, environment or {}, folder)
-        finally:
-            board.unobserve(run.watch)
+            finally:
+                run.call(lambda: run.ended(board_ends))
     if run.error is not None:
         raise run.error
     outcome.take(run.watch)
@@ -155,7 +178,7 @@ def _communicate(
         )
     except OSError as error:
         raise VbusError(f"{line[0]}: cannot be run: {error.strerror}") from error
-    if run.watch.stuck:
+    if run.killed:
         process.kill()
     try:
         output, errors = process.communicate(timeout=limits.wall)

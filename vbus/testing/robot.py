@@ -8,6 +8,7 @@ from vbus.client.bus import Bus
 from vbus.errors import VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.testing.bench import Bench, TestedBoard
+from vbus.testing.clock import WITHIN
 from vbus.testing.execute import Execute
 from vbus.testing.in_process import connect_in_process
 from vbus.testing.judge import FAIL, Judge, accepted
@@ -66,6 +67,10 @@ class robot:
     def run_time_until(self, instant: str) -> None:
         """Let chip time pass to an instant since power-on."""
         self._tested().clock.run_until(instant)
+
+    def wait_until(self, condition: str, within: str = WITHIN) -> int:
+        """Let chip time pass until a condition holds; return that instant (ps)."""
+        return self._tested().clock.wait_until(condition, within)
 
     def read_bus(self, address: int) -> int:
         """Make one read cycle; return the byte."""

@@ -4,7 +4,7 @@ import asyncio
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, wait
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from vbus.board.board import Board
 from vbus.errors import VbusError
@@ -12,6 +12,8 @@ from vbus.kernel import END
 from vbus.server.server import LinkSpec, Server
 
 _T = TypeVar("_T")
+THREAD: Final = "vbus board"
+"""Name of the thread."""
 
 
 class ServedBoard:
@@ -33,7 +35,7 @@ class ServedBoard:
         self._ready = threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
-        self._thread = threading.Thread(target=self._serve, name="vbus board", daemon=True)
+        self._thread = threading.Thread(target=self._serve, name=THREAD, daemon=True)
 
     def _serve(self) -> None:
         async def main() -> None:

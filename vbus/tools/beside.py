@@ -7,22 +7,28 @@ from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, TextIO
+from typing import BinaryIO, Final, TextIO
 
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
-from vbus.board.sections import BoardFile, HostSection
+from vbus.board.sections import BoardFile, HostSection, ScopeSection
 from vbus.board.source import Source
 from vbus.errors import VbusError
 from vbus.runtime import private_runtime
+from vbus.server.host_limits import IN_VAIN, POLLING, UNBOUNDED, Limits, Watch
 from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server
-from vbus.server.serving import links_of, metrics_of
+from vbus.server.serving import links_of, metrics_of, recorded
 from vbus.signals import Observer, Violation
 from vbus.tools import ending, preload
 from vbus.tools.outcome import Outcome
 from vbus.tools.output import complain
+from vbus.tools.scope import place_of, show_board
 from vbus.tools.transcript import Transcript
+
+NO_SCOPE: Final = ScopeSection()
+LIMIT: Final = "VBUS_LIMIT_PS"
+"""Variable that tells firmware's simulator after how much chip time the board must know of it."""
 
 
 class Findings(Observer):
@@ -65,7 +71,12 @@ def host_of(file: BoardFile, pinmap: str | None = None) -> HostSection:
 
 
 def link_of_program(
-    board: Board, file: BoardFile, host: HostSection, link: str, note: Path | None = None
+    board: Board,
+    file: BoardFile,
+    host: HostSection,
+    link: str,
+    note: Path | None = None,
+    limit: int = 0,
 ) -> tuple[LinkSpec, dict[str, str]]:
     """Return what serves a program, and the variables by which it finds that.
 
@@ -75,17 +86,27 @@ def link_of_program(
         host: what the program reaches: chips, card, pin map.
         link: address of the link.
         note: the file the library makes when the program ends by a fault of its own.
+        limit: chip time after which the program tells the board that it goes on (ps); 0: never.
 
     Raises:
-        VbusError: the library that traps a card's accesses cannot be built.
+        VbusError: the library that traps a card's accesses cannot be built, or they are to take
+            the time of a serial line.
     """
     card, pin_map = card_of(file, host), pin_map_of(file, host.pinmap)
     environment = {"VBUS_LINK": link}
-    if card is not None:
+    if card is not None and pin_map is None:  # firmware runs in a program that needs no library
         port = board.open_port("program", host.chips or None, host.cycle, card)
-        environment |= preload.environment(port.info(), link, note)
+        environment |= preload.environment(port.info(), link, note, limit)
         port.close()
-    return LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map), environment
+    elif limit:
+        environment[LIMIT] = str(limit)
+    if host.baud and (card is not None or pin_map is not None):
+        raise VbusError(
+            f"baud = {host.baud}: a program makes the accesses of a card or a pin map itself, not"
+            " over a serial line; take baud out of that [[hosts]]"
+        )
+    spec = LinkSpec(link, "byte", list(host.chips), host.cycle, card, pin_map, line=host)
+    return spec, environment
 
 
 def run_on_board(
@@ -95,6 +116,9 @@ def run_on_board(
     command: Callable[[str], list[str]],
     transcript: str | None = None,
     summary: bool = True,
+    limit: int | None = None,
+    scope: str = "",
+    control: bool = False,
 ) -> int:
     """Run a program on a board that lives as long as the program; return its exit code.
 
@@ -109,6 +133,10 @@ def run_on_board(
         command: gives program and arguments, for the address of the link.
         transcript: file that takes the bus cycles.
         summary: whether what was broken is told.
+        limit: chip time it may take (ps), and it may not poll in vain either; None: it may go on
+            as it likes.
+        scope: where the board is shown in a browser; else where its file says.
+        control: whether who looks there may pause and step it.
 
     Raises:
         ConfigError: the board cannot be built.
@@ -123,7 +151,14 @@ def run_on_board(
                 written = stack.enter_context(Path(transcript).open("w"))
             except OSError as error:
                 raise VbusError(f"{transcript}: {error.strerror}") from error
-        ran = run_beside(file, source, host, command, written)
+        shown = recorded(file, {}, "", scope).scope
+        if shown.listen:
+            place_of(shown)
+        ran = run_beside(
+            file, source, host, command, written, limit=limit, scope=shown, control=control
+        )
+    for line in ran.hangs:
+        complain(line)
     lines = ran.findings.lines()
     if _files(file, None):
         lines = [*(f"{what}: {path}" for what, path in files), *lines, *ran.outcome.lines()]
@@ -140,11 +175,13 @@ class Ran:
         code: its exit code.
         findings: what was broken.
         outcome: what became of each axis.
+        hangs: why it was ended, if it hung.
     """
 
     code: int
     findings: Findings
     outcome: Outcome
+    hangs: list[str]
 
 
 def run_beside(
@@ -155,6 +192,9 @@ def run_beside(
     transcript: TextIO | None = None,
     ahead: int = 0,
     stdout: BinaryIO | None = None,
+    limit: int | None = None,
+    scope: ScopeSection = NO_SCOPE,
+    control: bool = False,
 ) -> Ran:
     """Run a program on a board, as :func:`run_on_board` does, and say nothing of it.
 
@@ -166,6 +206,9 @@ def run_beside(
         transcript: takes the bus cycles.
         ahead: how long the board runs before the program begins (ps).
         stdout: takes what the program says; else it goes where this process's goes.
+        limit: chip time that it may take (ps).
+        scope: where the board is shown.
+        control: whether who looks there may pause and step it.
     """
     address = metrics_of(file)
     board = build(file, source)
@@ -181,8 +224,8 @@ def run_beside(
         written = Transcript(transcript) if transcript is not None else None
         if written is not None:
             board.observe(written)
-        mine, environment = link_of_program(board, file, host, link, note)
-        if mine.card is not None and not ahead:
+        mine, environment = link_of_program(board, file, host, link, note, limit or 0)
+        if mine.card is not None and mine.pin_map is None and not ahead:
             preload.warn_of(command(link)[0], file.board.time)
         served = zip(file.hosts, links_of(file), strict=True)
         others = [spec for section, spec in served if section is not host]
@@ -192,13 +235,20 @@ def run_beside(
         links, stall = [mine, *others], file.board.stall
         server = Server(board, links, stall, complain, address, settle=recording.settle)
         board.run_until(board.now + ahead)
-        running = _run_beside(server, recording, command(link), environment, note, stdout)
+        watch = None
+        if limit is not None:
+            until = min(board.now + limit, UNBOUNDED)
+            watch = Watch(board, Limits(UNBOUNDED, until, IN_VAIN, POLLING))
+        running = _run_beside(
+            server, recording, command(link), environment, note, stdout, watch, scope, control
+        )
         code = asyncio.run(running)
         if watched:
             outcome.look()
         if written is not None:
             written.flush()
-    return Ran(code, findings, outcome)
+    hangs = [f"the program hangs: {watch.stuck}", *watch.details] if watch and watch.stuck else []
+    return Ran(code, findings, outcome, hangs)
 
 
 def _files(file: BoardFile, transcript: str | None) -> list[tuple[str, str]]:
@@ -221,16 +271,23 @@ async def _run_beside(
     environment: dict[str, str],
     note: Path,
     stdout: BinaryIO | None,
+    watch: Watch | None,
+    scope: ScopeSection,
+    control: bool,
 ) -> int:
     """Serve while ``command`` runs."""
     loop = asyncio.get_running_loop()
     server.start(loop)
     recording.start(loop)
+    server.keep(recording)
+    recording.others.append("what vbus exec tells at the end")
     counted = server.statistics()["metrics"]
     if counted:
         complain(f"metrics: {counted}")
     try:
-        code = await run_program(command, environment, note, True, stdout)
+        if scope.listen:
+            await show_board(server, scope, control)
+        code = await run_program(command, environment, note, True, stdout, watch)
         for _ in range(2):  # the first finds what processes have sent last, and it is carried out
             await asyncio.sleep(0)
         server.board.catch_up()
@@ -245,6 +302,7 @@ async def run_program(
     note: Path,
     alone: bool = False,
     stdout: BinaryIO | None = None,
+    watch: Watch | None = None,
 ) -> int:
     """Run ``command`` and return its exit code; if it died of a signal, 128 + its number.
 
@@ -257,6 +315,7 @@ async def run_program(
         note: the file the library makes when the program ends by a fault of its own.
         alone: whether the board ends with the program, and so what the program leaves behind.
         stdout: takes what the program says.
+        watch: kills it when it passes a bound.
 
     Raises:
         VbusError: it cannot be started.
@@ -278,7 +337,7 @@ async def run_program(
 
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, pass_on, number)
-    with closing(offspring):
+    with closing(offspring), ExitStack() as at_end:
         try:
             process = await asyncio.create_subprocess_exec(
                 *command,
@@ -289,13 +348,19 @@ async def run_program(
         except OSError as error:
             raise VbusError(f"{command[0]}: {error.strerror}") from error
         running.append(process.pid)
+        if watch is not None:
+            watch.over = lambda _: offspring.slay()
         loop.add_signal_handler(signal.SIGCHLD, offspring.bury, process.pid)
+        # A loop that closes has no pipe for a child that dies then, and its handler still.
+        at_end.callback(loop.remove_signal_handler, signal.SIGCHLD)
         for early in tuple(came):  # while it was being started
             pass_on(early)
         code = await process.wait()
         until = asked[0].when() if asked else loop.time() + ending.PATIENCE
         for handle in asked:
             handle.cancel()
+        if watch is not None:
+            watch.close()
         left = offspring.there()
         if left and alone and not came:
             ending.say_left(left)

@@ -39,14 +39,15 @@ class Shim:
         return [*(f"-I{folder}" for folder in self.includes()), *self.options, *self.files()]
 
 
-_CARD: Final = ("vbus.c", "link_text.c", "run_end.c", "card_link.c", "card_time.c")
+_CARD: Final = ("vbus.c", "link_text.c", "run_end.c", "card_table.c", "card_link.c", "card_time.c")
 _CLOCKS: Final = tuple(
     f"-Wl,--wrap={name}"
     for name in ("clock_gettime", "clock_nanosleep", "gettimeofday", "nanosleep", "sleep", "time",
                  "usleep")
 )  # fmt: skip
 _PINS: Final = (
-    "vbus.c", "link_text.c", "run_end.c", "pin_decoder.c", "pin_link.c", "shims/ports.cpp"
+    "vbus.c", "link_text.c", "run_end.c", "pin_decoder.c", "card_table.c", "pin_link.c",
+    "shims/ports.cpp",
 )  # fmt: skip
 _AVR: Final = (*_PINS, "shims/avr/avr_shim.cpp")
 

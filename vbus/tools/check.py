@@ -13,20 +13,24 @@ from vbus.tools.output import show
 @click.command("check")
 @click.argument("boards", metavar="[BOARD]...", nargs=-1)
 @click.option("--rules", is_flag=True, help="List every violation rule: clause, severity, AC row.")
+@click.option("--map", "mapped", is_flag=True, help="Show who answers at which card address.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(boards: tuple[str, ...], rules: bool, as_json: bool) -> int:
+def command(boards: tuple[str, ...], rules: bool, mapped: bool, as_json: bool) -> int:
     """Check board files; list the rules hosts are held to.
 
     Names every mistake with file, line and key, and what is allowed instead. With --rules,
     lists what a host can break, by the names that [violations] uses, with the row of the manual's
-    AC table where a rule is one.
+    AC table where a rule is one. With --map, tries every address of every card: who answers a
+    read and a write there, where two answer, and which chip is never selected.
     """
+    if mapped and not boards:
+        raise click.UsageError("--map is of board files: name one")
     if not boards and not rules:
         raise click.UsageError("name a board file, or ask for --rules")
     report: dict[str, Any] = {}
     code = exit_codes.OK
     if boards:
-        report["boards"] = [_check(board) for board in boards]
+        report["boards"] = [_check(board, mapped) for board in boards]
         if not all(board["ok"] for board in report["boards"]):
             code = exit_codes.BAD_BOARD
     if rules:
@@ -35,8 +39,9 @@ def command(boards: tuple[str, ...], rules: bool, as_json: bool) -> int:
     return code
 
 
-def _check(path: str) -> dict[str, Any]:
+def _check(path: str, mapped: bool) -> dict[str, Any]:
     from vbus.board.build import build
+    from vbus.board.card_map import Answer, address_map, remarks
     from vbus.board.config import read_board_file
     from vbus.board.source import BoardFileError
     from vbus.network.security import told
@@ -66,6 +71,12 @@ def _check(path: str) -> dict[str, Any]:
     ]
     if not file.hosts:
         notes.append("there is no [[hosts]]: nothing can attach to this board from outside")
+    answers: list[Answer] = []
+    if mapped:
+        answers = [] if file.nodes else address_map(file, boards[0])
+        notes += remarks(file, boards[0], answers)
+        if not answers:
+            notes.append("there is no card on one board to map")
     return {
         "file": path,
         "ok": True,
@@ -78,6 +89,7 @@ def _check(path: str) -> dict[str, Any]:
         "chips": {chip.name: chip.part for chip in file.chips},
         "hosts": [host.transport for host in file.hosts],
         "rights": told(file.zenoh.allow or {}),
+        "map": [asdict(answer) for answer in answers],
         "notes": notes,
     }
 
@@ -104,6 +116,11 @@ def _lines(report: dict[str, Any]) -> Iterator[str]:
             yield f"{board['file']}: node {node}: {', '.join(members)}"
         for right in board["rights"]:
             yield f"{board['file']}: zenoh: {right}"
+        if board["map"]:
+            from vbus.board.card_map import Answer, lines
+
+            for line in lines([Answer(**row) for row in board["map"]]):
+                yield f"{board['file']}: {line}"
         for note in board["notes"]:
             yield f"{board['file']}: note: {note}"
     rules = report.get("rules", [])

@@ -46,12 +46,12 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
         with checked("record", "suppress"):
             suppressions_of(record.suppress)
     for wave in file.waves:
+        from vbus.conditions.condition import Condition
         from vbus.trace.wave.signals import nets_of
-        from vbus.trace.wave.trigger import Trigger
 
         with checked("waves", wave.name, "signals"):
             nets_of(board, wave.signals)
         if wave.trigger:
             with checked("waves", wave.name, "trigger"):
-                Trigger(wave.trigger, board)
+                Condition(wave.trigger, board, "trigger")
     source.finish()

@@ -10,7 +10,7 @@ import click
 
 from vbus.tools import exit_codes
 from vbus.tools.demos import NAMES, demo_of
-from vbus.tools.output import complain, show
+from vbus.tools.output import SCOPE_ADDRESS, complain, scope_options, show
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -33,16 +33,25 @@ def _known(ctx: click.Context, param: click.Parameter, value: str) -> str:
 
 @click.command("demo")
 @click.argument("name", metavar=f"[{'|'.join(NAMES)}]", default=NAMES[0], callback=_known)
+@scope_options
 @click.option("--headless", is_flag=True, help="No live view: print the summary only.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON; headless.")
-def command(name: str, headless: bool, as_json: bool) -> int:
+def command(
+    name: str, scope: str | None, scope_control: bool, headless: bool, as_json: bool
+) -> int:
     """Watch a chip move a motor under a host in another process.
 
     Starts a board in this process, opens a real pseudo terminal, and lets a host in a separate
     process make moves through it in real time. The exit code is 1 if a move did not end where it
     should.
     """
-    run = _Run(name, live=not headless and not as_json and sys.stdout.isatty())
+    scope = SCOPE_ADDRESS if scope_control and scope is None else scope
+    if scope is not None:
+        from vbus.tools.scope import Place
+
+        Place(scope, option="--scope")
+    live = not headless and not as_json and sys.stdout.isatty()
+    run = _Run(name, live, scope, scope_control)
     asyncio.run(run.play())
     show(as_json, run.summary(), run.lines())
     for reason in run.reasons:
@@ -53,7 +62,7 @@ def command(name: str, headless: bool, as_json: bool) -> int:
 class _Run:
     """One demonstration from start to summary."""
 
-    def __init__(self, name: str, live: bool) -> None:
+    def __init__(self, name: str, live: bool, scope: str | None, control: bool) -> None:
         from vbus.board.build import load_board_text
         from vbus.server.server import LinkSpec, Server
         from vbus.tools.demos.view import Traffic
@@ -63,6 +72,8 @@ class _Run:
         self.reasons: list[str] = []
         """Why it has failed; empty if it has not."""
         self._live: bool = live
+        self._scope: str | None = scope
+        self._control: bool = control
         board = f"demo-{name}-{os.getpid()}"
         self._board: Board = load_board_text(f'board.name = "{board}"\n{self.demo.board}', name)
         self._traffic: Traffic = Traffic(self.demo)
@@ -81,6 +92,12 @@ class _Run:
         self._server.start(asyncio.get_running_loop())
         self._link = self._server.urls[0]
         try:
+            if self._scope is not None:
+                from vbus.board.sections import ScopeSection
+                from vbus.tools.scope import show_board
+
+                scope = ScopeSection(listen=self._scope)
+                await show_board(self._server, scope, self._control)
             process = await asyncio.create_subprocess_exec(
                 sys.executable, "-m", "vbus.tools.demos.host", self.name, self._link,
                 stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
@@ -88,7 +105,8 @@ class _Run:
             )  # fmt: skip
             self._host = process.pid
             try:
-                await asyncio.wait_for(self._follow(process), LONGEST)
+                longest = None if self._control else LONGEST  # it may be paused
+                await asyncio.wait_for(self._follow(process), longest)
             except TimeoutError:
                 self.reasons.append(f"the host has not finished within {LONGEST:g} s")
             finally:

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
@@ -15,45 +15,47 @@ from typing import Final
 import click
 
 from vbus.tools import exit_codes
+from vbus.tools.doctor_finding import FAIL, OK, WARN, Finding
 from vbus.tools.output import show
 
-OK: Final = "ok"
-WARN: Final = "warn"
-FAIL: Final = "fail"
 OLDEST_PYTHON: Final = (3, 11)
+LONGEST_LATENCY: Final = 3600
 ENOUGH_INSTANCES: Final = 128
 """The kernel's own default."""
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One thing looked at.
+def _duration(ctx: click.Context, param: click.Parameter, value: str | None) -> float:
+    """Return a duration in seconds; 0 if none is given."""
+    from vbus.board.units import parse
 
-    Attributes:
-        state: ``"ok"``, ``"warn"`` (something cannot be used) or ``"fail"`` (nothing will work).
-        what: the thing.
-        detail: what was found.
-        advice: what to do; empty if it is in order.
-    """
-
-    state: str
-    what: str
-    detail: str
-    advice: str = ""
-
-    def __str__(self) -> str:
-        text = f"{self.state:<5} {self.what}: {self.detail}"
-        return f"{text}\n      {self.advice}" if self.advice else text
+    try:
+        seconds = 0 if value is None else parse(value, "s") * 1e-12
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from None
+    if not (value is None or 0 < seconds <= LONGEST_LATENCY):
+        raise click.BadParameter(f'"{value}": up to {LONGEST_LATENCY} s are measured')
+    return seconds
 
 
 @click.command("doctor")
+@click.option(
+    "--latency",
+    callback=_duration,
+    metavar="DURATION",
+    help='Measure for so long, such as "10s", how late this machine wakes a server.',
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(as_json: bool) -> int:
+def command(as_json: bool, latency: float) -> int:
     """Look for what is missing or broken on this machine, and say what to do.
 
     The exit code is 1 if something will not work at all.
     """
+    from vbus.tools import doctor_realtime
+
     findings = [finding for check in CHECKS for finding in check()]
+    if sys.platform == "linux":
+        findings += doctor_realtime.promises()
+        findings += doctor_realtime.latency(latency) if latency else ()
     show(as_json, [asdict(finding) for finding in findings], map(str, findings))
     failed = any(finding.state == FAIL for finding in findings)
     return exit_codes.FAILURE if failed else exit_codes.OK
@@ -295,6 +297,10 @@ OPTIONAL: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
     ("pyvcd", _module("vcd"), "waveforms, and captures in VCD", "pip install pyvcd"),
     ("prometheus-client", _module("prometheus_client"), "numbers for Prometheus",
      "pip install prometheus-client"),
+    ("aiohttp", _module("aiohttp"), "the scope of running boards", "pip install aiohttp"),
+    ("matplotlib", _module("matplotlib"), "pictures (vbus plot)", "pip install matplotlib"),
+    ("foxglove-sdk", _module("foxglove"), "MCAP files, and live views in Foxglove",
+     "pip install foxglove-sdk protobuf"),
     ("pytest", _module("pytest"), "fixtures for tests", "pip install pytest"),
     ("hypothesis", _module("hypothesis"), "hostile chips", "pip install hypothesis"),
     ("robotframework", _module("robot"), "keywords for Robot Framework",
@@ -306,6 +312,7 @@ OPTIONAL: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
     ("multilib", _multilib, "32-bit programs (vbus exec, vbus cflags)", "apt install gcc-multilib"),
     ("sigrok-cli", _program("sigrok-cli"), "captures (.sr) and decoders of the buses",
      "apt install sigrok-cli"),
+    ("chromium", _program("chromium"), "tests of the scope's page", "apt install chromium"),
 )  # fmt: skip
 """What vbus does without: name, where it is, what it gives, how to get it."""
 

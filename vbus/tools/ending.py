@@ -62,12 +62,16 @@ class Offspring:
                 with suppress(ChildProcessError):
                     os.waitpid(child, os.WNOHANG)
 
-    def kill(self, number: int) -> None:
-        """Kill what has not ended after signal ``number``, and say what it was doing."""
-        hangs = what_hangs(self.there())
+    def slay(self) -> None:
+        """Kill those that run."""
         for pid in self.there():
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
+
+    def kill(self, number: int) -> None:
+        """Kill what has not ended after signal ``number``, and say what it was doing."""
+        hangs = what_hangs(self.there())
+        self.slay()
         _say(
             f"{signal.Signals(number).name} has not ended the program within {PATIENCE:g} s; it is"
             " killed",

@@ -1,12 +1,24 @@
 """``vbus exec``: a program and a board that live as long as each other."""
 
 from collections.abc import Callable
+from functools import partial
+from typing import Final
 
 import click
 
-from vbus.tools.output import record_options
+from vbus.tools.output import SCOPE_ADDRESS, duration, record_options, scope_options
 
 Runner = Callable[..., int]
+
+_RECORDED: Final = (
+    "a running board keeps its records if it was started with such options of vbus run"
+)
+_WITHOUT: Final = {
+    "limit": "only a board that ends with the program can end it",
+    "scope": "a running board is shown by: vbus scope NAME",
+    "scope-control": "a running board is taken in hand by: vbus scope NAME --control",
+}
+"""Why options are for boards that the program has of its own."""
 
 
 @click.command("exec", context_settings={"ignore_unknown_options": True})
@@ -19,10 +31,17 @@ Runner = Callable[..., int]
 @click.option("--pinmap", metavar="NAME", help="Which pin map of the board file.")
 @click.option("--transcript", metavar="FILE", help="Write every bus cycle to this file.")
 @record_options
+@scope_options
 @click.option(
     "--sweep",
     metavar="N[:CYCLE]",
     help="Run N times, the chips' cycle 1/N further each time; tell where outcomes differ.",
+)
+@click.option(
+    "--limit",
+    metavar="TIME",
+    callback=duration,
+    help="End a program that hangs: after so much chip time, or when it polls in vain.",
 )
 @click.option(
     "--summary/--no-summary",
@@ -40,7 +59,10 @@ def command(
     summary: bool,
     program: tuple[str, ...],
     metrics: str | None,
+    scope: str | None,
+    scope_control: bool,
     sweep: str | None,
+    limit: int | None,
     **records: str | None,
 ) -> int:
     """Run a program on a board of its own; the exit code is the program's.
@@ -49,6 +71,7 @@ def command(
     vbus exec --board board.toml -- ./host          finds the board's link in $VBUS_LINK
     vbus exec --join bench -- ./host                on the board that vbus ls calls bench
     vbus exec --board board.toml --avr mmcu=atmega328p,f=16000000 firmware.elf
+    vbus exec --board board.toml --limit "10 s" -- ./host   of chip time; or polls in vain
     vbus exec --board board.toml --sweep 16 -- ./host       a table of what hangs on the phase
 
     SPEC is a list of mmcu=, f= (clock in Hz), cycles= (end after so many), until= (end when the
@@ -61,21 +84,29 @@ def command(
             " --join"
         )
     wanted = {key: value for key, value in records.items() if value is not None}
-    given = {"transcript": transcript, "metrics": metrics, **wanted}
+    given: dict[str, object] = {
+        "transcript": transcript,
+        "metrics": metrics,
+        "scope": scope,
+        "scope-control": scope_control or None,
+        **wanted,
+    }
     if sweep is not None and any(value is not None for value in given.values()):
         raise click.UsageError("--sweep goes without records: a run of its own writes them")
-    given["sweep"] = sweep
+    given |= {"sweep": sweep, "limit": limit}
     for option, value in given.items():
         if board is None and value is not None:
             raise click.UsageError(
-                f"--{option} goes with --board; a running board keeps its records if it was"
-                " started with such options of vbus run"
+                f"--{option} goes with --board; {_WITHOUT.get(option, _RECORDED)}"
             )
+    scope = SCOPE_ADDRESS if scope_control and scope is None else scope
     runner: Runner
     if sweep is not None:
-        runner = _sweep(sweep)
+        runner = _sweep(sweep, limit)
     else:
-        from vbus.tools.beside import run_on_board as runner
+        from vbus.tools.beside import run_on_board
+
+        runner = partial(run_on_board, limit=limit, scope=scope or "", control=scope_control)
     if join is not None:
         from vbus.tools.joining import link_of
 
@@ -106,7 +137,7 @@ def command(
     return _run(board, pinmap, transcript, summary, list(program), wanted, metrics or "", runner)
 
 
-def _sweep(text: str) -> Runner:
+def _sweep(text: str, limit: int | None) -> Runner:
     """Return what runs a program as ``--sweep`` says, in the place of ``run_on_board``."""
     from vbus.protocols.quantities import parse_duration
     from vbus.tools.sweep import sweep
@@ -118,7 +149,9 @@ def _sweep(text: str) -> Runner:
         raise click.BadParameter(str(error), param_hint="--sweep") from None
     if count < 2:
         raise click.BadParameter("it takes two runs at least", param_hint="--sweep")
-    return lambda file, source, host, command, *_: sweep(count, length, file, source, host, command)
+    return lambda file, source, host, command, *_: sweep(
+        count, length, file, source, host, command, limit
+    )
 
 
 def _join(link: str, program: list[str]) -> int:

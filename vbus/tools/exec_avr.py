@@ -32,8 +32,8 @@ KEYS: Final = {
 FLAGS: Final = {"pace": "--pace", "stats": "--stats"}
 
 PACKAGES: Final = "libsimavr-dev libelf-dev"
-_SOURCES: Final = ("pin_link.c", "pin_decoder.c", "link_text.c", "vbus.c")
-_HEADERS: Final = ("pin_link.h", "pin_decoder.h", "link_text.h", "vbus.h")
+_SOURCES: Final = ("pin_link.c", "pin_decoder.c", "card_table.c", "link_text.c", "vbus.c")
+_HEADERS: Final = ("pin_link.h", "pin_decoder.h", "card_table.h", "link_text.h", "vbus.h")
 
 
 def parse(spec: str) -> list[str]:

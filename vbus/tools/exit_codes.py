@@ -15,7 +15,7 @@ INTERRUPTED: Final = 130
 MEANINGS: Final = {
     OK: "it worked",
     FAILURE: "it did not work; the message says why",
-    USAGE: "the command line is wrong",
+    USAGE: "the command line is wrong; of vbus diff: the runs cannot be compared",
     BAD_BOARD: "the board file is wrong",
     NO_LINK: "no such board runs, or a PTY, socket or serial device cannot be opened",
     NO_PLUGIN: "a plug-in is missing or broken",

@@ -8,7 +8,7 @@ from typing import Final
 
 import click
 
-from vbus.tools.output import no_progress
+from vbus.tools.output import Line, json_line, no_progress
 from vbus.trace.packets import Cycle, Decoder, Packet
 
 _HEX: Final = re.compile(r"(?:0x)?([0-9A-Fa-f]{1,2})[hH]?")
@@ -26,10 +26,11 @@ _VALUES: Final = ("status", "signals", "mode")
 @click.option("--status", metavar="HEX", help="Explain a status byte or word.")
 @click.option("--signals", metavar="HEX", help="Explain a signals word.")
 @click.option("--mode", metavar="HEX", help="Explain a mode word.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, an object for each line.")
 @no_progress
 def command(
     what: str, items: tuple[str, ...], status: str | None, signals: str | None, mode: str | None,
-    no_progress: bool,
+    as_json: bool, no_progress: bool,
 ) -> None:  # fmt: skip
     """Explain bytes on a bus, a status value, a rule, or entries of a journal.
 
@@ -45,7 +46,8 @@ def command(
         for name, value in (("status", status), ("signals", signals), ("mode", mode))
         if value is not None
     ]
-    _print(_lines(what, [*words, *items], no_progress))
+    lines = _lines(what, [*words, *items], no_progress, as_json)
+    _print(map(json_line, lines) if as_json else lines)
 
 
 def _print(lines: Iterable[str]) -> None:
@@ -63,11 +65,11 @@ def _print(lines: Iterable[str]) -> None:
             click.echo("\n".join(waiting))
 
 
-def _lines(what: str, items: list[str], quiet: bool) -> Iterable[str]:
+def _lines(what: str, items: list[str], quiet: bool, as_json: bool) -> Iterable[str]:
     """Return the lines that explain ``what``, or say what it could be."""
-    from vbus.tools.explain_clauses import explained, unknown_clause
+    from vbus.tools.explain_clauses import described, explained, unknown_clause
 
-    lines = explained(what)
+    lines = described(what) if as_json else explained(what)
     if not lines:
         _refuse_unknown_rule(what)
         decoder = _decoder(what)
@@ -148,7 +150,7 @@ def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:
                 value = decoder.word(word[1], int(word[2], 16))
             except ValueError as error:
                 raise click.UsageError(str(error)) from None
-            yield f"{word[1]} {value}"
+            yield Line(f"{word[1]} {value}", word=word[1], text=value)
         elif byte and not cycles:
             data.append(int(byte[1], 16))
         elif "=" in item:
@@ -170,4 +172,8 @@ def _chip(decoder: Decoder, items: list[str]) -> Iterator[str]:
 
 def _packet(packet: Packet) -> Iterator[str]:
     clause = f"  [{packet.clause}]" if packet.clause else ""
-    yield f"{' '.join(f'{cycle.data:02X}' for cycle in packet.cycles)}: {packet.text}{clause}"
+    data = [cycle.data for cycle in packet.cycles]
+    yield Line(
+        f"{' '.join(f'{byte:02X}' for byte in data)}: {packet.text}{clause}",
+        bytes=data, kind=packet.kind, text=packet.text, clause=packet.clause,
+    )  # fmt: skip

@@ -5,11 +5,12 @@ import textwrap
 from collections.abc import Iterator
 from typing import Final
 
-from vbus.board import plugins
 from vbus.board.checks import all_rules
 from vbus.board.settings import suggestion
-from vbus.chips.clauses import Clause, clauses_of, proofs_of
+from vbus.chips.clauses import Clause, proofs_of
 from vbus.signals import Rule
+from vbus.tools.output import Line
+from vbus.trace.clauses import all_clauses, carriers, headed
 from vbus.trace.tables import ac_limits
 
 WIDTH: Final = 80
@@ -26,29 +27,40 @@ def explained(what: str) -> list[str]:
             has one of that name, such as the rows ``T5`` of two AC tables.
     """
     if _CLAUSE.fullmatch(what):
-        for package, clause in _clauses():
+        for package, clause in all_clauses():
             if clause.name == what.upper():
                 return list(_clause(package, clause))
     lines: list[str] = []
     for rule in _rules(what):
         lines += ["", *_rule(rule)] if lines else _rule(rule)
-    return lines or list(_carriers(what))
+    return lines or carriers(what)
+
+
+def described(what: str) -> list[str]:
+    """Return a line for each clause or rule that :func:`explained` tells of, with its data."""
+    if _CLAUSE.fullmatch(what):
+        for package, clause in all_clauses():
+            if clause.name == what.upper():
+                return [Line(
+                    clause.name, clause=clause.name, title=clause.title, kind=clause.kind,
+                    section=clause.section, text=clause.text, named_by=carriers(clause.name),
+                    tests=list(proofs_of(package).get(clause.name, ())),
+                )]  # fmt: skip
+    return [
+        Line(
+            rule.name, rule=rule.name, severity=rule.severity, clause=rule.clause,
+            title=rule.title, limits=[str(limit) for limit in ac_limits(rule.name)],
+        )
+        for rule in _rules(what)
+    ] or carriers(what)  # fmt: skip
 
 
 def unknown_clause(what: str) -> str:
     """Return a complaint if ``what`` looks like the id of a clause, and is none; else nothing."""
     if not _CLAUSE.fullmatch(what):
         return ""
-    hint = suggestion(what.upper(), [clause.name for _, clause in _clauses()])
+    hint = suggestion(what.upper(), [clause.name for _, clause in all_clauses()])
     return f'there is no clause "{what}"' + (f"; {hint.rstrip()}" if hint else "")
-
-
-def _clauses() -> Iterator[tuple[str, Clause]]:
-    """Give every clause of every chip that is registered, with the package it stands in."""
-    for chip in plugins.chip_classes():
-        package, _, _ = chip.__module__.rpartition(".")
-        for clause in clauses_of(package).values() if package else ():
-            yield package, clause
 
 
 # -- rules ----------------------------------------------------------------------------------------
@@ -70,17 +82,11 @@ def _symbol(rule: Rule) -> str:
 
 def _rule(rule: Rule) -> Iterator[str]:
     """Give a rule with its rows of AC tables, and the clause it rests on."""
-    yield from _headed(rule)
-    for _, clause in _clauses():
+    yield from headed(rule)
+    for _, clause in all_clauses():
         if clause.name == rule.clause:
             yield f"  {clause.name}: {clause.title}"
             yield from _wrapped(clause.text, "    ")
-
-
-def _headed(rule: Rule) -> Iterator[str]:
-    yield f"{rule.name} ({rule.severity}, {rule.clause}): {rule.title}"
-    for limit in ac_limits(rule.name):
-        yield f"  AC row {limit}"
 
 
 # -- clauses --------------------------------------------------------------------------------------
@@ -91,40 +97,16 @@ def _clause(package: str, clause: Clause) -> Iterator[str]:
     yield f"  {clause.kind}: {clause.section}"
     yield ""
     yield from _wrapped(clause.text, "  ")
-    carriers = [*_carriers(clause.name)]
-    if carriers:
+    citing = carriers(clause.name)
+    if citing:
         yield ""
-        yield from carriers
+        yield from citing
     yield ""
     if clause.tested:
         yield "Tests:"
         yield from (f"  {test}" for test in proofs_of(package).get(clause.name, ()))
     else:
         yield f"No test: {clause.reason}"
-
-
-def _carriers(name: str) -> Iterator[str]:
-    """Give the rules that cite a clause, and the commands, registers and settings it is of.
-
-    A plug-in may cite clauses of a list it does not bring with it.
-    """
-    if not name:
-        return
-    for rule in all_rules():
-        if rule.clause == name:
-            yield from _headed(rule)
-    for family in plugins.families():
-        for row in family.commands:
-            if row.clause == name:
-                yield f"{family.name}: {row.name} ({row.code:02X}H): {row.title}"
-        for register in family.registers:
-            if register.clause == name:
-                where = " ".join(f"{address:02X}H" for address in register.addresses)
-                yield f"{family.name}: {register.name} ({where}): {register.title}"
-    for chip in plugins.chip_classes():
-        for option in chip.OPTIONS:
-            if option.clause == name:
-                yield f"{chip.FAMILY}: setting {option.name}: {option.title}"
 
 
 def _wrapped(text: str, indent: str) -> Iterator[str]:

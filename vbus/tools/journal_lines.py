@@ -12,9 +12,9 @@ from vbus.errors import VbusError
 from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
-from vbus.tools.output import bar, reading
+from vbus.tools.output import Line, bar, reading
 from vbus.trace.decode import BoardPackets
-from vbus.trace.journal.format import PORTS, WRITE, Entry, Header, JournalReader
+from vbus.trace.journal.format import PORTS, WRITE, Entry, Header, JournalReader, Jump
 from vbus.trace.journal.view import Sessions, show, violation_of
 from vbus.trace.packets import STATUS, CommandPackets, Cycle, Decoder, Packet
 
@@ -77,12 +77,22 @@ def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> It
         if last is not None:
             yield from _entries(reader, first, last)
             return
-        yield f"# {path}: {_header(reader.header)}"
+        header = _header(reader.header)
+        yield Line(f"# {path}: {header}", journal=str(path), header=header)
         quiet = quiet or sys.stdout.isatty()
         with bar("decoding", path.stat().st_size, lambda: reader.position, quiet) as move:
             yield from _explained(reader, move)
+        for text in map(_went_back, reader.jumps):
+            yield Line(f"# {path}: {text}", journal=str(path), jump=text)
         if reader.damage:
-            yield f"# {path}: {reader.damage}"
+            yield Line(f"# {path}: {reader.damage}", journal=str(path), damage=reader.damage)
+
+
+def _went_back(jump: Jump) -> str:
+    return (
+        f"at {instant(jump.left)} the board went back to {instant(jump.to)}; {jump.undone} entries"
+        " are undone, and not shown"
+    )
 
 
 def _explained(reader: JournalReader, move: Callable[[], None]) -> Iterator[str]:
@@ -128,7 +138,7 @@ class _Lines(BoardPackets):
 
     def __init__(self, header: Header) -> None:
         super().__init__(header.families, self._packet, header.settings)
-        self.ready: list[str] = []
+        self.ready: list[Line] = []
         """Lines before which none can come any more."""
         self._statuses: dict[tuple[str, bool, int], str] = {}
         """What a status byte reads, by chip, way, and address with byte: it stands outside
@@ -237,7 +247,12 @@ class _Lines(BoardPackets):
         if self._times:
             more = self._ended - self._begun
             folded = f"  x {self._times}, {more / MS:.6g} ms" if self._times > 1 else ""
-            self.ready.append(f"{instant(self._begun)} {self._text}{folded}")
+            self.ready.append(
+                Line(
+                    f"{instant(self._begun)} {self._text}{folded}",
+                    when_ps=self._begun, until_ps=self._ended, times=self._times, text=self._text,
+                )
+            )  # fmt: skip
         self._times = 0
 
 
@@ -255,9 +270,10 @@ def _entries(reader: JournalReader, first: int, last: int) -> Iterator[str]:
         show(entry, sessions, watch)
         count += 1
         if first <= entry.number <= last:
-            yield line(entry, sessions)
+            text = line(entry, sessions)
+            yield Line(text, entry=entry.number, when_ps=entry.when, call=entry.op, text=text)
             for packet in ended:
-                yield f"    {packet}"
+                yield Line(f"    {packet}", entry=entry.number, packet=packet)
         ended.clear()
         if entry.number >= last:
             return

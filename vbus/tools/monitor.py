@@ -4,21 +4,26 @@ import io
 import json
 import socket
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from typing import Any, Final
 
 import click
 
-from vbus.errors import TransportError
+from vbus.board import plugins
+from vbus.errors import TransportError, VbusError
 from vbus.signals import Violation
+from vbus.tools import exit_codes
 from vbus.tools.journal_lines import instant
+from vbus.tools.output import Line, complain, json_line
+from vbus.tools.telemetry_text import LIT, UNLIT, Number, Word, words_and_numbers
 from vbus.trace.decode import BoardPackets
 from vbus.trace.latest_lines import LatestLines
 from vbus.trace.packets import STATUS, Packet
 
 SHOWN: Final = 16
-"""Packets on the screen."""
+FEWEST: Final = 4
+"""Packets on the screen, at most and at least."""
 
 
 class Feed:
@@ -59,6 +64,14 @@ class Feed:
         while data := self._lines.read1(1 << 16):
             yield data
 
+    def messages(self) -> Iterator[bytes]:
+        """Give messages, each with its length in front, until the board ends."""
+        while len(head := self._lines.read(4)) == 4:
+            size = int.from_bytes(head, "little")
+            data = self._lines.read(size)
+            if len(data) == size:
+                yield data
+
     def send(self, data: bytes) -> None:
         """Ask for something else."""
         self._socket.sendall(data)
@@ -73,19 +86,41 @@ class Feed:
 @click.option("--plain", is_flag=True, help="Print lines, also on a terminal.")
 @click.option("--status", is_flag=True, help="Show status reads too; else they are only counted.")
 @click.option("--count", type=click.IntRange(1), help="End after this many packets.")
-def command(board: str, plain: bool, status: bool, count: int | None) -> None:
+@click.option("--until", default="", metavar="CONDITION",
+              help='End when this holds, such as "x.real > 400 and rising(x.HI)".')  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, an object for each line.")
+def command(
+    board: str, plain: bool, status: bool, count: int | None, until: str, as_json: bool
+) -> int:
     """Watch a running board: packets with their values, violations, and where the axes are.
 
-    BOARD is the name "vbus ls" shows. Ends with Ctrl-C, or with the board.
+    BOARD is the name "vbus ls" shows. Ends with Ctrl-C, or with the board; with --until it exits
+    with 1 then.
     """
     from rich.console import Console
 
     with closing(Feed(board)) as feed, suppress(KeyboardInterrupt):
         console = Console()
-        if plain or not console.is_terminal:
-            _print(feed, status, count)
+        view = View(feed.hello, status)
+        if until:
+            feed.send(json.dumps({"until": until}).encode() + b"\n")
+            for item in feed:
+                view.take(item)
+                if item[0] == "waiting":
+                    break
+        told: Callable[[str], str] = json_line if as_json else str
+        if plain or as_json or not console.is_terminal:
+            _print(feed, view, count, told)
         else:
-            _live(feed, console, status, count)
+            _live(feed, console, view, count)
+        if view.met is not None:
+            met = f"{until}: at {instant(view.met)}"
+            click.echo(told(Line(met, until=until, when_ps=view.met)))
+            return exit_codes.OK
+    if until:
+        complain(f'the condition "{until}" has not come to hold')
+        return exit_codes.FAILURE
+    return exit_codes.OK
 
 
 class View(BoardPackets):
@@ -104,7 +139,7 @@ class View(BoardPackets):
             {chip["name"]: chip["bus_settings"] for chip in chips},
         )
         self.lines: LatestLines = LatestLines(maxlen=SHOWN)
-        self.new: list[str] = []
+        self.new: list[Line] = []
         """Lines since the caller looked last."""
         self.packets: int = 0
         self.polls: int = 0
@@ -113,7 +148,15 @@ class View(BoardPackets):
         self.rules: Counter[str] = Counter()
         self.values: dict[str, dict[str, Any]] = {}
         self.now: int = 0
+        self.met: int | None = None
+        """When the condition has come to hold that was waited for (ps)."""
         self._status: bool = status
+        self._families: dict[str, str] = {chip["name"]: chip["family"] for chip in chips}
+
+    def told(self, chip: str) -> tuple[list[Number], list[Word]]:
+        """Return what a chip has told last."""
+        family = plugins.family(self._families.get(chip, ""))
+        return words_and_numbers(family, self._decoders.get(chip), self.values[chip])
 
     def take(self, item: list[Any]) -> None:
         """Take one line of a feed."""
@@ -125,11 +168,23 @@ class View(BoardPackets):
             violation = Violation(*rest)
             self.violation(violation)
             self.rules[violation.rule] += 1
-            self._line(violation.when, f"{violation.chip} ! {violation.rule}: {violation.detail}")
+            self._line(
+                violation.when, f"{violation.chip} ! {violation.rule}: {violation.detail}",
+                chip=violation.chip, rule=violation.rule, text=violation.detail,
+                clause=violation.clause,
+            )  # fmt: skip
         elif kind == "t":
             self.now, self.values = rest
         elif kind == "lost":
             self.lost += rest[0]
+        elif kind == "until":
+            self.met = rest[0]
+        elif kind == "refused":
+            raise VbusError(rest[0])
+
+    def over(self, count: int | None) -> bool:
+        """Tell whether what was waited for has come: ``count`` packets, or a condition."""
+        return self.met is not None or (count is not None and self.packets >= count)
 
     def _packet(self, chip: str, packet: Packet) -> None:
         if packet.kind == STATUS and not self._status:
@@ -137,44 +192,56 @@ class View(BoardPackets):
             return
         self.packets += 1
         clause = f"  [{packet.clause}]" if packet.clause else ""
-        self._line(packet.end, f"{chip} {packet.text}{clause}")
+        self._line(
+            packet.end, f"{chip} {packet.text}{clause}",
+            chip=chip, kind=packet.kind, text=packet.text, clause=packet.clause,
+            bytes=[cycle.data for cycle in packet.cycles],
+        )  # fmt: skip
 
-    def _line(self, when: int, text: str) -> None:
-        self.new.append(f"{instant(when)} {text}")
-        self.lines.add(when, text)
+    def _line(self, when: int, line: str, **value: Any) -> None:
+        self.new.append(Line(f"{instant(when)} {line}", when_ps=when, **value))
+        self.lines.add(when, line)
 
 
-def _print(feed: Feed, status: bool, count: int | None) -> None:
-    view = View(feed.hello, status)
-    click.echo(f"watching {feed.hello['board']}")
+def _print(feed: Feed, view: View, count: int | None, told: Callable[[str], str]) -> None:
+    board = feed.hello["board"]
+    click.echo(told(Line(f"watching {board}", board=board)))
     for item in feed:
         lost = view.lost
         view.take(item)
         if view.lost > lost:
-            view.new.append(f"({view.lost - lost} cycles were too fast to be shown)")
+            missed = view.lost - lost
+            view.new.append(Line(f"({missed} cycles were too fast to be shown)", lost=missed))
         for line in view.new:
-            click.echo(line)
+            click.echo(told(line))
         view.new.clear()
-        if count is not None and view.packets >= count:
+        if view.over(count):
             return
 
 
-def _live(feed: Feed, console: Any, status: bool, count: int | None) -> None:
+def _live(feed: Feed, console: Any, view: View, count: int | None) -> None:
     from rich.live import Live
 
-    view = View(feed.hello, status)
     with Live(screen(feed.hello, view), console=console, auto_refresh=False) as live:
         for item in feed:
             view.take(item)
             view.new.clear()
             if item[0] == "t":
-                live.update(screen(feed.hello, view), refresh=True)
-            if count is not None and view.packets >= count:
+                others = len(console.render_lines(_others(view)))
+                room = max(FEWEST, min(SHOWN, console.height - others - 2))
+                live.update(screen(feed.hello, view, room), refresh=True)
+            if view.over(count):
                 return
 
 
-def screen(hello: dict[str, Any], view: View) -> Any:
-    """Return the whole screen for rich."""
+def screen(hello: dict[str, Any], view: View, room: int = SHOWN) -> Any:
+    """Return the whole screen for rich.
+
+    Args:
+        hello: what the board said of itself.
+        view: what it has told since.
+        room: lines for packets.
+    """
     from rich.console import Group
     from rich.panel import Panel
     from rich.table import Table
@@ -182,14 +249,19 @@ def screen(hello: dict[str, Any], view: View) -> Any:
 
     traffic = Table.grid(padding=(0, 2))
     traffic.add_column(justify="right", style="dim")
-    traffic.add_column()
-    for line in view.lines:
+    traffic.add_column(no_wrap=True)
+    for line in list(view.lines)[-room:]:
         style = "bold red" if " ! " in line.text else ""
         traffic.add_row(instant(line.when), Text(line.counted("  "), style=style))
-    axes = Table.grid(padding=(0, 2))
-    for chip, values in view.values.items():
-        shown = "  ".join(f"{name} {value}" for name, value in values.items())
-        axes.add_row(Text(chip, style="bold"), shown)
+    return Group(Panel(traffic, title=f"{hello['board']}: bus", height=room + 2), _others(view))
+
+
+def _others(view: View) -> Any:
+    """Return what stands below the packets: axes, violations, numbers."""
+    from rich.console import Group
+    from rich.panel import Panel
+    from rich.text import Text
+
     broken = "  ".join(f"{rule} x{times}" for rule, times in view.rules.most_common())
     summary = (
         f"{instant(view.now)}   {view.cycles} bus cycles, {view.packets} packets,"
@@ -197,7 +269,33 @@ def screen(hello: dict[str, Any], view: View) -> Any:
     )
     if view.lost:
         summary += f", {view.lost} cycles too fast to be shown"
-    parts = [Panel(traffic, title=f"{hello['board']}: bus", height=SHOWN + 2), Panel(axes)]
+    parts: list[Any] = [Panel(_values(view, chip), title=chip) for chip in view.values]
     if broken:
         parts.append(Panel(Text(broken, style="red"), title="violations"))
     return Group(*parts, Text(summary, style="dim"))
+
+
+def _values(view: View, chip: str) -> Any:
+    """Return what a chip tells: numbers in two columns, and its bits as lamps."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    numbers, words = view.told(chip)
+    table = Table.grid(padding=(0, 1), expand=True)
+    for _ in range(2):
+        table.add_column(style="dim")
+        table.add_column(justify="right", min_width=9)
+        table.add_column(style="dim", ratio=1)
+    cells = [cell for one in numbers for cell in (one.name, one.text, one.unit)]
+    for place in range(0, len(cells), 6):
+        table.add_row(*cells[place : place + 6])
+    lamps = Table.grid(padding=(0, 1))
+    for word in words:
+        bits = Text()
+        for name, lit in word.bits:
+            lamp = f"{LIT if lit else UNLIT}{name.replace(' ', '_')}"  # never broken in two
+            bits.append(lamp, style="bold" if lit else "dim")
+            bits.append("  ")
+        lamps.add_row(Text(word.name, style="dim"), word.text, bits)
+    return Group(table, lamps)

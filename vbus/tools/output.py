@@ -1,9 +1,10 @@
 """What verbs have in common: what they print, the files they read and write, their options."""
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
@@ -13,11 +14,14 @@ from vbus.errors import VbusError, read_errors, write_errors
 
 no_progress = click.option("--no-progress", is_flag=True, help="Show no progress bar.")
 
+SCOPE_ADDRESS: Final = "127.0.0.1:0"
+"""Where the scope's page is served if nobody says so: any free port, for this computer alone."""
+
 _RECORDS: Final = (
     ("--journal", "FILE", "Write every call of every host to FILE."),
     ("--report", "FILE", "Write violations: .txt, .json, .xml or .sarif."),
     ("--suppress", "FILE", "TOML file of accepted violations."),
-    ("--coverage", "FILE", "Write what is exercised: .txt, .json, .html."),
+    ("--coverage", "FILE", "Write what is exercised: .txt, .json, .html, .xml."),
     ("--wave", "FILE", "Write a waveform of everything to FILE (VCD)."),
     ("--metrics", "HOST:PORT", "Numbers for Prometheus; port 0: a free one."),
 )
@@ -30,6 +34,21 @@ def record_options(verb: Callable[..., int]) -> Callable[..., int]:
     return verb
 
 
+scope_option = click.option(
+    "--scope", is_flag=False, flag_value=SCOPE_ADDRESS, metavar="[HOST:PORT]",
+    help="Show the board in a browser; prints a link.",
+)  # fmt: skip
+
+
+def scope_options(verb: Callable[..., int]) -> Callable[..., int]:
+    """Give a verb that has a board of its own the options for its scope."""
+    verb = click.option(
+        "--scope-control", is_flag=True,
+        help="And let who has the link pause and step it, break it, and use its bus and pins.",
+    )(verb)  # fmt: skip
+    return scope_option(verb)
+
+
 def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     """Return what an option gives as a duration in ps; None stays None."""
     from vbus.protocols.quantities import parse_duration
@@ -38,6 +57,25 @@ def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
         return value if value is None else parse_duration(value)
     except ValueError as error:
         raise click.BadParameter(str(error)) from None
+
+
+class Line(str):
+    """A line for people, and what it says as data."""
+
+    __slots__ = ("value",)
+
+    def __new__(cls, text: str, /, **value: Any) -> "Line":
+        """Make one of its text and the keys of its data."""
+        line = super().__new__(cls, text)
+        line.value = value
+        return line
+
+    value: dict[str, Any]
+
+
+def json_line(line: str) -> str:
+    """Return what a line says as one line of JSON."""
+    return json.dumps(line.value if isinstance(line, Line) else {"text": line})
 
 
 def show(as_json: bool, value: Any, lines: Iterable[str], indent: int | None = None) -> None:
@@ -65,13 +103,24 @@ def reading(path: Path, kind: type[VbusError] = VbusError) -> Iterator[BinaryIO]
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Write a file.
+    """Write a file: it is there whole, or what was there before is.
 
     Raises:
         VbusError: it cannot be written.
     """
-    with write_errors(path):
-        path.write_bytes(data)
+    with write_errors(path), ExitStack() as made:
+        if path.exists() and not path.is_file():  # a terminal or a pipe
+            path.write_bytes(data)
+            return
+        place = path.resolve()
+        part = place.with_name(f".{place.name}.{os.getpid()}")
+        with part.open("xb") as file:
+            made.callback(part.unlink)
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(place)
+        made.pop_all()
 
 
 @contextmanager

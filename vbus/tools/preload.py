@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -15,13 +16,13 @@ from vbus.protocols.port import PortInfo
 
 NAME: Final = "libvbus-exec.so"
 _SOURCES: Final = (
-    "x86.c", "x86_two.c", "x86_wide.c", "client.c", "card.c", "trap.c", "files.c",
-    "descriptors.c", "programs.c", "turns.c", "signals.c", "spin.c", "clock.c", "threads.c",
-    "queues.c", "timers.c", "listen.c", "calls.c", "time64.c",
+    "x86.c", "x86_two.c", "x86_wide.c", "x86_follow.c", "client.c", "card.c", "trap.c", "follow.c",
+    "files.c", "descriptors.c", "programs.c", "turns.c", "signals.c", "spin.c", "clock.c",
+    "threads.c", "queues.c", "timers.c", "listen.c", "calls.c", "time64.c",
 )  # fmt: skip
 _FLAGS: Final = (
-    "-shared", "-fPIC", "-std=gnu11", "-O2", "-mno-red-zone", "-fvisibility=hidden",
-    "-U_FORTIFY_SOURCE", "-w",
+    "-shared", "-fPIC", "-std=gnu11", "-O2", "-flto", "-msse2", "-mno-red-zone",
+    "-fvisibility=hidden", "-U_FORTIFY_SOURCE", "-w",
 )  # fmt: skip
 
 # What the dynamic loader puts in place of $LIB differs between distributions.
@@ -107,10 +108,13 @@ def _build(folder: Path) -> None:
     (folder / "built").touch()
 
 
-def environment(info: PortInfo, where: str, note: Path | None = None) -> dict[str, str]:
+def environment(
+    info: PortInfo, where: str, note: Path | None = None, limit: int = 0
+) -> dict[str, str]:
     """Return the variables with which a program finds the card behind link ``where``.
 
-    The library makes the file ``note`` when the program ends by a fault of its own.
+    The library makes the file ``note`` when the program ends by a fault of its own, and tells the
+    board when ``limit`` ps have passed, if that is not 0.
 
     Raises:
         ConfigError: the link has no card.
@@ -119,7 +123,7 @@ def environment(info: PortInfo, where: str, note: Path | None = None) -> dict[st
     if not info.card:
         raise ConfigError(f"{where}: this link has no card; name one as card of its host")
     cycles = ",".join(str(chip.cycle_ps) for chip in info.chips)
-    told = f"policy={info.policy};cycles={cycles};{info.program};"
+    told = f"policy={info.policy};cycles={cycles};{info.program};limit={limit};"
     told += f"note={note or ''};card={_sorted(info.card)}"
     loaded = [library(), *filter(None, [os.environ.get("LD_PRELOAD")])]
     variables = {"VBUS_LINK": where, "VBUS_EXEC": told, "LD_PRELOAD": ":".join(loaded)}
@@ -130,4 +134,6 @@ def environment(info: PortInfo, where: str, note: Path | None = None) -> dict[st
 
 def _sorted(card: str) -> str:
     """Return the card's table by direction and address, as the library looks things up."""
-    return " ".join(sorted(card.split(), key=lambda row: (row[0], int(row[1:].split("=")[0], 16))))
+    return " ".join(
+        sorted(card.split(), key=lambda row: (row[0], int(re.split("[=!]", row[1:])[0], 16)))
+    )

@@ -29,6 +29,8 @@ def lines_of(status: dict[str, Any]) -> list[str]:
     if "journal" in status:
         journal = status["journal"]
         lines.append(f"  journal {journal['file']}: {DURABLE[journal['durable']]}")
+    if status.get("priority"):
+        lines.append(f"  priority {status['priority']}")
     if status["metrics"]:
         lines.append(f"  metrics {status['metrics']}")
     return lines

@@ -15,7 +15,10 @@ DEFAULT = "tcp/127.0.0.1:7447"
 @click.argument("file", required=False)
 @click.option("--listen", multiple=True, metavar="ENDPOINT", help=f"Else {DEFAULT}; repeatable.")
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Another router; repeatable.")
-def command(file: str | None, listen: tuple[str, ...], connect: tuple[str, ...]) -> None:
+@click.option("--remote", is_flag=True, help="Let other computers in without certificates.")
+def command(
+    file: str | None, listen: tuple[str, ...], connect: tuple[str, ...], remote: bool
+) -> None:
     """Run a Zenoh router until Ctrl-C: boards and hosts connect to it and find each other.
 
     FILE is a TOML file with a section [zenoh] as in board files: endpoints, certificates, rights.
@@ -38,14 +41,22 @@ def command(file: str | None, listen: tuple[str, ...], connect: tuple[str, ...])
         else endpoint
         for endpoint in endpoints
     )
-    network = Network(endpoints, connect or network.connect, network.security)
+    network = Network(
+        endpoints,
+        connect or network.connect,
+        network.security,
+        remote=remote or network.remote,
+    )
     with ExitStack() as stack:
         session = open_network(network)
         stack.callback(close_session, session)
-        # Not an Event: its lock may be held by wait() at the moment a handler sets it.
+        # C's handler writes to the pipe: Python's would not run for a signal that comes just before
+        # the read below, and an Event's lock may be held by wait() when a handler sets it.
         ended, end = os.pipe()
+        os.set_blocking(end, False)
+        signal.set_wakeup_fd(end)
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: os.write(end, b"\0"))
+            signal.signal(number, lambda *_: None)
         place = places.register(places.router_place(), endpoints)
         stack.callback(places.unregister, place)
         access = answer_access(session, network.security) if network.security else None

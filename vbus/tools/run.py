@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vbus.tools import exit_codes
-from vbus.tools.output import complain, record_options, show
+from vbus.tools.output import SCOPE_ADDRESS, complain, record_options, scope_options, show
 
 if TYPE_CHECKING:
     from vbus.server.server import Server
@@ -31,7 +31,14 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @click.option(
     "--durable", type=click.Choice(["process", "machine"]), help="What a journal survives, whole."
 )
+@scope_options
 @click.option("--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save).")
+@click.option(
+    "--priority",
+    metavar="CLASS",
+    help="fifo, or fifo:1 to fifo:99: ahead of all usual processes, in locked memory.",
+)
+@click.option("--cpu", type=click.IntRange(0), metavar="N", help="Run on this processor alone.")
 @click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
 @click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
 @click.option("--node", "nodes", multiple=True, metavar="NAME", help="Only this node; repeatable.")
@@ -58,7 +65,11 @@ def command(
     coverage: str | None,
     wave: str | None,
     metrics: str | None,
+    scope: str | None,
+    scope_control: bool,
     start: str | None,
+    priority: str | None,
+    cpu: int | None,
     as_json: bool,
     detach: bool,
     **of_nodes: Any,
@@ -69,16 +80,35 @@ def command(
     nodes runs in this process as a whole, or with --node in as many processes as you like.
     """
     from vbus.board.config import read_board_file
-    from vbus.server.serving import serve
+    from vbus.board.scope_checks import OF_NODES
+    from vbus.server.priority import Priority
+    from vbus.server.serving import recorded, serve_read
     from vbus.tools.ready_lines import READY, lines_of
 
+    try:
+        wanted = Priority.of(priority, cpu)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--priority") from None
     file, source = read_board_file(board)
+    scope = SCOPE_ADDRESS if scope_control and scope is None else scope
+    if scope is not None and detach:
+        raise click.UsageError("--scope is not for --detach; see: vbus scope NAME")
+    if scope is not None and file.nodes:
+        raise click.UsageError(f"--scope: {OF_NODES}")
+    shown = recorded(file, {}, "", scope or "").scope
+    if shown.listen and detach:
+        complain("[scope] is left out of a run in the background; see: vbus scope NAME")
+    elif shown.listen:
+        from vbus.tools.scope import place_of
+
+        place_of(shown)
     if detach:
         from vbus.tools.detach import detach as go_on
 
         code = go_on(".".join([file.board.name, *of_nodes["nodes"]]))
         if code is not None:
             return code
+    wanted.take()
     if file.nodes:
         single = {
             "--journal": journal, "--report": report, "--wave": wave, "--coverage": coverage,
@@ -91,20 +121,26 @@ def command(
         from vbus.tools import run_nodes
 
         given = {key: value for key, value in of_nodes.items() if value}
-        return run_nodes.run(file, source, NodeOptions(**given), as_json)
+        return run_nodes.run(file, source, NodeOptions(**given), as_json, wanted)
     for key, value in of_nodes.items():
         if value:
             option = "--node" if key == "nodes" else f"--{key}"
             raise click.UsageError(f"{option} is for boards with nodes; {board} has none")
 
     def ready(server: "Server") -> None:
-        status = server.statistics()
+        status = server.statistics() | {"priority": str(wanted)}
         show(as_json, status, [*lines_of(status), READY])
+        if shown.listen:
+            from vbus.tools.scope import start_scope
+
+            start_scope(server.board.name, shown, scope_control)
+        wanted.pin()
 
     record = {
         "journal": journal, "report": report, "suppress": suppress, "coverage": coverage,
         "wave": wave, "durable": durable,
     }  # fmt: skip
     record = {key: value for key, value in record.items() if value is not None}
-    serve(board, rate, ready, complain, record, metrics or "", start or "")
+    file = recorded(file, record, metrics or "")
+    serve_read(file, source, rate, ready, complain, start or "")
     return exit_codes.OK

@@ -14,10 +14,17 @@ if TYPE_CHECKING:
     from vbus.board.source import Source
     from vbus.cluster.nodes import NodeOptions
     from vbus.nodes.node import Node
+    from vbus.server.priority import Priority
     from vbus.server.server import Server
 
 
-def run(file: "BoardFile", source: "Source", options: "NodeOptions", as_json: bool) -> int:
+def run(
+    file: "BoardFile",
+    source: "Source",
+    options: "NodeOptions",
+    as_json: bool,
+    priority: "Priority",
+) -> int:
     """Run nodes of a board; return the exit code.
 
     Raises:
@@ -28,9 +35,10 @@ def run(file: "BoardFile", source: "Source", options: "NodeOptions", as_json: bo
     from vbus.tools.ready_lines import READY, lines_of
 
     def ready(servers: "list[Server]") -> None:
-        states = [server.statistics() for server in servers]
+        states = [server.statistics() | {"priority": str(priority)} for server in servers]
         lines = [line for state in states for line in lines_of(state)]
         show(as_json, {"nodes": states}, [*lines, READY])
+        priority.pin()
 
     outcome = serve_nodes(file, source, options, ready, complain)
     if outcome.over:

@@ -95,39 +95,43 @@ def info(file: Path, as_json: bool, board_file: bool) -> None:
 @click.argument("condition")
 @click.option("--save", "keep", type=click.Path(path_type=Path), metavar="FILE",
               help="Write a snapshot of the board just before it to FILE.")  # fmt: skip
-def bisect(journal: Path, condition: str, keep: Path | None) -> int:
+@click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
+def bisect(journal: Path, condition: str, keep: Path | None, as_json: bool) -> int:
     """Find the first call of a JOURNAL after which CONDITION holds.
 
     \b
     CONDITION is the name of a rule         lm628.busy-write
     or a pin's level                        x.HI=1
     or a value of a chip (vbus monitor)     "x.real>200"
+    or what docs/conditions.md has          "x.status.BUSY and rising(x.HI)"
 
     Exits with 1 if it never holds.
     """
-    from vbus.board.checks import all_rules
     from vbus.board.snapshot import take, write
     from vbus.tools.journal_lines import line, opened, recorded_board
-    from vbus.trace.journal.conditions import condition as read_condition
     from vbus.trace.journal.history import History
     from vbus.trace.journal.view import Sessions
+    from vbus.trace.until import Holds
 
     with opened(journal) as reader:
         header = reader.header
         entries = list(reader)
-    board = recorded_board(journal, header)
-    holds, stays = read_condition(condition, board, all_rules())
     history = History(lambda: recorded_board(journal, header), entries)
-    found = history.first(holds, stays)
+    holds = Holds(condition, history.board)
+    found = history.first(holds, holds.stays)
     if found is None:
-        click.echo(f"{condition}: never in {len(entries)} entries")
+        never = f"{condition}: never in {len(entries)} entries"
+        show(as_json, {"condition": condition, "entry": None, "entries": len(entries)}, [never])
         return exit_codes.FAILURE
     sessions = Sessions()
     for entry in entries[: found.number]:
         sessions.follow(entry)
-    click.echo(line(found, sessions))
+    lines = [line(found, sessions)]
+    value = {"condition": condition, "entry": found.number, "when_ps": found.when, "text": lines[0]}
     if keep is not None:
         data = write(take(history.to(found.number)))
         write_file(keep, data)
-        click.echo(f"{keep}: {header.board} before it, {len(data)} bytes")
+        lines.append(f"{keep}: {header.board} before it, {len(data)} bytes")
+        value |= {"snapshot": str(keep), "bytes": len(data)}
+    show(as_json, value, lines)
     return exit_codes.OK

@@ -11,12 +11,15 @@ from vbus.errors import TransportError
 from vbus.tools import exit_codes
 from vbus.tools.output import complain
 
+_STEP = 0.1
+"""Seconds."""
+
 
 @click.command("stop")
 @click.argument("names", metavar="NAME...", nargs=-1, required=True)
 @click.option(
-    "--timeout", type=click.FloatRange(0, 3600), default=10.0, metavar="SECONDS",
-    help="How long a board may take; 10 s if not given.",
+    "--timeout", type=click.FloatRange(0, 3600), default=15.0, metavar="SECONDS",
+    help="How long a board may take; 15 s if not given.",
 )  # fmt: skip
 def command(names: tuple[str, ...], timeout: float) -> int:
     """End running boards, and wait until they have ended.
@@ -41,7 +44,10 @@ def command(names: tuple[str, ...], timeout: float) -> int:
         if not all(ended):
             late.append(name)
     for name in late:
-        complain(f"{name} has not ended within {timeout:g} s")
+        complain(
+            f'{name} has not ended within {timeout:g} s and still runs; "vbus logs {name}" shows'
+            " what it says, if it was started with --detach"
+        )
     return exit_codes.FAILURE if late else exit_codes.OK
 
 
@@ -51,7 +57,9 @@ def _ended(process: int, timeout: float) -> bool:
         handle = os.pidfd_open(process)
         try:
             signal.pidfd_send_signal(handle, signal.SIGTERM)
-            return bool(select.select([handle], [], [], timeout)[0])
+            # In steps, so that seconds in which the machine itself stood still do not count.
+            steps = range(int(timeout / _STEP) + 1)
+            return any(select.select([handle], [], [], min(timeout, _STEP))[0] for _ in steps)
         finally:
             os.close(handle)
     return True

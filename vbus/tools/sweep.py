@@ -12,6 +12,7 @@ import msgspec
 
 from vbus.board.board import Board
 from vbus.board.build import build
+from vbus.board.plugins import family_of
 from vbus.board.sections import BoardFile, HostSection, RecordSection
 from vbus.board.source import Source
 from vbus.errors import ConfigError
@@ -24,20 +25,20 @@ _STOPPED: Final = (130, 143)
 
 
 def cycle_of(board: Board) -> int:
-    """Return the longest cycle of the board's chips (ps): the sample of those with one axis.
+    """Return the longest cycle of the board's chips (ps), as they have it after a reset.
 
     Raises:
-        ConfigError: it is not known of any of them.
+        ConfigError: the family of none of them says how long it is.
     """
     cycles = [
-        chip.clock.ps(chip.PERIOD_CLK) - chip.clock.ps(0)
+        chip.clock.ps(int(clocks)) - chip.clock.ps(0)
         for chip in board.chips
-        if chip.PERIOD_CLK and chip.AXES == 1
+        if (clocks := family_of(chip.part).object("cycle"))
     ]
     if not cycles:
         raise ConfigError(
-            "--sweep: the cycle of these chips is programmed, or made of several axes; say how long"
-            " it is, as in --sweep 16:500us"
+            "--sweep: nobody says how long a cycle of these chips is; say so, as in"
+            " --sweep 16:500us"
         )
     return max(cycles)
 
@@ -83,6 +84,7 @@ def sweep(
     source: Source,
     host: HostSection,
     command: Callable[[str], list[str]],
+    limit: int | None = None,
 ) -> int:
     """Run a program so many times, each time the chips a part of their cycle further ahead.
 
@@ -95,6 +97,7 @@ def sweep(
         source: the same as text.
         host: what the program reaches.
         command: gives program and arguments, for the address of the link.
+        limit: chip time that each run may take (ps); see :func:`vbus.tools.beside.run_on_board`.
 
     Raises:
         ConfigError: the board runs in real time, or the cycle is not known.
@@ -109,9 +112,8 @@ def sweep(
     for turn in range(count):
         bus = io.StringIO()
         with tempfile.TemporaryFile() as said:
-            ran = run_beside(
-                file, source, host, command, bus, ahead=turn * cycle // count, stdout=said
-            )
+            ahead = turn * cycle // count
+            ran = run_beside(file, source, host, command, bus, ahead, said, limit)
             said.seek(0)
             turns.append(_turn(ran, said.read().decode(errors="replace"), bus.getvalue()))
         if ran.code in _STOPPED:

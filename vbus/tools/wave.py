@@ -12,7 +12,7 @@ import click
 
 from vbus.errors import TransportError, VbusError
 from vbus.tools import exit_codes
-from vbus.tools.output import complain, duration, no_progress
+from vbus.tools.output import complain, duration, no_progress, show
 
 
 @click.command("wave")
@@ -24,10 +24,11 @@ from vbus.tools.output import complain, duration, no_progress
 @click.option("--before", default="0us", callback=duration, help="Show this from before it.")
 @click.option("--duration", "length", default="0us", callback=duration, help="Record so long.")
 @click.option("--sample", default="1ms", callback=duration, help="Look at values so often.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON: what was written where.")
 @no_progress
 def command(
     source: str, output: str, profile: str, signals: tuple[str, ...], trigger: str, before: int,
-    length: int, sample: int, no_progress: bool,
+    length: int, sample: int, as_json: bool, no_progress: bool,
 ) -> int:  # fmt: skip
     """Write a waveform.
 
@@ -36,13 +37,19 @@ def command(
     """
     from vbus.board.sections import WaveSection
 
+    if as_json and output == "-":
+        raise click.UsageError('"-o -" prints the waveform: with --json name a file')
     section = WaveSection(
         name="", file=output, profile=profile, signals=signals, trigger=trigger, before=before,
         duration=length, sample=max(sample, 1),
     )  # fmt: skip
     if Path(source).is_file():
-        return _of_journal(Path(source), section, no_progress)
-    return _of_board(source, section)
+        code = _of_journal(Path(source), section, no_progress)
+    else:
+        code = _of_board(source, section)
+    if as_json and code == exit_codes.OK:
+        show(True, {"source": source, "file": output, "bytes": Path(output).stat().st_size}, ())
+    return code
 
 
 @contextmanager

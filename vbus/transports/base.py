@@ -5,13 +5,18 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
+from vbus.board.sections import NO_HOST, HostSection
 from vbus.errors import TransportError
 from vbus.network.session import Network
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
+
+
+REST_SECONDS: Final = 0.2
+"""How long nothing is tried after the system has run out of descriptors or memory."""
 
 
 class Link:
@@ -110,6 +115,12 @@ class Transport:
         self.options: dict[str, str] = options
         self.url: str = f"{self.SCHEME}:{path}"
         self.state: str = "waiting"
+        self.remote: bool = False
+        """Other computers may be let in; set by the server, and asked by those that listen."""
+        self.line: HostSection = NO_HOST
+        """The host entry, for links that carry modem lines; set by the server."""
+        self.no_room: bytes = b""
+        """What a host is told for which there is no room; set by the server."""
         self.closing: bool = False
         """The server is about to close this transport: what ends now is meant to."""
         self.report: Callable[[str], None] = _ignore
@@ -127,6 +138,9 @@ class Transport:
             TransportError: the address cannot be used; says why and what to do.
         """
         raise NotImplementedError
+
+    def tell_pause(self, paused: bool) -> None:
+        """Let clients know that what they ask is answered later, or at once again."""
 
     def close(self) -> None:
         """Stop waiting and remove every name made; may be called again."""

@@ -1,4 +1,4 @@
-"""Two Linux calls that Python 3.11 does not have: timerfd and inotify."""
+"""Three Linux calls that Python 3.11 does not have: timerfd, inotify and mlockall."""
 
 import contextlib
 import ctypes
@@ -11,6 +11,7 @@ IN_OPEN: Final = 0x20
 IN_CLOSE: Final = 0x18
 _CLOCK_MONOTONIC: Final = 1
 _CLOEXEC_NONBLOCK: Final = 0o2004000
+_CURRENT_AND_FUTURE: Final = 3
 
 
 class _Timespec(ctypes.Structure):
@@ -29,6 +30,20 @@ def _checked(result: int) -> int:
         code = ctypes.get_errno()
         raise OSError(code, os.strerror(code))
     return result
+
+
+def lock_memory() -> None:
+    """Keep all memory of this process, what it has and what it gets, from being paged out.
+
+    Raises:
+        OSError: it is not allowed so much.
+    """
+    _checked(_libc.mlockall(_CURRENT_AND_FUTURE))
+
+
+def unlock_memory() -> None:
+    """Let memory be paged out again."""
+    _checked(_libc.munlockall())
 
 
 class TimerFd:
@@ -61,8 +76,12 @@ class OpenWatch:
 
     def __init__(self, path: str) -> None:
         self.fd: int = _checked(_libc.inotify_init1(_CLOEXEC_NONBLOCK))
-        _checked(_libc.inotify_add_watch(self.fd, path.encode(), IN_OPEN | IN_CLOSE))
-        self._poll = select.epoll()
+        try:
+            _checked(_libc.inotify_add_watch(self.fd, path.encode(), IN_OPEN | IN_CLOSE))
+            self._poll = select.epoll()
+        except OSError:
+            os.close(self.fd)
+            raise
         self._poll.register(self.fd, select.EPOLLIN)
 
     def happened(self) -> bool:

@@ -6,14 +6,14 @@ import os
 import select
 import termios
 import tty
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from vbus.errors import TransportError
-from vbus.transports.base import Link, Served, Transport
+from vbus.transports.base import REST_SECONDS, Link, Served, Transport
 from vbus.transports.linux import NoWatch, OpenWatch
 from vbus.transports.runtime import NameLock, leads_to_terminal, sweep
 
@@ -67,7 +67,8 @@ class _Terminal:
             made.callback(os.close, master)
             try:
                 # A terminal left cooked would echo and eat 29 byte values.
-                tty.setraw(slave)
+                with _system_errors():
+                    tty.setraw(slave)
                 name = os.ttyname(slave)
             finally:
                 os.close(slave)
@@ -91,9 +92,19 @@ class _Terminal:
         """Drop what the last client set and what it did not read."""
         fcntl.ioctl(slave, _TIOCNXCL)
         # Some replies are still on their way, the others wait at the slave.
-        termios.tcflush(self.master, termios.TCOFLUSH)
-        termios.tcflush(slave, termios.TCIFLUSH)
-        tty.setraw(slave, termios.TCSANOW)
+        with _system_errors():
+            termios.tcflush(self.master, termios.TCOFLUSH)
+            termios.tcflush(slave, termios.TCIFLUSH)
+            tty.setraw(slave, termios.TCSANOW)
+
+
+@contextmanager
+def _system_errors() -> Iterator[None]:
+    """Give what went wrong with a terminal as any other error of the system."""
+    try:
+        yield
+    except termios.error as error:
+        raise OSError(*error.args) from error
 
 
 class PtyTransport(Transport):
@@ -157,6 +168,7 @@ class PtyTransport(Transport):
             temporary = self._link_path.with_name(f".{self._link_path.name}.{os.getpid()}")
             temporary.unlink(missing_ok=True)
             temporary.symlink_to(terminal.name)
+            made.callback(temporary.unlink)
             temporary.replace(self._link_path)
             made.pop_all()
         self._terminal = terminal
@@ -182,8 +194,11 @@ class PtyTransport(Transport):
 
     def _remove_name(self) -> None:
         """Remove the name, if it is not another's by now."""
-        terminal = self._terminal
-        if terminal is not None and leads_to_terminal(self._link_path):
+        if self._terminal is not None:
+            self._remove_name_of(self._terminal)
+
+    def _remove_name_of(self, terminal: _Terminal) -> None:
+        if leads_to_terminal(self._link_path):
             if os.readlink(self._link_path) == terminal.name:
                 self._link_path.unlink()
 
@@ -198,8 +213,9 @@ class PtyTransport(Transport):
         terminal = self._terminal
         if terminal is None:
             return
-        terminal.hangups.poll(0)
-        self._replaced = self._count(terminal.watch.read())
+        left = terminal.hangups.poll(0)
+        seen = terminal.watch.read()
+        self._replaced = self._count(seen)
         state = terminal.look()
         link = self._link
         if link is not None and self._replaced and not state & select.POLLHUP:
@@ -208,6 +224,9 @@ class PtyTransport(Transport):
             link = self._link
         if link is None and (state & select.POLLIN or not state & select.POLLHUP or data):
             link = self._begin(terminal)
+        elif link is None and (seen or (left and isinstance(terminal.watch, NoWatch))):
+            self._clean(terminal)  # somebody came and went unseen, and may have set something
+            self._loop.call_soon(self._notice)  # whoever came meanwhile is seen by looking
         if link is not None:
             if data:
                 link.on_data(data)
@@ -254,36 +273,57 @@ class PtyTransport(Transport):
         if terminal is None:
             return
         self._loop.call_soon(self._notice, self._rest(terminal))
+        self._clean(terminal)
+
+    def _clean(self, terminal: _Terminal) -> None:
+        """Drop what a client has left in the terminal; replace one that cannot be opened."""
         self._clients = 0
         try:
             slave = os.open(terminal.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError:
             if terminal.look() & select.POLLHUP:
                 self._renew()
-        else:
+            return
+        try:
             try:
                 terminal.clean(slave)
             finally:
                 os.close(slave)
-            # Those are our own open and close. Whoever came meanwhile is seen by looking.
-            terminal.watch.read()
+        except OSError:
+            self._renew()
+            return
+        # Those are our own open and close. Whoever came meanwhile is seen by looking.
+        terminal.watch.read()
+        terminal.hangups.poll(0)
 
     def replace(self, link: PtyLink) -> None:
         """End a session with its terminal."""
         if self._link is link:
             self._link = None
             self._clients = 0
-            self.state = "waiting"
             self._renew()
 
     def _renew(self) -> None:
         """Replace the terminal: one left in exclusive use could be opened by root alone."""
+        terminal = self._terminal
         self._unmake()
         try:
             self._make()
         except OSError as error:
-            self.state = f"lost: {error.strerror or error}"
-            self.report(f"{self._link_path}: {self.state}")
+            if terminal is not None:  # another program may get its number
+                self._remove_name_of(terminal)
+            lost = f"lost: {error.strerror or error}"
+            if self.state != lost:
+                self.report(f"{self._link_path}: {lost}; it is tried again")
+            self.state = lost
+            self._loop.call_later(REST_SECONDS, self._try_again)
+        else:
+            self.state = "waiting"
+
+    def _try_again(self) -> None:
+        """Make a terminal, now that there may be what was missing."""
+        if self._terminal is None and not self.closing:
+            self._renew()
 
     def _rest(self, terminal: _Terminal) -> bytes:
         """Return the next client's bytes; drop those of one that went while it was held."""

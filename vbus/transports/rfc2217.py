@@ -2,44 +2,93 @@
 
 import asyncio
 import socket
+import struct
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import partial
 from typing import Final
 
-from vbus.transports.base import Link
+from vbus.protocols.serial_line import BREAK, DTR, RTS, mark, marked
+from vbus.signals import LOW, Net, Observer
+from vbus.transports.base import Link, Served
 from vbus.transports.sockets import SocketLink, TcpTransport
 
-READ: Final = 65536
+READ: Final = 2048
+"""Bytes looked through for options at a time: some milliseconds."""
 MOST_KEPT: Final = 1 << 16
 """Bytes kept for a side that does not take them, before the other side is read no more."""
 
 
-class SerialSettings:
-    """What a host may set and look at: a port that takes every setting and whose lines rest.
+MOST_OPTION: Final = 256
+"""Bytes of one Telnet option; the longest of RFC 2217 has 5."""
 
-    The board has no wire between the two: settings are remembered and change nothing.
+
+def _line(bit: int) -> property:
+    """Return a line of the host, as pyserial switches it."""
+
+    def get(settings: "SerialSettings") -> bool:
+        return bool(settings.lines & bit)
+
+    def put(settings: "SerialSettings", on: bool) -> None:
+        before = settings.lines
+        settings.lines = before | bit if on else before & ~bit
+        if settings.lines != before:
+            settings.on_lines(settings.lines)
+
+    return property(get, put)
+
+
+class SerialSettings:
+    """What a host may set and look at: a port that takes every setting.
+
+    The board has its own speed: settings are remembered and change nothing.
+
+    Attributes:
+        lines: the host's lines that are on: DTR, RTS and break.
+        on_lines: called with them when one has changed.
+
+    Args:
+        cts: the net that turns CTS on while it is low; None: it is on.
+        dsr: the same for DSR.
     """
 
-    def __init__(self) -> None:
+    dtr = _line(DTR)
+    rts = _line(RTS)
+    break_condition = _line(BREAK)
+
+    def __init__(self, cts: Net | None = None, dsr: Net | None = None) -> None:
         self.baudrate: int = 9600
         self.bytesize: int = 8
         self.parity: str = "N"
         self.stopbits: float = 1
         self.xonxoff: bool = False
         self.rtscts: bool = False
-        self.dtr: bool = True
-        self.rts: bool = True
-        self.break_condition: bool = False
-        self.cts: bool = True
-        self.dsr: bool = True
         self.ri: bool = False
         self.cd: bool = True
+        self.lines: int = 0
+        self.on_lines: Callable[[int], None] = _ignore
+        self._cts: Net | None = cts
+        self._dsr: Net | None = dsr
+
+    @property
+    def cts(self) -> bool:
+        """Whether the board lets the host send."""
+        return self._cts is None or self._cts.value == LOW
+
+    @property
+    def dsr(self) -> bool:
+        """Whether the board is there."""
+        return self._dsr is None or self._dsr.value == LOW
 
     def reset_input_buffer(self) -> None:
         """Nothing waits in between."""
 
     def reset_output_buffer(self) -> None:
         """Nothing waits in between."""
+
+
+def _ignore(lines: int) -> None:
+    pass
 
 
 class _Way:
@@ -73,8 +122,15 @@ class _Way:
         else:
             self._ended()
 
+    @property
+    def kept(self) -> int:
+        """How many bytes wait for the sink."""
+        return len(self._kept)
+
     def send(self, data: bytes) -> None:
         """Send bytes, now or when the sink takes them."""
+        if self._sink.fileno() < 0:
+            return
         self._kept += data
         self._flush()
 
@@ -103,27 +159,67 @@ class _Way:
 
 
 class _Telnet:
-    """Stands between a host that speaks Telnet and a session that takes plain bytes."""
+    """Stands between a host that speaks Telnet and a session that takes plain bytes.
+
+    Args:
+        loop: the event loop.
+        host: the end towards the host.
+        board: the end towards the session.
+        settings: what the host may set.
+        marks: whether the session is told, among the bytes, of lines that change.
+        ended: called once when it is over.
+    """
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, host: socket.socket, board: socket.socket
+        self,
+        loop: asyncio.AbstractEventLoop,
+        host: socket.socket,
+        board: socket.socket,
+        settings: SerialSettings,
+        marks: bool,
+        ended: Callable[["_Telnet"], None],
     ) -> None:
         from serial.rfc2217 import PortManager
 
         self._sockets = (host, board)
+        self._marks: bool = marks
+        self._plain: bytearray = bytearray()
+        self._ended: Callable[[_Telnet], None] = ended
         self._board: _Way = _Way(loop, board, host, self._escaped, self.close)
         self._host: _Way = _Way(loop, host, board, self._filtered, self.close)
-        self._manager = PortManager(SerialSettings(), self)
+        if marks:
+            settings.on_lines = self._lines_changed
+        self._manager = PortManager(settings, self)
+
+    def _lines_changed(self, lines: int) -> None:
+        self._plain += mark(lines)
+
+    def tell_lines(self) -> None:
+        """Tell the host of CTS and DSR, if they have changed."""
+        if self._sockets[0].fileno() >= 0:
+            self._manager.check_modem_lines()
 
     def write(self, data: bytes) -> None:
-        """Send what the negotiation says to the host."""
-        self._board.send(data)
+        """Send what the negotiation says to the host, unless it has stopped reading that."""
+        if self._board.kept + len(data) > 2 * MOST_KEPT:
+            self.close()
+        else:
+            self._board.send(data)
 
     def _escaped(self, data: bytes) -> bytes:
         return b"".join(self._manager.escape(data))
 
     def _filtered(self, data: bytes) -> bytes:
-        return b"".join(self._manager.filter(data))
+        self._plain.clear()
+        try:
+            for byte in self._manager.filter(data):
+                self._plain += marked(byte) if self._marks else byte
+        except (TypeError, ValueError, LookupError, struct.error):  # options that make no sense
+            self.close()
+            return b""
+        if len(self._manager.suboption or b"") > MOST_OPTION:
+            self.close()
+        return bytes(self._plain)
 
     def close(self) -> None:
         """End both sides; again is harmless."""
@@ -133,6 +229,18 @@ class _Telnet:
             way.close()
         for end in self._sockets:
             end.close()
+        self._ended(self)
+
+
+class _LineWatch(Observer):
+    """Sees the nets that hosts' input lines follow."""
+
+    def __init__(self, changed: Callable[[], object]) -> None:
+        self._changed: Callable[[], object] = changed
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Pass it on."""
+        self._changed()
 
 
 class Rfc2217Transport(TcpTransport):
@@ -140,18 +248,41 @@ class Rfc2217Transport(TcpTransport):
 
     SCHEME = "rfc2217"
 
+    def __init__(self, path: str, options: dict[str, str]) -> None:
+        super().__init__(path, options)
+        self._hosts: set[_Telnet] = set()
+        self._nets: dict[str, Net] = {}
+
+    def serves(self, served: Served) -> None:
+        """Find the nets that CTS and DSR follow."""
+        for key, name in self.line.sensed.items():
+            if name:
+                self._nets[key] = served.board.find_pin(name).net
+
     def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
         """Listen."""
         super().open(loop, partial(self._linked, loop, on_link))
         self.url = self.url.replace("tcp:", "rfc2217:", 1)
+        for net in self._nets.values():
+            watch = _LineWatch(partial(loop.call_soon, self._tell_lines))
+            net.observe(watch)
+            self.opened.callback(net.unobserve, watch)
+
+    def _tell_lines(self) -> None:
+        for host in tuple(self._hosts):
+            host.tell_lines()
 
     def _linked(
         self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None], link: Link
     ) -> None:
-        inner, board = socket.socketpair()
-        inner.setblocking(False)
-        board.setblocking(False)
-        host = socket.socket(fileno=socket.dup(link.fd))
+        with ExitStack() as opened:
+            inner, board = (opened.enter_context(end) for end in socket.socketpair())
+            inner.setblocking(False)
+            board.setblocking(False)
+            host = socket.socket(fileno=socket.dup(link.fd))
+            opened.pop_all()
         link.close()
-        _Telnet(loop, host, inner)
+        settings = SerialSettings(self._nets.get("cts"), self._nets.get("dsr"))
+        marks = any(self.line.driven.values())
+        self._hosts.add(_Telnet(loop, host, inner, settings, marks, self._hosts.discard))
         on_link(SocketLink(board, link.peer))

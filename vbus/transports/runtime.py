@@ -11,7 +11,7 @@ from time import monotonic, sleep
 from typing import Final
 
 from vbus.errors import NameInUseError, TransportError
-from vbus.runtime import lock_of, locked_names, runtime_directory
+from vbus.runtime import is_trusted, lock_of, locked_names, runtime_directory
 
 PATIENCE_SECONDS: Final = 0.2
 PAUSE_SECONDS: Final = 0.01
@@ -65,12 +65,13 @@ class NameLock:
             self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             while self._fd < 0:
                 self._fd = self._locked(monotonic() + patience)
+            os.ftruncate(self._fd, 0)
+            os.write(self._fd, f"{os.getpid()}\n{board}".encode())
         except TransportError:
             raise
         except OSError as error:
+            self.give_back()
             raise TransportError(f"{self._path}: {error.strerror or error}") from error
-        os.ftruncate(self._fd, 0)
-        os.write(self._fd, f"{os.getpid()}\n{board}".encode())
 
     def _locked(self, deadline: float) -> int:
         """Return the lock's descriptor; -1 if its last owner has removed the file meanwhile."""
@@ -87,6 +88,10 @@ class NameLock:
             found = os.fstat(fd)
             if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
                 raise TransportError(f"{path} {_PLANTED}")
+            if not is_trusted(found):
+                raise TransportError(
+                    f"{path} is no lock of vbus: others have made it or may write to it; remove it"
+                )
             while not _flock(fd):
                 if monotonic() > deadline:
                     owner = os.read(fd, 32).decode("ascii", "replace").partition("\n")[0] or "?"

@@ -5,16 +5,16 @@ import errno
 import os
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from vbus.addresses import refused_link
 from vbus.errors import NameInUseError, TransportError
 from vbus.transports.activation import handed_over
-from vbus.transports.base import Link, Transport
+from vbus.transports.base import REST_SECONDS, Link, Transport
 from vbus.transports.runtime import NameLock, socket_address, sweep
 
-REST_SECONDS: Final = 0.2
-"""How long nobody is accepted after the system has run out of descriptors or memory."""
 KEEP_ALIVE: Final = (
     (socket.TCP_KEEPIDLE, 10),
     (socket.TCP_KEEPINTVL, 5),
@@ -23,7 +23,13 @@ KEEP_ALIVE: Final = (
 """A silent TCP host is looked for after 10 s, and given up 15 s later."""
 BACKLOG: Final = 128
 """Hosts that may wait to be accepted."""
+_ASKED: Final = 1 << 16
+"""Bytes of a host's first requests."""
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+
+
+def _nothing() -> None:
+    pass
 
 
 class SocketLink(Link):
@@ -39,7 +45,24 @@ class SocketLink(Link):
 
 
 class _SocketTransport(Transport):
-    """What both kinds share: a listening socket that accepts without waiting."""
+    """What both kinds share: a listening socket that accepts without waiting.
+
+    One descriptor is kept in reserve: when there are no more, it lets a host be told so, which
+    would otherwise wait outside and not know for what.
+    """
+
+    _reserve: int = -1
+    _told: bool = False
+
+    def _keep_reserve(self) -> None:
+        if self._reserve < 0:
+            with suppress(OSError):
+                self._reserve = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
+
+    def _use_reserve(self) -> None:
+        reserve, self._reserve = self._reserve, -1
+        if reserve >= 0:
+            os.close(reserve)
 
     def _listen(
         self,
@@ -49,7 +72,12 @@ class _SocketTransport(Transport):
     ) -> None:
         listener.listen(BACKLOG)
         listener.setblocking(False)
+        self._keep_reserve()
+        self._leaving: dict[int, Callable[[], None]] = {}
+        """Closes a connection that is turned away, by its descriptor."""
+        self.opened.callback(self._use_reserve)
         self.opened.callback(loop.remove_reader, listener.fileno())
+        self.opened.callback(self._end_leaving)
         loop.add_reader(listener.fileno(), self._accept, listener, loop, on_link)
 
     def _accept(
@@ -58,23 +86,85 @@ class _SocketTransport(Transport):
         loop: asyncio.AbstractEventLoop,
         on_link: Callable[[Link], None],
     ) -> None:
-        fd = listener.fileno()
-
-        def go_on() -> None:
-            if listener.fileno() == fd:
-                loop.add_reader(fd, self._accept, listener, loop, on_link)
-
         try:
             connection, address = listener.accept()
         except OSError as error:
             if error.errno in _EXHAUSTED:
-                self.report(f"{self.url}: a host waits outside: {error.strerror}")
-                loop.remove_reader(fd)  # else it would wake the loop again and again
-                loop.call_later(REST_SECONDS, go_on)
+                self._exhausted(error, listener, loop, on_link)
             return  # else the client gave up in the meantime
         connection.setblocking(False)
-        self._tune(connection)
-        on_link(SocketLink(connection, self._peer(address)))
+        try:
+            self._tune(connection)
+            on_link(SocketLink(connection, self._peer(address)))
+        except OSError as error:
+            if error.errno in _EXHAUSTED:
+                self._turn_away(connection, error, loop)
+            else:  # it has gone in the meantime
+                connection.close()
+            return
+        self._told = False
+
+    def _exhausted(
+        self,
+        error: OSError,
+        listener: socket.socket,
+        loop: asyncio.AbstractEventLoop,
+        on_link: Callable[[Link], None],
+    ) -> None:
+        """The system gives no more descriptors: tell the host, then rest a while."""
+        fd = listener.fileno()
+
+        def go_on() -> None:
+            if listener.fileno() == fd:
+                self._keep_reserve()
+                loop.add_reader(fd, self._accept, listener, loop, on_link)
+
+        loop.remove_reader(fd)  # else it would wake the loop again and again
+        try:
+            if self._reserve < 0:
+                raise error
+            self._use_reserve()
+            connection, _ = listener.accept()
+        except OSError:
+            self.report(f"{self.url}: a host waits outside: {error.strerror}")
+            loop.call_later(REST_SECONDS, go_on)
+        else:
+            self._turn_away(connection, error, loop, go_on)
+
+    def _end_leaving(self) -> None:
+        for close in list(self._leaving.values()):
+            close()
+
+    def _turn_away(
+        self,
+        connection: socket.socket,
+        error: OSError,
+        loop: asyncio.AbstractEventLoop,
+        then: Callable[[], None] = _nothing,
+    ) -> None:
+        """Tell a host that there is no room, and close when it has heard, or has had its time."""
+        if not self._told:
+            self._told = True
+            self.report(f"{self.url}: hosts are turned away: {error.strerror}")
+        connection.setblocking(False)
+        fd = connection.fileno()
+
+        def close() -> None:
+            if connection.fileno() == fd:
+                del self._leaving[fd]
+                late.cancel()
+                loop.remove_reader(fd)
+                with suppress(OSError):  # what is unread would reset the connection
+                    connection.recv(_ASKED)
+                connection.close()
+                then()
+
+        self._leaving[fd] = close
+        late = loop.call_later(REST_SECONDS, close)
+        loop.add_reader(fd, close)
+        with suppress(OSError):
+            connection.send(self.no_room)
+            connection.shutdown(socket.SHUT_WR)
 
     def _tune(self, connection: socket.socket) -> None:
         pass
@@ -130,7 +220,11 @@ class UnixTransport(_SocketTransport):
 
 
 class TcpTransport(_SocketTransport):
-    """``tcp:[HOST]:PORT``: TCP, on loopback unless a host is given; port 0 takes a free one."""
+    """``tcp:[HOST]:PORT``: TCP, on loopback unless a host is given; port 0 takes a free one.
+
+    There is no password: who reaches another address may use the board, so it has to be said that
+    this is meant (:attr:`~vbus.transports.base.Transport.remote`).
+    """
 
     SCHEME = "tcp"
 
@@ -142,6 +236,8 @@ class TcpTransport(_SocketTransport):
             raise TransportError(
                 f'"tcp:{self.path}": write "tcp:PORT" or "tcp:HOST:PORT" with a port of 0 to 65535'
             )
+        if refused := refused_link(self.SCHEME, self.path, self.remote):
+            raise TransportError(refused)
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         with self.opening(f"tcp:{self.path}") as opened:
             given = handed_over(family, (host, int(port)))

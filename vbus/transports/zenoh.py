@@ -55,6 +55,7 @@ class ZenohTransport(Transport):
         self._tokens: set[str] = set()
         self._buses: dict[str, tuple[str, ...]] = {}
         self._kept: list[Any] = []
+        self._marks: list[Any] = []
 
     def serves(self, served: Served) -> None:
         """Learn which board it is."""
@@ -158,6 +159,15 @@ class ZenohTransport(Transport):
             )
         if self._network.security is not None:
             kept.append(answer_access(session, self._network.security))
+
+    def tell_pause(self, paused: bool) -> None:
+        """Leave word at each bus as long as the board is paused."""
+        marks, self._marks = self._marks, []
+        for mark in marks:
+            mark.undeclare()
+        if paused:
+            declare = self._session.liveliness().declare_token
+            self._marks = [declare(keys.paused(key)) for key in self._buses]
 
     # -- hosts --------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 # Made by vbus.tools.generate from vbus/chips/lm628/packets.py; change that, or the generator.
 """LM628/LM629: bus cycles to packets."""
 
+from functools import cache
 from typing import Final
 
 from . import tables as ds
@@ -18,6 +19,12 @@ from .packets import (
 )
 
 _TRAJECTORY_FLAGS: Final = tuple(bit for bit in ds.TRAJECTORY if bit.number >= 8)
+
+
+@cache
+def _status(byte: int) -> str:
+    """Return a status as people read it; it is what drivers poll."""
+    return f"{byte:02X}H {flags(byte, ds.STATUS)}"
 
 
 class Lm628Packets(CommandPackets):
@@ -38,8 +45,7 @@ class Lm628Packets(CommandPackets):
         if cycle.address == ds.DATA_PORT:
             return self.data(cycle)
         if not cycle.write:
-            text = f"{cycle.data:02X}H {flags(cycle.data, ds.STATUS)}"
-            return [Packet(STATUS, "RDSTAT", text, "LM-CMD-23", (cycle,))]
+            return [Packet(STATUS, "RDSTAT", _status(cycle.data), "LM-CMD-23", (cycle,))]
         packets = self.finish()
         row = ds.COMMANDS.by_code(cycle.data)
         if row is not None:

@@ -104,6 +104,8 @@ class Decoder:
     """Values that can be explained by themselves: name and width in bits."""
     SETTINGS: tuple[str, ...] = ()
     """Settings of the chip that decide how its bus is read; :meth:`configure` takes them."""
+    NAMES: tuple[str, ...] = ()
+    """Names of packets that are in no table of commands or registers."""
     LOST: frozenset[str] = frozenset()
     """Rules whose breach means that the chip did not take the cycle."""
 

@@ -210,6 +210,12 @@ class Register:
         return 8 * len(self.addresses)
 
     @property
+    def moves(self) -> bool:
+        """Whether samples change its number, not only its host."""
+        told = self.counts == REPORTED and (self.unit != "" or self.access == "r")
+        return not self.fields and (told or self.on_read != "")
+
+    @property
     def low(self) -> int:
         """Address of the least significant byte."""
         return self.addresses[-1]

@@ -8,16 +8,26 @@ from vbus.testing import connect_in_process
 MOTOR_OFF = 0x80
 OK, BUSY, RESET, STALLED, LATE = range(5)
 
-pytestmark = pytest.mark.vbus(board="../board.toml")
+pytestmark = pytest.mark.vbus(board="../board.toml", budget={"cycles": 20_000, "chip_time": "5 s"})
 
 
 @pytest.fixture
-def firmware(vbus_exec, vbus_clock):
-    """Run the firmware, out of reset, with one position to go to."""
-    vbus_clock.advance("2 ms")
+def program(vbus_exec, request):
+    """Run the firmware with one position to go to."""
+    driver = request.config.getoption("--driver")
     return lambda position: vbus_exec(
-        "../src/main_pc.c", str(position), sources=["../src/axis.c"], flags="-I../src -Wall"
+        "../src/main_pc.c",
+        str(position),
+        sources=[f"../src/{driver}"],
+        flags=f"-I{request.config.rootpath}/src -Wall",
     )
+
+
+@pytest.fixture
+def firmware(program, vbus_clock):
+    """Run it on a chip that has come out of its reset."""
+    vbus_clock.advance("2 ms")
+    return program
 
 
 @pytest.mark.parametrize("position", [2000, -700])
@@ -41,10 +51,18 @@ def test_stall_is_reported(firmware, vbus_board):
     assert [evidence.name for evidence in vbus_board.faults.log][:1] == ["jam"]
 
 
-def test_a_chip_that_fails_its_reset_is_refused(vbus_exec):
+def test_a_chip_that_fails_its_reset_is_refused(program):
     # No time for the reset: the status is still 00h.
-    done = vbus_exec("../src/main_pc.c", "10", sources=["../src/axis.c"], flags="-I../src")
-    assert done.code == RESET
+    assert program(10).code == RESET
+
+
+@pytest.mark.vbus_matrix(part=["LM629N-8", "LM629N-6 @ 6 MHz"], hostile=8)
+def test_every_chip_that_the_manual_allows_is_moved(firmware):
+    assert firmware(100).code == OK
+
+
+def test_the_course_of_a_move_is_what_it_was(firmware, vbus_golden):
+    assert firmware(300).code == OK
 
 
 def test_what_follows_a_snapshot_is_what_would_have_followed(firmware, vbus_board):

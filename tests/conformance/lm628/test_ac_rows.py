@@ -175,3 +175,15 @@ def test_a_row_is_kept_on_its_limit_and_broken_inside_it(case: Case) -> None:
 
 def test_no_row_is_forgotten() -> None:
     check_complete(AC, CASES, {})
+
+
+@pytest.mark.spec("LM-TIM-12")
+@pytest.mark.parametrize("byte", [0x00, 0x80, 0xFF])
+def test_any_byte_driven_just_after_rd_rises_comes_too_soon(byte: int) -> None:
+    bench = ready_to_report()
+    play(bench, (0, "/PS", HIGH), (0, "/CS", LOW), (100 * NS, "/RD", LOW), (300 * NS, "/RD", HIGH))
+    left = bench.chip.pins["D0-D7"].value
+    bench.set(**{"D0-D7": byte})
+    bench.run(US)
+    told = [(it.rule, it.measured) for it in bench.violations]
+    assert told == [("lm628.T12", 0)] * (byte != left)

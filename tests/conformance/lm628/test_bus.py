@@ -110,6 +110,19 @@ def test_the_bus_shows_a_status_bit_changing_while_the_read_strobe_is_low():
 
 
 @pytest.mark.spec("LM-BUS-3")
+def test_the_bus_keeps_the_instant_of_that_change_though_nobody_looks():
+    bench = Bench("strobe")
+    bench.write(0, RDRP)
+    fall = bench.edge + BUSY
+    bench.set(**{"/PS": LOW, "/CS": LOW})
+    bench.at(fall - US)
+    bench.set(**{"/RD": LOW})
+
+    bench.at(fall + 2 * US)
+    assert bench.chip.bus_net.changed_at == fall
+
+
+@pytest.mark.spec("LM-BUS-3")
 def test_the_bus_is_driven_only_while_select_and_read_are_low():
     bench = Bench("strobe")
     pin = bench.chip.data_pin

@@ -86,3 +86,8 @@ def test_the_shortest_whole_cycle_holds_every_limit_when_played_as_strobes():
     bench.run(10**9)
 
     assert bench.rules() == ["busy-write"]
+
+
+def test_the_title_of_a_converter_pin_names_its_bit():
+    titles = {row.name: row.title for row in ds.PINS if row.name.startswith("DAC")}
+    assert titles == {f"DAC{bit}": f"Pin {25 - bit}: converter, bit {bit}" for bit in range(8)}

@@ -3,6 +3,7 @@
 import pytest
 
 from tests.conformance.lm628.bench import SAMPLE, Bench, Course, Log
+from vbus import state
 from vbus.chips.lm628.output import STEADY, Output
 from vbus.kernel import NS
 
@@ -116,6 +117,17 @@ def test_the_12_bit_pins_show_their_word_of_the_moment_when_looked_at():
         bench.at(sample + clk * CLK)
         assert levels(bench) == word
         assert clk in (0, 2047) or before != word
+
+
+@pytest.mark.spec("LM-PID-9")
+@pytest.mark.parametrize(("clk", "word"), [(9, 0b10001101), (15, 0b10001101), (39, 0b10010011)])
+def test_a_state_loaded_within_a_word_of_the_12_bits_shows_it(clk, word):
+    bench = driven(0x1230)
+    bench.command("PORT12")
+    bench.next_sample()
+    bench.at(bench.now + clk * CLK)
+    state.load(bench.chip, state.save(bench.chip))
+    assert levels(bench) == word
 
 
 @pytest.mark.spec("LM-PID-10")

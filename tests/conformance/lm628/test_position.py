@@ -143,6 +143,23 @@ def test_the_desired_position_wraps_and_sets_the_same_flag(bench):
     assert bench.status() == 0x10
 
 
+@pytest.mark.spec("LM-POS-2", "LM-TRJ-13")
+@pytest.mark.parametrize(
+    ("start", "after", "status"),
+    [(-LARGEST + 3, LARGEST - 3, 0x10), (-LARGEST + 7, -LARGEST - 1, 0x00)],
+)
+def test_the_desired_position_goes_down_to_its_very_end(bench, start, after, status):
+    bench.move(0x0800, accel=8 * ONE, velocity=8 * ONE)
+    bench.next_sample()
+    bench.axis.profile.position = start << 16
+    bench.command("RSTI", 0)
+    bench.chip.touched()
+    bench.next_sample()
+
+    assert bench.report("RDDP") == after
+    assert bench.status() == status
+
+
 # -- index --------------------------------------------------------------------------------------
 
 

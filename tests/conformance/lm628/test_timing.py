@@ -4,7 +4,7 @@ import pytest
 
 from tests.conformance.lm628.bench import BUSY, Bench, Log
 from vbus.chips.lm628.datasheet import AC, RULES
-from vbus.kernel import NS, US
+from vbus.kernel import MS, NEVER, NS, US
 from vbus.signals import HIGH, LOW, OFF, STRICT, Policy, Z
 
 MSKI, SIP, LPES, RDRP = 0x1C, 0x03, 0x1A, 0x0A
@@ -608,3 +608,16 @@ def test_every_ac_row_has_a_rule_and_a_clause():
         assert row.clause == f"LM-TIM-{row.symbol[1:]}"
         assert AC.rules[row.symbol] in RULES
     assert [row.symbol for row in AC] == [f"T{n}" for n in range(1, 19) if n != 13]
+
+
+def test_what_is_overdue_was_due_more_than_a_millisecond_or_two_samples_ago(bench):
+    chip = bench.chip
+    bench.run(20 * MS)
+    chip.advance()
+    assert not chip.overdue()
+    for late, told in ((MS, False), (MS + 1, True)):
+        chip.host.busy_end = bench.now - late
+        assert chip.overdue() is told
+    chip.host.busy_end = NEVER
+    chip.advance()
+    assert not chip.overdue()

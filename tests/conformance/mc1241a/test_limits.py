@@ -201,15 +201,33 @@ def test_limits_move_with_the_plant_s_switches(chip: Bench) -> None:
 
 
 @spec("PMD-LIM-1")
-def test_a_driven_pin_outranks_the_plant_s_switch() -> None:
+@pytest.mark.parametrize(
+    ("pin", "name", "bit"), [("PosLimit1", "limit+", 1), ("NegLimit1", "limit-", 2)]
+)
+def test_a_driven_pin_outranks_the_plant_s_switch(pin: str, name: str, bit: int) -> None:
     plant = IdealPlant({"encoder_lines": 3200})
-    plant.switches["limit+"] = Switch(-5, 5, 1)
+    plant.switches[name] = Switch(-5, 5, 1)
     bench = Bench()
     bench.chip.connect(0, plant)
-    assert bench.send("GET_LMT_SWTCH") == 1
-    bench.drive("PosLimit1", 1)
-    bench.drive("PosLimit1", 0)
+    assert bench.send("GET_LMT_SWTCH") == bit
+    bench.drive(pin, 1)
+    bench.drive(pin, 0)
     assert bench.send("GET_LMT_SWTCH") == 0
-    bench.drive("PosLimit1", 1)
-    bench.drive("PosLimit1", Z)
-    assert bench.send("GET_LMT_SWTCH") == 1
+    bench.drive(pin, 1)
+    bench.drive(pin, Z)
+    assert bench.send("GET_LMT_SWTCH") == bit
+
+
+@spec("PMD-LIM-1", "PMD-ERR-3")
+@pytest.mark.parametrize(("beyond", "refused"), [(1, True), (0, False), (-1, False)])
+def test_a_move_of_the_smallest_fraction_toward_an_active_switch_is_refused(
+    chip: Bench, beyond: int, refused: bool
+) -> None:
+    chip.load(pos=5, vel=1 << 16, acc=1 << 16)
+    chip.drive("NegLimit1", 1)
+    chip.next_cycle(2)
+    chip.send("CLR_STATUS")
+    chip.chip.axes[0].profile.position = (5 << 32) + beyond
+    chip.send("UPDATE")
+    chip.next_cycle(2)
+    assert chip.rules() == (["command-error"] if refused else [])

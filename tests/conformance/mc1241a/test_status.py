@@ -340,6 +340,23 @@ def test_an_input_interrupts_a_resting_chip_that_nobody_looks_at(
     assert line.fell == [1001 * CYCLE]
 
 
+@spec("PMD-INT-1", "PMD-STL-1", "PMD-CMD-55")
+def test_a_lower_limit_finds_the_error_of_a_resting_axis_in_the_next_cycle(chip: Bench) -> None:
+    chip.send("SET_AUTO_STOP_OFF")
+    chip.send("SET_STEP_RATIO", 256)
+    chip.send("SET_INTRPT_MASK", 0x0010)
+    chip.move(pos=20, vel=4 << 16, acc=4 << 16)
+    line = _Line(chip)
+    chip.kernel.run_until(1000 * CYCLE + 7)
+    chip.send("SET_POS_ERR", 20)
+    chip.kernel.run_until(2000 * CYCLE + 7)
+    assert line.fell == []
+    chip.send("SET_POS_ERR", 19)
+    due = (chip.now // CYCLE + 1) * CYCLE
+    chip.kernel.run_until(due + 10 * CYCLE)
+    assert line.fell == [due]
+
+
 @spec("PMD-INT-1")
 def test_a_command_error_interrupts_when_the_command_acts(chip: Bench) -> None:
     chip.send("SET_INTRPT_MASK", 0x0080)

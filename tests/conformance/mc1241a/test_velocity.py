@@ -35,6 +35,17 @@ def test_the_sign_of_the_acceleration_is_the_direction(chip: Bench, sign: int) -
     assert chip.status() == 0x0700
 
 
+@spec("PMD-TRJ-6", "PMD-CMD-10")
+@pytest.mark.parametrize(
+    ("acc", "direction"),
+    [(0x1FFF_FFFF, 1), (0x2000_0000, 1), (0x3FFF_FFFF, 1), (-0x2000_0001, -1), (-0x4000_0000, -1)],
+)
+def test_the_largest_accelerations_keep_their_sign(chip: Bench, acc: int, direction: int) -> None:
+    chip.send("SET_PRFL_VEL")
+    chip.move(vel=5 << 16, acc=acc)
+    assert speeds(chip, 2) == [5 * direction, 5 * direction]
+
+
 @spec("PMD-TRJ-6")
 def test_reversing_goes_through_zero_at_the_same_rate(chip: Bench) -> None:
     contour(chip, 5, 5)
@@ -412,3 +423,11 @@ def test_into_gear_at_any_time(chip: Bench) -> None:
     chip.next_cycle(2)
     assert chip.seen("target") == at + 7
     assert chip.rules() == []
+
+
+@spec("PMD-TRJ-1")
+def test_what_is_told_of_a_velocity_keeps_its_fraction(chip: Bench) -> None:
+    chip.send("SET_PRFL_VEL")
+    chip.move(vel=0x1_8000, acc=0x1_8000)
+    chip.next_cycle(2)
+    assert chip.chip.telemetry()["velocity 1"] == 1.5

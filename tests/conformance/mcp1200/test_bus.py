@@ -434,3 +434,26 @@ def test_the_bus_has_four_strobes_and_one_bundle_of_eight(chip: Bench) -> None:
     assert [pin.name for pin in chip.chip.bus_pins] == ["/ALE", "/CS", "/OE", "R/W", "DB0-DB7"]
     assert pins[DATA].net.width == 8
     assert pins["MC0-MC11"].net.width == 12
+
+
+@pytest.mark.spec("MCP-BUS-6")
+def test_a_read_that_does_not_take_place_leaves_the_latch(chip: Bench) -> None:
+    chip.write(0x20, 0x5A)
+    assert chip.read(0x20) == 0x5A
+    chip.write(0x21, 0x33)
+    chip.chip.begin_read(0x21)
+    chip.chip.drop_read()
+    assert chip.chip.end_read() == 0x5A
+    chip.chip.begin_read(0x21)
+    assert chip.chip.end_read() == 0x33
+
+
+@pytest.mark.spec("MCP-SMP-5")
+def test_an_axis_that_moves_does_not_rest_though_nothing_is_connected(chip: Bench) -> None:
+    chip.control()
+    chip.samples(3)
+    assert chip.chip.resting()
+    chip.put("VELOCITY_COMMAND", 5)
+    chip.write(0x00, 0x0D)
+    chip.samples(1)
+    assert not chip.chip.resting()

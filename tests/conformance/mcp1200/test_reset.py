@@ -127,7 +127,7 @@ def test_a_hard_reset_takes_320_clocks(hz: int, microseconds: int) -> None:
 def test_a_soft_reset_from_idle_takes_320_clocks(bench: Bench) -> None:
     bench.write(0x05, 0x00)
     begun = bench.cycle
-    assert (bench.pin("IDLE"), bench.seen("FLAG")) == (0, 0)
+    assert (bench.pin("IDLE"), bench.seen("FLAG"), bench.seen("MODE")) == (0, 0, 0)
     bench.until(begun + 319)
     assert bench.pin("IDLE") == 0
     bench.until(begun + 320)

@@ -303,6 +303,21 @@ def test_actual_velocity_has_16_bits(bench: Bench, step: int, velocity: int) -> 
 # -- looking ahead --------------------------------------------------------------------------------
 
 
+@pytest.mark.spec("MCP-SMP-1", "MCP-REG-14", "MCP-REG-15", "MCP-BUS-5")
+@pytest.mark.parametrize(
+    ("address", "clocks"),
+    [(0x0E, 4160), (0x0F, 1), (0x10, 1), (0x11, 1), (0x12, 4160), (0x2F, 4160), (0x4F, 1)],
+)
+def test_a_byte_on_its_way_to_the_sample_period_may_make_it_a_single_clock(
+    bench: Bench, address: int, clocks: int
+) -> None:
+    assert bench.chip.step_ps() == NEVER
+    bench.chip.write(address, {0x0F: 0x40, 0x4F: 0x40, 0x11: 0x3F}.get(address, 0))
+    assert bench.chip.step_ps() == bench.clock.span(clocks)
+    bench.wait(4)
+    assert bench.chip.step_ps() == NEVER
+
+
 @pytest.mark.spec("MCP-SMP-5")
 def test_the_next_event_is_never_later_than_the_next_change_of_an_output() -> None:
     bench = Bench(plant=Rail())

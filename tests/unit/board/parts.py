@@ -93,7 +93,7 @@ ENTRIES = {
     },
     "vbus.plants": {"motor": f"{HERE}:Motor", "steps": f"{HERE}:Steps"},
     "vbus.protocols": {"byte": f"{HERE}:NOT_A_CHIP", "text": f"{HERE}:NOT_A_CHIP"},
-    "vbus.transports": {"pty": f"{HERE}:NOT_A_CHIP", "tcp": f"{HERE}:NOT_A_CHIP"},
+    "vbus.transports": dict.fromkeys(("pty", "rfc2217", "tcp"), f"{HERE}:NOT_A_CHIP"),
 }
 
 

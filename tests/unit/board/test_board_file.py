@@ -139,6 +139,7 @@ def test_violations_have_a_policy_by_default_family_and_rule(board: Board) -> No
 
 def test_what_floats_of_a_card_is_counted_from_its_base() -> None:
     card = Card("c", 3, {}, {}, {0: 0x0F, 1: 0x80})
+    assert (card.memory, card.fixed, card.interrupt, card.signal) == (False, 0, "", 0)
     assert [card.floating(address) for address in (3, 4, 5)] == [0x0F, 0x80, 0]
 
 
@@ -213,7 +214,7 @@ def test_a_named_decode_gives_each_chip_its_block() -> None:
 
 def test_a_card_tells_its_table_to_the_host() -> None:
     card = card_of_rows("c", 0x340, 2, [(1, [CardRow(0, 0, 0), CardRow(1, 5, 1, 0x80)])])
-    assert card.text() == "r340=1.0 r342=1.5/7F w340=1.0 w342=1.1"
+    assert card.text([]) == "r340=1.0 r342=1.5/7F w340=1.0 w342=1.1"
 
 
 def test_a_card_of_rows_counts_offsets_in_strides() -> None:
@@ -259,8 +260,8 @@ MISTAKES = [
     (
         "", "[chip.y]\n",
         'b.toml:8: chip: unknown section; did you mean "chips"? allowed are board, violations,'
-        " chips, plants, nets, buses, cards, pinmaps, nodes, hosts, record, waves, zenoh,"
-        " metrics, faults",
+        " chips, plants, nets, glue, buses, cards, pinmaps, nodes, hosts, record, waves, zenoh,"
+        " metrics, scope, faults",
     ),
     ("[chips.x]", "board = 3\n[chips.x]", "b.toml:1: board: found 3; this is a table of keys"),
     ("[chips.x]", "[[chips.x]]", 'b.toml:1: chips.x: found [{part = "ACME-1", clock = "8 MHz", '
@@ -332,8 +333,8 @@ MISTAKES = [
         'ACME-1"\nclock = "8 MHz"\nplant = "m"',
         'TWIN-1"\nclock = "8 MHz"\nplants = ["m", "n", "o"]',
         "b.toml:4: chips.x.plants: TWIN-1 has 2 axes, and 3 plants are named",
-        "b.toml:4: chips.x.plants[1]: there is no [plants.n]; this file has m",
-        "b.toml:4: chips.x.plants[2]: there is no [plants.o]; this file has m",
+        "b.toml:4: chips.x.plants[2]: there is no [plants.n]; this file has m",
+        "b.toml:4: chips.x.plants[3]: there is no [plants.o]; this file has m",
     ),
     (
         '"ACME-1"\nclock = "8 MHz"\nplant = "m"', '"TWIN-1"\nclock = "8 MHz"',
@@ -371,12 +372,22 @@ MISTAKES = [
      " meant"),
     ("", '[metrics]\nlisten = "[::]:9100"\n', 'b.toml:9: metrics.listen: "[::]:9100" lets other'
      ' computers in; write "[::1]:9100", or say remote = true in [metrics] if that is meant'),
+    # links that other computers reach
+    ("", '[[hosts]]\ntransport = "tcp:0.0.0.0:5000"\n', 'b.toml:9: hosts[1].transport:'
+     ' "tcp:0.0.0.0:5000" lets other computers in; write "tcp:5000", or say remote = true for this'
+     " host if that is meant"),
+    ("", '[[hosts]]\ntransport = "rfc2217:[::]:5000"\n', 'b.toml:9: hosts[1].transport:'
+     ' "rfc2217:[::]:5000" lets other computers in; write "rfc2217:5000", or say remote = true for'
+     " this host if that is meant"),
+    ("", '[[hosts]]\ntransport = "tcp:bench:5000"\n', 'b.toml:9: hosts[1].transport:'
+     ' "tcp:bench:5000" lets other computers in; write "tcp:5000", or say remote = true for this'
+     " host if that is meant"),
     # wires
-    ("", '[nets]\na = ["x./SYNK"]\n', 'b.toml:9: nets.a[0]: "x" has no pin "/SYNK"; did you mean'
+    ("", '[nets]\na = ["x./SYNK"]\n', 'b.toml:9: nets.a[1]: "x" has no pin "/SYNK"; did you mean'
      ' "/SYNC"? it has /CS, A0, /RD, /WR, D0-D7, TRIG, IRQ, /RST, /SYNC, READY'),
-    ("", '[nets]\na = ["z./SYNC"]\n', "b.toml:9: nets.a[0]: there is no [chips.z]; this file has"
+    ("", '[nets]\na = ["z./SYNC"]\n', "b.toml:9: nets.a[1]: there is no [chips.z]; this file has"
      " x"),
-    ("", '[nets]\na = ["SYNC"]\n', 'b.toml:9: nets.a[0]: found "SYNC"; write a pin as "chip.pin",'
+    ("", '[nets]\na = ["SYNC"]\n', 'b.toml:9: nets.a[1]: found "SYNC"; write a pin as "chip.pin",'
      ' such as "x./RST"'),
     ("", "[nets]\na = []\n", "b.toml:9: nets.a: a net joins at least one pin"),
     ("", "[nets]\na = 3\n", 'b.toml:9: nets.a: found 3; write a list of names, such as ["x"]'),
@@ -385,35 +396,35 @@ MISTAKES = [
      'b.toml:9: nets.a: key "pins" is missing: the pins soldered to it, as "chip.pin"'),
     (
         "", '[nets]\na = ["x./RST"]\nb = [\n  "x.IRQ",\n  "x./RST",\n]\n',
-        'b.toml:12: nets.b[1]: pin "x./RST" is on net "a" already; a pin is soldered to one net',
+        'b.toml:12: nets.b[2]: pin "x./RST" is on net "a" already; a pin is soldered to one net',
     ),
-    ("", '[nets]\na = ["x.IRQ", "x.IRQ"]\n', 'b.toml:9: nets.a[1]: "x.IRQ" stands in the list'
+    ("", '[nets]\na = ["x.IRQ", "x.IRQ"]\n', 'b.toml:9: nets.a[2]: "x.IRQ" stands in the list'
      " twice"),
     (
         "", '[nets]\na = ["x.IRQ", "x./SYNC", "x.READY"]\n',
-        'b.toml:9: nets.a[2]: "x.READY" and "x.IRQ" are both outputs and would always fight; join'
+        'b.toml:9: nets.a[3]: "x.READY" and "x.IRQ" are both outputs and would always fight; join'
         " an output to inputs or to open-drain pins",
     ),
-    ("", '[nets]\na = ["x.IRQ", "x.D0-D7"]\n', 'b.toml:9: nets.a[1]: "x.D0-D7" has 8 wires, "x.IRQ"'
+    ("", '[nets]\na = ["x.IRQ", "x.D0-D7"]\n', 'b.toml:9: nets.a[2]: "x.D0-D7" has 8 wires, "x.IRQ"'
      " has 1"),
-    ("", '[buses.b]\nchips = ["x"]\n[nets]\na = ["x./RD"]\n', 'b.toml:11: nets.a[0]: pin "x./RD" is'
+    ("", '[buses.b]\nchips = ["x"]\n[nets]\na = ["x./RD"]\n', 'b.toml:11: nets.a[1]: pin "x./RD" is'
      " on bus b already; a pin is soldered to one net"),
     ("", "[buses.b]\nchips = []\n", "b.toml:8: buses.b: a bus joins at least one chip"),
     ("", "[buses.b]\n", 'b.toml:8: buses.b: key "chips" is missing: chips of one family'),
     (
         "", '[buses.b]\nchips = ["x", "y"]\n' + Y.replace("ACME-1", "GRUMPY").replace("8 M", "6 M")
         + '[buses.c]\nchips = ["x", "w"]\n',
-        f'b.toml:18: buses.c.chips[0]: pin "x.A0" is on bus b already; {ONE_NET}',
-        f'b.toml:18: buses.c.chips[0]: pin "x./RD" is on bus b already; {ONE_NET}',
-        f'b.toml:18: buses.c.chips[0]: pin "x./WR" is on bus b already; {ONE_NET}',
-        f'b.toml:18: buses.c.chips[0]: pin "x.D0-D7" is on bus b already; {ONE_NET}',
-        "b.toml:18: buses.c.chips[1]: there is no [chips.w]; this file has x, y",
+        f'b.toml:18: buses.c.chips[1]: pin "x.A0" is on bus b already; {ONE_NET}',
+        f'b.toml:18: buses.c.chips[1]: pin "x./RD" is on bus b already; {ONE_NET}',
+        f'b.toml:18: buses.c.chips[1]: pin "x./WR" is on bus b already; {ONE_NET}',
+        f'b.toml:18: buses.c.chips[1]: pin "x.D0-D7" is on bus b already; {ONE_NET}',
+        "b.toml:18: buses.c.chips[2]: there is no [chips.w]; this file has x, y",
     ),
     (
         "", '[buses.b]\nchips = ["x", "y"]\n'
         + Y.replace("ACME-1", "TWIN-1").replace('plant = "n"', 'plants = ["n", "o"]')
         + '[plants.o]\nmodel = "motor"\nsupply = "9 V"\n',
-        'b.toml:9: buses.b.chips[1]: "y" is a twin and "x" is not; one bus joins chips of one'
+        'b.toml:9: buses.b.chips[2]: "y" is a twin and "x" is not; one bus joins chips of one'
         " family",
     ),
     # cards and hosts
@@ -427,37 +438,37 @@ MISTAKES = [
     (
         "", '[cards.c]\nports = [\n{offset=1,chip="x",address=0},\n7,\n'
         '{offset=1,chip="x",address=9}]\n',
-        "b.toml:11: cards.c.ports[1]: found 7; this is a table",
-        "b.toml:12: cards.c.ports[2].offset: offset 1 is decoded by row 1 already",
-        'b.toml:12: cards.c.ports[2].address: found 9; addresses of "x" are 0 to 2',
+        "b.toml:11: cards.c.ports[2]: found 7; this is a table",
+        "b.toml:12: cards.c.ports[3].offset: offset 1 is decoded by row 1 already",
+        'b.toml:12: cards.c.ports[3].address: found 9; addresses of "x" are 0 to 2',
     ),
     (
         "", '[cards.c]\nports = [\n{offset=1,chip="x",address=0},\n'
         '{offset=-1,chip="q",address=0},{offset=2,chip="q",address=0}]\n',
-        "b.toml:11: cards.c.ports[1].offset: found -1; out of range: at least 0",
-        "b.toml:11: cards.c.ports[2].chip: there is no [chips.q]; this file has x",
+        "b.toml:11: cards.c.ports[2].offset: found -1; out of range: at least 0",
+        "b.toml:11: cards.c.ports[3].chip: there is no [chips.q]; this file has x",
     ),
     ("", "[hosts]\n", "b.toml:8: hosts: found {}; this is a list of tables"),
-    ("", "[[hosts]]\ntransport = 'pty'\n", 'b.toml:9: hosts[0].transport: found "pty"; write'
+    ("", "[[hosts]]\ntransport = 'pty'\n", 'b.toml:9: hosts[1].transport: found "pty"; write'
      ' SCHEME:ADDRESS, such as "pty:$VBUS_RUNTIME/x" or "tcp:5000"'),
-    ("[chips.x]", "hosts = [3]\n[chips.x]", "b.toml:1: hosts[0]: found 3; this is a table"),
-    ("", '[[hosts]]\ntransport = "ptty:x"\nprotocol = "txt"\n', 'b.toml:9: hosts[0].transport:'
-     ' found "ptty"; did you mean "pty"? known are pty, tcp', 'b.toml:10: hosts[0].protocol: found'
-     ' "txt"; did you mean "text"? known are byte, text'),
+    ("[chips.x]", "hosts = [3]\n[chips.x]", "b.toml:1: hosts[1]: found 3; this is a table"),
+    ("", '[[hosts]]\ntransport = "ptty:x"\nprotocol = "txt"\n', 'b.toml:9: hosts[1].transport:'
+     ' found "ptty"; did you mean "pty"? known are pty, rfc2217, tcp',
+     'b.toml:10: hosts[1].protocol: found "txt"; did you mean "text"? known are byte, text'),
     (
         "", '[[hosts]]\ntransport = "pty:x"\n[[hosts]]\ntransport = "pty:x"\nchips = ["y"]\n',
-        'b.toml:11: hosts[1].transport: "pty:x" is the link of hosts[0] already; every host needs'
+        'b.toml:11: hosts[2].transport: "pty:x" is the link of hosts[1] already; every host needs'
         " one of its own",
-        "b.toml:12: hosts[1].chips[0]: there is no [chips.y]; this file has x",
+        "b.toml:12: hosts[2].chips[1]: there is no [chips.y]; this file has x",
     ),
     (
         "", Y + '[cards.c]\ndecode = "isa"\nchips = ["y"]\n'
         '[[hosts]]\ntransport = "pty:x"\nchips = ["x"]\ncard = "c"\n'
         '[[hosts]]\ntransport = "tcp:5"\ncard = "d"\ncycle = 5\n',
-        'b.toml:21: hosts[0].card: card "c" decodes to "y", which is not among the chips of this'
+        'b.toml:21: hosts[1].card: card "c" decodes to "y", which is not among the chips of this'
         " host: x",
-        'b.toml:24: hosts[1].card: there is no [cards.d]; this file has c',
-        f"b.toml:25: hosts[1].cycle: found 5; it has no unit; {TIME}",
+        'b.toml:24: hosts[2].card: there is no [cards.d]; this file has c',
+        f"b.toml:25: hosts[2].cycle: found 5; it has no unit; {TIME}",
     ),
 ]  # fmt: skip
 
@@ -484,17 +495,48 @@ CERTIFICATES = 'certificate = "a"\nkey = "b"\nauthority = "c"\n'
 
 
 @pytest.mark.parametrize(
+    "entry",
+    [
+        'transport = "tcp:5000"',
+        'transport = "tcp:127.0.0.9:5000"',
+        'transport = "tcp:[::1]:5000"',
+        'transport = "rfc2217:localhost:5000"',
+        'transport = "tcp:$HERE:5000"',
+        'transport = "tcp:0.0.0.0:5000"\nremote = true',
+    ],
+)
+def test_a_link_of_this_computer_or_one_that_is_meant_may_be(entry: str) -> None:
+    read_board_text(f"{SMALL}[[hosts]]\n{entry}\n", "b.toml")
+
+
+def test_nodes_meet_where_other_computers_reach_them_only_if_that_is_meant() -> None:
+    text = SMALL.replace("plant =", 'node = "n"\nplant =')
+    node = '[nodes.n]\nlisten = "tcp/192.0.2.1:7447"\n'
+    with pytest.raises(BoardFileError, match=r'nodes\.n\.listen: "tcp/192\.0\.2\.1:7447" lets'):
+        read_board_text(text + node, "b.toml")
+    read_board_text(f"{text}{node}[zenoh]\nremote = true\n", "b.toml")
+
+
+@pytest.mark.parametrize(
     ("text", "problems"),
     [
         ('listen = ["tcp/127.0.0.1:7447"]\n', {}),
         ('connect = ["tcp/127.0.0.1:7447"]\n' + CERTIFICATES, {}),
         ('listen = ["tls/127.0.0.1:7447"]\n' + CERTIFICATES, {}),
+        ('listen = ["tls/0.0.0.0:7447"]\n' + CERTIFICATES, {}),
+        ('listen = ["tcp/0.0.0.0:7447"]\nremote = true\n', {}),
+        ('connect = ["tcp/192.0.2.1:7447"]\n', {}),
+        ('listen = ["tcp/0.0.0.0:7447"]\n', {
+            "zenoh.listen[1]": '"tcp/0.0.0.0:7447" lets other computers in; write'
+            ' "tcp/127.0.0.1:7447", or say remote = true in [zenoh] (vbus router: --remote) if that'
+            " is meant",
+        }),
         ('listen = ["tcp/127.0.0.1:7447"]\n' + CERTIFICATES, {
-            "zenoh.listen[0]": '"tcp/127.0.0.1:7447" lets hosts in that show no certificate; write'
+            "zenoh.listen[1]": '"tcp/127.0.0.1:7447" lets hosts in that show no certificate; write'
             ' "tls/127.0.0.1:7447", or leave certificate, key and authority out',
         }),
         ('connect = ["tls/127.0.0.1:7447"]\n', {
-            "zenoh.connect[0]": '"tls/127.0.0.1:7447" needs certificates: give certificate, key and'
+            "zenoh.connect[1]": '"tls/127.0.0.1:7447" needs certificates: give certificate, key and'
             " authority",
         }),
         ('certificate = "a"\n', {

@@ -6,10 +6,12 @@ from hypothesis import strategies as st
 
 from tests.unit.board.toy import Toy
 from vbus.board.board import Board
+from vbus.board.build import load_board_text
 from vbus.board.cards import Card
 from vbus.board.host_bus import HostBus
-from vbus.kernel import NEVER, US
-from vbus.protocols.port import HostPort, PortError
+from vbus.kernel import MS, NEVER, US
+from vbus.protocols import codes
+from vbus.protocols.port import CardAccess, HostPort, PortError
 from vbus.signals import HIGH, LOW, STRICT, Observer, Policy
 
 
@@ -506,6 +508,42 @@ def test_a_claim_on_one_chip_leaves_the_others_free() -> None:
     assert two.held
 
 
+def claimed_by_each(count: int) -> list[HostBus]:
+    """Sessions of one board that have each claimed a chip, the first the first."""
+    board, port = bench(chips=count)
+    ports = [port, *(board.open_port(str(n)) for n in range(1, count))]
+    for number, port in enumerate(ports):
+        port.select(1 << number)
+    assert all(port.claim() for port in ports)
+    return ports
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_the_select_that_would_make_all_wait_for_ever_is_refused(count: int) -> None:
+    *others, last = claimed_by_each(count)
+    for number, port in enumerate(others):
+        port.select(2 << number)
+        assert port.held
+
+    with pytest.raises(PortError, match="select 1: claimed by a session that waits for") as refused:
+        last.select(0b01)
+
+    assert refused.value.code == codes.DEADLOCK
+    assert last.selection.mask == 1 << count - 1
+    assert not last.held
+    last.unclaim()
+    assert not others[-1].held
+
+
+def test_to_wait_for_somebody_who_does_not_wait_is_no_deadlock() -> None:
+    one, two = claimed_by_each(2)
+    one.select(0b11)
+    assert one.held
+    two.read(0)
+    two.unclaim()
+    assert not one.held
+
+
 def test_a_session_that_ends_gives_back_its_claim_its_lines_and_its_pins() -> None:
     board, one = bench()
     two = board.open_port("two")
@@ -569,8 +607,8 @@ def test_a_card_decodes_its_own_addresses_only() -> None:
     card = Card("isa", 0x340, rows, rows)
     port = board.open_port("host", card=card)
 
-    assert port.card(0x342) == (0, 1)
-    assert port.card(0x344) == (1, 0)
+    assert port.card(0x342) == CardAccess(0, 1, 0, -1)
+    assert port.card(0x344) == CardAccess(1, 0, 0, -1)
     assert port.card(0x341) is None
     assert port.card(0x100) is None
 
@@ -597,3 +635,18 @@ def test_a_board_restored_from_a_snapshot_goes_on_as_if_nothing_had_happened(
     other.load(state)
 
     assert (play(other_port, second), other.state_hash()) == expected
+
+
+def test_an_edge_that_a_lazy_chip_owes_was_before_events_are_asked_for() -> None:
+    """Whether somebody has looked at the chip since is no difference to the host."""
+    board = load_board_text(
+        'board = { name = "b", time = "lockstep", power_on = "done" }\n'
+        '[chips]\nx = { part = "MC1241A", clock = "25 MHz", plants = ["none"] }\n'
+    )
+    port = board.open_port("host")
+    port.write(1, 0x02)
+    assert port.sample()[1] == 0b10, "HostRdy is low while the command is taken"
+    port.delay(MS)
+    port.events(0b11)
+    assert port.take_events() == []
+    assert port.sample()[1] == 0b11

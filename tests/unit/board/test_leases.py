@@ -256,6 +256,22 @@ def test_what_comes_after_busy_is_foreseen_while_all_interrupts_are_masked() -> 
     assert after[1] == status & ~1
 
 
+def test_what_comes_after_a_word_has_been_taken_is_foreseen() -> None:
+    _, port, _ = bench("LM629")
+    assert port.delay(1800 * US)
+    port.write(0, NAMES["RDRP"])
+    while port.read(0) & 1:
+        pass
+    port.read(1)
+    port.read(1)
+    status = port.read(0)
+    assert status & 1
+    assert port.lease(0) is not None
+    following = port.foresee(0)
+    assert following is not None
+    assert following[0] == status & ~1
+
+
 def test_foreseeing_halves_what_a_driver_asks() -> None:
     hosts = []
     for ahead in (False, True):

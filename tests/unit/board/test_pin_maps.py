@@ -131,21 +131,21 @@ MISTAKES = [
      ' one source'),
     ('PC1 = "/PS"\n', "", 'b.toml:14: pinmaps.uno: "x" cannot be reached: /PS not wired; wire each'
      ' to a port bit, or tie it with "low" or "high"'),
-    ("low = []", 'low = ["/RD"]', 'b.toml:15: pinmaps.uno.low[0]: "x./RD" is wired to PC0'
+    ("low = []", 'low = ["/RD"]', 'b.toml:15: pinmaps.uno.low[1]: "x./RD" is wired to PC0'
      " already; a pin has one source"),
-    ("low = []", 'chips = ["x", "q"]', "b.toml:15: pinmaps.uno.chips[1]: there is no [chips.q];"
+    ("low = []", 'chips = ["x", "q"]', "b.toml:15: pinmaps.uno.chips[2]: there is no [chips.q];"
      " this file has x, y"),
     ("low = []", "lo = []", 'b.toml:15: pinmaps.uno.lo: unknown key; did you mean "low"? allowed'
      " are chips, high, low, pins"),
     ('"/PS"', "3", "b.toml:26: pinmaps.uno.pins.PC1: found 3; write a list of names, such as"
      ' ["x"]'),
-    ('pinmap = "uno"', 'pinmap = "one"', "b.toml:13: hosts[0].pinmap: there is no [pinmaps.one];"
+    ('pinmap = "uno"', 'pinmap = "one"', "b.toml:13: hosts[1].pinmap: there is no [pinmaps.one];"
      " this file has uno"),
-    ('pinmap = "uno"', 'pinmap = "uno"\nchips = ["x"]', 'b.toml:13: hosts[0].pinmap: pin map "uno"'
+    ('pinmap = "uno"', 'pinmap = "uno"\nchips = ["x"]', 'b.toml:13: hosts[1].pinmap: pin map "uno"'
      ' is wired to "y", which is not among the chips of this host: x'),
     ('pinmap = "uno"', 'pinmap = "uno"\ncard = "c"\n[cards.c]\ndecode = "direct"\nchips = ["x"]',
-     'b.toml:13: hosts[0].pinmap: a host has either a "card" or a "pinmap": addresses or port'
-     " bits"),
+     'b.toml:13: hosts[1].pinmap: a host has either a "card" or a "pinmap": addresses or port'
+     ' bits; both only if the card is the memory bus of the microcontroller ("memory = true")'),
 ]  # fmt: skip
 
 

@@ -1,10 +1,12 @@
 """Snapshots: what follows one is what would have followed anyway, also through a file."""
 
+import hashlib
 import io
 import subprocess
 import sys
 from dataclasses import replace
 
+import msgpack
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -244,6 +246,13 @@ def test_another_process_goes_on_in_the_same_way() -> None:
 
 def taken() -> bytes:
     return snapshots.write(snapshots.take(load_board_text(BENCH)))
+
+
+def test_a_file_whose_content_is_empty_is_refused() -> None:
+    body = msgpack.packb([])
+    data = snapshots.MAGIC + hashlib.sha256(body).digest() + body
+    with pytest.raises(SnapshotError, match=r"^f\.snap: its content makes no sense: "):
+        snapshots.read(data, "f.snap")
 
 
 @given(st.data())

@@ -30,13 +30,13 @@ def test_its_keys_are_those_of_the_call() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('fault = "jamm"', 'faults[0].fault: there is no fault "jamm"; did you mean "jam"?'),
-        ('fault = "slip"\nshar = 0.5', 'faults[0].shar: unknown key; did you mean "share"?'),
-        ('fault = "slip"\nshare = 2', "faults[0].share: found 2; out of range"),
-        ('fault = "jam"\nwhen = "at 5"', "faults[0].when: it has no unit"),
-        ('fault = "jam"\nuntil = "once"', 'faults[0].until: until = "once": jam lasts'),
-        ('fault = "jam"\ntarget = "y"', "faults[0]: no chip called 'y'"),
-        ('target = "x"', 'faults[0]: key "fault" is missing'),
+        ('fault = "jamm"', 'faults[1].fault: there is no fault "jamm"; did you mean "jam"?'),
+        ('fault = "slip"\nshar = 0.5', 'faults[1].shar: unknown key; did you mean "share"?'),
+        ('fault = "slip"\nshare = 2', "faults[1].share: found 2; out of range"),
+        ('fault = "jam"\nwhen = "at 5"', "faults[1].when: it has no unit"),
+        ('fault = "jam"\nuntil = "once"', 'faults[1].until: until = "once": jam lasts'),
+        ('fault = "jam"\ntarget = "y"', "faults[1]: no chip called 'y'"),
+        ('target = "x"', 'faults[1]: key "fault" is missing'),
         ('fault = "supply_dip"\nwhen = "command LTRI"', 'did you mean "LTRJ"?'),
     ],
 )

@@ -187,6 +187,13 @@ def test_a_sagging_supply_limits_the_speed() -> None:
     assert host.position() - start < 4 * 30 * MS // SAMPLE // 2
 
 
+@pytest.mark.parametrize("plant", ["stepper", "ideal"])
+def test_a_sagging_supply_needs_a_motor_that_has_one(plant: str) -> None:
+    board = build(MCP, f'[plants.m]\nmodel = "{plant}"\n')
+    with pytest.raises(ValueError, match=r"supply_sag needs a plant|supply_sag needs a dc_motor"):
+        board.faults.arm("supply_sag")
+
+
 def test_without_amplifier_the_motor_coasts_to_a_stop() -> None:
     board, host = running()
     board.faults.arm("amplifier_off")
@@ -204,6 +211,10 @@ def test_a_stepper_that_loses_steps_is_behind_by_so_many() -> None:
     for _ in range(10):
         plant.pulses(20)
     assert plant.count == 180 * plant.inner.encoder.counts // plant.inner._steps_per_rev
+
+
+def test_a_plant_that_takes_pulses_besides_a_drive_may_lose_them() -> None:
+    build(MCP, IDEAL).faults.arm("lost_steps")
 
 
 def test_lost_steps_need_a_stepper() -> None:

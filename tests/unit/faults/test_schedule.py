@@ -9,12 +9,14 @@ from hypothesis import strategies as st
 
 from tests.unit.faults.bench import DC, IDEAL, LM, MC, MCP, STEPPER, Lm, Mc, Mcp, build, settle
 from vbus.board.board import Board
+from vbus.board.snapshot import fork
 from vbus.errors import SnapshotError
 from vbus.faults.row import LINK
 from vbus.faults.table import faults
 from vbus.faults.trigger import (
     AT,
     COMMAND,
+    CONDITION,
     CYCLE,
     EDGE,
     NOW,
@@ -302,8 +304,71 @@ def test_a_command_to_the_only_chip_begins_a_fault_of_a_link() -> None:
 
 
 @pytest.mark.parametrize(
+    ("when", "instant"),
+    [
+        ("x.real > 40", None),
+        ("x.status.BUSY", None),
+        ("x.HI and time >= 3.5 ms", 3_500 * US),
+        ("rising(x.A) and x.B == 0", 5 * MS),
+        ("x.A == 1 and x.B == 0 or x.reset", 5 * MS),
+        ("x.command == DFH", 7 * MS + US),
+        ("command DFH and x.A", 7 * MS + US),
+        ("violation lm628.busy-write", 7 * MS + 2 * US),
+        ("time > 5 ms", 5 * MS + 1),
+    ],
+)
+def test_a_fault_waits_for_a_condition(when: str, instant: int | None) -> None:
+    """It begins at the instant; where a snapshot is taken on the way, no less."""
+    when = when.replace("x.reset", "x./RST == 0")
+
+    def run(saved: bool) -> Board:
+        board = build()
+        host = Lm(board)
+        fault = board.faults.arm("friction", when=when, coulomb="1 mN*m")
+        if instant is None:
+            host.move(100)
+            board.run_for(900 * MS)
+            assert fault.fired
+            return board
+        board.run_until(5 * MS)
+        host.port.pin(host.port.pin_number("A"), 1)
+        board = fork(board) if saved else board
+        board.run_until(7 * MS)
+        board.ports[0].write(0, 0x02)
+        board.ports[0].write(0, 0x02)
+        board.run_for(MS)
+        return board
+
+    boards = [run(False)] if instant is None else [run(False), run(True)]
+    for board in boards:
+        (armed,) = board.faults.all()
+        assert armed.fired == 1
+        if instant is not None:
+            begun = [one.when for one in board.faults.log]
+            assert begun in ([instant], []), "what happened before the snapshot is in no log"
+    assert len({board.state_hash() for board in boards}) == 1
+
+
+@pytest.mark.parametrize(
+    ("when", "message"),
+    [
+        ("x.reel > 4", 'when = "x.reel > 4": no "x.reel" at character 1; did you mean "x.real"?'),
+        ("x.real > > 4", 'when = "x.real > > 4": a name or a number is expected, not ">", at'),
+        ("x.HI stable for 2 ms", 'a fault waits for what is, and for edges of pins and values: no'),
+        ("command LTRI and x.HI", 'no command "LTRI" at character 1; did you mean "LTRJ"?'),
+    ],
+)  # fmt: skip
+def test_a_condition_that_cannot_be_is_refused(when: str, message: str) -> None:
+    board = build()
+    with pytest.raises(ValueError, match=re.escape(message)):
+        board.faults.arm("jam", "x", when)
+    assert board.kernel.observed == 0
+
+
+@pytest.mark.parametrize(
     ("text", "when"),
     [
+        ("x.HI and x.A", When(CONDITION, 0, "x.HI and x.A", "x.HI and x.A")),
         ("now", When(NOW, 0, "", "now")),
         ("at 5 ms", When(AT, 5 * MS, "", "at 5 ms")),
         ("cycle 12", When(CYCLE, 12, "", "cycle 12")),

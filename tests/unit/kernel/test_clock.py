@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vbus.kernel import NEVER, Clock
+from vbus.kernel import NEVER, US, Clock
 from vbus.state import load, save
 
 FREQUENCIES = st.integers(1, 200_000_000)
@@ -60,6 +60,14 @@ def test_a_clock_needs_a_frequency() -> None:
         Clock(10**12)
 
 
+def test_a_span_is_of_the_clock_as_it_runs_now() -> None:
+    clock = Clock(1_000_000)
+    clock.run(5 * US, 1_000_000)
+    assert clock.span(10) == 5 * US
+    clock.run(50 * US, -500_000)
+    assert (clock.span(10), clock.span_up(10)) == (20 * US, 20 * US)
+
+
 CHANGES = st.lists(
     st.tuples(
         st.integers(0, 10**7), st.sampled_from(["run", "stop"]), st.integers(-(10**5), 10**5)
@@ -105,6 +113,22 @@ def test_a_clock_that_fails_again_and_again_counts_on_and_leaves_the_past_as_it_
         assert twin.ps(clock.cycle_at(now) + ahead) == clock.ps(clock.cycle_at(now) + ahead)
     assert twin.stopped == clock.stopped
     assert twin.frequency == clock.frequency
+
+
+@pytest.mark.parametrize("cycle", range(4, 12))
+@pytest.mark.parametrize(("when", "there"), [(8 * US - 1, 7), (8 * US, 8), (9 * US - 1, 8)])
+def test_courses_that_do_not_follow_each_other_are_refused(
+    when: int, there: int, cycle: int
+) -> None:
+    """A clock that changes does so in the cycle under way, or from the next one on."""
+    clock = Clock(1_000_000)
+    courses = [(0, 0, 1_000_000_000_000, 1_000_000), (cycle, when, 1_000_000_000_000, 500_000)]
+    if cycle in (there, there + 1):
+        clock.courses = courses
+        assert clock.cycle_at(when) == cycle
+    else:
+        with pytest.raises(ValueError, match=f"jumps from cycle {there} to {cycle}"):
+            clock.courses = courses
 
 
 def test_a_clock_that_nothing_happened_to_keeps_no_state() -> None:

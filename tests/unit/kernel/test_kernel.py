@@ -135,6 +135,12 @@ def test_running_in_two_parts_with_a_snapshot_between_is_running_at_once(
         assert one.seen == two.seen + three.seen
 
 
+def test_every_timer_has_one_due_and_no_more() -> None:
+    kernel = Kernel()
+    with pytest.raises(ValueError, match="zip"):
+        kernel.dues = [7]
+
+
 def test_a_state_of_another_board_is_refused() -> None:
     other = {"now": 0, "dues": (NEVER, NEVER)}
     with pytest.raises(SnapshotError, match=r"^kernel.dues: wants 0 values, not 2$"):

@@ -151,6 +151,12 @@ def literal_fastest(r: int, a: int, vs: int) -> int:
     return min(s, vs + (n + 1) * a - 1) if vs > 0 else s
 
 
+def literal_way(v: int, a: int, vs: int) -> int:
+    """The way from the coming sample on, if it has ``v``, until less than ``vs`` would be left."""
+    n = max(0, v - vs) // a
+    return (n + 1) * v - a * (n * (n + 1) // 2)
+
+
 def literal_step(remaining: int, v: int, top: int, a: int, vs: int) -> int:
     """The rule of PMD-TRJ-2 (with vs = 0: LM-TRJ-12) as it is written there."""
     d = (remaining > 0) - (remaining < 0) or (v < 0) - (v > 0)
@@ -205,7 +211,7 @@ def test_the_step_without_square_root_equals_the_rule_with_it(
     nudge=st.integers(-3, 3),
 )
 def test_step_and_rule_agree_where_deceleration_has_to_begin(velocity, accel, start, nudge):
-    near = max(0, stopping_distance(velocity, accel, start) + nudge)
+    near = max(0, literal_way(velocity, accel, start) + nudge)
     for top in (velocity, velocity // 2, 1 << 30):
         assert next_velocity(near, velocity, top, accel, start) == literal_step(
             near, velocity, top, accel, start
@@ -216,8 +222,14 @@ def test_step_and_rule_agree_where_deceleration_has_to_begin(velocity, accel, st
 @given(r=st.integers(0, 1 << 50), accel=st.integers(1, (1 << 30) - 1), start=STARTS)
 def test_the_fastest_speed_can_be_stopped_from_and_one_more_cannot(r, accel, start):
     speed = literal_fastest(r, accel, start)
-    assert stopping_distance(speed, accel, start) <= r
-    assert stopping_distance(speed + 1, accel, start) > r
+    assert literal_way(speed, accel, start) <= r
+    assert literal_way(speed + 1, accel, start) > r
+
+
+@pytest.mark.spec("LM-TRJ-12", "MCP-TRP-6")
+@given(velocity=st.integers(0, 3000), accel=st.integers(1, 4000))
+def test_the_stopping_distance_is_the_sum_of_all_samples_until_rest(velocity, accel):
+    assert stopping_distance(velocity, accel) == sum(range(velocity, 0, -accel))
 
 
 LEGS = st.lists(

@@ -94,9 +94,10 @@ def test_it_uses_only_what_signal_handlers_may(tmp_path: Path) -> None:
     used = {line.split()[-1] for line in done.stdout.splitlines()}
     # POSIX.1-2017, 2.4.3: functions that are async-signal-safe; poll since POSIX.1-2008.
     safe = {
-        "clock_gettime", "close", "connect", "fcntl", "getsockopt", "memcpy", "memset", "open",
-        "poll", "read", "send", "setsockopt", "socket", "strchr", "strcmp", "strlen", "strncmp",
-        "tcgetattr", "tcsetattr", "write", "__errno_location", "_GLOBAL_OFFSET_TABLE_",
+        "access", "clock_gettime", "close", "connect", "fcntl", "getsockopt", "memcpy", "memset",
+        "open", "poll", "read", "send", "setsockopt", "socket", "strchr", "strcmp", "strlen",
+        "strncmp", "strrchr", "tcgetattr", "tcsetattr", "write", "__errno_location",
+        "_GLOBAL_OFFSET_TABLE_", "flock",  # a system call and no more; vbus.h names it
     }  # fmt: skip
     assert used <= safe
 
@@ -289,6 +290,28 @@ def test_no_reply_in_time_ends_the_session(exercise: Path, board: Served) -> Non
     assert run(exercise, board.where, "timeout 14 read 0 write 0 1 read 0") == [
         "timeout 0", f"read: {late}", f"write: {late}", f"read: {late}",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("answered", [True, False])
+def test_a_pause_is_waited_out(exercise: Path, tmp_path: Path, answered: bool) -> None:
+    mark = tmp_path / ".bus.paused"
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(tmp_path / "bus"))
+        listener.listen()
+        mark.touch()
+        command = [str(exercise), f"unix:{tmp_path}/bus", "timeout", "14", "read", "0"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as host:
+            connection, _ = listener.accept()
+            with connection:
+                assert connection.recv(1) == b"\x10"
+                with pytest.raises(subprocess.TimeoutExpired):
+                    host.wait(0.3)
+                if answered:
+                    connection.sendall(b"D\x05")
+                mark.unlink()
+                said, _ = host.communicate(timeout=30)
+    late = "read: no reply in time; is the board running? open the session anew"
+    assert said.splitlines() == ["timeout 0", "read 5" if answered else late]
 
 
 def test_time_that_a_request_lets_pass_is_waited_for(exercise: Path, board: Served) -> None:

@@ -16,8 +16,16 @@ FREE: dict[str, float] = {
 }  # fmt: skip
 
 
+@pytest.fixture(autouse=True, params=[4, 0], ids=["four sub-steps", "solved"])
+def substeps(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(MODEL, "substeps", request.param)
+
+
+MODEL: dict[str, float] = {}
+
+
 def motor(**settings: float) -> DcMotor:
-    plant = DcMotor(settings)
+    plant = DcMotor({**MODEL, **settings})
     plant.prepare(PERIOD)
     return plant
 
@@ -193,6 +201,11 @@ def test_a_million_revolutions_away_it_moves_just_the_same():
         assert there.velocity == here.velocity
 
 
+def test_a_stop_may_stand_where_the_shaft_starts():
+    plant = motor(stop_low=0, stop_high=700)
+    assert [plant.drive(-1.0, 0) for _ in range(20)] == [0] * 20
+
+
 def test_more_sub_steps_give_a_finer_course():
     plant = motor(substeps=16)
     plant.drive(1.0, 0)
@@ -205,6 +218,7 @@ def test_more_sub_steps_give_a_finer_course():
         ({"static_friction": 0.001}, "never easier to start"),
         ({"stop_low": 10, "stop_high": 20}, "starts at count 0"),
         ({"stop_low": 10, "stop_high": -10}, "starts at count 0"),
+        ({"stop_low": 1, "stop_high": 20}, "starts at count 0"),
         ({"inertia": 0.0}, "inertia"),
     ],
 )

@@ -14,8 +14,16 @@ STEP = 10
 """Encoder counts of a full step: 2000 counts, 200 steps a revolution."""
 
 
+@pytest.fixture(autouse=True, params=[4, 0], ids=["four sub-steps", "integrated"])
+def substeps(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(MODEL, "substeps", request.param)
+
+
+MODEL: dict[str, float] = {}
+
+
 def motor(period: float = SAMPLE, **settings: float) -> StepperMotor:
-    plant = StepperMotor(settings)
+    plant = StepperMotor({**MODEL, **settings})
     plant.prepare(period)
     return plant
 
@@ -211,3 +219,15 @@ def test_a_shaft_that_gains_speed_does_not_rest_though_its_place_stays() -> None
     assert plant.phases(0.7, 0.7, 0.0) == 0
     assert plant.velocity != 0.0
     assert not plant.resting()
+
+
+def test_a_period_of_one_piece_is_divided_anew_when_it_gets_longer():
+    speeds = []
+    for first in (1e-6, 2e-6):
+        plant = motor(substeps=1)
+        plant.prepare(first)
+        plant.phases(0.0, 0.0, 0.0)
+        plant.prepare(2e-6)
+        plant.phases(0.7, 0.7, 0.0)
+        speeds.append(plant.velocity)
+    assert speeds[0] == speeds[1] != 0.0

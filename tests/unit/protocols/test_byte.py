@@ -107,8 +107,12 @@ def test_a_session_too_big_to_describe_is_refused(
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"\x80", b"\xc1", b"\x81\xa7version\x01", b"\x93\x01\x02\x03"]
-)
+    "data",
+    [
+        b"", b"\x80", b"\xc1", b"\x81\xa1\xab\x01", b"\x81\xa7version\x01", b"\x93\x01\x02\x03",
+        pytest.param(b"\x81\xa1x" + b"\x91" * 65_000 + b"\xc0", id="nested too deeply"),
+    ],
+)  # fmt: skip
 def test_bytes_that_are_no_hello_give_a_clear_error(data: bytes) -> None:
     with pytest.raises(ValueError, match=r"^HELLO's answer cannot be read: "):
         decode_hello(data)

@@ -74,7 +74,7 @@ def test_reply_tags_are_letters_and_never_opcodes_of_short_cycles() -> None:
 
 def test_every_reason_to_refuse_has_a_sentence() -> None:
     reasons = {value for name, value in vars(codes).items() if name.isupper()}
-    assert set(REFUSALS) == reasons == {1, 2, 3, 4, 5, 6}
+    assert set(REFUSALS) == reasons == {1, 2, 3, 4, 5, 6, 7, 8}
     assert {1, 4, 5} == FATAL
 
 

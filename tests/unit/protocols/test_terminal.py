@@ -79,6 +79,17 @@ def test_keys_wait_while_a_request_does(wire: TerminalProtocol, port: FakePort) 
     assert wire.take() == b"1000us\r\n> no\b \bow\r\n1000us\r\n> "
 
 
+def test_a_person_who_had_asked_nothing_finds_no_second_prompt(
+    wire: TerminalProtocol, port: FakePort
+) -> None:
+    port.held = True  # somebody else has claimed the chip
+    assert typed(wire, b"now\r") == b""
+    port.lift(NEVER)
+    wire.resume()
+
+    assert wire.take() == b"now\r\n0us\r\n> "
+
+
 def test_a_new_session_begins_with_an_empty_line(wire: TerminalProtocol) -> None:
     typed(wire, b"r 0\x1b")
     wire.reset()

@@ -226,6 +226,13 @@ def test_claim_waits_its_turn(wire: TextProtocol, port: FakePort) -> None:
         ("inb 0x341", "OK 0x0012", [("select", 1), ("read", 1), ("select", 1)]),
         ("inb 832", "OK 0x0001", [("select", 1), ("read", 0), ("select", 1)]),
         ("readb 0x348", "OK 0x0000000000000001", [("select", 2), ("read", 0), ("select", 1)]),
+        (
+            "inb 0x345",
+            "OK 0x0012",
+            [("select", 1), ("read", 1), ("select", 1), ("pin", 3, 0), ("pin", 3, 2)],
+        ),
+        ("inb 0x34c", "OK 0x00ff", [("pin", 3, 0), ("pin", 3, 2)]),
+        ("outb 0x34c 1", "OK", [("pin", 3, 0), ("pin", 3, 2)]),
         ("inb 0x344", "OK 0x007f", [("select", 2), ("read", 0), ("select", 1)]),
         ("inb 0x300", "OK 0x00ff", []),
         ("outb 0x341 0x1f", "OK", [("select", 1), ("write", 1, 0x1F), ("select", 1)]),

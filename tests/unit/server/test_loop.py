@@ -170,3 +170,32 @@ def test_sockets_streams_and_tasks_work_as_in_any_event_loop(loop: HostLoop, ech
         return answer
 
     assert loop.run_until_complete(asyncio.wait_for(main(), 20)) == b"abc"
+
+
+def test_a_descriptor_that_is_used_again_at_once_keeps_its_new_reader(
+    loop: HostLoop, echo: Echo
+) -> None:
+    old, ready = os.pipe()
+    new, wake = os.pipe()
+    os.write(ready, b"x")
+    seen: list[bytes] = []
+
+    def replace() -> None:
+        echo.near.recv(100)
+        loop.remove_reader(old)
+        os.dup2(new, old)  # the number is that of another file now
+        loop.add_reader(old, lambda: seen.append(os.read(old, 9)))
+
+    async def main() -> None:
+        loop.add_reader(old, seen.append, b"old")
+        loop.add_direct_reader(echo.near.fileno(), replace)
+        echo.far.send(b"now")  # both are ready at the same look
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        os.write(wake, b"new")
+        await until(seen, [b"new"])
+
+    loop.run_until_complete(main())
+    loop.remove_reader(old)
+    for fd in (old, ready, new, wake):
+        os.close(fd)

@@ -2,6 +2,7 @@
 
 from vbus.kernel import Kernel
 from vbus.signals import HIGH, LOW, Net, Observer, Watcher, Z
+from vbus.signals.wire import WireEnd
 
 
 class Edges(Observer):
@@ -145,6 +146,28 @@ def test_an_output_pin_learns_that_somebody_listens() -> None:
     assert heard == [True, False]
 
 
+def test_an_output_is_asked_for_its_level_before_somebody_fights_it() -> None:
+    net = Net(Kernel(), "HI")
+    pin = net.solder("HI")
+    clashes: list[int] = []
+    net.clash = lambda net: clashes.append(net.value)
+    asked: list[int] = []
+
+    def show() -> None:
+        asked.append(net.value)
+        pin.drive(HIGH)
+
+    pin.on_heard = show
+    switch = net.solder("switch")
+
+    switch.drive(LOW)
+    assert (asked[0], clashes, net.value) == (HIGH, [HIGH], LOW)
+
+    asked.clear()
+    switch.drive(HIGH)
+    assert (asked, net.value) == ([], HIGH)
+
+
 def test_a_pin_soldered_to_another_net_takes_its_watchers_along() -> None:
     kernel = Kernel()
     old, shared = Net(kernel, "a./SYNC"), Net(kernel, "/SYNC")
@@ -179,3 +202,18 @@ def test_what_moves_together_with_an_edge_is_known_by_its_level_before() -> None
     kernel.settle()
 
     assert taken == [0x11, 0x11, 0x22]
+
+
+def test_an_end_of_a_wire_tells_the_others_what_changes_and_nothing_else() -> None:
+    outbox: list[tuple[int, int, int, bool]] = []
+    end = WireEnd(Kernel(), "/SYNC", 3, outbox)
+    strong, weak = end.solder("a"), end.solder("b", open_drain=True)
+    strong.drive(LOW)
+    end.resolve()
+    weak.drive(LOW)
+    assert outbox == [(0, 3, LOW, False)]
+    strong.release()
+    assert outbox[1:] == [(0, 3, LOW, True)]
+    end.resolve()
+    weak.release()
+    assert outbox[2:] == [(0, 3, Z, False)]

@@ -72,6 +72,29 @@ def test_a_c_program_is_compiled_and_runs_on_the_board_of_the_test(suite: pytest
     result.stdout.fnmatch_lines(["*x RDSTAT 00H*", "replay:  vbus replay *"])
 
 
+def test_a_program_gets_its_name_when_it_is_whole(
+    suite: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Workers of one run share a folder; none starts what another is still writing."""
+    compiler = suite.path / "compiler"
+    compiler.write_text('#!/bin/sh\n[ "$1" = -o ] && : > "$2" && ls "${2%/*}" > listing\n')
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+    suite.path.joinpath("host.c").write_text("")
+    suite.makepyfile(
+        """
+        def test_it(vbus_exec):
+            program = vbus_exec.compile("host.c")
+            with open("listing") as file:
+                while_compiling = file.read().split()
+            assert program.name not in while_compiling
+            assert [name for name in while_compiling if name.startswith(program.name)]
+            assert program.exists()
+        """
+    )
+    suite.runpytest("-q").assert_outcomes(passed=1)
+
+
 def test_a_python_program_and_one_that_hangs(suite: pytest.Pytester) -> None:
     suite.makepyfile(
         driver="""
@@ -104,10 +127,20 @@ def test_a_python_program_and_one_that_hangs(suite: pytest.Pytester) -> None:
             with pytest.raises(Exception, match="nothing: cannot be run: No such file"):
                 vbus_exec("nothing")
 
+        def test_no_source(vbus_exec, request):
+            import pytest
+            at = rf"; looked for it in {request.path.parent}$"
+            with pytest.raises(Exception, match="^main.c is not there" + at):
+                vbus_exec("main.c")
+            with pytest.raises(Exception, match="^axis.c is not there" + at):
+                vbus_exec.compile("test_it.py", "axis.c")
+            with pytest.raises(Exception, match="^driver2.py is not there" + at):
+                vbus_exec("driver2.py")
+
         def test_avr(vbus_exec):
             import pytest
             with pytest.raises(Exception, match="chip time must follow the AVR"):
                 vbus_exec("firmware.elf", avr="mmcu=atmega328p")
         """,
     )
-    suite.runpytest("-q", "test_it.py").assert_outcomes(passed=5)
+    suite.runpytest("-q", "test_it.py").assert_outcomes(passed=6)

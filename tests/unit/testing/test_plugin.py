@@ -9,6 +9,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from tests.unit.scope.decoded import of_page
+
 pytest_plugins = "pytester"
 
 BOARD = """
@@ -26,7 +28,8 @@ model = "dc_motor"
 
 
 @pytest.fixture
-def suite(pytester: pytest.Pytester) -> pytest.Pytester:
+def suite(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> pytest.Pytester:
+    monkeypatch.setenv("PYTEST_ADDOPTS", "-p no:hypothesispytest")  # it takes long to import
     pytester.makeini(
         "[pytest]\nfilterwarnings = error\nasyncio_mode = strict\n"
         "asyncio_default_fixture_loop_scope = function\n"
@@ -207,6 +210,9 @@ def test_a_failing_test_tells_what_was_on_the_bus_and_its_line_replays_it(
     assert "RSTI" in str(told["vbus.transcript"])
     assert "lm628.busy-write" in str(told["vbus.violations"])
     assert Path(str(told["vbus.journal"])).stat().st_size > 0
+    page = Path(str(told["vbus.scope"]))
+    assert page.suffix == ".html"
+    assert of_page(page.read_bytes()).packets("x bus")[-1][2] == "RDSTAT 80H MOTOR_OFF  [LM-CMD-23]"
     assert "$enddefinitions" in Path(str(told["vbus.wave"])).read_text()
 
     repeated = suite.runpytest("-q", *shlex.split(again[1]))
@@ -401,7 +407,8 @@ def test_a_run_that_does_not_use_it_does_not_pay_for_it(suite: pytest.Pytester) 
 
         def test_nothing():
             loaded = {name for name in sys.modules if name.startswith("vbus.")}
-            mine = {"vbus.compiled", "vbus.testing", "vbus.testing.plugin", "vbus.version"}
+            mine = {"vbus.compiled", "vbus.testing", "vbus.testing.plugin", "vbus.version",
+                    "vbus.testing.golden_plugin", "vbus.testing.matrix_plugin"}
             assert loaded <= mine
         """
     )

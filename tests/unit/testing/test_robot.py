@@ -18,6 +18,15 @@ Reset Is Shown
     Bus Should Read    0    0x84
     Position Should Be    x.1    0    within=2
 
+Reset Ends
+    Open Board    LM629N-8
+    ${instant}    Wait Until    x.status.TRAJECTORY_COMPLETE    within=5 ms
+    Should Be True    ${instant} == 1_000_000_000
+
+Never
+    Open Board    LM629N-8
+    Wait Until    x.real > 3 and x.HI    within=2 ms
+
 Wrong Byte
     Open Board    LM629N-8
     Run Time Until    5ms
@@ -60,8 +69,10 @@ def test_keywords_do_what_the_fixtures_do(tmp_path: Path) -> None:
         timeout=100,
     )  # fmt: skip
     printed = done.stdout
-    assert done.returncode == 5, printed + done.stderr
+    assert done.returncode == 6, printed + done.stderr
     assert re.search(r"Reset Is Shown +\| PASS", printed), printed
+    assert re.search(r"Reset Ends +\| PASS", printed), printed
+    assert '"x.real > 3 and x.HI" has not come to hold within 2000us of chip time' in printed
     assert "a read at 0H gave 84h, not 55h" in printed
     assert "x RDSTAT 84H MOTOR_OFF TRAJECTORY_COMPLETE" in printed
     assert "never fired" in printed

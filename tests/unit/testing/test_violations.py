@@ -52,6 +52,27 @@ def test_often(vbus_board):
     )
 
 
+@pytest.mark.spec("LM-TIM-5")
+def test_a_clock_that_the_part_does_not_take_fails_its_tests(suite: pytest.Pytester) -> None:
+    suite.makepyfile(
+        """
+import pytest
+
+@pytest.mark.vbus_matrix(part=["LM629N-6"], clock=["6 MHz", "8 MHz"])
+def test_it(vbus_lm629):
+    vbus_lm629.host.check_reset()
+"""
+    )
+    result = suite.runpytest("-q", "-rf")
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "x broke lm628.T4 at 0us: CLK high or low for 62500 ps only*",
+            "x broke lm628.T5 at 0us: 8000000 Hz is above the grade of a LM629N-6*",
+        ]
+    )
+
+
 @pytest.mark.parametrize("how", ["option", "project", "marker"])
 def test_one_line_has_violations_reported_only(suite: pytest.Pytester, how: str) -> None:
     mark = '@pytest.mark.vbus(violations="report")\n' if how == "marker" else ""

@@ -1,8 +1,10 @@
 """``vbus explain`` in process: bytes, words, rules, clauses, and what it refuses."""
 
+import json
 from itertools import groupby
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -25,6 +27,11 @@ def explain(*arguments: str) -> list[str]:
     done = CliRunner().invoke(command, arguments, standalone_mode=False)
     assert done.exception is None, done.exception
     return done.output.splitlines()
+
+
+def data(*arguments: str) -> list[dict[str, Any]]:
+    """Return what --json prints: an object for each line."""
+    return [json.loads(line) for line in explain(*arguments, "--json")]
 
 
 def refused(*arguments: str) -> str:
@@ -357,3 +364,44 @@ family_codes = "{codes}"
     lines = explain(journal(tmp_path / "a.vbj", *cycles, text=text, apart=100 * US))[1:]
     texts = [line.split(" x ")[1].split("  [")[0] for line in lines]
     assert [text for text in texts if not text.startswith("!")] == told
+
+
+# -- the same as data ------------------------------------------------------------------------------
+
+
+def test_packets_and_words_as_json() -> None:
+    assert data("lm628", "1D", "00", "3B", "signals=8544") == [
+        {"word": "signals", "text": explain("lm628", "signals=8544")[0].removeprefix("signals ")},
+        {"bytes": [0x1D, 0, 0x3B], "kind": "packet", "clause": "LM-CMD-18",
+         "text": "RSTI resets BREAKPOINT TRAJECTORY_COMPLETE"},
+    ]  # fmt: skip
+
+
+def test_a_clause_and_a_rule_as_json() -> None:
+    (clause,) = data("LM-BUS-7")
+    (rule,) = data("lm628.T14")
+
+    assert (clause["clause"], clause["kind"]) == ("LM-BUS-7", "manual")
+    assert set(clause) == {"clause", "title", "kind", "section", "text", "named_by", "tests"}
+    assert clause["tests"] == list(proofs_of("vbus.chips.lm628")["LM-BUS-7"])
+    assert (rule["rule"], rule["severity"]) == ("lm628.T14", "error")
+    assert rule["limits"]
+
+
+def test_a_rule_of_every_chip_is_an_object_for_each() -> None:
+    assert [one["rule"] for one in data("T5")] == [
+        line.split(" ")[0] for line in explain("T5") if line.partition(" ")[0].endswith(".T5")
+    ]
+
+
+def test_a_journal_as_json(tmp_path: Path) -> None:
+    file = journal(tmp_path / "a.vbj", *[("x", "r", 0, 0)] * 3, apart=MS)
+    header, polls = data(file)
+    call, packet = data(f"{file}:2")
+
+    assert header["journal"] == file
+    # In real time a cycle of this chip takes 360 ns.
+    assert (polls["times"], polls["until_ps"] - polls["when_ps"]) == (3, 2 * MS + 720_000)
+    assert (call["entry"], call["call"]) == (2, "read")
+    assert packet["entry"] == 2
+    assert polls["text"].startswith(packet["packet"])

@@ -1,9 +1,12 @@
 """Pages of the command line, the C client and the ledgers, made from what they are about."""
 
+import inspect
 import re
+from collections.abc import Iterator
 
 import click
 import pytest
+from click.testing import CliRunner
 
 from vbus.board import plugins
 from vbus.chips.clauses import clauses_of, proofs_of
@@ -61,3 +64,36 @@ def test_a_ledger_counts_the_mutants_that_tests_of_a_clause_kill() -> None:
 
     assert f"{len(touched)} clauses have one that their tests find" in page
     assert touched
+
+
+def commands(group: click.Command, words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    """Give the words of each command, groups included."""
+    yield words
+    if isinstance(group, click.Group):
+        context = click.Context(group)
+        for name in group.list_commands(context):
+            found = group.get_command(context, name)
+            assert found is not None
+            yield from commands(found, (*words, name))
+
+
+def test_help_prints_every_example_as_written() -> None:
+    """None is wrapped: an example that is broken over lines cannot be copied."""
+    examples = 0
+    for words in commands(cli, ()):
+        command: click.Command = cli
+        for name in words:
+            assert isinstance(command, click.Group)
+            command = command.get_command(click.Context(command), name) or command
+        paragraphs = inspect.cleandoc(command.help or "").split("\n\n")
+        written = [
+            line.strip()
+            for paragraph in paragraphs
+            if paragraph.startswith("\b") or "\nvbus " in paragraph
+            for line in paragraph.removeprefix("\b").splitlines()
+        ]
+        shown = CliRunner().invoke(cli, [*words, "--help"], terminal_width=80).output.splitlines()
+        for line in written:
+            assert line in [other.strip() for other in shown], (words, line)
+        examples += len(written)
+    assert examples > 12

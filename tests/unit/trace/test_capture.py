@@ -104,12 +104,14 @@ def test_the_sample_rate_libsigrok_leaves_in_a_comment_is_the_period() -> None:
         (b"\x00\xff" * 200, "this is no VCD file"),
         (HEAD.format("$var real 1 ! a $end\n").encode(), "there are no wires"),
         (HEAD.format("$var wire 1 ! a $end\n").encode(), "there are no samples"),
+        (HEAD.format("$var wire 999999999 ! a $end\n").encode(), "more than 4096 wires"),
         (HEAD.format("$var wire 1 ! a $end\n").encode() + b"#5\n1!\n#3\n0!\n", "runs backwards"),
         (
             HEAD.format("$var wire 1 ! a $end\n").encode() + b"#5\n1!\nhello ! 3\n",
             "damaged after 5000",
         ),
         (HEAD.format("$var wire 1 ! a $end\n").encode()[21:] + b"#5\n1!\n", "no $timescale"),
+        (b"$timescale 1 zs $end\n", "this is no VCD file: 'zs'"),
     ],
 )
 def test_what_is_no_vcd_file_is_refused_by_name(text: bytes, message: str) -> None:
@@ -155,8 +157,15 @@ def test_runs_of_any_length_in_any_number_of_parts(runs: list[tuple[int, int]], 
         (b"PK\x05\x06" + bytes(18), "no sigrok session file"),
         (session(b"\x01", version="1"), "of version 1; version 2 can be read"),
         (session(b"\x01", rate="fast"), "lack samplerate"),
+        (session(b"\x01").replace(b"unitsize=1", "unitsize=²".encode()[:-1]), "no sigrok session"),
+        (session(b"\x01")[10:], "no sigrok session"),
         (session(b"\x01", probes=0), "lack samplerate, unitsize or the probes"),
         (session(b"\x01", probes=9), "9 probes do not fit into 1 bytes"),
+        (session(b"\x01", unit=65, probes=1), "samples of 65 bytes; there are at most 64"),
+        (
+            session(b"\x01", version="2" * (1 << 20) + "x"),
+            "its version unpacks to more than 1048576",
+        ),
         (session(b""), "there are no samples"),
     ],
 )
@@ -234,6 +243,11 @@ def test_what_is_no_table_is_refused_with_its_line(text: str, message: str) -> N
 def test_bytes_that_are_no_text_are_refused() -> None:
     with pytest.raises(CaptureError, match=r"a\.csv: line 1: this is no text"):
         read_csv(io.BytesIO(b"\xff\xfe\x00"), "a.csv")
+
+
+def test_samples_may_have_64_bytes() -> None:
+    capture = from_sr(session(b"\x01" + bytes(127), unit=64, probes=1))
+    assert [value for _, value in samples(capture)] == [1, 0]
 
 
 @settings(max_examples=200, deadline=None)

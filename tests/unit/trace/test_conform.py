@@ -360,6 +360,25 @@ def test_the_first_hardware_reset_is_where_both_are_the_same() -> None:
     assert capture.compare(wish=reset - US).mismatch is None
 
 
+@pytest.mark.parametrize(
+    ("family", "address", "data"),
+    [("lm628", 0, 0x00), ("mcp1200", 0x05, 0x00), ("mc1241a", 1, 0x39)],
+)
+def test_the_reset_of_the_host_is_where_both_are_the_same(
+    family: str, address: int, data: int
+) -> None:
+    def host(port: HostBus) -> None:
+        port.delay(MS)
+        port.read(0)
+        port.delay(MS)
+        port.write(address, data)
+        port.delay(5 * MS)
+        port.read(0)
+
+    verdict = Shot(family, vcd(family, host)).compare(wish="reset")
+    assert (verdict.cycles, verdict.mismatch) == (2, None)
+
+
 def test_a_capture_that_begins_inside_a_cycle_begins_with_the_next() -> None:
     capture = shot("lm628")
     write = capture.pulses("/WR")[0]

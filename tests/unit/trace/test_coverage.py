@@ -1,6 +1,7 @@
 """What a host has exercised of a chip: counted from packets, merged, compared, kept in files."""
 
 import json
+from xml.etree import ElementTree
 
 import pytest
 from hypothesis import given
@@ -14,7 +15,7 @@ from vbus.chips.mcp1200 import datasheet as mcp1200
 from vbus.errors import VbusError
 from vbus.kernel import MS
 from vbus.trace.coverage.coverage import Coverage, CoverageObserver, from_json, merged
-from vbus.trace.coverage.formats import as_html, as_text, difference
+from vbus.trace.coverage.formats import as_cobertura, as_html, as_text, difference
 from vbus.trace.coverage.tables import (
     ANSWERS,
     BITS,
@@ -203,6 +204,16 @@ def test_a_broken_ac_limit_is_shown_and_does_not_raise_the_percentage() -> None:
     assert "1 x lm628.T14" in as_text(coverage)
 
 
+def test_a_share_is_rounded_down_so_that_what_falls_short_shows() -> None:
+    counted = [item.key for item in items("lm628") if item.group in COUNTED]
+    assert len(counted) == 69
+    coverage = Coverage(["a"], {"lm628": dict.fromkeys(counted[:4], 1)})
+    assert coverage.percent() > 5.75
+    assert coverage.shown() == "5.7%"
+    assert as_text(coverage).startswith("lm628: 4 of 69 exercised, 5.7%\n")
+    assert Coverage(["a"], {"none": {}}).shown() == "-"
+
+
 def test_everything_a_table_has_can_be_exercised_and_stands_there_once() -> None:
     for family in FAMILIES.values():
         keys = [item.key for item in items(family)]
@@ -263,6 +274,28 @@ def test_the_page_shows_every_counted_item_and_quotes_what_could_be_markup() -> 
     assert "<run>" not in page
     assert page.count("<tr") == sum(item.group in COUNTED for item in items("lm628"))
     assert page.count("never<td>") == page.count("<tr") - 1
+
+
+def test_cobertura_has_the_rate_of_all_of_each_group_and_of_each_item() -> None:
+    coverage = Coverage(["run"], {"lm628": {}})
+    coverage.add("lm628", (COMMANDS, "STT"), 3)
+    coverage.add("lm628", (COMMANDS, "UDF"))
+    root = ElementTree.fromstring(as_cobertura(coverage))
+    total = sum(item.group in COUNTED for item in items("lm628"))
+    assert (root.get("lines-covered"), root.get("lines-valid")) == ("2", str(total))
+    assert root.get("line-rate") == f"{2 / total:.4f}"
+    rates = {it.get("name"): it.get("line-rate") for it in root.iter("class")}
+    commands = sum(item.group == COMMANDS for item in items("lm628"))
+    assert rates.pop(COMMANDS) == f"{2 / commands:.4f}"
+    assert set(rates.values()) == {"0.0000"}
+    items_of = {it.get("name"): it.get("line-rate") for it in root.iter("method")}
+    assert (items_of["STT"], items_of["UDF"], items_of["LFIL"]) == ("1.0000", "1.0000", "0.0000")
+
+
+def test_cobertura_takes_nothing_to_exercise_for_exercised() -> None:
+    root = ElementTree.fromstring(as_cobertura(Coverage(["run"], {"acme": {}})))
+    [package] = root.iter("package")
+    assert (root.get("line-rate"), package.get("line-rate")) == ("1", "1")
 
 
 @pytest.mark.parametrize(

@@ -7,13 +7,12 @@ from hypothesis import strategies as st
 from tests.unit.trace.conftest import LM629, lm629_move, read, record
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
-from vbus.board.checks import all_rules
 from vbus.board.host_bus import HostBus
 from vbus.errors import VbusError
 from vbus.kernel import MS
-from vbus.trace.journal.conditions import condition
 from vbus.trace.journal.history import History
 from vbus.trace.journal.player import Player
+from vbus.trace.until import Holds
 
 _, RUN = read(record(LM629, lm629_move, lm629_move))
 
@@ -85,9 +84,9 @@ def test_the_first_violation_is_found_by_bisection_too(walked: bool) -> None:
     history = History(make, RUN, every=8)
     if walked:
         history.to(len(RUN))
-    holds, stays = condition("lm628.busy-write", history.board, all_rules())
-    found = history.first(holds, stays)
-    assert stays
+    holds = Holds("lm628.busy-write", history.board)
+    found = history.first(holds, holds.stays)
+    assert holds.stays
     assert found is not None
     first = next(e for e in RUN if e.op == "violation" and e.args[2] == "lm628.busy-write")
     assert (found.op, found.args) == ("write", (0, 0x01))
@@ -96,10 +95,10 @@ def test_the_first_violation_is_found_by_bisection_too(walked: bool) -> None:
 
 def test_the_first_call_after_which_an_axis_is_beyond_a_place_is_found() -> None:
     history = History(make, RUN)
-    holds, stays = condition("x.real>100", history.board, all_rules())
-    found = history.first(holds, stays)
+    holds = Holds("x.real>100", history.board)
+    found = history.first(holds, holds.stays)
     assert found is not None
-    assert not stays
+    assert not holds.stays
     assert history.board.chip("x").telemetry()["real"] > 100
     board = history.to(found.number)
     board.catch_up()
@@ -108,22 +107,21 @@ def test_the_first_call_after_which_an_axis_is_beyond_a_place_is_found() -> None
 
 def test_what_never_holds_is_said_to() -> None:
     history = History(make, RUN)
-    holds, stays = condition("x.real > 1e9", history.board, all_rules())
-    assert history.first(holds, stays) is None
+    assert history.first(Holds("x.real > 1e9", history.board)) is None
 
 
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("nonsense", '"nonsense" is no condition; write the name of a rule'),
-        ("y.HI=1", "no chip called 'y'"),
-        ("x.height=1", 'x has no pin and no value "height"; its values are'),
-        ("x.HI=high", "high is no number"),
+        ("nonsense", 'condition "nonsense": no "nonsense" at character 1; this board has x, and'),
+        ("y.HI=1", 'no "y.HI" at character 1; did you mean "x.HI"? this board has x'),
+        ("x.height=1", 'no "x.height" at character 1; did you mean "x.HI"? x has the values'),
+        ("x.HI=high", 'no "high" at character 6; this board has x'),
     ],
 )
 def test_a_condition_that_makes_no_sense_is_refused(text: str, says: str) -> None:
     with pytest.raises(VbusError) as caught:
-        condition(text, make(), all_rules())
+        Holds(text, make())
     assert says in str(caught.value)
 
 
@@ -137,9 +135,27 @@ def test_a_pin_is_a_condition() -> None:
     _, entries = read(record(LM629, host))
     history = History(make, entries)
     for level in (0, 1):
-        found = history.first(condition(f"x./RST={level}", history.board, all_rules())[0])
+        found = history.first(Holds(f"x./RST={level}", history.board))
         if level:
             assert found is None  # it is high from the start: no call has made it so
         else:
             assert found is not None
             assert found.args[1] == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "op"),
+    [
+        ("command STT", "write"),
+        ("x.command == RDRP", "read"),
+        ("violation lm628", "write"),
+        ("rising(x.real)", "delay"),
+        ("lm628.busy-write and x.real > 100", "delay"),
+    ],
+)
+def test_what_has_happened_during_a_call_holds_after_it(text: str, op: str) -> None:
+    history = History(make, RUN)
+    found = history.first(Holds(text, history.board))
+    assert found is not None
+    assert found.op == op
+    assert history.position == found.number + 1

@@ -52,6 +52,7 @@ def typed(family: str, text: str) -> list[Packet]:
         ("lm628", "1C FF 04", "MSKI enables TRAJECTORY_COMPLETE"),
         ("lm628", "1B 00 C8", "LPEI 200 cnt"),
         ("lm628", "20 FF FF FF 9C", "SBPA -100 cnt"),
+        ("lm628", "21 FF FF FF 9C", "SBPR -100 cnt"),
         ("lm628", "0A 00 00 04 D2", "RDRP +1234 cnt"),
         ("lm628", "07 FF FE 80 00", "RDDV -1.5000 cnt/sample"),
         ("lm628", "0B FF F6", "RDRV -10 cnt/sample"),

@@ -111,6 +111,7 @@ def test_junit_has_a_case_for_every_rule_and_fails_those_with_errors(report: Rep
     rules = [rule for rule in all_rules() if rule.name.startswith("lm628.")]
     assert suite.get("tests") == str(len(rules)) == str(len(suite))
     assert (suite.get("failures"), suite.get("skipped")) == ("1", "0")
+    assert suite.get("errors") == "0"
     (failure,) = suite.iter("failure")
     assert failure.get("type") == "lm628.busy-write"
     assert "> 32us host0 x w 0 01" in (failure.text or "")
@@ -212,10 +213,10 @@ GOOD = '[[suppress]]\nrule = "lm628.T14"\nchip = "x"\nreason = "slow cable"\n'
     ("text", "message"),
     [
         ("[[suppress", "s.toml: no TOML"),
-        (GOOD.replace("reason", "why"), "s.toml: suppress[0].why: unknown key; allowed are rule"),
-        (GOOD.replace('"slow cable"', '" "'), "s.toml: suppress[0].reason: write a text"),
-        ('[[suppress]]\nrule = "lm628.T14"\n', "s.toml: suppress[0]: reason is missing"),
-        ('[[suppress]]\nreason = "r"\n', "s.toml: suppress[0]: rule is missing"),
+        (GOOD.replace("reason", "why"), "s.toml: suppress[1].why: unknown key; allowed are rule"),
+        (GOOD.replace('"slow cable"', '" "'), "s.toml: suppress[1].reason: write a text"),
+        ('[[suppress]]\nrule = "lm628.T14"\n', "s.toml: suppress[1]: reason is missing"),
+        ('[[suppress]]\nreason = "r"\n', "s.toml: suppress[1]: rule is missing"),
         (GOOD.replace("T14", "busy-wirte"), 'unknown rule; did you mean "lm628.busy-write"?'),
         ('[ignore]\nrule = "x"\n', "s.toml: ignore: unknown section; write [[suppress]]"),
         ("suppress = 3\n", "s.toml: suppress: write [[suppress]]"),

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from vbus.errors import NameInUseError, TransportError
-from vbus.runtime import lock_of, lock_state, runtime_directory
+from vbus.network.places import endpoints_at, register, router_place, unregister
+from vbus.runtime import lock_of, lock_state, runtime_directory, subdirectory
 from vbus.transports.runtime import NameLock
 
 
@@ -60,6 +61,87 @@ def test_a_directory_that_others_may_enter_is_not_trusted(places: Path) -> None:
         r" remove it, or set VBUS_RUNTIME to one of your own$",
     ):
         runtime_directory()
+
+
+@pytest.mark.parametrize("mode", [0o720, 0o702, 0o1777])
+def test_a_given_directory_that_others_may_write_in_is_refused(
+    places: Path, monkeypatch: pytest.MonkeyPatch, mode: int
+) -> None:
+    directory = places / "given"
+    directory.mkdir()
+    directory.chmod(mode)
+    monkeypatch.setenv("VBUS_RUNTIME", str(directory))
+    with pytest.raises(
+        TransportError,
+        match=rf"^runtime directory {directory} is open to others \(owner \w+, mode {mode:o}\):"
+        r" make it yours and chmod go-w, or set VBUS_RUNTIME to one of your own$",
+    ):
+        runtime_directory()
+    directory.chmod(0o755)
+    assert runtime_directory() == directory
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a directory away")
+def test_a_given_directory_of_somebody_else_is_refused(
+    places: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directory = places / "given"
+    directory.mkdir()
+    os.chown(directory, 65534, 65534)
+    monkeypatch.setenv("VBUS_RUNTIME", str(directory))
+    with pytest.raises(TransportError, match=rf"^runtime directory {directory} is open to others"):
+        runtime_directory()
+
+
+def test_a_directory_that_others_may_replace_is_refused(
+    places: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    open_to_all = places / "open"
+    open_to_all.mkdir()
+    open_to_all.chmod(0o777)
+    monkeypatch.setenv("VBUS_RUNTIME", str(open_to_all / "mine"))
+    with pytest.raises(
+        TransportError, match=rf"others may replace it, .* write in {open_to_all} \(mode 777\)"
+    ):
+        runtime_directory()
+    open_to_all.chmod(0o1777)
+    assert runtime_directory() == open_to_all / "mine"
+
+
+@pytest.mark.parametrize("name", ["boards", "zenoh"])
+def test_a_link_in_the_place_of_a_folder_is_not_followed(
+    places: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv("VBUS_RUNTIME", str(places / "given"))
+    elsewhere = places / "elsewhere"
+    elsewhere.mkdir(mode=0o700)
+    (runtime_directory() / name).symlink_to(elsewhere)
+    with pytest.raises(TransportError, match=rf"^runtime directory {places}/given/{name} is open"):
+        subdirectory(name)
+
+
+def test_a_lock_that_others_may_write_to_is_refused(tmp_path: Path) -> None:
+    planted = lock_of(tmp_path / "x")
+    planted.write_text("1\n")
+    planted.chmod(0o666)
+    with pytest.raises(TransportError, match=r"is no lock of vbus: others have made it or may"):
+        NameLock(tmp_path / "x").take()
+    assert planted.read_text() == "1\n"
+
+
+def test_a_place_that_others_may_write_to_leads_nowhere(
+    places: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VBUS_RUNTIME", str(places))
+    place = register(router_place(), ["tcp/127.0.0.1:1"])
+    assert endpoints_at(place) == ("tcp/127.0.0.1:1",)
+    place.chmod(0o666)
+    assert endpoints_at(place) == ()
+    place.chmod(0o600)
+    link = place.with_name("link.board")
+    link.symlink_to(place)
+    assert endpoints_at(link) == ()
+    unregister(place)
 
 
 def test_a_link_laid_by_somebody_else_is_not_followed(places: Path) -> None:

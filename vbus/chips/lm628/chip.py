@@ -15,11 +15,11 @@ from vbus.chips.lm628.encoder_pins import EncoderPins
 from vbus.chips.lm628.host_port import HostPort
 from vbus.chips.lm628.interface import HostInterface
 from vbus.chips.lm628.output import Output, OutputPins
-from vbus.chips.lm628.pins import BusPins
+from vbus.chips.lm628.pins import BusPins, strobes
 from vbus.chips.tables import PinRow
-from vbus.kernel import HELD, NEVER, Clock, Kernel
+from vbus.kernel import HELD, MS, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher, Z
+from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher
 from vbus.state import Names
 
 _RUNNING: Final = 0
@@ -80,29 +80,25 @@ class LM628(HostInterface):
         super().__init__(name, part, kernel, clock, settings, policy, file)
         self.read_low_ps = ds.READ_LOW
         self.cycle_ps = ds.CYCLE
-        chosen = self.settings
-        self.axis: Axis = Axis(chosen)
-        self.output: Output = Output(pwm, int(chosen["pwm_frame_clk"]))
+        self.axis: Axis = Axis(self.settings)
+        self.output: Output = Output(pwm, int(self.settings["pwm_frame_clk"]))
         self.encoder: Encoder = Encoder(clock)
-        self.host: HostPort = HostPort(clock, chosen, self._host_broke)
+        self.host: HostPort = HostPort(clock, self.settings, self._host_broke)
         self.commands: Commands = Commands(
             self.host, self.axis, pwm, partial(self._reset, _RESET_BY_COMMAND), self._host_broke
         )
         self._mode: int = _UNPOWERED
         self._reset_end: i64 = NEVER
-        self._fails_left: i64 = int(chosen["reset_fail"])
+        self._fails_left: i64 = int(self.settings["reset_fail"])
         self._when: i64 = 0  # instant of what is being processed (ps)
-        # Clock cycle of the last sample, and instant of the next one.
-        self._cycle: i64 = 0
-        self._sample_at: i64 = NEVER
+        self._cycle: i64 = 0  # clock cycle of the last sample
+        self._sample_at: i64 = NEVER  # instant of the next one
         self._course: tuple[int, ...] = ()  # the last sample's, if untouched; see _run_samples
         self._still: bool = False
         drivers = ("MAG", "SIGN") if pwm else tuple(f"DAC{n}" for n in range(8))
-        self._outputs: OutputPins = OutputPins(
-            self.output, clock, tuple(self.pins[name] for name in drivers)
-        )
-        # Nothing is due before this instant: advance() compares with it and is done.
-        self._due_at: i64 = NEVER
+        driven = tuple(self.pins[name] for name in drivers)
+        self._outputs: OutputPins = OutputPins(self.output, clock, driven)
+        self._due_at: i64 = NEVER  # nothing is due before: advance() compares and is done
         self._reset_fell: i64 = 0
         self._front: BusPins = BusPins(self, self.host)
         self._encoder_pins: EncoderPins = EncoderPins(self, self.encoder)
@@ -271,6 +267,11 @@ class LM628(HostInterface):
             return self._reset_end
         return self.host.busy_end if self.host.busy else self.kernel.now
 
+    def next_sample(self) -> int:
+        """Return when the next sample is; of a chip that rests none changes anything."""
+        self.advance()
+        return NEVER if self.resting() else self._sample_at
+
     def steady_until(self, address: int) -> int:
         """Return until when the status byte stays as it is: it changes as outputs do (LM-STA-1)."""
         return self.next_event()
@@ -286,19 +287,10 @@ class LM628(HostInterface):
 
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
         """Return the edges of a whole cycle at the shortest times the manual allows."""
-        setup, hold = ds.AC["T8"].min_ps, ds.AC["T9"].min_ps
-        low = ds.WRITE_LOW if write else ds.READ_LOW
-        strobe = "/WR" if write else "/RD"
-        edges = [(-low - setup, "/PS", address), (-low - setup, "/CS", LOW), (-low, strobe, LOW)]
-        if write:
-            edges.append((-low, "D0-D7", data))
-        edges += [(0, strobe, HIGH), (hold, "/CS", HIGH)]
-        if write:
-            edges.append((ds.AC["T16"].min_ps, "D0-D7", Z))
-        return edges
+        return strobes(write, address, data)
 
-    def _host_broke(self, rule: Rule, detail: str, when: int = -1) -> None:
-        self.report(rule, detail=detail, when=self._when if when < 0 else when)
+    def _host_broke(self, rule: Rule, detail: str, when: int | None = None) -> None:
+        self.report(rule, detail=detail, when=self._when if when is None else when)
 
     @property
     def powered(self) -> bool:
@@ -446,4 +438,11 @@ class LM628(HostInterface):
 
     def after_load(self) -> None:
         """Work out what is due."""
-        self._catch_up()
+        self._front.settle()
+        self._refresh()
+
+    def overdue(self) -> bool:
+        """Tell whether a sample began long ago, or something else was due then."""
+        now = self.kernel.now
+        late = self._cycle < self.clock.cycle_at(now) - 2 * ds.SAMPLE_CLK
+        return self._next_inside() < now - MS or (late and self._sample_at != NEVER)

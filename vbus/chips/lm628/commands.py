@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 from vbus.bits import sign_extend
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.axis import Axis
-from vbus.chips.lm628.host_port import HostPort
+from vbus.chips.lm628.host_port import NO_COMMAND, HostPort
 from vbus.chips.tables import Command
 from vbus.signals import Rule
 from vbus.state import Names
@@ -93,14 +93,14 @@ class Commands:
         """
         axis = self._axis
         code, step, word = self._host.next_step()
-        if axis.sip or (code >= 0 and code not in BUFFERED):
+        if axis.sip or (code != NO_COMMAND and code not in BUFFERED):
             return UNKNOWN
         flags, mask = axis.flags, axis.mask
         if step and code == ds.RSTI:
             flags = axis.kept_flags(word)
         elif step and code == ds.MSKI:
             mask = word & ds.INTERRUPTS
-        return flags if (flags & mask != 0) == axis.interrupt() else UNKNOWN
+        return flags if bool(flags & mask) == axis.interrupt() else UNKNOWN
 
     # -- hooks --------------------------------------------------------------------------------
 

@@ -29,6 +29,9 @@ _LOST: Final = 4
 
 _NO_BYTE: Final = 0xFF
 
+NO_COMMAND: Final = -1
+"""In place of a command's code."""
+
 
 def _undefined(code: int, step: int, word: int) -> bool:
     return False
@@ -73,17 +76,12 @@ class HostPort:
         self.worst: bool = settings["busy"] == "worst"
         """Whether each byte keeps the chip busy for as long as it may (LM-BUS-8)."""
         self._random: int = int(settings["seed"])
-        self.busy_end: i64 = NEVER
-        self.words_due: int = 0
-        self._pending: int = _NOTHING
         self._value: int = 0
         self._code: int = 0
         self._step: int = 0
-        self._reply: list[int] = []
-        self._second: bool = False
         self._high: int = 0
-        self._latched: int = 0
         self._kind: int = _STATUS
+        self.reset()
 
     def serve(self, execute: Execute) -> None:
         """Have ``execute`` carry out the commands."""
@@ -91,14 +89,17 @@ class HostPort:
 
     def reset(self) -> None:
         """Forget packets and the last byte (LM-RST-2, LM-RST-4)."""
-        self.busy_end = NEVER
-        self.words_due = 0
-        self._pending = _NOTHING
-        self._reply = []
-        self._second = False
-        self._latched = 0
+        self.busy_end: i64 = NEVER
+        self._pending: int = _NOTHING
+        self._latched: int = 0
+        self._drop_packet()
         if self._kind != _STATUS:
             self._kind = _REPEAT
+
+    def _drop_packet(self) -> None:
+        self.words_due: int = 0
+        self._reply: list[int] = []
+        self._second: bool = False
 
     def reply(self, value: int, words: int) -> None:
         """Give the host ``words`` 16-bit words to read, high word first (LM-BUS-6)."""
@@ -136,9 +137,7 @@ class HostPort:
             self._report(
                 ds.CUT_PACKET, f"command {code:02X}H written before the data was complete", now
             )
-        self.words_due = 0
-        self._reply = []
-        self._second = False
+        self._drop_packet()
         if code == ds.RESET:
             self._execute(code, 0, 0)
         else:
@@ -232,7 +231,7 @@ class HostPort:
         self._pending = _NOTHING
 
     def next_step(self) -> tuple[int, int, int]:
-        """Return the code, step and word carried out when busy falls; code -1: none."""
+        """Return code (:data:`NO_COMMAND`: none), step and word carried out when busy falls."""
         if self._pending == _WORD:
             return self._code, self._step + 1, self._value
-        return (self._value if self._pending == _COMMAND else -1), 0, 0
+        return (self._value if self._pending == _COMMAND else NO_COMMAND), 0, 0

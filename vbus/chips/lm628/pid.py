@@ -61,7 +61,7 @@ class Pid:
         self.il: i64 = 0
         self.ds: i64 = 0
         self.loaded: list[int] = [0, 0, 0, 0, 0]
-        self.sent: list[int] = [0, 0, 0, 0, 0]
+        self.send()
         self.sum: i64 = 0
         self.term: i64 = 0
         self.derivative: i64 = 0
@@ -74,7 +74,7 @@ class Pid:
 
     def send(self) -> None:
         """UDF: what is loaded goes with it; later data is for the next UDF (NOTES 18)."""
-        self.sent = self.loaded[:]
+        self.sent: list[int] = self.loaded[:]
 
     def update(self) -> None:
         """Use what UDF has taken; the coming sample is a derivative sample (LM-PID-3)."""

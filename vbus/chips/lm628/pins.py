@@ -8,11 +8,25 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.host_port import HostPort
 from vbus.chips.lm628.interface import HostInterface
 from vbus.kernel import NEVER
-from vbus.signals import HIGH, LOW, STRICT, Watcher
+from vbus.signals import HIGH, LOW, STRICT, Watcher, Z
 from vbus.state import Names, Saved, keep, take_back
 
 _LONG_AGO: Final = -(1 << 60)
 _FLOATING: Final = 0xFF
+
+
+def strobes(write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
+    """Return the edges of a whole cycle at the shortest times the manual allows."""
+    setup, hold = ds.AC["T8"].min_ps, ds.AC["T9"].min_ps
+    low = ds.WRITE_LOW if write else ds.READ_LOW
+    strobe = "/WR" if write else "/RD"
+    edges = [(-low - setup, "/PS", address), (-low - setup, "/CS", LOW), (-low, strobe, LOW)]
+    if write:
+        edges.append((-low, "D0-D7", data))
+    edges += [(0, strobe, HIGH), (hold, "/CS", HIGH)]
+    if write:
+        edges.append((ds.AC["T16"].min_ps, "D0-D7", Z))
+    return edges
 
 
 class BusPins:
@@ -36,7 +50,7 @@ class BusPins:
         "_data_read", "_byte", "_left", "_undo: kept[_chip]",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_chip", "_cs", "_data", "_host", "_kernel", "_late", "_limits", "_ps", "_rd",
+        "_chip", "_cs", "_data", "_host", "_kernel", "_late", "_limits", "_live", "_ps", "_rd",
         "_read_undone", "_timer", "_wr", "_write_undone",
     )  # fmt: skip
 
@@ -50,6 +64,8 @@ class BusPins:
         self._wr = chip.pins["/WR"]
         self._data = chip.data_pin
         self._timer = chip.kernel.timer(self._hold_over)
+        # What is shown changes at its instant, though nobody looks: the net keeps that instant.
+        self._live = chip.kernel.timer(self._changes, saved=False)
         # The chip's own promises are the longest that they say, all else the least.
         self._limits: dict[str, int] = {
             row.symbol: row.max_ps if row.output else ds.AC.minimum(row.symbol, chip.clock)
@@ -127,7 +143,7 @@ class BusPins:
 
     def _begin(self, now: int, strobe_fell: int) -> None:
         """A cycle begins: everything about the strobe's leading edge."""
-        self._settle_holds(now)
+        self.settle()
         self._began = now
         self._lost = False
         self._fought = False
@@ -196,7 +212,7 @@ class BusPins:
         if not self._lost:
             chip.write(ps, byte)
         if byte != net.value:
-            self._settle_holds(now)
+            self.settle()
 
     def _end_read(self, now: int, ps: int, rd: int) -> None:
         chip = self._chip
@@ -215,6 +231,7 @@ class BusPins:
             self._host.lose_read()
         chip.end_read()
         self.driving = False
+        self._live.cancel()
         self.show_at = NEVER
         self._data.release()
         self._left = self._data.value
@@ -229,16 +246,12 @@ class BusPins:
 
     def _hold_over(self) -> None:
         self._chip.advance()
-        self._settle_holds(self._kernel.now)
+        self.settle()
         self._chip.rearm()
 
     def settle(self) -> None:
         """Find what has happened to D0-D7 since the last cycle ended."""
-        if self._wrote > _LONG_AGO or self._read > _LONG_AGO:
-            self._settle_holds(self._kernel.now)
-
-    def _settle_holds(self, now: int) -> None:
-        net = self._data.net
+        now, net = self._kernel.now, self._data.net
         if self._wrote > _LONG_AGO:
             # A change at the very instant came before the edge, if the byte was that value.
             moved = max(net.changed_at, net.let_go_at)
@@ -265,3 +278,9 @@ class BusPins:
         if self._kernel.now >= self.show_at:
             self.show_at = NEVER
         self._data.drive(_FLOATING if self.show_at != NEVER else self._chip.read_byte())
+        self._live.at(self._chip.next_event())
+
+    def _changes(self) -> None:
+        self._chip.advance()
+        if self.driving:  # or another state has been loaded since
+            self.show()

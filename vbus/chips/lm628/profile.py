@@ -71,11 +71,7 @@ class Profile:
         self.raw: list[int] = [0, 0, 0]
         self.relative: list[bool] = [False, False, False]
         self.accel_loaded: bool = False
-        self.started: i64 = 0
-        # What the waiting STT has taken, and which buffers were written after it.
-        self._sent_raw: list[int] = [0, 0, 0]
-        self._sent_relative: list[bool] = [False, False, False]
-        self._newer: list[bool] = [False, False, False]
+        self.start()
 
     # -- LTRJ ---------------------------------------------------------------------------------
 
@@ -104,11 +100,12 @@ class Profile:
 
     def start(self) -> None:
         """STT: the buffers as they are go with it; later data is for the next STT (NOTES 18)."""
-        self.started = self.control
+        self.started: i64 = self.control
         self.control &= ~ds.STOPS
-        self._sent_raw = self.raw[:]
-        self._sent_relative = self.relative[:]
-        self._newer = [False, False, False]
+        self._sent_raw: list[int] = self.raw[:]
+        self._sent_relative: list[bool] = self.relative[:]
+        # Which buffers were written after it.
+        self._newer: list[bool] = [False, False, False]
 
     def take_buffers(self) -> None:
         """Copy what STT took to the working set; relative data becomes absolute (LM-TRJ-3, -6).

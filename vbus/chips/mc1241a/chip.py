@@ -274,7 +274,7 @@ class MC1241A(ChipSet):
             wake = due
         if self.interrupts.quiet_until < wake:
             wake = self.interrupts.quiet_until
-        self._wake = wake if wake < self._hold_at else self._hold_at
+        self._wake = min(wake, self._hold_at)
 
     def _host_effect(self) -> None:
         mode = self.shared.output_mode
@@ -284,6 +284,10 @@ class MC1241A(ChipSet):
         if self.port.due() == NEVER:
             self.port.show_ready(True)
         self.interrupts.look()
+
+    def overdue(self) -> bool:
+        """Tell whether the slot that comes next began long ago."""
+        return self.cycles.overdue(self.kernel.now)
 
     def steady_until(self, address: int) -> int:
         """Return until when the adapter's status byte stays as it is (PMD-BUS-12)."""
@@ -300,6 +304,11 @@ class MC1241A(ChipSet):
         if self.interrupts.axis == NOBODY and any(axis.interrupt_mask for axis in self.axes):
             due = min(due, self.cycles.next_event())
         return due
+
+    def next_sample(self) -> int:
+        """Return when the next cycle begins."""
+        self.advance()
+        return NEVER if self.resting() else self.cycles.next_cycle()
 
     def resting(self) -> bool:
         """Whether cycles would change nothing but the time, and nothing else is due."""
@@ -377,3 +386,8 @@ class MC1241A(ChipSet):
                 f"phase B {n}": b,
             }
         return values
+
+    def next_change(self) -> int:
+        """Return when anything happens inside."""
+        self.advance()
+        return int(self._wake)

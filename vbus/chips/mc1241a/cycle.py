@@ -45,8 +45,6 @@ class Cycles:
         """Whether cycles in which nothing happens are passed over; the results are the same."""
         self.run_count: int = 0
         """Cycles run, not passed over, since the chip set was made."""
-        self._origin: i64 = 0
-        self._slot: i64 = 0
         self._slotted: bool = False
         self._reset_since: i64 = 0
         self._slot_start: i64 = 0
@@ -65,8 +63,8 @@ class Cycles:
 
     def begin(self, ready: int) -> None:
         """Count from the first clock at which the host port is ready (ps)."""
-        self._origin = self._chip.clock.cycle_at(ready - 1) + 1
-        self._slot = 0
+        self._origin: i64 = self._chip.clock.cycle_at(ready - 1) + 1
+        self._slot: i64 = 0
         self.boundary = self.ps_of(0)
 
     def _end_reset(self) -> None:
@@ -97,6 +95,15 @@ class Cycles:
         """Return the number of the slot under way at ``instant``."""
         slot = (self._chip.clock.cycle_at(instant) - self._origin) // SLOT_CLK
         return slot if slot > 0 else 0
+
+    def overdue(self, instant: int) -> bool:
+        """Tell whether the slot that comes next began more than some cycles before an instant."""
+        # No machine words: what was kept may lie anywhere.
+        there: int = self._chip.clock.cycle_at(instant)
+        origin: int = self._origin
+        coming: int = self._slot
+        begun = origin + coming * SLOT_CLK
+        return self.boundary != NEVER and there - begun > 2 * SLOTS * SLOT_CLK
 
     @property
     def slot_clk(self) -> i64:
@@ -280,11 +287,17 @@ class Cycles:
             return NEVER
         return self.ps_of((slot + idle * SLOTS) * SLOT_CLK)
 
+    def next_cycle(self) -> int:
+        """When the next cycle begins (ps); NEVER while none will."""
+        if self.boundary == NEVER:
+            return NEVER
+        return self.ps_of(-(-self._slot // SLOTS) * SLOTS * SLOT_CLK)
+
     def resting(self) -> bool:
         """Whether all coming cycles would change nothing but the time."""
         if self.boundary == NEVER:
             return True
-        if self._slot == 0 or self.heard or not self.skipping:
+        if not self._slot or self.heard or not self.skipping:
             return False
         # A command may have changed what the next look-up gives.
         for number, motor in enumerate(self.motors):

@@ -62,9 +62,6 @@ class HostPort:
         self._ready_pin: Pin = chip.pins["HostRdy"]
         self._slot_busy: bool = chip.settings["host_busy"] == "slot"
         self._noop_codes: bool = chip.settings["family_codes"] == "noop"
-        self.busy_until: i64 = 0
-        """HostRdy rises at this instant (ps), NEVER if no end is in sight."""
-        self._pending: int = NOTHING
         self._pending_value: int = 0
         self._high: int = 0
         self._word: int = 0
@@ -74,8 +71,9 @@ class HostPort:
     def reset(self, since: int, ready: int) -> None:
         """Forget every packet and be busy from ``since`` to ``ready`` (ps)."""
         self.busy_since: int = since
-        self.busy_until = ready
-        self._pending = READY
+        self.busy_until: i64 = ready
+        """HostRdy rises at this instant (ps), NEVER if no end is in sight."""
+        self._pending: int = READY
         self._open(None, 0, 0)
         self._code: int = 0
         self._checksum: int = 0
@@ -207,7 +205,7 @@ class HostPort:
         if row is not None:
             self._open(row, row.write, row.read)
             if not row.write:
-                self._result = self._commands.execute(row, 0)
+                self._result = self._commands.execute(row, self._value)
             return
         if code == RESERVED_CODE:
             self._open(None, 0, 0)  # PMD-PKT-5

@@ -31,6 +31,7 @@ class Mc1241aPackets(CommandPackets):
     FAMILY = ds.FAMILY
     WORDS = {"status": 16, "mode": 16, "version": 16, "adapter": 8}
     SETTINGS = ("family_codes",)
+    NAMES = ("adapter status", "adapter reset", "checksum")
     LOST = frozenset({"mc1241a.not-ready"})
     COMMANDS = ds.COMMANDS
     COMMAND_PORT = ds.COMMAND_PORT

@@ -101,12 +101,13 @@ class Profile:
             return False
         if self.mode == VELOCITY:
             return self.velocity != 0
-        return self._state == RUNNING or self.velocity != 0
+        return self._state == RUNNING
 
     def resting(self, active: Registers) -> bool:
-        """Whether further cycles with the same registers and a resting encoder change nothing."""
-        if self.velocity != 0:
-            return False
+        """Whether further cycles with the same registers and a resting encoder change nothing.
+
+        What moves is told by the microstepper, which is not still.
+        """
         if self._state != RUNNING or self.mode == GEAR:
             return True
         return self.mode == VELOCITY and (active.velocity == 0 or active.acceleration == 0)

@@ -55,7 +55,7 @@ def _save_stepper(stepper: Any, saved: Saved) -> tuple[Any, ...]:
 
 def _load_stepper(stepper: Any, old: Any) -> Saved:
     saved = fields(stepper, old[2:], _MICROSTEPS)
-    saved["two_phase"] = old[0] != 0
+    saved["two_phase"] = bool(old[0])
     saved["_shift"] = (old[1] & STEPS - 1) << 32 | old[1] >> 8
     return saved
 

@@ -5,8 +5,15 @@ from typing import ClassVar
 from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
-from vbus.chips.mcp1200.blocks import CONTROL, HELD, NO_REQUEST, STANDING, Blocks, Report
-from vbus.chips.mcp1200.command import Command
+from vbus.chips.mcp1200.blocks import (
+    CONTROL,
+    HELD,
+    NO_REQUEST,
+    NOT_RELEASED,
+    STANDING,
+    Blocks,
+    Report,
+)
 from vbus.chips.mcp1200.control_loop import IDLE
 from vbus.chips.mcp1200.host_registers import HostRegisters
 from vbus.chips.mcp1200.inputs import EncoderPins, SidePins
@@ -84,12 +91,23 @@ class Axis(Blocks):
             due = min(due, self.encoder.end)
         return due
 
+    def next_sample(self) -> int:
+        """Cycle at which a sample starts or its results show, whichever comes first."""
+        return min(self._at_sample, self._at_results)
+
     def resting(self) -> bool:
         """Whether samples repeat themselves and nothing else is due."""
         due = min(min(self._next_count(), self.writes.due), min(self._at_reset, self._at_routine))
         if due != FAR or self._request != NO_REQUEST or self.breakpoint.waiting:
             return False
         return self.rest.lasts(self.state == CONTROL, self.timer.running and self.side.sync == 1)
+
+    def shortest_period(self) -> int:
+        """Return the period of this sample, or of the next if that may be shorter (clocks)."""
+        if self.writes.waits_for(ds.SAMPLE_PERIOD):
+            return 1
+        period, coming = self.timer.period, self.timer.coming
+        return period if period < coming else coming
 
     def run(self, target: i64) -> None:
         """Work off everything due by then."""
@@ -162,12 +180,7 @@ class Axis(Blocks):
         self.state = HELD
         self.registers.reset()
         self.stepper.clear(cycle)
-        self.loop.soft_reset()
-        self.loop.command = Command()
-        self.registers.flag = 0
-        self.registers.mode = 0
-        self.loop.point = 0
-        self.loop.velocity_point = 0
+        self.loop.hard_reset()
         self.encoder.swap(False, cycle)
         self.counter.preset(0, cycle)
         self.breakpoint.clear()
@@ -176,7 +189,7 @@ class Axis(Blocks):
         self.writes.clear()
         self._stop()
         self._at_reset = FAR
-        self.released = -1
+        self.released = NOT_RELEASED
         self.counter.replan(cycle)
 
     def release(self, cycle: int) -> None:
@@ -188,7 +201,7 @@ class Axis(Blocks):
 
     def finish_reset(self, cycle: int) -> None:
         """The reset is over at once: a board that starts after it."""
-        self.released = -1
+        self.released = NOT_RELEASED
         self._end_reset(cycle)
 
     def _end_reset(self, cycle: int) -> None:

@@ -31,6 +31,8 @@ CONTROL: Final = 3
 
 NO_REQUEST: Final = -1
 """The host has written nothing to R05 since the last sample."""
+NOT_RELEASED: Final = -1
+"""/RESET has not risen just now."""
 
 
 class Blocks:
@@ -43,7 +45,8 @@ class Blocks:
 
     Attributes:
         state: :data:`HELD`, :data:`RESETTING`, :data:`STANDING` or :data:`CONTROL`.
-        released: cycle in which Pulse is high after a hard reset, else -1.
+        released: cycle in which Pulse is high after a hard reset, else
+            :data:`NOT_RELEASED`.
         writes: what the host has written, before it is visible.
     """
 
@@ -69,7 +72,7 @@ class Blocks:
         self.drive: PlantDrive = PlantDrive(registers, self.encoder, self.stepper, settings)
         self.rest: Rest = Rest(self.loop, self.drive, self.encoder)
         self.state: int = HELD
-        self.released: i64 = -1
+        self.released: i64 = NOT_RELEASED
         self.writes: Writes = Writes()
         self._request: int = NO_REQUEST
         self._aiming: bool = False
@@ -79,9 +82,9 @@ class Blocks:
         self._at_results: i64 = FAR
         self._at_routine: i64 = FAR
 
-    def report(self, rule: Rule, cycle: int = -1, measured: int = 0, detail: str = "") -> None:
-        """File a violation of clock cycle ``cycle``, or of just now."""
-        self._report(rule, measured, 0, detail, -1 if cycle < 0 else self._clock.ps(cycle))
+    def report(self, rule: Rule, cycle: int, measured: int = 0, detail: str = "") -> None:
+        """File a violation of clock cycle ``cycle``."""
+        self._report(rule, measured, 0, detail, self._clock.ps(cycle))
 
     # -- modes and the sample timer -----------------------------------------------------------
 

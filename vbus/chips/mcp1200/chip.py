@@ -11,11 +11,13 @@ from vbus.chips.mcp1200.outputs import OutputPins
 from vbus.chips.mcp1200.pins import LONG_AGO, HostInterface, HostPins
 from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.tables import PinRow
-from vbus.kernel import NEVER, Clock, Kernel
+from vbus.kernel import MS, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Plant, Policy, Rule, Violation, Watcher, Z
 from vbus.state import Names
 
+NO_READ: Final = -1
+"""In place of an address: no read is under way."""
 STROBE_PS: Final = 80_000
 """From the first edge of :meth:`MCP1200.strobes` to the last."""
 
@@ -66,7 +68,7 @@ class MCP1200(HostInterface):
         self.read_low_ps = self.ac["tALDB"].max_ps
         self.cycle_ps = STROBE_PS + self.ac.minimum("tCSAL", clock)
         self.axis: Axis = Axis(clock, self.settings, self.report)
-        self._reading: int = -1
+        self._reading: int = NO_READ
         self._latch: int = 0
         self._last_rise: int = LONG_AGO
         self._due_ps: int = NEVER
@@ -93,10 +95,10 @@ class MCP1200(HostInterface):
     def end_read(self) -> int:
         """/CS rises on a read: the output latch is frozen, and reading has its effects."""
         self.advance()
-        if self._reading >= 0:
+        if self._reading != NO_READ:
             host = self.axis.host
             address = host.map(self._reading)
-            self._reading = -1
+            self._reading = NO_READ
             if not self._too_soon(ds.RECOVERY_READ_CLK):
                 cycle = self.cycle_now()
                 self._latch = host.read(address, cycle)
@@ -106,7 +108,7 @@ class MCP1200(HostInterface):
 
     def drop_read(self) -> None:
         """A read that was begun does not take place; the latch keeps what it had."""
-        self._reading = -1
+        self._reading = NO_READ
 
     def drop_write(self) -> None:
         """The byte just written does not count after all (strict policy)."""
@@ -114,7 +116,7 @@ class MCP1200(HostInterface):
 
     def output(self) -> int:
         """What /OE puts on the bus now."""
-        if self._reading < 0:
+        if self._reading == NO_READ:
             return self._latch
         host = self.axis.host
         return host.read(host.map(self._reading), self.cycle_now())
@@ -139,6 +141,17 @@ class MCP1200(HostInterface):
     def _stall(self) -> None:
         if self.axis.stall():
             self._refresh_due()
+
+    def step_ps(self) -> int:
+        """Return the shortest sample period to come, which may be a single clock (MCP-SMP-1)."""
+        self.advance()
+        return NEVER if self.resting() else self.clock.span(self.axis.shortest_period())
+
+    def next_sample(self) -> int:
+        """Return when the next sample starts, or the results of this one show (MCP-SMP-5)."""
+        self.advance()
+        cycle = self.axis.next_sample()
+        return NEVER if cycle == FAR or self.resting() else self.clock.ps(cycle)
 
     def steady_until(self, address: int) -> int:
         """Return until when a status register stays as it is: until anything happens inside."""
@@ -180,7 +193,7 @@ class MCP1200(HostInterface):
             self.outputs.show_pulse(cycle)
             edge = self.outputs.pulse_edge(cycle)
             self._quiet_ps = NEVER if edge == FAR else self.clock.ps(edge)
-        if self._reading >= 0:
+        if self._reading != NO_READ:
             self.bus.refresh()
 
     def touched(self) -> None:
@@ -199,14 +212,14 @@ class MCP1200(HostInterface):
         """Return an instant not later than the next change of an output (ps)."""
         self.advance()
         # The data bus follows a register that is read, in idle mode too (MCP-BUS-6).
-        due = self.axis.next_output() if self._reading < 0 else self.axis.next()
+        due = self.axis.next_output() if self._reading == NO_READ else self.axis.next()
         if self._pulse_heard:
             due = min(due, self.outputs.pulse_edge(self.cycle_now()))
         return NEVER if due == FAR else self.clock.ps(due)
 
     def resting(self) -> bool:
         """Whether samples repeat themselves and nothing else is due, nor is a read under way."""
-        return self._reading < 0 and self.axis.resting()
+        return self._reading == NO_READ and self.axis.resting()
 
     def heard_changed(self) -> None:
         """Somebody began or ceased to listen; the chip's own watchers do not count."""
@@ -251,7 +264,7 @@ class MCP1200(HostInterface):
 
     def clear_bus(self) -> None:
         """The I/O control logic is cleared."""
-        self._reading = -1
+        self._reading = NO_READ
         self._latch = 0
         self.bus.clear()
 
@@ -324,11 +337,29 @@ class MCP1200(HostInterface):
             "phase": registers.phase,
         }
 
+    def next_change(self) -> int:
+        """Return when anything happens inside."""
+        self.advance()
+        return self._due_ps
+
+    def peek(self, address: int) -> int:
+        """Return the byte a read of a register would give."""
+        self.advance()
+        return self.axis.host.read(address, self.cycle_now())
+
     def before_save(self) -> None:
         """However seldom anybody has looked at Pulse, its frame is the one under way now."""
         self.advance()
         self.axis.pwm.roll(self.cycle_now())
         self.outputs.show_pulse(self.cycle_now())
+
+    def overdue(self) -> bool:
+        """Tell whether a count, a sample or a period of the plant was due long ago."""
+        # No machine words: what was kept may lie anywhere.
+        now: int = self.cycle_now()
+        longest: int = self.clock.cycle_at(MS)
+        due: int = self.axis.next()
+        return now - due > longest
 
     def after_load(self) -> None:
         """What the pins show is not known any more."""

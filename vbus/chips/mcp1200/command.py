@@ -37,13 +37,17 @@ class Command:
 
     def __init__(self) -> None:
         self.position: i64 = 0
+        self.accel_delta: i64 = 0
+        self.decel_position: i64 = 0
+        self.rest()
+
+    def rest(self) -> None:
+        """Stand where the command is; the fraction is dropped."""
         self.fraction: i64 = 0
         self.velocity: i64 = 0
         self.moving: bool = False
         self.phase: i64 = 0
         self.left: i64 = 0
-        self.accel_delta: i64 = 0
-        self.decel_position: i64 = 0
 
     def move(self, velocity: i64) -> None:
         """Go on by ``velocity``."""
@@ -51,14 +55,6 @@ class Command:
         self.position = wrap_word(self.position + (total >> 8), 0x800000)
         self.fraction = total & 0xFF
         self.velocity = velocity
-
-    def rest(self) -> None:
-        """Stand where the command is; the fraction is dropped."""
-        self.fraction = 0
-        self.velocity = 0
-        self.moving = False
-        self.phase = 0
-        self.left = 0
 
 
 class IntegralVelocity:

@@ -244,6 +244,8 @@ MODES: Final = ("soft reset", "idle", "halt motion", "control")
 
 # -- timings, in clock periods ------------------------------------------------------------------
 
+SAMPLE_PERIOD: Final = (0x0F, 0x10, 0x11)
+"""Registers that make the sample period (MCP-REG-14, -15)."""
 WRITE_CLK: Final = 4
 """From /CS rise until a written byte is visible inside (MCP-BUS-5)."""
 RECOVERY_WRITE_CLK: Final = 4
@@ -251,6 +253,8 @@ RECOVERY_READ_CLK: Final = 2
 """From one /CS rise to the next (MCP-BUS-12)."""
 RESET_CLK: Final = 320
 """Duration of a reset (MCP-RST-5)."""
+SAMPLE_CLK: Final = (0x3F + 1) * (0x40 + 1)
+"""A sample after reset, until a host programs another (MCP-REG-14, MCP-REG-15)."""
 BREAK_ROUTINE_CLK: Final = 67
 """From sample start to the breakpoint routine (MCP-BRK-3)."""
 DIRECTION_SETUP_CLK: Final = 1080

@@ -142,9 +142,9 @@ class HostRegisters:
     def clear_errors(self) -> None:
         """Error flags off, except of a pin that is still low (MCP-STA-2)."""
         flags = ds.ERROR_FLAGS
-        if self._side.limit == 0:
+        if not self._side.limit:
             flags &= ~ds.LIMIT_OK
-        if self._side.stop == 0:
+        if not self._side.stop:
             flags &= ~ds.STOP_OK
         self._registers.status = self._registers.status & ~ds.ERROR_FLAGS | flags
 

@@ -45,17 +45,16 @@ class EncoderPins:
         self._blocks: Blocks = blocks
         self._pins: list[Pin] = [chip.pins[name] for name in ("CHA", "CHB", "INDEX")]
         self.decoder: Quadrature = Quadrature(ds.FILTER_STAGES, ds.FILTER_STAGES)
-        self.decoder.preset(1, 1, 1)
-        self._levels: list[int] = [1, 1, 1]
         self._since: list[int] = [LONG_AGO] * 3
-        self.at: i64 = FAR
+        self.settle_levels()
         watcher = Watcher(chip.kernel, self._moved)
         for pin in self._pins:
             pin.net.watch(watcher)
 
     def settle_levels(self) -> None:
         """Take the levels as they stand as what has been there for ever: power-on."""
-        a, b, index = self._levels = [pin.value for pin in self._pins]
+        self._levels: list[int] = [pin.value for pin in self._pins]
+        a, b, index = self._levels
         self.decoder.preset(a, b, index)
         self.after_load()
 
@@ -71,7 +70,7 @@ class EncoderPins:
     def after_load(self) -> None:
         """Find out when the next edge is believed."""
         due = self.decoder.due()
-        self.at = FAR if due == NEVER else due
+        self.at: i64 = FAR if due == NEVER else due
 
     def settle(self, cycle: int) -> None:
         """Take what has passed the filter by ``cycle``."""

@@ -1,14 +1,17 @@
 """The output pins: status lines, motor command port, Pulse and Sign."""
 
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from vbus.chips.base import Chip
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import Axis
-from vbus.chips.mcp1200.blocks import CONTROL, HELD, STANDING
+from vbus.chips.mcp1200.blocks import CONTROL, HELD, NOT_RELEASED, STANDING
 from vbus.chips.mcp1200.timer import FAR
 from vbus.signals import HIGH, LOW, Pin
 from vbus.state import Names
+
+NOTHING: Final = -1
+"""In place of the registers that the pins show: other than any."""
 
 
 class OutputPins:
@@ -26,7 +29,7 @@ class OutputPins:
 
     def __init__(self, chip: Chip, axis: Axis) -> None:
         self._axis: Axis = axis
-        self._shown: int = -1
+        self._shown: int = NOTHING
         self._prof: Pin = chip.pins["PROF"]
         self._idle: Pin = chip.pins["IDLE"]
         self._busy: Pin = chip.pins["BUSY"]
@@ -54,7 +57,7 @@ class OutputPins:
 
     def forget(self) -> None:
         """The pins may stand at other levels than before: a state was loaded."""
-        self._shown = -1
+        self._shown = NOTHING
 
     def _prof_level(self) -> int:
         """F2, or the interpolator's busy latch (MCP-FLG-5)."""
@@ -90,7 +93,7 @@ class OutputPins:
             axis.pwm.roll(cycle)
             released = cycle == axis.released
             if cycle > axis.released:
-                axis.released = -1
+                axis.released = NOT_RELEASED
             self._pulse.drive(HIGH if released else axis.pwm.level(cycle))
             self._sign.drive(axis.pwm.sign)
 

@@ -90,9 +90,9 @@ class RegisterFile(Registers):
     def drive(self, dac: i64, pwm: i64) -> None:
         """Put the DAC port's code and the PWM's motor command where they are read and go out."""
         self.motor_command = dac >> 4
-        self.motor_command_low = dac << 4 & 0xF0
+        self.motor_command_low = (dac & 0x0F) << 4
         self.pwm_command = pwm >> 4
-        self.pwm_fraction = pwm << 4 & 0xF0
+        self.pwm_fraction = (pwm & 0x0F) << 4
 
     def outputs_off(self) -> None:
         """Both motor command outputs to zero."""

@@ -40,7 +40,7 @@ class Rest:
 
     def note(self) -> None:
         """A control sample has shown its results: compare it with the one before."""
-        if self._loop.steps != 0 or not self._drive.at_rest():
+        if self._loop.steps or not self._drive.at_rest():
             self.disturb()
             return
         now = (self._loop.registers.image, save(self._loop))

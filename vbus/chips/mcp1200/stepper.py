@@ -176,8 +176,7 @@ class StallCheck:
         if ratio == 0:
             self.clear()
             return False
-        if self._samples < LEAST_SAMPLES:
-            self._samples += 1
+        self._samples = min(self._samples + 1, LEAST_SAMPLES)
         self._expected += (self._steps if self._steps > 0 else -self._steps) * ratio
         self._counts += self._way if self._way > 0 else -self._way
         if self._samples < LEAST_SAMPLES or self._expected < 256:

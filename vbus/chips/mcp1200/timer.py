@@ -43,6 +43,11 @@ class SampleTimer:
         """Clocks from one sample start to the next, as loaded."""
         return self.pre * self.counts
 
+    @property
+    def coming(self) -> i64:
+        """Clocks of the next period, as the registers stand now."""
+        return (self._registers.prescaler + 1) * (self._registers.sample_timer + 1)
+
     def reload(self, cycle: i64) -> None:
         """Begin a period at ``cycle`` with the values now in the registers."""
         self.start = cycle

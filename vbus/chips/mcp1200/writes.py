@@ -34,6 +34,10 @@ class Writes:
         self.after_load()
         return address, data
 
+    def waits_for(self, registers: tuple[int, ...]) -> bool:
+        """Tell whether a byte is on its way to one of some registers."""
+        return any(address & 0x3F in registers for _, address, _ in self._waiting)
+
     def lose(self) -> None:
         """Forget the byte written last, if it is not yet visible."""
         del self._waiting[-1:]

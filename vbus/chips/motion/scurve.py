@@ -74,11 +74,26 @@ class SCurve:
     )  # fmt: skip
 
     def __init__(self) -> None:
-        self.distance: int = 0
+        self.plan(0, 0, 0, 0)
+
+    def plan(self, distance: int, top: int, accel: int, jerk: int) -> bool:
+        """Plan a move from rest (MCP-SCV-1).
+
+        Args:
+            distance: way to go, 0 or more; with 0 the move is done at once.
+            top: largest velocity.
+            accel: largest acceleration.
+            jerk: largest jerk.
+
+        Returns:
+            Whether it moves. With ``top``, ``accel`` or ``jerk`` 0 it does not and is never done
+            (MCP-SCV-4).
+        """
+        self.distance: int = distance
         self.offset: int = 0
         self.velocity: int = 0
         self.phase: int = 0
-        self.done: bool = True
+        self.done: bool = distance == 0
         self.rise: int = 0
         self.flat: int = 0
         self.hold: int = 0
@@ -94,29 +109,7 @@ class SCurve:
         self._peak: int = 0
         self._left: int = 0
         self._stopping: bool = False
-
-    def plan(self, distance: int, top: int, accel: int, jerk: int) -> bool:
-        """Plan a move from rest (MCP-SCV-1).
-
-        Args:
-            distance: way to go, 0 or more; with 0 the move is done at once.
-            top: largest velocity.
-            accel: largest acceleration.
-            jerk: largest jerk.
-
-        Returns:
-            Whether it moves. With ``top``, ``accel`` or ``jerk`` 0 it does not and is never done
-            (MCP-SCV-4).
-        """
-        self.distance = distance
-        self.offset = self.velocity = self.phase = 0
-        self.rise = self.flat = self.hold = 0
-        self._num = self._part = self._end_part = self._rest = 0
-        self._den = 1
-        self._k = self._c = self._peak = self._left = 0
-        self._stopping = False
-        self.done = distance == 0
-        if distance == 0 or top == 0 or accel == 0 or jerk == 0:
+        if self.done or top == 0 or accel == 0 or jerk == 0:
             return False
 
         if accel * accel >= top * jerk:
@@ -131,7 +124,8 @@ class SCurve:
             if distance > 2 * accel * rise * rise:
                 rise = _ceil_div(accel, jerk)
                 root = _ceil_sqrt(rise * rise + 4 * _ceil_div(distance, accel))
-                flat = max(0, _ceil_div(root - 3 * rise, 2))
+                # At least 1: the distance is more than 2 * accel * rise * rise with this rise, too.
+                flat = _ceil_div(root - 3 * rise, 2)
         ramps = 2 * rise + flat
         # As many samples at the peak velocity as the whole move is worth.
         samples = max(ramps, _ceil_div(distance, top))

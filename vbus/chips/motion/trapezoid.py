@@ -51,15 +51,13 @@ def arrived(remaining: i64, velocity: i64, accel: i64, start: i64 = 0) -> bool:
     return remaining == 0 and -accel - start <= velocity <= accel + start
 
 
-def stopping_distance(velocity: int, accel: int, start: int = 0) -> int:
+def stopping_distance(velocity: int, accel: int) -> int:
     """Return the way covered from the coming sample on, if it has ``velocity``, until rest.
 
-    Each further sample is slower by ``accel``; what is left below ``start`` is not travelled.
-    ``velocity`` must not be negative and ``accel`` not 0.
+    Each further sample is slower by ``accel``. ``velocity`` must not be negative and ``accel``
+    not 0.
     """
-    if velocity <= start:
-        return velocity
-    n = (velocity - start) // accel
+    n = velocity // accel
     return (n + 1) * velocity - accel * (n * (n + 1) // 2)
 
 

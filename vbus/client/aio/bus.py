@@ -300,7 +300,9 @@ class Bus(Cycles):
                     writing = bool(rest) and self.link.by_descriptor
                     until = self.link.until(deadline)
                     if not await until_ready(self.link.fd, writing, until) and until == deadline:
-                        raise self._late(message)
+                        if not self.link.paused():
+                            raise self._late(message)
+                        deadline = monotonic() + self._patience()
                     self._receive()
                     rest = self._send(rest)
             finally:

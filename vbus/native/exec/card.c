@@ -29,6 +29,9 @@
 struct port {
     uintptr_t address;
     unsigned char chip, chip_address, floating;
+    unsigned char answers;      /* whether a chip does */
+    unsigned char acknowledges; /* whether side pin `pin` is pulsed low after the access */
+    unsigned char pin;
 };
 
 struct card_settings card;
@@ -40,9 +43,11 @@ static struct {
 
 static struct vbus bus;
 static int open_session, slaved;
+static int shared; /* other processes use the card too, each with a clock of its own */
 static unsigned selected;
 static uint64_t cycles[MOST_CHIPS], clock_step;
 static uint64_t elapsed;  /* virtual time since it began (ps) */
+static uint64_t limit = UINT64_MAX; /* what it may take, if the board was told; beyond it, tell */
 static uint64_t owed;     /* of that, what the board has not been told (lockstep) */
 static uint64_t board_at; /* what the board's clock showed when ours showed 0 (slaved) */
 static uint64_t begun_ps;
@@ -209,19 +214,24 @@ static unsigned long long number_setting(const char *text, const char *key)
     return value == NULL ? 0 : strtoull(value, NULL, 0);
 }
 
-/* Read "r340=0.1/7F w341=0.1 ..." up to the semicolon; the entries come sorted by address. */
+/* Read "r340=0.1/7F r344!5 w341=0.1!5 ..." up to the semicolon; the entries come sorted by address. */
 static void read_card(const char *text)
 {
     while (text != NULL && (*text == 'r' || *text == 'w')) {
-        struct port port = {0, 0, 0, 0};
+        struct port port = {0, 0, 0, FLOATING, 0, 0, 0};
         int write = *text == 'w';
         char *end;
 
         port.address = strtoull(text + 1, &end, 16);
-        port.chip = (unsigned char)(strtoul(end + 1, &end, 16) % MOST_CHIPS);
-        port.chip_address = (unsigned char)strtoul(end + 1, &end, 16);
-        if (*end == '/')
-            port.floating = (unsigned char)strtoul(end + 1, &end, 16);
+        port.answers = *end == '=';
+        if (port.answers) {
+            port.chip = (unsigned char)(strtoul(end + 1, &end, 16) % MOST_CHIPS);
+            port.chip_address = (unsigned char)strtoul(end + 1, &end, 16);
+            port.floating = *end == '/' ? (unsigned char)strtoul(end + 1, &end, 16) : 0;
+        }
+        port.acknowledges = *end == '!';
+        if (port.acknowledges)
+            port.pin = (unsigned char)strtoul(end + 1, &end, 16);
         if (card.end == 0 || port.address < card.first)
             card.first = port.address;
         if (port.address >= card.end)
@@ -250,10 +260,13 @@ void card_read_settings(void)
     card.lines = (uint32_t)number_setting(text, "lines");
     card.low = (uint32_t)number_setting(text, "low");
     card.signal = (int)number_setting(text, "signal");
+    card.edge = number_setting(text, "edge") != 0;
     next = setting(text, "note");
     if (next != NULL && strcspn(next, ";") < sizeof note)
         memcpy(note, next, strcspn(next, ";"));
     clock_step = number_setting(text, "step");
+    if (number_setting(text, "limit") != 0)
+        limit = number_setting(text, "limit");
     next = setting(text, "cycles");
     for (turn = 0; turn < MOST_CHIPS && next != NULL; turn++) {
         char *end;
@@ -333,12 +346,13 @@ static void lift_descriptor(void)
 
 static void open_card(void)
 {
-    const char *where = getenv("VBUS_LINK");
+    const char *where;
     uint64_t now = 0;
     int error;
 
     if (open_session)
         return;
+    where = getenv("VBUS_LINK");
     error = where == NULL ? VBUS_E_WHERE : vbus_open(&bus, where);
     if (error < 0) {
         card_say("%s: %s", where == NULL ? "VBUS_LINK" : where,
@@ -416,10 +430,21 @@ void card_check(void)
         must(VBUS_E_CLOSED);
 }
 
+unsigned card_requests(void)
+{
+    return bus.number;
+}
+
 void card_send(void)
 {
     if (open_session)
         must(vbus_send(&bus));
+}
+
+void card_share(void)
+{
+    shared = 1;
+    card_send();
 }
 
 void card_send_last(void)
@@ -451,10 +476,30 @@ static void tell_time(void)
     owed = 0;
 }
 
+static void spend(uint64_t ps);
+
+/* What another process has done lies behind this one: a cycle is never before it (slaved). */
+static void keep_up(void)
+{
+    uint64_t now;
+
+    if (!slaved || !shared)
+        return;
+    must(vbus_now(&bus, &now));
+    if (now > board_at + elapsed)
+        board_at = now - elapsed;
+}
+
 static void begin_cycle(const struct port *port)
 {
     unsigned mask = 1u << port->chip;
 
+    keep_up();
+    if (!port->answers) { /* a cycle all the same */
+        spend(cycles[0]);
+        tell_time();
+        return;
+    }
     if (mask != selected)
         must(vbus_select(&bus, mask));
     selected = mask;
@@ -463,6 +508,17 @@ static void begin_cycle(const struct port *port)
     tell_time();
     if (!slaved)
         elapsed += cycles[port->chip];
+}
+
+/* What an access does on the card once the chip has had its cycle. */
+static void end_cycle(const struct port *port)
+{
+    if (port->acknowledges) {
+        must(vbus_pin(&bus, port->pin, 0));
+        must(vbus_pin(&bus, port->pin, 2));
+        if (!card.virtual_time || watching)
+            must(vbus_echo(&bus, 0)); /* the line has let go */
+    }
 }
 
 static const struct port *find(const struct port *ports, unsigned count, uintptr_t address)
@@ -498,9 +554,10 @@ void card_load(uintptr_t address, unsigned char *data, unsigned size, uintptr_t 
         answers++;
         open_card();
         begin_cycle(port);
-        byte = vbus_read(&bus, port->chip_address);
+        byte = port->answers ? vbus_read(&bus, port->chip_address) : 0;
         must(byte);
         data[place] = (unsigned char)(byte | port->floating);
+        end_cycle(port);
     }
     current_ip = 0;
     quiet_until = 0;
@@ -521,7 +578,9 @@ void card_store(uintptr_t address, const unsigned char *data, unsigned size, uin
         answers++;
         open_card();
         begin_cycle(port);
-        must(vbus_write(&bus, port->chip_address, data[card.big ? size - 1 - turn : turn]));
+        if (port->answers)
+            must(vbus_write(&bus, port->chip_address, data[card.big ? size - 1 - turn : turn]));
+        end_cycle(port);
     }
     if (answers == 0)
         unanswered(address, size, 1, ip);
@@ -562,6 +621,19 @@ static void spend(uint64_t ps)
         owed += ps;
 }
 
+/* A board knows of no time that has not been told: it ends a program that goes on beyond a limit. */
+static void heed_limit(void)
+{
+    uint64_t edge;
+
+    if (elapsed <= limit)
+        return;
+    limit = elapsed + STEP_PS;
+    open_card();
+    tell_time();
+    must(vbus_sync(&bus, NULL, &edge));
+}
+
 uint64_t card_elapsed(void)
 {
     return elapsed / PS_PER_NS;
@@ -596,6 +668,7 @@ uint64_t card_look(void)
     spend(clock_step);
     if (watching && card.virtual_time && elapsed >= quiet_until)
         look_at_line();
+    heed_limit();
     return elapsed / PS_PER_NS;
 }
 
@@ -604,6 +677,7 @@ void card_pass(uint64_t duration)
     spend(duration < END_OF_TIME / PS_PER_NS ? duration * PS_PER_NS : END_OF_TIME);
     if (watching && card.virtual_time && elapsed >= quiet_until)
         look_at_line();
+    heed_limit();
 }
 
 int card_leap(int64_t longest, int heeds)
@@ -621,7 +695,7 @@ int card_leap(int64_t longest, int heeds)
     } else if (noticed == interrupts) {
         if (elapsed >= quiet_until)
             look_at_line();
-        if (longest == FOR_EVER && quiet_until == UINT64_MAX) {
+        if (longest == FOR_EVER && quiet_until == UINT64_MAX && limit == UINT64_MAX) {
             step = 0; /* the line does not move unless the program does something */
         } else if (noticed == interrupts) {
             tell_time();
@@ -676,7 +750,7 @@ void card_rearm(void)
     open_card();
     tell_time();
     must(vbus_sync(&bus, &outputs, NULL));
-    if (card_interrupting(outputs))
+    if (card_interrupting(outputs) && !card.edge)
         card_interrupt();
 }
 

@@ -19,6 +19,7 @@ struct card_settings {
     uintptr_t first, end; /* the card's addresses: first, and one past the last */
     uint32_t lines, low;  /* output lines that interrupt, and those of them that do so when low */
     int signal;           /* signal they send, or 0 */
+    int edge;             /* an interrupt that stands counts once, and not again when it is enabled */
 };
 
 extern struct card_settings card;
@@ -35,8 +36,14 @@ void card_store(uintptr_t address, const unsigned char *data, unsigned size, uin
 /* Whether the board is still there; if not the program ends. */
 void card_check(void);
 
+/* How many requests there have been: polls that a lease has answered are told of together. */
+unsigned card_requests(void);
+
 /* Send what is kept back. */
 void card_send(void);
+
+/* The same before another process begins that may use the card. */
+void card_share(void);
 
 /* The same before the program dies: hardly waits for the lock, never ends the program itself. */
 void card_send_last(void);
@@ -99,7 +106,7 @@ void card_interrupt(void);
 void card_lock_interrupts(void);
 void card_unlock_interrupts(void);
 
-/* An interrupt that still stands counts again. */
+/* An interrupt that still stands counts again, where its level is sensed. */
 void card_rearm(void);
 
 /* Tell the program of interrupts that have come and of timers that have expired. */

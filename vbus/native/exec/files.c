@@ -196,6 +196,18 @@ static ssize_t move_here(int fd, unsigned char *into, const unsigned char *from,
     return done;
 }
 
+static volatile unsigned changes = 1;
+
+void files_changed(void)
+{
+    changes++;
+}
+
+unsigned files_changes(void)
+{
+    return changes;
+}
+
 /* What has come and has not been read makes the descriptor readable. */
 void files_interrupt(void)
 {
@@ -203,6 +215,7 @@ void files_interrupt(void)
     uint32_t count = card_interrupts();
     int fd;
 
+    files_changed();
     for (fd = 0; fd <= uio_last; fd++)
         if (kinds[fd] == UIO && uio_seen[fd] != count)
             sys_write(fd, &one, sizeof one);
@@ -412,6 +425,7 @@ FOPEN(fopen64)
 
 void files_closed(unsigned first, unsigned last)
 {
+    files_changed();
     timers_closed(first, last);
     for (; first <= last && first < MOST_FILES; first++)
         kinds[first] = NONE;
@@ -419,6 +433,7 @@ void files_closed(unsigned first, unsigned last)
 
 int files_copied(int from, int to)
 {
+    files_changed();
     if (to >= 0 && to < MOST_FILES)
         kinds[to] = (unsigned char)kind_of(from);
     if (to >= 0 && to < MOST_FILES && kinds[to] == UIO) {
@@ -516,7 +531,7 @@ PUBLIC int iopl(int level)
 static void before_fork(void)
 {
     card_enter();
-    card_send();
+    card_share();
 }
 
 static void after_fork_in_parent(void)

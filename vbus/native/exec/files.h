@@ -7,6 +7,10 @@
 /* An interrupt has come: whoever waits for it can read. */
 void files_interrupt(void);
 
+/* Something has happened that may make a descriptor of ours ready; and how often that was. */
+void files_changed(void);
+unsigned files_changes(void);
+
 /* Whether nothing but interrupts and virtual time makes these descriptors ready. */
 int files_inner(const struct pollfd *set, nfds_t count);
 

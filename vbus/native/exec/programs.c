@@ -18,7 +18,7 @@ static void send_first(void)
     if (!card_in_use())
         return;
     card_enter();
-    card_send();
+    card_share();
     card_leave();
 }
 

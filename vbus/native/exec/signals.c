@@ -25,6 +25,7 @@
 static struct sigaction actions[SIGNALS]; /* what the program has asked for */
 static unsigned char ours[SIGNALS];       /* where a handler of ours stands for it */
 static volatile int last_words;
+static volatile unsigned sent; /* signals of ours to this process */
 static const char pending; /* what those wait on who wait for a signal */
 
 int signals_real(int number, const struct sigaction *action, struct sigaction *before)
@@ -119,6 +120,11 @@ enum after signals_run(struct guest *self)
 
 /* --- sending ---------------------------------------------------------------------------------- */
 
+unsigned signals_sent(void)
+{
+    return sent;
+}
+
 static int blocks(const struct guest *guest, int number)
 {
     unsigned long long mask = 0;
@@ -149,6 +155,7 @@ void signals_send_to(struct guest *guest, int number, int code, union sigval val
 {
     siginfo_t info;
 
+    sent++;
     memset(&info, 0, sizeof info);
     info.si_signo = number;
     info.si_code = code;
@@ -170,6 +177,7 @@ void signals_send(int number, int code, union sigval value)
                 signals_send_to(guest, number, code, value);
                 return;
             }
+    sent++;
     memset(&info, 0, sizeof info);
     info.si_signo = number;
     info.si_code = code;

@@ -18,6 +18,9 @@ enum after signals_run(struct guest *self);
 /* Wait with another mask, or NULL; what it lets through ends it. */
 enum ending signals_wait(const sigset_t *mask, struct wait *wait, enum after *after);
 
+/* How many these two have sent. */
+unsigned signals_sent(void);
+
 /* Send a signal to the program: to the first of its threads that does not block it. */
 void signals_send(int number, int code, union sigval value);
 

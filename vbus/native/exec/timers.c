@@ -9,6 +9,7 @@
 
 #include "card.h"
 #include "clock.h"
+#include "files.h"
 #include "signals.h"
 #include "sys.h"
 #include "trap.h"
@@ -118,6 +119,7 @@ static void expire(struct timer *timer, uint64_t times)
     switch (timer->kind) {
     case DESCRIPTOR:
         sys_write(timer->fd, &times, sizeof times);
+        files_changed();
         break;
     case SIGNAL:
         for (guest = timer->thread ? turns_next(NULL) : NULL; guest != NULL;

@@ -6,6 +6,7 @@
 
 #include "card.h"
 #include "context.h"
+#include "follow.h"
 #include "signals.h"
 #include "sys.h"
 #include "turns.h"
@@ -62,7 +63,7 @@ int trap_level(int wanted)
     return 0;
 }
 
-static int may(unsigned port, unsigned size)
+int trap_may(unsigned port, unsigned size)
 {
     unsigned turn;
 
@@ -184,7 +185,35 @@ static void out(unsigned port, uint32_t value, unsigned size)
         card_store(port, bytes, size, trapped_ip);
 }
 
-static const struct x86_bus bus = {trap_covers, load, store, may, in, out};
+static const struct x86_bus bus = {0, trap_covers, load, store, trap_may, in, out};
+
+/* --- accesses --------------------------------------------------------------------------------- */
+
+static struct guest *volatile stepping; /* who carries an access out */
+
+/* Carry out an instruction that reaches the card; the thread has `mask`. */
+static int reach(struct x86 *cpu, const sigset_t *mask)
+{
+    int result;
+
+    card_enter(); /* the kernel has blocked signals meanwhile */
+    stepping = turns_self();
+    stepping->trapped = mask;
+    trapped_ip = cpu->ip;
+    result = x86_step(cpu, &bus);
+    trapped_ip = 0;
+    stepping = NULL;
+    card_leave();
+    return result;
+}
+
+int trap_reach(struct x86 *cpu, const sigset_t *mask, int *result)
+{
+    unsigned entries = turns_entries(), sent = signals_sent();
+
+    *result = reach(cpu, mask);
+    return *result == X86_DONE && turns_entries() == entries + 1 && signals_sent() == sent;
+}
 
 /* --- the handler ------------------------------------------------------------------------------ */
 
@@ -298,29 +327,46 @@ static void raise_division(ucontext_t *context, uintptr_t ip)
     syscall(SYS_rt_tgsigqueueinfo, getpid(), syscall(SYS_gettid), SIGFPE, &info);
 }
 
+/* This library has faulted, at memory of the program, for an instruction of its. */
+static void on_own_fault(void)
+{
+    struct sigaction action;
+
+    memset(&action, 0, sizeof action);
+    action.sa_handler = SIG_DFL;
+    signals_real(SIGSEGV, &action, NULL);
+}
+
 static void on_fault(int number, siginfo_t *info, void *data)
 {
     int saved = errno, result = X86_FOREIGN, ends = 0;
     uintptr_t address = (uintptr_t)info->si_addr;
     int by_window = info->si_code == SEGV_ACCERR && trap_covers(address, 1);
     ucontext_t *context = data;
-    struct guest *self;
+    struct guest *self = turns_self();
     struct x86 cpu;
 
+    if (self != NULL) {
+        follow_give_up(self);
+        if (stepping == self) {
+            on_own_fault();
+            return;
+        }
+    }
     context_get(data, &cpu);
     if (by_window || info->si_code == SI_KERNEL) {
-        card_enter(); /* the kernel has blocked signals meanwhile */
+        int only = trap_reach(&cpu, &context->uc_sigmask, &result);
+
         self = turns_self();
-        self->trapped = &context->uc_sigmask;
-        trapped_ip = cpu.ip;
-        result = x86_step(&cpu, &bus);
-        trapped_ip = 0;
-        card_leave();
-        self->trapped = NULL;
         ends = self->asynchronous;
+        if (only && !ends)
+            follow_on(&cpu, &context->uc_sigmask, &result);
+        self->trapped = NULL;
     }
-    if (result == X86_DONE)
+    if (result == X86_DONE || result == X86_DIVISION)
         context_put(data, &cpu);
+    if (result == X86_DONE)
+        ; /* it goes on */
     else if (result == X86_DIVISION)
         raise_division(data, cpu.ip);
     else if (by_window)
@@ -341,8 +387,9 @@ void trap_install(void)
 
     memset(&action, 0, sizeof action);
     action.sa_sigaction = on_fault;
-    action.sa_flags = SA_SIGINFO | SA_ONSTACK | SA_RESTART;
+    action.sa_flags = SA_SIGINFO | SA_ONSTACK | SA_RESTART | SA_NODEFER;
     memset(&action.sa_mask, 0xFF, sizeof action.sa_mask); /* the C library's own too */
+    sigdelset(&action.sa_mask, SIGSEGV);
     signals_real(SIGSEGV, &action, &theirs);
     sigemptyset(&mask);
     sigaddset(&mask, SIGSEGV);

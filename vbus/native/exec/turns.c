@@ -255,6 +255,20 @@ int64_t turns_now(void)
     return (int64_t)now.tv_sec * NS + now.tv_nsec;
 }
 
+/* Whether a descriptor is ready. Where none but ours are waited for, the kernel is asked only when
+ * that may have changed: a thread that sleeps costs another's accesses nothing. */
+static int finds(struct wait *wait)
+{
+    unsigned changes = files_changes();
+
+    if (wait->count == 0 || wait->looked == changes)
+        return 0;
+    if (sys_poll(wait->set, wait->count, 0) != 0)
+        return 1;
+    wait->looked = files_inner(wait->set, wait->count) ? changes : 0;
+    return 0;
+}
+
 static int ending_of(struct guest *guest, int64_t now, int alone)
 {
     struct wait *wait = guest->wait;
@@ -263,7 +277,7 @@ static int ending_of(struct guest *guest, int64_t now, int alone)
         return INTERRUPTED;
     if (wait->told || (wait->spins && entries - wait->entries >= (alone ? 1 : SPINS)))
         return TOLD;
-    if (wait->count > 0 && sys_poll(wait->set, wait->count, 0) != 0)
+    if (finds(wait))
         return FOUND;
     if (wait->until <= now)
         return LATE;
@@ -390,6 +404,7 @@ static void idle(struct guest *self)
     nfds_t count;
     int heeds, outer = others(&count, &heeds);
 
+    files_changed(); /* there is time to look anew */
     if (left == 0) {
         timers_fire();
         return;
@@ -471,6 +486,7 @@ enum ending turns_wait(struct wait *wait)
     int ending;
 
     wait->told = 0;
+    wait->looked = 0;
     wait->since = ++last_wait;
     wait->entries = entries;
     spinning += (unsigned)wait->spins;

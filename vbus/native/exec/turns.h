@@ -24,7 +24,7 @@ struct wait {
     int shared;    /* another process may end it too: it is asked for again and again */
     int steady;    /* cancelling does not end it */
     int spins;     /* whatever another thread does may end it */
-    unsigned asked, entries;
+    unsigned asked, entries, looked;
     volatile int told;
     unsigned since;
 };

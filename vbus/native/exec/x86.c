@@ -199,7 +199,7 @@ static int move_absolute(struct decoder *d, unsigned op)
 
     memcpy(&address, d->next, d->address_size);
     d->next += d->address_size;
-    if (!d->bus->covers(address, size))
+    if (!d->bus->follows && !d->bus->covers(address, size))
         return X86_FOREIGN;
     if (op & 2)
         store(d, address, get(d, X86_AX, size), size);
@@ -371,8 +371,8 @@ static int increment(struct decoder *d, unsigned op)
     if (op != 0xFF || which != 6)
         return X86_UNKNOWN; /* calls and jumps through the window */
     value = get_rm(d, size);
+    store(d, d->cpu->regs[X86_SP] - size, value, size);
     d->cpu->regs[X86_SP] -= size;
-    store(d, d->cpu->regs[X86_SP], value, size);
     return X86_DONE;
 }
 
@@ -397,7 +397,7 @@ static int translate(struct decoder *d)
 {
     word address = (d->cpu->regs[X86_BX] + get(d, X86_AX, 1)) & MASK(d->address_size);
 
-    if (!d->bus->covers(address, 1))
+    if (!d->bus->follows && !d->bus->covers(address, 1))
         return X86_FOREIGN;
     set(d, X86_AX, load(d, address, 1), 1);
     return X86_DONE;
@@ -405,6 +405,10 @@ static int translate(struct decoder *d)
 
 static int one_byte(struct decoder *d, unsigned op)
 {
+    int result = d->bus->follows ? x86_follow(d, op) : X86_USUAL;
+
+    if (result != X86_USUAL)
+        return result;
     if (op < 0x40 && (op & 7) < 4)
         return arithmetic(d, op);
     switch (op) {
@@ -482,6 +486,8 @@ int x86_step(struct x86 *cpu, const struct x86_bus *bus)
             d.address_size = 4;
         else if (op == 0x67)
             return X86_UNKNOWN;
+        else if (op == 0xF0 && bus->follows)
+            return X86_UNKNOWN; /* other processes might see it as two */
         else if (op != 0xF0 && op != 0x2E && op != 0x36 && op != 0x3E && op != 0x26)
             break;
     }

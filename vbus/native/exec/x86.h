@@ -29,8 +29,11 @@ struct x86 {
     unsigned char *fpu;       /* x87 registers: as FXSAVE stores them (64 bits), as FNSAVE (32) */
 };
 
-/* What the instruction reaches. Addresses grow by successive bytes; `size` is 1 to 16. */
+/* What the instruction reaches. Addresses grow by successive bytes; `size` is 1 to 16. With `follows`
+ * every memory operand goes through these functions, `covers` is not asked, and instructions that have
+ * none are carried out too: those that stand between two accesses of a loop (x86_follow.c). */
 struct x86_bus {
+    int follows;
     int (*covers)(uintptr_t address, unsigned size);
     void (*load)(uintptr_t address, unsigned char *data, unsigned size);
     void (*store)(uintptr_t address, const unsigned char *data, unsigned size);

@@ -63,7 +63,7 @@ static inline void set(struct decoder *d, unsigned number, word value, unsigned 
 
 static inline void load_bytes(const struct decoder *d, word address, unsigned char *data, unsigned size)
 {
-    if (d->bus->covers(address, size))
+    if (d->bus->follows || d->bus->covers(address, size))
         d->bus->load(address, data, size);
     else
         memcpy(data, (const void *)address, size);
@@ -72,7 +72,7 @@ static inline void load_bytes(const struct decoder *d, word address, unsigned ch
 static inline void store_bytes(const struct decoder *d, word address, const unsigned char *data,
                         unsigned size)
 {
-    if (d->bus->covers(address, size))
+    if (d->bus->follows || d->bus->covers(address, size))
         d->bus->store(address, data, size);
     else
         memcpy((void *)address, data, size);
@@ -173,10 +173,16 @@ static inline void settle_address(struct decoder *d, unsigned rest)
 
 static inline int in_window(const struct decoder *d, unsigned size)
 {
-    return d->has_address && d->bus->covers(d->address, size);
+    return d->bus->follows || (d->has_address && d->bus->covers(d->address, size));
 }
 
 int x86_two_bytes(struct decoder *d); /* x86_two.c */
+int x86_condition(word flags, unsigned code);
+
+/* An instruction that is followed, not trapped: x86_follow.c. */
+#define X86_USUAL (-1) /* it is carried out as if it were trapped */
+
+int x86_follow(struct decoder *d, unsigned op);
 
 /* Instructions of the wide registers: x86_wide.c. */
 #define WIDE_MOVNTDQA 0x12Au /* 0Fh 38h 2Ah */

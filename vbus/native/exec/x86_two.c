@@ -2,7 +2,7 @@
 #include "x86_alu.h"
 #include "x86_decode.h"
 
-static int condition(word flags, unsigned code)
+int x86_condition(word flags, unsigned code)
 {
     int carry = (flags & CARRY) != 0, zero = (flags & ZERO) != 0;
     int sign = (flags >> 7 & 1) != 0, overflow = (flags >> 11 & 1) != 0, found;
@@ -22,7 +22,7 @@ static int condition(word flags, unsigned code)
 
 static int set_or_move_if(struct decoder *d, unsigned op)
 {
-    int yes = condition(d->flags, op & 15);
+    int yes = x86_condition(d->flags, op & 15);
     unsigned size = op < 0x50 ? d->size : 1;
 
     operands(d);

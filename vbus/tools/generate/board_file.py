@@ -7,7 +7,10 @@ from msgspec import Struct
 
 from vbus.board import plugins, sections, units
 from vbus.board.cards import decodes
+from vbus.board.glue_section import GlueSection
+from vbus.board.section import NAMES, rows
 from vbus.board.settings import allowed, quoted
+from vbus.glue.table import PARTS
 from vbus.options import Option
 from vbus.tools.generate.markdown import filled, table
 
@@ -17,6 +20,7 @@ _SECTIONS: Final[dict[str, type[Struct]]] = {
     "plants": sections.PlantSection,
     "switches": sections.SwitchSection,
     "nets": sections.NetSection,
+    "glue": GlueSection,
     "nodes": sections.NodeSection,
     "buses": sections.BusSection,
     "cards": sections.CardSection,
@@ -27,15 +31,31 @@ _SECTIONS: Final[dict[str, type[Struct]]] = {
     "waves": sections.WaveSection,
     "zenoh": sections.ZenohSection,
     "metrics": sections.MetricsSection,
+    "scope": sections.ScopeSection,
     "faults": sections.FaultSection,
 }
 
 
 def board_file() -> str:
     """Return the board-file page with its tables up to date."""
-    tables = {name: option_table(sections.rows(section)) for name, section in _SECTIONS.items()}
+    tables = {name: option_table(rows(section)) for name, section in _SECTIONS.items()}
+    tables |= {"glue-parts": _glue_parts()}
     tables |= {"units": _units(), "parts": _parts(), "models": _models()}
     return filled("board-file", tables)
+
+
+def _glue_parts() -> list[str]:
+    """Return a table of the parts of glue."""
+    listed = (
+        (
+            f"`{row.part}`",
+            row.title,
+            " ".join(f"`{pin}`" for pin in row.inputs if pin not in row.outputs) or "–",
+            " ".join(f"`{pin}`" for pin in row.outputs),
+        )
+        for row in PARTS.values()
+    )
+    return table(("part", "what it is", "inputs", "outputs"), listed)
 
 
 def option_table(options: Iterable[Option]) -> list[str]:
@@ -53,7 +73,7 @@ def option_table(options: Iterable[Option]) -> list[str]:
 
 
 def _value(option: Option) -> str:
-    if option.kind == sections.NAMES:
+    if option.kind == NAMES:
         return "a list of names"
     text = allowed(option).removeprefix("write ")
     if option.kind == "choice":

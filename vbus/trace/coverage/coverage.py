@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import msgspec
 
+from vbus.board.settings import suggestion
 from vbus.errors import VbusError
 from vbus.signals import Violation
 from vbus.trace.coverage.tables import COUNTED, GROUPS, Item, Key, exercised, items
@@ -23,10 +24,12 @@ class Coverage:
     Attributes:
         runs: what went into it, for people.
         counts: by family, then by group and name.
+        tests: what each test of a suite has exercised, by its name, then by family.
     """
 
     runs: list[str] = field(default_factory=list)
     counts: dict[str, dict[Key, int]] = field(default_factory=dict)
+    tests: dict[str, dict[str, set[Key]]] = field(default_factory=dict)
 
     def add(self, family: str, key: Key, number: int = 1) -> None:
         """Count something as done ``number`` times."""
@@ -40,6 +43,28 @@ class Coverage:
             self.counts.setdefault(family, {})
             for key, number in counts.items():
                 self.add(family, key, number)
+        for test, found in other.tests.items():
+            mine = self.tests.setdefault(test, {})
+            for family, keys in found.items():
+                mine.setdefault(family, set()).update(keys)
+
+    def of_test(self, test: str) -> "Coverage":
+        """Return what a test exercises, each thing as often as it is known to: once.
+
+        Raises:
+            VbusError: there is no such test.
+        """
+        if test not in self.tests:
+            hint = suggestion(test, self.tests)
+            sentence = f"there is no test {test!r} in this coverage, which has {len(self.tests)}"
+            raise VbusError(f"{sentence}; {hint}".rstrip("; "))
+        found = self.tests[test]
+        return Coverage([test], {family: dict.fromkeys(keys, 1) for family, keys in found.items()})
+
+    def tests_of(self, family: str, item: Item) -> list[str]:
+        """Return the tests that exercise ``item``, in alphabetical order."""
+        found = self.tests.items()
+        return sorted(test for test, keys in found if item.key in keys.get(family, ()))
 
     def count(self, family: str, item: Item) -> int:
         """Return how often ``item`` was exercised."""
@@ -68,6 +93,11 @@ class Coverage:
         done, total = self.share()
         return 100.0 * done / total if total else 100.0
 
+    def shown(self, family: str | None = None) -> str:
+        """Return the part exercised as people read it, rounded down: what falls short shows so."""
+        done, total = self.share(family)
+        return f"{1000 * done // total / 10:.1f}%" if total else "-"
+
     def missing_from(self, other: "Coverage") -> list[tuple[str, Item]]:
         """Return what this one exercises and ``other`` does not."""
         return [
@@ -90,14 +120,25 @@ class Coverage:
                 if found:
                     groups[name] = {item.name: count for item, count in found}
             families[family] = {"exercised": done, "of": total, "groups": groups}
-        document = {
+        document: dict[str, Any] = {
             "format": FORMAT,
             "version": VERSION,
             "percent": round(self.percent(), 2),
             "runs": self.runs,
             "families": families,
         }
+        if self.tests:
+            document["tests"] = {test: _by_group(self.tests[test]) for test in sorted(self.tests)}
         return msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n"
+
+
+def _by_group(found: dict[str, set[Key]]) -> dict[str, dict[str, list[str]]]:
+    families: dict[str, dict[str, list[str]]] = {}
+    for family, keys in sorted(found.items()):
+        groups = families.setdefault(family, {})
+        for group, name in sorted(keys):
+            groups.setdefault(group, []).append(name)
+    return families
 
 
 class _Family(msgspec.Struct):
@@ -109,6 +150,7 @@ class _Document(msgspec.Struct):
     version: int
     runs: list[str]
     families: dict[str, _Family]
+    tests: dict[str, dict[str, dict[str, list[str]]]] = {}
 
 
 def from_json(text: bytes, name: str) -> Coverage:
@@ -141,6 +183,12 @@ def from_json(text: bytes, name: str) -> Coverage:
             for group, counts in found.groups.items()
             for item, count in counts.items()
             if count > 0 and (group, item) in known
+        }
+    for test, families in document.tests.items():
+        coverage.tests[test] = {
+            family: {(group, name) for group, names in groups.items() for name in names}
+            & {item.key for item in items(family)}
+            for family, groups in families.items()
         }
     return coverage
 

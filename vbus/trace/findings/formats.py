@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Iterator
 from typing import Any, Final
-from xml.sax.saxutils import escape, quoteattr
+from xml.etree import ElementTree
 
 from vbus.protocols.quantities import format_instant
 from vbus.trace.findings.report import Finding, Line, Report
@@ -119,7 +119,7 @@ def as_json(report: Report) -> str:
 
 def junit(report: Report) -> str:
     """Return a test case for each rule of each chip; errors that nobody accepts fail it."""
-    cases = []
+    suite = ElementTree.Element("testsuite", {"name": _xml(report.board)})
     failures = skipped = 0
     known = [
         (chip, rule)
@@ -139,10 +139,12 @@ def junit(report: Report) -> str:
         mine = [
             f for f in report.findings if (f.violation.chip, f.violation.rule) == (chip, rule.name)
         ]
-        head = f"  <testcase classname={quoteattr(f'{report.board}.{chip}')}"
-        head += f" name={quoteattr(f'{rule.name} [{rule.clause}]')}"
+        head = {
+            "classname": _xml(f"{report.board}.{chip}"),
+            "name": _xml(f"{rule.name} [{rule.clause}]"),
+        }
+        case = ElementTree.SubElement(suite, "testcase", head)
         if not mine:
-            cases.append(f"{head}/>")
             continue
         open_ones = [finding for finding in mine if not finding.reason]
         body = "\n".join(
@@ -151,25 +153,26 @@ def junit(report: Report) -> str:
         count = report.counts[(chip, rule.name)]
         if not open_ones:
             skipped += 1
-            inner = f"<skipped message={quoteattr(mine[0].reason)}/>"
+            ElementTree.SubElement(case, "skipped", {"message": _xml(mine[0].reason)})
         elif rule.severity == "error":
             failures += 1
-            message = quoteattr(f"{count} x {rule.title}")
-            inner = f"<failure type={quoteattr(rule.name)} message={message}>{_xml(body)}</failure>"
+            told = {"type": rule.name, "message": _xml(f"{count} x {rule.title}")}
+            ElementTree.SubElement(case, "failure", told).text = _xml(body)
         else:
-            inner = f"<system-out>{_xml(f'{rule.severity}: {count} x {rule.title}')}\n"
-            inner += f"{_xml(body)}</system-out>"
-        cases.append(f"{head}>{inner}</testcase>")
-    suite = (
-        f'<testsuite name={quoteattr(report.board)} tests="{len(cases)}" failures="{failures}"'
-        f' skipped="{skipped}" errors="0">'
-    )
-    lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<testsuites>", suite, *cases]
-    return "\n".join([*lines, "</testsuite>", "</testsuites>"]) + "\n"
+            text = f"{rule.severity}: {count} x {rule.title}\n{body}"
+            ElementTree.SubElement(case, "system-out").text = _xml(text)
+    numbers = {"tests": len(suite), "failures": failures, "skipped": skipped, "errors": 0}
+    suite.attrib |= {name: str(number) for name, number in numbers.items()}
+    suites = ElementTree.Element("testsuites")
+    suites.append(suite)
+    ElementTree.indent(suites, " ")
+    written = ElementTree.tostring(suites, encoding="unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{written}\n'
 
 
 def _xml(value: str) -> str:
-    return escape("".join(c if c >= " " or c in "\n\t" else "?" for c in value))
+    """Return a text without characters that no XML may have."""
+    return "".join(c if c >= " " or c in "\n\t" else "?" for c in value)
 
 
 def sarif(report: Report) -> str:

@@ -55,7 +55,7 @@ def read_suppressions(text: str, file: str, rules: Iterable[str]) -> list[Suppre
     if not isinstance(entries, list):
         raise VbusError(f"{file}: suppress: write [[suppress]] with two brackets on either side")
     made = []
-    for place, entry in enumerate(entries):
+    for place, entry in enumerate(entries, 1):
         where = f"{file}: suppress[{place}]"
         for key, value in entry.items():
             if key not in _KEYS:

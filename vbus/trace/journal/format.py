@@ -11,6 +11,11 @@ so many times more. C000h is the next of the other entries, each of which is fou
 key (32 times the session's number, plus the operation), value, start counted from the end of the
 entry before, and what it took, both in ps. The first cycle of a block is among them.
 
+A jump is a block with one entry, and is none of those that are counted: the board went back. Of the
+entries before it the first so many stay, and what follows begins there: its first number is theirs,
+its first instant counts from the instant gone to. What was undone stays in the file; what is read
+is the course that holds.
+
 Version 1, which is still read, had four columns in place of the words: keys, values, starts, times.
 """
 
@@ -26,7 +31,7 @@ import msgpack
 import msgspec
 
 from vbus.errors import VbusError
-from vbus.kernel import END
+from vbus.kernel import END, NEVER
 from vbus.trace.journal.rows import AGAIN, FULL, OTHER
 from vbus.trace.journal.shapes import checked
 
@@ -40,16 +45,20 @@ LARGEST: Final = 1 << 26
 OPERATIONS: Final = (
     "read", "write", "open", "close", "select", "claim", "unclaim", "wait", "lines", "drive",
     "release", "sample", "pin", "getpin", "delay", "at", "now", "sync", "events", "edges",
-    "violation", "end", "cycle", "fault", "arm", "clear",
+    "violation", "end", "cycle", "fault", "arm", "clear", "jump",
 )  # fmt: skip
 """Operations by number. Their order is part of the format. All up to ``edges`` are calls of a host;
 ``cycle`` is a bus cycle that its strobes made: chips, write, address, byte; ``fault`` is evidence:
-instant, name, target, what, text; ``arm`` and ``clear`` are faults armed and cleared by hand."""
+instant, name, target, what, text; ``arm`` and ``clear`` are faults armed and cleared by hand.
+``jump`` is a :class:`Jump`; only versions that know it read a journal that has one."""
 READ: Final = 0
 WRITE: Final = 1
 CODE: Final = {name: number for number, name in enumerate(OPERATIONS)}
+JUMP: Final = CODE["jump"]
 PORTS: Final = 32
 """Keys per port."""
+JUMP_BYTES: Final = 256
+"""A jump's block is no longer, packed: longer ones need not be unpacked to find it."""
 
 
 class JournalError(VbusError):
@@ -114,6 +123,27 @@ class Entry:
     limit: int = -1
 
 
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """The board went back to an earlier instant.
+
+    Attributes:
+        kept: entries before it that stay.
+        to: the instant it went to (ps).
+        left: the instant it went from (ps).
+        undone: entries it has undone.
+        begin: where its block begins in the file.
+        end: where it ends.
+    """
+
+    kept: int
+    to: int
+    left: int
+    undone: int
+    begin: int
+    end: int
+
+
 def block(value: object) -> bytes:
     """Return ``value`` as one block."""
     body = zlib.compress(msgpack.packb(value), 1)
@@ -170,10 +200,10 @@ def _rows(words: bytes, others: list[Any]) -> Iterator[tuple[Row, int]]:
 
 
 class JournalReader:
-    """Reads a journal from its beginning, a block at a time.
+    """Reads a journal from its beginning, a block at a time: the course that holds after its jumps.
 
     Args:
-        file: the journal.
+        file: the journal; one that has jumps must be a file that can be read twice.
 
     Raises:
         JournalError: the file is no journal of a version known here.
@@ -185,6 +215,8 @@ class JournalReader:
         """What is wrong with the end of the file, once it has been reached; or ""."""
         self.position: int = len(MAGIC)
         """Bytes read so far."""
+        self.jumps: tuple[Jump, ...] = ()
+        """The jumps of the file in their order, once anything has been read."""
         magic = file.read(len(MAGIC))
         if magic not in MAGICS:
             raise JournalError(f"{self._name()} is no journal of version 1 to {FORMAT}")
@@ -222,7 +254,7 @@ class JournalReader:
             content = unpacking.decompress(body, LARGEST)
             if unpacking.unconsumed_tail:
                 raise ValueError(f"it holds more than {LARGEST} bytes")
-            value = msgpack.unpackb(content, strict_map_key=False)
+            value = msgpack.unpackb(content)
         except (zlib.error, ValueError, TypeError, RecursionError) as error:
             raise JournalError(
                 f"{self._name()}: the block at byte {self.position} makes no sense: {error}"
@@ -250,9 +282,27 @@ class JournalReader:
         Raises:
             JournalError: a block is damaged, or entries are missing between two blocks.
         """
-        number = 0
-        last = 0
-        while (block := self._block()) is not None:
+        self.jumps = tuple(self._find_jumps())
+        number = last = 0
+        for turn, jump in enumerate(self.jumps):
+            kept = min(later.kept for later in self.jumps[turn:])
+            yield from self._stretches(number, last, kept, jump.begin)
+            self._file.seek(jump.end)
+            self.position, number, last = jump.end, jump.kept, jump.to
+        yield from self._stretches(number, last, NEVER, -1)
+
+    def _stretches(
+        self, number: int, last: int, kept: int, until: int
+    ) -> Iterator[tuple[int, int, int, int, Any, int]]:
+        """Give the entries between two jumps that no later one undoes.
+
+        Args:
+            number: of the first.
+            last: the instant it counts from (ps).
+            kept: entries of the course that stay.
+            until: where the next jump is in the file.
+        """
+        while number < kept and self.position != until and (block := self._block()) is not None:
             begun = number
             try:
                 first, *columns = block
@@ -263,20 +313,55 @@ class JournalReader:
                 for (key, value, start, span), times in self._rows(columns):
                     when = last + start
                     last = when + times * span
-                    if not 0 <= when <= last <= END:
+                    if not (isinstance(last, int) and 0 <= when <= last <= END):
                         raise ValueError(f"from {when} to {last} ps; time ends at {END} ps")
                     if key % PORTS >= len(OPERATIONS):
                         raise JournalError(
                             f"{self._name()}: entry {number} is of a kind this vbus does not know;"
                             f" vbus {self.header.vbus} wrote it"
                         )
+                    if key % PORTS == JUMP:
+                        raise ValueError("a jump, which can be read from a file alone")
                     if number + times - begun > FULL:
                         number = begun + FULL + 1
                         raise ValueError(f"more than {FULL} entries in one block")
+                    if number + times >= kept:
+                        yield number, when, span, key, value, kept - number
+                        return
                     yield number, when, span, key, value, times
                     number += times
             except (TypeError, ValueError, StructError) as error:
                 raise self._wrong(number, error) from None
+
+    def _find_jumps(self) -> Iterator[Jump]:
+        """Give the jumps of the file, and come back to where it stands."""
+        if not self._file.seekable():
+            return
+        begun = self._file.tell()
+        place = begun
+        while len(head := self._file.read(8)) == 8:
+            size = int.from_bytes(head[:4], "big")
+            begin, place = place, place + 8 + size
+            body = self._file.read(size) if size <= JUMP_BYTES else b""
+            if zlib.crc32(body) == int.from_bytes(head[4:], "big"):
+                jump = self._jump(body, begin, place)
+                if jump is not None:
+                    yield jump
+            self._file.seek(place)
+        self._file.seek(begun)
+
+    def _jump(self, body: bytes, begin: int, end: int) -> Jump | None:
+        """Return the jump a block is, if it is one."""
+        try:
+            first, _, (key, value, _, _) = msgpack.unpackb(
+                zlib.decompressobj().decompress(body, 4096)
+            )
+            if key != JUMP:
+                return None
+            kept, to, left = checked("jump", value)
+        except (zlib.error, ValueError, TypeError, RecursionError):
+            return None  # whoever comes to that block says what is wrong with it
+        return Jump(kept, to, left, first - kept, begin, end) if kept <= first else None
 
     def entry(self, number: int, when: int, span: int, key: int, value: Any) -> Entry:
         """Return an entry as :meth:`stretches` gives it.
@@ -306,6 +391,8 @@ def _entry(number: int, when: int, after: int, key: int, value: Any) -> Entry:
     if code == WRITE and isinstance(value, int):
         return Entry(number, when, after, port, op, (value >> 8, value & 0xFF))
     value = checked(op, value)
+    if code == READ and value[1] is None and not value[2]:
+        raise ValueError("a read that has neither data nor a refusal")
     if op in ("violation", "end", "fault", "arm", "clear"):
         return Entry(number, when, after, -1, op, value)
     return Entry(number, when, after, port, op, *value)

@@ -2,7 +2,7 @@
 
 import hashlib
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, BinaryIO
 
 from vbus.board.board import STATE_HASH, Board
@@ -13,7 +13,7 @@ from vbus.chips.base import Chip
 from vbus.errors import VbusError
 from vbus.signals import Observer, Violation
 from vbus.trace.decode import settings_for_decoders
-from vbus.trace.journal.format import CODE, Header, header_block, rows_block
+from vbus.trace.journal.format import CODE, PORTS, Header, header_block, rows_block
 from vbus.trace.journal.recorded_bus import RecordedBus
 from vbus.trace.journal.rows import JournalRows
 from vbus.version import __version__
@@ -74,7 +74,7 @@ class Journal(Observer):
         self.rows: JournalRows = JournalRows(self.flush)
         """What is not written yet."""
         self.entries: int = 0
-        """Entries written."""
+        """Entries written that no jump has undone."""
         self.bytes: int = 0
         """Bytes written."""
         self.error: str = ""
@@ -128,6 +128,22 @@ class Journal(Observer):
         now = self.board.now
         self.rows.other(CODE[op], values, now, now)
 
+    def jump(self, kept: int, left: int, ended: Iterable[int]) -> None:
+        """The board has gone back and stands there now: what was undone stays in the file.
+
+        Args:
+            kept: entries that stay, of those that are written.
+            left: the instant it went from (ps).
+            ended: numbers of the sessions that were open there; nobody holds them any more.
+        """
+        self.flush()
+        now = self.board.now
+        self._note("jump", [kept, now, left])
+        self._write(rows_block(self.entries, *self.rows.take()))
+        self.entries = kept
+        for number in ended:
+            self.rows.other(number * PORTS + CODE["close"], [[], None, 0, -1], now, now)
+
     def settled(self, now: int) -> None:
         """The board has caught up: write what there is."""
         self.flush()
@@ -154,19 +170,31 @@ class Journal(Observer):
                 self._end(error)
         return not self.error
 
+    def ending(self) -> bytes:
+        """Return what would end a copy of the file as it stands now: the end of a run that goes on.
+
+        Raises:
+            VbusError: the file takes no more, so it has not all there is.
+        """
+        self.flush()
+        if self.error:
+            raise VbusError(self.error)
+        rows, now = self.rows.following(), self.board.now
+        rows.other(CODE["end"], [self.entries, *end_of(self.board)], now, now)
+        return rows_block(self.entries, *rows.take())
+
     def _write(self, data: bytes) -> None:
         if self.error:
             return
         try:
-            done = self._file.write(data)
-            while done is not None and done < len(data):
-                data = data[done:]
+            while data:
                 done = self._file.write(data)
+                taken = len(data) if done is None else done
+                self.bytes += taken
+                data = data[taken:]
             self._file.flush()
         except (OSError, ValueError) as error:
             self._end(error)
-            return
-        self.bytes += len(data)
 
     def _end(self, error: Exception) -> None:
         """The file takes no more."""

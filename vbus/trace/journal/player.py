@@ -1,15 +1,21 @@
 """The calls of a journal, made again on a board."""
 
-from typing import Any
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import Any, Final
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.kernel import END
+from vbus.kernel import END, MS
 from vbus.protocols.port import PortError
+from vbus.signals import Observer, Violation
 from vbus.trace.journal.format import Entry, JournalError
+from vbus.trace.journal.view import violation_of
 
 FINDINGS = frozenset(("violation", "cycle", "end", "fault"))
 """Entries that tell what happened and are no calls."""
+STRETCH: Final = 10 * MS
+"""Chip time that passes in one step."""
 
 
 class Player:
@@ -68,6 +74,99 @@ class Player:
         if entry.op not in FINDINGS:
             self.run_to(entry)
             self.call(entry)
+
+    def up_to(self, entries: Iterable[Entry], to: int | None) -> Iterator[None]:
+        """Play, step by step, what had returned by an instant, and let time pass to it.
+
+        Args:
+            entries: the journal's entries, in order.
+            to: the instant (ps); None: the journal's end.
+        """
+        for entry in entries:
+            if to is not None and entry.after > to:
+                break
+            if entry.op == "end" or entry.op not in FINDINGS:  # those come before their call
+                yield from self._pass(entry.when)
+            self.play(entry)
+            if entry.op == "end":
+                return
+            yield
+        if to is not None:
+            yield from self._pass(to)
+
+    def _pass(self, when: int) -> Iterator[None]:
+        while self.board.now < when:
+            self.board.run_until(min(when, self.board.now + STRETCH))
+            yield
+
+
+Finding = Violation | tuple[Any, ...]
+"""A violation, or the evidence of a fault as entries have it."""
+
+
+class Past(Player):
+    """A journal played up to an instant, for the board it is of to go back there.
+
+    Args:
+        board: a board built from the journal's board file.
+
+    Attributes:
+        kept: entries up to the last call that was played; what was found after it is found again.
+    """
+
+    def __init__(self, board: Board) -> None:
+        super().__init__(board)
+        self.kept: int = 0
+        self._found: _Found = _Found()
+        self._recorded: list[Finding] = []
+        self._later: list[Finding] = []
+        board.listen(self._found)
+
+    def play(self, entry: Entry) -> None:
+        """Play an entry; note what was found before it."""
+        super().play(entry)
+        if entry.op == "violation":
+            self._later.append(violation_of(entry))
+        elif entry.op == "fault":
+            self._later.append(entry.args)
+        elif entry.op not in FINDINGS:
+            self.kept = entry.number + 1
+            self._recorded += self._later
+            self._later.clear()
+
+    def leave(self) -> list[int]:
+        """End every session; return the numbers of those that were open."""
+        numbers = [number for number, port in self.ports.items() if port in self.board.ports]
+        for number in numbers:
+            self.ports[number].close()
+        self.board.catch_up()
+        return numbers
+
+    def findings(self) -> list[Finding]:
+        """Return what has been found and is not among the entries that are kept."""
+        recorded = Counter(self._recorded)
+        rest = []
+        for finding in self._found.findings:
+            if recorded[finding]:
+                recorded[finding] -= 1
+            else:
+                rest.append(finding)
+        return rest
+
+
+class _Found(Observer):
+    """What is found on a board."""
+
+    def __init__(self) -> None:
+        self.findings: list[Finding] = []
+
+    def violation(self, violation: Violation) -> None:
+        """Note a breach."""
+        self.findings.append(violation)
+
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        """Note the evidence of a fault."""
+        self.findings.append((when, name, target, what, text))
 
 
 class _NoLinks:

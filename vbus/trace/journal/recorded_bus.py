@@ -59,13 +59,13 @@ class RecordedBus(HostBus):
         self, op: str, args: list[int], call: Callable[..., T], may_wait: bool = False
     ) -> T:
         """Make a call of :class:`HostBus` and write it down, also if it is refused."""
-        when, limit = self._kernel.now, self.board.limit
+        when = self._kernel.now
         try:
             reply = call(self, *args)
         except PortError as error:
             self._note(when, op, args, None, error.code)
             raise
-        self._note(when, op, args, reply, 0, limit if may_wait and not reply else -1)
+        self._note(when, op, args, reply, 0, self.board.limit if may_wait and not reply else -1)
         return reply
 
     # -- bus cycles: the hot path -------------------------------------------------------------

@@ -96,6 +96,12 @@ class JournalRows:
             self._pairs.append(self._half << 16 | word)
             self._half = -1
 
+    def following(self) -> "JournalRows":
+        """Return rows for entries that follow what has been taken from these, for another file."""
+        made = JournalRows(self.full)
+        made._end = self._end
+        return made
+
     def take(self) -> tuple[bytes, list[Any]]:
         """Return the words (most significant byte first), and the entries beside them.
 

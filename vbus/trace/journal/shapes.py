@@ -52,6 +52,7 @@ SHAPES: Final[dict[str, Any]] = {
     "fault": tuple[_Instant, str, str, str, str],
     "arm": tuple[str, str, str, str, dict[str, _Value]],
     "clear": tuple[int | str],
+    "jump": tuple[_Count, _Instant, _Instant],
 }  # fmt: skip
 """What an entry's value is, by operation."""
 

@@ -1,6 +1,7 @@
 """Captures as sigrok session files: a zip archive of samples at a constant rate."""
 
 import configparser
+import lzma
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -10,6 +11,15 @@ from vbus.errors import CaptureError
 from vbus.kernel import SECOND
 from vbus.trace.silicon.capture import Capture, Sample, frequency, ordered, period_of
 
+LARGEST_TEXT: Final = 1 << 20
+"""Bytes of a session's metadata, unpacked; its samples go by in blocks."""
+LARGEST_UNIT: Final = 64
+"""Bytes of a sample."""
+_DAMAGE: Final = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError,
+    NotImplementedError, RuntimeError,  # packed in a way nobody knows, or encrypted
+    ValueError,  # members that begin before the file, or in the midst of a character
+)  # fmt: skip
 _BLOCK: Final = 1 << 20
 """Bytes read at a time."""
 _RUN: Final = 4096
@@ -24,9 +34,9 @@ def read_sr(file: BinaryIO, name: str) -> Capture:
     """
     try:
         archive = zipfile.ZipFile(file)
-        version = archive.read("version").strip()
-        text = archive.read("metadata").decode()
-    except (zipfile.BadZipFile, KeyError, OSError, zlib.error, UnicodeDecodeError) as error:
+        version = _member(archive, "version").strip()
+        text = _member(archive, "metadata").decode()
+    except (*_DAMAGE, KeyError) as error:
         raise CaptureError(f"{name}: this is no sigrok session file: {error}") from None
     if version != b"2":
         raise CaptureError(
@@ -43,17 +53,19 @@ def read_sr(file: BinaryIO, name: str) -> Capture:
     if device is None:
         raise CaptureError(f"{name}: there are no logic samples in it")
     hertz = frequency(device.get("samplerate", ""))
-    unit = device.getint("unitsize", 0) if device.get("unitsize", "").isdigit() else 0
+    unit = _number(device.get("unitsize", ""))
     probes = {
-        int(key[5:]): value
+        _number(key[5:]): value
         for key, value in device.items()
-        if key.startswith("probe") and key[5:].isdigit()
+        if key.startswith("probe") and _number(key[5:])
     }
     if not hertz or not unit or not probes:
         raise CaptureError(f"{name}: its metadata lack samplerate, unitsize or the probes' names")
+    if unit > LARGEST_UNIT:
+        raise CaptureError(f"{name}: samples of {unit} bytes; there are at most {LARGEST_UNIT}")
+    if max(probes) > 8 * unit:
+        raise CaptureError(f"{name}: {max(probes)} probes do not fit into {unit} bytes")
     channels = [probes.get(n, f"probe{n}") for n in range(1, max(probes) + 1)]
-    if len(channels) > 8 * unit:
-        raise CaptureError(f"{name}: {len(channels)} probes do not fit into {unit} bytes")
     parts = _parts(archive, device["capturefile"])
     if not parts:
         raise CaptureError(f"{name}: the samples, {device['capturefile']}, are missing")
@@ -61,17 +73,31 @@ def read_sr(file: BinaryIO, name: str) -> Capture:
     return Capture(channels, period_of(hertz), ordered(samples, name))
 
 
+def _member(archive: zipfile.ZipFile, name: str) -> bytes:
+    """Return a small member of the archive.
+
+    Raises:
+        zipfile.BadZipFile: it unpacks to more than it may.
+    """
+    with archive.open(name) as stream:
+        text = stream.read(LARGEST_TEXT + 1)
+    if len(text) > LARGEST_TEXT:
+        raise zipfile.BadZipFile(f"its {name} unpacks to more than {LARGEST_TEXT} bytes")
+    return text
+
+
 def _parts(archive: zipfile.ZipFile, stem: str) -> list[str]:
     """Return the members that hold the samples, in order."""
     names = archive.namelist()
     if stem in names:
         return [stem]
-    numbers = [
-        int(name[len(stem) + 1 :])
-        for name in names
-        if name.startswith(f"{stem}-") and name[len(stem) + 1 :].isdigit()
-    ]
-    return [f"{stem}-{number}" for number in sorted(numbers)]
+    numbers = [_number(name[len(stem) + 1 :]) for name in names if name.startswith(f"{stem}-")]
+    return [f"{stem}-{number}" for number in sorted(filter(None, numbers))]
+
+
+def _number(text: str) -> int:
+    """Return a number from 1 on; 0 if the text is none, or none that a capture has."""
+    return int(text) if text.isdecimal() and len(text) <= 9 else 0
 
 
 def _samples(
@@ -92,7 +118,7 @@ def _samples(
                         yield when, int.from_bytes(current, "little") & mask
                     number += whole
                     rest = data[whole * unit :]
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
+    except _DAMAGE as error:
         raise CaptureError(f"{name}: damaged after {number} samples: {error}") from None
 
 

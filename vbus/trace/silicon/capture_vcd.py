@@ -9,6 +9,8 @@ from vbus.errors import CaptureError, PluginError
 from vbus.trace.names import bit_names
 from vbus.trace.silicon.capture import Capture, Sample, frequency, ordered, period_of
 
+MOST_WIRES: Final = 4096
+"""Wires of a capture, each bit of a vector counted."""
 _UNITS: Final = {"s": 10**15, "ms": 10**12, "us": 10**9, "ns": 10**6, "ps": 10**3, "fs": 1}
 _RATE: Final = re.compile(r"\bat (\d+(?:\.\d+)? ?[kMG]?Hz)")
 """What libsigrok says of the sample rate, in a comment."""
@@ -51,7 +53,7 @@ def read_vcd(file: BinaryIO, name: str) -> Capture:
                 _variable(token.var, scopes, channels, bits)
             elif token.kind is TokenKind.ENDDEFINITIONS:
                 break
-    except (VCDParseError, ValueError, AttributeError) as error:
+    except (VCDParseError, ValueError, AttributeError, LookupError) as error:
         raise CaptureError(f"{name}: this is no VCD file: {error}") from None
     if not channels:
         raise CaptureError(f"{name}: there are no wires in it")
@@ -75,6 +77,8 @@ def _variable(
     if kind in ("real", "realtime", "string", "event", "time"):
         return
     width = var.size
+    if len(channels) + width > MOST_WIRES:
+        raise ValueError(f"more than {MOST_WIRES} wires")
     bits[var.id_code] = (len(channels), width)
     index = var.bit_index
     if width == 1:
@@ -111,7 +115,7 @@ def _samples(
                 if isinstance(number, int):
                     mask = (1 << width) - 1
                     levels = levels & ~(mask << bit) | (number & mask) << bit
-    except (VCDParseError, ValueError, UnicodeDecodeError) as error:
+    except (VCDParseError, ValueError, AttributeError, LookupError) as error:
         raise CaptureError(f"{name}: damaged after {when} ps: {error}") from None
     if begun:
         yield when, levels

@@ -1,19 +1,18 @@
 """What a waveform can show of a board: nets, values of the chips, commands, violations."""
 
 import fnmatch
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from vbus.board.board import Board
+from vbus.conditions.names import Level, Value, net_names
 from vbus.errors import VbusError
 from vbus.signals import Net
 
 FULL: Final = "full"
 SIGROK: Final = "sigrok"
 PROFILES: Final = (FULL, SIGROK)
-
-Value = int | float | str
 
 
 @dataclass(eq=False, slots=True)
@@ -33,31 +32,25 @@ class Signal:
     net: Net | None = None
 
 
-def net_names(board: Board) -> dict[str, Net]:
-    """Return the nets by the name of each pin on them, and by their own."""
-    names = {
-        f"{chip.name}.{row.name}": chip.pins[row.name].net
-        for chip in board.chips
-        for row in chip.pin_rows
-    }
-    return names | {net.name: net for net in names.values()}
-
-
-def signals_of(board: Board, patterns: Sequence[str], watched: Net | None = None) -> list[Signal]:
+def signals_of(
+    board: Board, patterns: Sequence[str], watched: Iterable[Level] = ()
+) -> list[Signal]:
     """Return everything that is looked at, nets first.
 
     Args:
         board: the board.
         patterns: what is shown; see :func:`nets_of`.
-        watched: a net that a trigger looks at, shown or not.
+        watched: what a trigger looks at, shown or not.
 
     Raises:
         VbusError: a pattern matches nothing; says what there is.
     """
     nets = nets_of(board, patterns)
     signals = [Signal(net.name, "net", True, net) for net in nets]
-    if watched is not None and watched not in nets:
-        signals.append(Signal(watched.name, "net", False, watched))
+    signals += [
+        Signal(one.key, "net", False, one.net) for one in watched if one.net not in (None, *nets)
+    ]
+    signals += [Signal(one.key, "value", False) for one in watched if one.register is not None]
     signals += [Signal(name, "value", _chosen(name, patterns)) for name in values_of(board)]
     for name in texts_of(board):
         kind = "command" if name.endswith(".packet") else "violation"

@@ -4,8 +4,9 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final, TextIO
 
+from vbus.conditions.names import Value
 from vbus.trace.names import bit_names
-from vbus.trace.wave.signals import FULL, Signal, Value
+from vbus.trace.wave.signals import FULL, Signal
 from vbus.version import __version__
 
 TICK: Final = 100

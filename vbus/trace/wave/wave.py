@@ -6,13 +6,14 @@ from operator import itemgetter
 from typing import Final, TextIO
 
 from vbus.board.board import Board
+from vbus.conditions.condition import COMMAND, VIOLATION, Condition, Course
+from vbus.conditions.names import Value
 from vbus.errors import PluginError, VbusError
 from vbus.kernel import MS
 from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.packets import Packet
-from vbus.trace.wave.signals import FULL, PROFILES, Signal, Value, signals_of, values_of
-from vbus.trace.wave.trigger import Trigger
+from vbus.trace.wave.signals import FULL, PROFILES, Signal, signals_of, values_of
 from vbus.trace.wave.vcd_file import VcdFile
 
 RING: Final = 1_000_000
@@ -37,7 +38,8 @@ class Wave(BoardPackets):
         profile: ``"full"`` (vectors, values of the chips, commands, violations) or ``"sigrok"``
             (single bits with plain names).
         signals: patterns of names, as in ``"x.*"``; none: everything but pins with fast waveforms.
-        trigger: what to wait for; see :data:`~vbus.trace.wave.trigger.FORMS`. "": nothing.
+        trigger: the condition that must come to hold; what holds from the beginning must cease
+            to first. "": none.
         before: how much to show from before the trigger (ps).
         duration: how long to record (ps); 0 for no limit.
         sample: how often the chips' own values are looked at (ps).
@@ -80,8 +82,14 @@ class Wave(BoardPackets):
         self._duration: int = duration
         self._end: int = -1
         self._sample: int = max(1, sample)
-        self._trigger: Trigger | None = Trigger(trigger, board) if trigger else None
-        watched = self._trigger.net if self._trigger is not None else None
+        self._trigger: Condition | None = None
+        if trigger:
+            self._trigger = Condition(trigger, board, "trigger")
+        self._course: Course = Course(broken=dict(board.counters))
+        self._held: bool = False
+        """Whether the trigger's condition has held when it was looked at last."""
+        watched = list(self._trigger.levels.values()) if self._trigger is not None else []
+        self._registers = {one.key: one for one in watched if one.register is not None}
         self.signals: list[Signal] = signals_of(board, list(signals), watched)
         self._nets: dict[str, Signal] = {one.name: one for one in self.signals if one.net}
         self._others: dict[str, Signal] = {one.name: one for one in self.signals if not one.net}
@@ -90,7 +98,7 @@ class Wave(BoardPackets):
         self._latest: dict[Signal, Value] = {}
         self._pending: list[Change] = []
         self._ring: deque[Change] = deque()
-        self._timer = board.kernel.timer(self._look, saved=False)
+        self._timer = board.kernel.onlooker(self._look)
         self._cycle: int = 0
         """Instant of the latest bus cycle."""
         self._drained: int = 0
@@ -105,7 +113,7 @@ class Wave(BoardPackets):
         now = self.board.now
         nets = [(signal, signal.net) for signal in self.signals if signal.net is not None]
         self._values = {signal: net.value for signal, net in nets}
-        self._values |= {self._others[name]: v for name, v in values_of(self.board).items()}
+        self._values |= {self._others[name]: v for name, v in self._told().items()}
         self._latest = dict(self._values)
         for _, net in nets:
             net.observe(self)
@@ -114,6 +122,10 @@ class Wave(BoardPackets):
         self.state = WAITING
         if self._trigger is None:
             self._begin(now, now)
+            return
+        for signal, value in self._values.items():
+            self._course.change(signal.name, value)
+        self._held = self._trigger.holds(self._course, now)
 
     def stop(self) -> None:
         """End the recording and close the text; the file stays open. May be called again."""
@@ -185,13 +197,20 @@ class Wave(BoardPackets):
     def _look(self) -> None:
         """Look at what the chips tell of themselves; they are up to date after that."""
         now = self.board.now
-        for name, value in values_of(self.board).items():
+        for name, value in self._told().items():
             signal = self._others.get(name)
             if signal is not None and self._latest.get(signal) != value:
                 self._note(now, signal, value)
         self._drain(now)
         if self.state in (WAITING, RECORDING):
             self._timer.at(now + self._sample)
+
+    def _told(self) -> dict[str, Value]:
+        """Return what the chips tell of themselves, and the registers that the trigger is about."""
+        told = values_of(self.board)
+        for key, level in self._registers.items():
+            told[key] = level.value({})
+        return told
 
     # -- from changes to the file -------------------------------------------------------------
 
@@ -205,10 +224,16 @@ class Wave(BoardPackets):
             if change[0] >= now:
                 break
             done += 1
+            if self.state == WAITING:
+                self._await(self._course.due, change[0])
             self._take(change)
+            if self.state == WAITING and (done == len(pending) or pending[done][0] > change[0]):
+                self._await(change[0], change[0] + 1)
             if self.state not in (WAITING, RECORDING):
                 break
         del pending[:done]
+        if self.state == WAITING:
+            self._await(self._course.due, now)
         if self.state == RECORDING:
             if 0 <= self._end < now:
                 self._finish(self._end)
@@ -217,7 +242,6 @@ class Wave(BoardPackets):
 
     def _take(self, change: Change) -> None:
         when, signal, value = change
-        before = self._latest.get(signal)
         self._latest[signal] = value
         if self.state == RECORDING:
             if 0 <= self._end < when:
@@ -225,13 +249,29 @@ class Wave(BoardPackets):
             else:
                 self._write(change)
             return
+        if signal.kind in (COMMAND, VIOLATION):
+            self._course.happen(signal.kind, signal.name.rpartition(".")[0], str(value))
+        else:
+            self._course.change(signal.name, value)
+        self._ring.append(change)
+        self._forget(when)
+
+    def _forget(self, when: int) -> None:
+        """Keep of the ring what a recording from instant ``when`` on would show."""
         ring = self._ring
-        ring.append(change)
         while ring and (ring[0][0] < when - self._before or len(ring) > RING):
             _, old, kept = ring.popleft()
             self._values[old] = kept
-        if self._trigger is not None and self._trigger.fires(signal, before, value):
-            self._begin(max(0, when - self._before), when)
+
+    def _await(self, when: int, until: int) -> None:
+        """Look at the trigger at instant ``when``, of which all is known, and before ``until``."""
+        while self._trigger is not None and when < until:
+            held, self._held = self._held, self._trigger.holds(self._course, when)
+            if self._held and not held:
+                self._forget(when)
+                self._begin(max(0, when - self._before), when)
+                return
+            when = self._course.due
 
     def _begin(self, first: int, trigger: int) -> None:
         """Write the head, and what was kept from before the trigger."""

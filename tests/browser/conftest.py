@@ -1,0 +1,108 @@
+"""A real browser that opens the page of the scope; nothing it asks for comes from a network."""
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from tests.browser.recordings import PAGE, Recording
+
+ALL = os.environ.get("VBUS_REQUIRE_ALL") == "1"
+ADDRESS = "http://scope.test/"
+Open = Callable[..., Any]
+
+
+def needs(what: str) -> None:
+    """Skip the test, unless everything is required."""
+    assert not ALL, f"{what} is required"
+    pytest.skip(f"needs {what}")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        needs("playwright")
+    path = shutil.which("chromium")
+    if path is None:
+        needs("chromium")
+    with sync_playwright() as playwright:
+        # What is drawn by software anyway costs less without the process that stands in for a GPU.
+        arguments = ["--no-sandbox", "--disable-gpu"]
+        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+        yield browser
+        browser.close()
+
+
+def serve(page: Any, text: str) -> None:
+    """Answer what the page asks for from the folder of its files."""
+
+    def answer(route: Any) -> None:
+        path = route.request.url.removeprefix(ADDRESS).partition("#")[0]
+        if not path:
+            route.fulfill(body=text, content_type="text/html; charset=utf-8")
+        elif path.startswith("page/") and (file := PAGE / path.removeprefix("page/")).is_file():
+            route.fulfill(path=file)
+        else:
+            route.fulfill(status=404)
+
+    page.route("**/*", answer)
+
+
+def keeps_out(page: Any, *rules: str, part: str | None = None) -> list[tuple[str, list[str]]]:
+    """Return what axe-core has against a page: the rules it breaks, and where.
+
+    Args:
+        page: the page.
+        rules: those that are asked about; all without any.
+        part: what of the page is looked at; all of it without one.
+    """
+    try:
+        from axe_playwright_python.sync_playwright import Axe
+    except ImportError:
+        needs("axe-playwright-python")
+    if not page.evaluate("'axe' in window"):
+        page.evaluate(Axe().axe_script)
+    options = {"resultTypes": ["violations"], **({"runOnly": rules} if rules else {})}
+    found = page.evaluate(
+        "([part, options]) => axe.run(part ?? document, options).then(({ violations }) =>"
+        " violations.map(({ id, nodes }) => [id, nodes.map(({ html }) => html)]))",
+        [part, options],
+    )
+    return [(rule, places) for rule, places in found]
+
+
+@pytest.fixture
+def new_page(browser: Any) -> Iterator[Open]:
+    """Return what makes a page; a mistake in one of its scripts fails the test."""
+    contexts, mistakes = [], []
+
+    def make(**options: Any) -> Any:
+        options.setdefault("viewport", {"width": 1280, "height": 800})
+        contexts.append(browser.new_context(**options))
+        page = contexts[-1].new_page()
+        page.set_default_timeout(60_000)
+        page.on("pageerror", lambda error: mistakes.append(str(error)))
+        return page
+
+    yield make
+    for context in contexts:
+        context.close()
+    assert mistakes == []
+
+
+@pytest.fixture
+def open_recording(new_page: Open) -> Open:
+    """Return what opens a recording in a page of its own."""
+
+    def make(recording: Recording | str, **options: Any) -> Any:
+        page = new_page(**options)
+        serve(page, recording if isinstance(recording, str) else recording.page())
+        page.goto(ADDRESS)
+        page.wait_for_function("window.scope && scope.state.read > 0 && scope.state.frames > 1")
+        return page
+
+    return make

@@ -1,0 +1,351 @@
+"""``vbus scope``: pages of recorded runs, and of boards that run."""
+
+import asyncio
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from aiohttp import ClientSession, CookieJar
+
+from tests.e2e.command import running, start, vbus
+from tests.unit.scope.decoded import Seen, of_page
+from tests.waiting import until
+from vbus import connect
+from vbus.client.lm628 import Lm628
+from vbus.server.registry import watch_path
+from vbus.tools.scope_bookmarks import of_journal
+from vbus.trace.journal.format import Entry, JournalReader
+from vbus.transports.runtime import socket_address
+
+BOARD = """\
+[board]
+name = "bench"
+time = "lockstep"
+power_on = "done"
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "motor"
+[plants.motor]
+model = "dc_motor"
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/x"
+[record]
+journal = "{folder}/run.vbj"
+"""
+
+
+SHOWN = """
+[scope]
+listen = "127.0.0.1:0"
+"""
+MOVE = """\
+import os
+from vbus import connect
+from vbus.client.lm628 import Lm628
+with connect(os.environ["VBUS_LINK"]) as bus:
+    axis = Lm628(bus)
+    axis.load_filter(kp=300, kd=2000)
+    print(axis.move(500, acc=40, vel=2 << 16))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
+    (tmp_path / "bench.toml").write_text(BOARD.format(folder=tmp_path))
+    return tmp_path
+
+
+def drive(folder: Path) -> int:
+    with connect(f"unix:{folder}/run/x") as bus:
+        axis = Lm628(bus)
+        axis.load_filter(kp=300, kd=2000)
+        return axis.move(500, acc=40, vel=2 << 16)
+
+
+def seen_by_a_page(link: str, enough: Callable[[Seen], object], **order: Any) -> Seen:
+    """Open a link as a browser does; return what it has been told once that is enough."""
+
+    async def look() -> Seen:
+        url, _, code = link.partition("#")
+        own = {"Origin": url.rstrip("/")}
+        async with ClientSession(cookie_jar=CookieJar(unsafe=True)) as browser:
+            async with browser.post(f"{url}enter", data=code, headers=own) as answer:
+                assert answer.status == 204
+            async with browser.ws_connect(f"{url}live", headers=own, max_msg_size=0) as page:
+                description: dict[str, Any] = json.loads(await page.receive_str())
+                data = b""
+                if order:
+                    await page.send_str(json.dumps(order))
+                while not enough(seen := Seen(description, data)):
+                    data += await page.receive_bytes(timeout=20)
+                return seen
+
+    return asyncio.run(look())
+
+
+def orders(link: str, *wanted: dict[str, Any]) -> tuple[list[Any], list[Any]]:
+    """Open a link and order something; return the bookmarks there were, and what is told."""
+
+    async def look() -> tuple[list[Any], list[Any]]:
+        url, _, code = link.partition("#")
+        own = {"Origin": url.rstrip("/")}
+        async with ClientSession(cookie_jar=CookieJar(unsafe=True)) as browser:
+            async with browser.post(f"{url}enter", data=code, headers=own) as answer:
+                assert answer.status == 204
+            async with browser.ws_connect(f"{url}live", headers=own, max_msg_size=0) as page:
+                had = json.loads(await page.receive_str())["bookmarks"]
+                told: list[Any] = []
+                for order in wanted:
+                    await page.send_str(json.dumps(order))
+                while len(told) < len(wanted):
+                    message = await page.receive(timeout=20)
+                    if isinstance(message.data, str):
+                        told.append(json.loads(message.data))
+                return had, told
+
+    return asyncio.run(look())
+
+
+def at(place: int) -> Callable[[Seen], bool]:
+    """Whether a page has seen the motor come to a place."""
+    return lambda seen: [row[1] for row in seen.rows["x.real"]][-1:] == [place]
+
+
+def held(seen: Seen, register: str) -> list[tuple[int, float]]:
+    """What a register is told to hold; nothing before the chip is told of."""
+    return seen.held("x", register) if seen.chips else []
+
+
+def link_in(line: str) -> str:
+    found = re.match(r"scope: (http://127\.0\.0\.1:\d+/#[\w-]{32})", line)
+    assert found is not None, line
+    return found[1]
+
+
+def entries(folder: Path) -> list[Entry]:
+    with (folder / "run.vbj").open("rb") as file:
+        return list(JournalReader(file))
+
+
+@pytest.mark.slow
+def test_a_journal_is_one_file_the_same_each_time(folder: Path) -> None:
+    with running(folder / "bench.toml"):
+        reached = drive(folder)
+    for name in ("a.html", "b.html"):
+        done = vbus("scope", folder / "run.vbj", "-o", folder / name)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    page = (folder / "a.html").read_bytes()
+    assert page == (folder / "b.html").read_bytes()
+    seen = of_page(page)
+    assert seen.description["board"] == "bench"
+    assert not seen.description["live"]
+    assert seen.rows["x.real"][-1][1] == reached
+    # A journal that breaks off says so, and shows what there is.
+    data = (folder / "run.vbj").read_bytes()
+    (folder / "cut.vbj").write_bytes(data[:-30])
+    done = vbus("scope", folder / "cut.vbj", "-o", folder / "c.html")
+    told = vbus("explain", folder / "cut.vbj").stdout.splitlines()[-1]
+    assert told.startswith(f"# {folder}/cut.vbj: ")
+    assert (done.returncode, done.stderr) == (0, f"vbus: {told.removeprefix('# ')}\n")
+    # And one that is damaged is refused as everywhere, and overwrites nothing.
+    (folder / "bad.vbj").write_bytes(b"x" + data)
+    done = vbus("scope", folder / "bad.vbj", "-o", folder / "c.html")
+    assert (done.returncode, done.stderr) == (1, vbus("replay", folder / "bad.vbj").stderr)
+    assert (folder / "c.html").exists()
+
+
+@pytest.mark.slow
+def test_a_recording_is_served(folder: Path) -> None:
+    with running(folder / "bench.toml"):
+        reached = drive(folder)
+    process = start("scope", folder / "run.vbj", "--listen", "127.0.0.1:0")
+    assert process.stdout is not None
+    link = link_in(process.stdout.readline())
+    seen = seen_by_a_page(link, lambda seen: seen.now >= 0)
+    assert seen.rows["x.real"][-1][1] == reached
+    assert seen.now == int(seen.description["now"])
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (0, "")
+    assert link_in(out) != link
+
+
+@pytest.mark.slow
+def test_a_page_sees_a_running_board_as_its_journal_has_it(folder: Path) -> None:
+    with running(folder / "bench.toml"):
+        process = start("scope", "bench")
+        assert process.stdout is not None
+        link = link_in(process.stdout.readline())
+        inside = seen_by_a_page(link, lambda seen: held(seen, "kp"), do="registers", on=True)
+        reached = drive(folder)
+        live = seen_by_a_page(link_in(process.stdout.readline()), at(reached))
+    assert held(inside, "kp") == [(0, 0)]
+    assert {name["name"] for name in live.chips[0]["commands"]} >= {"LFIL", "STT"}
+    assert any(row["name"] == "LM-STA-1" for row in live.clauses)
+    kept = [value for _, value in held(live, "kp")]
+    assert kept[0] == 0
+    assert 300 not in kept, "nobody looked at registers while it moved"
+    assert live.description["live"]
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    watched = entries(folder)
+    vbus("scope", folder / "run.vbj", "-o", folder / "run.html")
+    whole = of_page((folder / "run.html").read_bytes())
+    for lane in ("x.real", "x.desired", "x.error", "x.output", "x.current"):
+        known = live.rows[lane]
+        assert known == whole.rows[lane][: len(known)], lane
+        assert len(known) > 10
+    assert held(whole, "kp")[-1][1] == 300
+    # One that is still open stands before others that were told.
+    assert set(live.packets("x bus")) <= set(whole.packets("x bus"))
+    assert len(live.packets("x bus")) > 100
+    with running(folder / "bench.toml"):
+        assert drive(folder) == reached
+    assert entries(folder) == watched
+
+
+HERE = {"at": "5000000000", "text": "it <starts> here"}
+THERE = {"at": "1000000", "text": "before"}
+
+
+@pytest.mark.slow
+def test_bookmarks_are_kept_beside_the_journal_and_in_its_page(folder: Path) -> None:
+    with running(folder / "bench.toml"):
+        drive(folder)
+    process = start("scope", folder / "run.vbj")
+    assert process.stdout is not None
+    link = link_in(process.stdout.readline())
+    set_, gone = ({"do": "bookmark", "bookmark": HERE}, {"do": "forget", "bookmark": THERE})
+    had, told = orders(
+        link, set_, {"do": "bookmark", "bookmark": THERE}, {"do": "bookmark", "bookmark": HERE},
+    )  # fmt: skip
+    assert had == []
+    assert told[-1] == {"bookmarks": [THERE, HERE]}
+    link = link_in(process.stdout.readline())
+    had, told = orders(link, gone)
+    assert had == [THERE, HERE]
+    assert told == [{"bookmarks": [HERE]}]
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    (runs,) = json.loads((folder / "run.vbj.bookmarks.json").read_text())["runs"].values()
+    assert runs == [HERE]
+    assert vbus("scope", folder / "run.vbj", "-o", folder / "a.html").returncode == 0
+    assert of_page((folder / "a.html").read_bytes()).description["bookmarks"] == [HERE]
+
+
+@pytest.mark.slow
+def test_bookmarks_of_a_board_are_those_of_its_run_and_stay_with_its_journal(folder: Path) -> None:
+    def begun(expected: list[Any]) -> subprocess.Popen[str]:
+        process = start("scope", "bench")
+        assert process.stdout is not None
+        link = link_in(process.stdout.readline())
+        had, _ = orders(link, {"do": "bookmark", "bookmark": HERE})
+        assert had == expected
+        return process
+
+    def end(process: subprocess.Popen[str]) -> None:
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=30)[1] == ""
+
+    for _ in range(2):
+        with running(folder / "bench.toml"):
+            drive(folder)
+            end(begun([]))
+            assert not (folder / "run.vbj.bookmarks.json").exists()
+            process = begun([HERE])
+        end(process)
+        assert of_journal(folder / "run.vbj").all == [HERE]
+        (folder / "run.vbj.bookmarks.json").unlink()
+
+
+@pytest.mark.slow
+def test_who_does_not_read_what_he_asked_for_keeps_no_host_waiting(folder: Path) -> None:
+    with running(folder / "bench.toml") as (board, _):
+        with socket.socket(socket.AF_UNIX) as stuck, socket_address(watch_path("bench")) as address:
+            stuck.connect(address)
+            stuck.sendall(b'{"scope": {}}\n')
+            for _ in range(3):
+                assert drive(folder)
+        assert drive(folder)
+        assert board.poll() is None
+
+
+@pytest.mark.slow
+def test_a_run_with_a_scope_is_outlived_by_it(folder: Path) -> None:
+    board = start("run", folder / "bench.toml", "--scope")
+    assert board.stderr is not None
+    line = board.stderr.readline()
+    (pid,) = map(int, re.findall(r"\(process (\d+)\)$", line))
+    try:
+        reached = drive(folder)
+        board.send_signal(signal.SIGINT)
+        assert board.wait(timeout=60) == 0
+        seen = seen_by_a_page(link_in(line), at(reached))
+        assert seen.packets("x bus")
+    finally:
+        os.kill(pid, signal.SIGTERM)
+    until(lambda: not Path(f"/proc/{pid}").exists(), "the end of the scope")
+    board.communicate(timeout=30)
+
+
+def test_what_makes_no_sense_is_refused(folder: Path) -> None:
+    done = vbus("scope", "nobody")
+    assert done.returncode == 4
+    assert 'no board called "nobody" can be watched' in done.stderr
+    done = vbus("scope", "nobody", "-o", folder / "a.html")
+    assert done.returncode == 2
+    assert "-o is for journals, and nobody is none" in done.stderr
+    for arguments in (("run", "bench.toml"), ("demo",), ("scope", "nobody")):
+        option = "--listen" if arguments[0] == "scope" else "--scope"
+        done = vbus(*arguments, option, "0.0.0.0:80")
+        assert done.returncode in (1, 3)
+    (folder / "open.toml").write_text((folder / "bench.toml").read_text() + SHOWN.replace(
+        "127.0.0.1", "0.0.0.0"))  # fmt: skip
+    done = vbus("check", folder / "open.toml")
+    assert done.returncode == 3
+    assert (
+        'scope.listen: "0.0.0.0:0" lets other computers in; write "127.0.0.1:0", or remote = true'
+        " with certificate and key in [scope] if that is meant" in done.stderr
+    )
+    done = vbus("exec", "--join", "bench", "--scope", "--", "true")
+    assert done.returncode == 2
+    assert "--scope goes with --board; a running board is shown by: vbus scope" in done.stderr
+    (folder / "nodes.toml").write_text((folder / "bench.toml").read_text().replace(
+        'plant = "motor"', 'plant = "motor"\nnode = "a"').replace("[record]", "").replace(
+        f'journal = "{folder}/run.vbj"', "") + "[nodes.a]\n")  # fmt: skip
+    done = vbus("run", folder / "nodes.toml", "--scope")
+    assert done.returncode == 2
+    told = " ".join(done.stderr.replace("│", " ").split())
+    assert "--scope: a board with nodes has no scope: each node has a time of its own" in told
+
+
+@pytest.mark.slow
+def test_a_program_begins_when_its_scope_has_joined(folder: Path) -> None:
+    (folder / "shown.toml").write_text((folder / "bench.toml").read_text() + SHOWN)
+    (folder / "move.py").write_text(MOVE)
+    for board, option in (("bench", ("--scope",)), ("shown", ())):
+        done = start("exec", "--board", folder / f"{board}.toml", *option, "--", sys.executable,
+                     folder / "move.py")  # fmt: skip
+        assert done.stderr is not None
+        line = done.stderr.readline()
+        (pid,) = map(int, re.findall(r"\(process (\d+)\)$", line))
+        try:
+            assert done.wait(timeout=60) == 0
+            assert done.stdout is not None
+            out = done.stdout.read()
+            seen = seen_by_a_page(link_in(line), at(int(out)))
+            assert seen.rows["x.real"][0] == (0, 0)
+            assert next(iter(seen.packets("x bus")))[0] < 1_000_000_000
+        finally:
+            os.kill(pid, signal.SIGTERM)
+        done.communicate(timeout=60)

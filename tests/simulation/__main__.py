@@ -1,0 +1,36 @@
+"""``python -m tests.simulation --seeds 10000``: so many runs; one that fails can be repeated."""
+
+import argparse
+import os
+import sys
+import time
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+
+from tests.simulation.failures import failures
+from tests.simulation.run import simulate
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="python -m tests.simulation")
+    parser.add_argument("--seeds", type=int, default=200, help="how many runs (200)")
+    parser.add_argument("--first", type=int, default=0, help="the first seed (0)")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="how many at a time")
+    parser.add_argument("--failures", action="store_true", help="let each call of each run fail")
+    asked = parser.parse_args()
+    began = time.monotonic()
+    seeds = range(asked.first, asked.first + asked.seeds)
+    counts: Counter[str] = Counter()
+    failed = 0
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        for outcome in pool.map(failures if asked.failures else simulate, seeds, chunksize=4):
+            counts.update(outcome.counts)
+            if outcome.wrong:
+                failed += 1
+                print(f"seed {outcome.seed}: {outcome.wrong}")
+                also = " --failures" * asked.failures
+                print(f"  again: python -m tests.simulation --first {outcome.seed} --seeds 1{also}")
+            elif asked.seeds == 1:
+                print(f"seed {outcome.seed}: {outcome.digest}")
+    told = ", ".join(f"{number} {what}" for what, number in counts.items())
+    print(f"{len(seeds)} seeds, {failed} failed; {told}; {time.monotonic() - began:.0f} s")
+    sys.exit(bool(failed))

@@ -1,0 +1,169 @@
+"""A session whose host goes in the midst of what it is answered."""
+
+import asyncio
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from tests.unit.faults.bench import build
+from vbus.board.board import Board
+from vbus.kernel import MS, SECOND, US
+from vbus.protocols.byte import ByteProtocol
+from vbus.server.departures import Departures
+from vbus.server.hang_ups import HangUps
+from vbus.server.pacer import Pacer
+from vbus.server.session import Serving, Session, Turns
+from vbus.server.statistics import ROUND_TRIP_NS, Histogram
+from vbus.transports.base import Link
+from vbus.transports.sockets import SocketLink
+
+READ = b"\x10"
+
+
+def delay(duration: int) -> bytes:
+    return b"\x50" + duration.to_bytes(8, "big")
+
+
+class Served:
+    """A board with one host after the other, and an event loop that is turned by hand."""
+
+    def __init__(self, policy: str) -> None:
+        self.loop = asyncio.new_event_loop()
+        self.board: Board = build(policy=policy)
+        self.hosts: list[socket.socket] = []
+        self.sessions: list[Session] = []
+        self.pacer = Pacer(self.board)
+        self.pacer.start(self.loop)
+        self.ended: list[Session] = []
+        self.departures = Departures(self.pacer)
+        self.hang_ups = HangUps(self.loop)
+        self.hang_ups.open()
+        self.pacer.look_for_hosts = self.hang_ups.look
+        self.serving = Serving(
+            self.loop, self.pacer, Turns(), Histogram(ROUND_TRIP_NS), self.hang_ups,
+            self.departures, self.ended.append,
+        )  # fmt: skip
+
+    def connect(self) -> socket.socket:
+        near, far = socket.socketpair()
+        near.setblocking(False)
+        far.setblocking(False)
+        self.hosts.append(far)
+        self.departures.admit(SocketLink(near, "x"), self._begin)
+        return far
+
+    def _begin(self, link: Link) -> None:
+        port = self.board.open_port("host0")
+        session = Session(self.serving, link, port, ByteProtocol(port))
+        self.sessions.append(session)
+        session.begin()
+
+    def close(self) -> None:
+        self.departures.close()
+        for session in self.sessions:
+            session.end("the board stops")
+        for host in self.hosts:
+            host.close()
+        self.pacer.stop()
+        self.hang_ups.close()
+        self.loop.close()
+
+    def turn(self, times: int) -> None:
+        for _ in range(times):
+            self.loop.run_until_complete(asyncio.sleep(0))
+
+    def rest(self) -> None:
+        """Turn until nobody waits for time any more, and nobody has anything to say."""
+        self.turn(20)
+        while self.pacer._wakes:
+            self.turn(20)
+        self.turn(20)
+
+
+@contextmanager
+def served(policy: str = "lockstep") -> Iterator[Served]:
+    with_hosts = Served(policy)
+    try:
+        yield with_hosts
+    finally:
+        with_hosts.close()
+
+
+@pytest.mark.parametrize("turns", [0, 1, 2, 3, 5, 8])
+def test_the_next_host_begins_where_the_delay_of_a_killed_one_ends(turns: int) -> None:
+    with served() as it:
+        first = it.connect()
+        first.send(READ + delay(50 * SECOND) + READ + delay(300 * MS))
+        it.turn(turns)
+        first.close()
+        it.turn(1)  # what a socket tells comes in the order in which it happened
+        second = it.connect()
+        second.send(READ + delay(MS) + READ)
+        it.rest()
+        assert len(it.ended) == 1
+        assert it.board.now == 4 * US + 50 * SECOND + 301 * MS
+        assert second.recv(100) == b"D\x84D\x84"
+
+
+def test_a_delay_of_years_is_given_up_a_whole_number_of_minutes_before_its_end() -> None:
+    with served() as it:
+        first = it.connect()
+        first.send(READ + delay(100 * SECOND) + READ)
+        it.turn(1)
+        first.close()
+        it.rest()
+        assert it.board.now == US + 40 * SECOND
+        second = it.connect()
+        second.send(READ)
+        it.rest()
+        assert it.board.now == 2 * US + 40 * SECOND
+        assert it.pacer._wakes == []
+
+
+def test_a_host_that_comes_and_goes_meanwhile_is_served_too() -> None:
+    with served() as it:
+        first, second = it.connect(), it.connect()
+        first.send(delay(SECOND))
+        it.turn(1)
+        first.close()
+        it.turn(1)
+        third = it.connect()
+        third.send(READ)
+        third.close()
+        it.rest()
+        assert it.board.now == SECOND + US
+        assert len(it.ended) == 2
+        second.send(READ)
+        it.rest()
+        assert it.board.now == SECOND + 2 * US
+
+
+def test_in_real_time_no_wait_outlives_its_host() -> None:
+    with served("realtime") as it:
+        first = it.connect()
+        first.send(READ + delay(100 * SECOND))
+        it.turn(2)
+        first.close()
+        it.turn(20)
+        assert len(it.ended) == 1
+        assert it.pacer._wakes == []
+        assert it.board.ports == []
+
+
+def test_a_board_that_stops_carries_nothing_out_and_lets_nobody_in() -> None:
+    with served() as it:
+        first = it.connect()
+        first.send(delay(50 * SECOND))
+        it.turn(1)
+        first.close()
+        it.turn(1)
+        second = it.connect()
+        second.send(READ)
+        it.departures.close()
+        it.rest()
+        assert it.board.now < 50 * SECOND
+        assert it.board.ports == []
+        with pytest.raises(ConnectionResetError):
+            second.recv(1)

@@ -1,0 +1,74 @@
+"""What a failing test leaves behind: polls folded, annotations, a summary of the job."""
+
+import pytest
+
+from tests.unit.testing.test_plugin import suite
+from vbus.board.build import build
+from vbus.kernel import MS
+from vbus.server.host_limits import KEPT
+from vbus.testing.boards import for_test, of_part
+from vbus.testing.in_process import connect_in_process
+from vbus.testing.limits import Limits, Watch
+
+__all__ = ["suite"]
+pytest_plugins = "pytester"
+
+
+def test_several_polls_in_turn_are_folded_and_hide_nothing() -> None:
+    board = build(*for_test(of_part("MCP-1200"), "board.toml"))
+    watch = Watch(board, Limits())
+    board.run_until(5 * MS)
+    bus = connect_in_process(board)
+    bus.write(0x05, 0x03)
+    for _ in range(KEPT):
+        bus.read(0x07)
+        bus.read(0x07)
+        bus.read(0x00)
+    bus.write(0x05, 0x03)
+    lines = watch.lines
+    assert lines[0] == lines[-1]
+    assert lines[0].startswith("x write ")
+    assert lines[1].startswith("x read STATUS FCH")
+    assert lines[1].endswith(" x2")
+    assert lines[2].startswith("x read FLAG ")
+    assert lines[3] == f"the same polls again x{3 * KEPT - 3}"
+    assert len(lines) == 5
+
+
+def test_github_is_told_where_and_why(
+    suite: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    summary = suite.path / "summary.md"
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
+    monkeypatch.setenv("GITHUB_WORKSPACE", str(suite.path.parent))
+    suite.makepyfile(
+        test_it="""
+        import pytest
+
+        @pytest.mark.parametrize("share", ["50%, or so"])
+        def test_arrives(vbus_lm629, share):
+            vbus_lm629.bus.read(0)
+            assert vbus_lm629.plant.count == 5, "100%\\nmore"
+
+        def test_without_a_board():
+            assert False
+
+        def test_passes(vbus_board):
+            pass
+        """
+    )
+    result = suite.runpytest("-q", "--vbus-github", "--vbus-coverage")
+    result.assert_outcomes(failed=2, passed=1)
+    lines = [line for line in result.outlines if line.startswith("::")]
+    (line,) = lines
+    where, _, message = line.removeprefix("::error ").partition("::")
+    assert where == (f"file={suite.path.name}/test_it.py,line=6,title=test_arrives[50%25%2C or so]")
+    assert message.startswith('AssertionError: 100%25%0Aboard "lm629n-8" at ')
+    assert "%0Areplay:  vbus replay " in message
+    text = summary.read_text()
+    assert text.startswith("### vbus: 1 failed, 1 passed\n")
+    assert "<code>test_it.py::test_arrives[50%, or so]</code>: AssertionError: 100%<" in text
+    assert "\n    violations: none\n" in text
+    assert "\n    lm628: 3 of " in text
+    assert "never" not in text
+    assert "::error" not in suite.runpytest("-q").stdout.str()

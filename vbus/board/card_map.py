@@ -1,0 +1,170 @@
+"""Who answers where: the addresses of cards as a table, found out on a board of its own."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import groupby
+
+from vbus.board.board import Board
+from vbus.board.build import card_of
+from vbus.board.card_bus import ADDRESS_LINES, CardBus
+from vbus.board.pin_maps import ADDRESS, READ, SELECT, WRITE, roles
+from vbus.board.sections import BoardFile, CardSection
+from vbus.chips.base import Chip
+from vbus.kernel import NS
+from vbus.signals import HIGH, LOW, Pin, Z
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What answers at one address of a card.
+
+    Attributes:
+        card: name of the card.
+        address: the address.
+        reads: who drives the data bus in a read: ``"x.0"`` is address 0 of chip x.
+        writes: who takes what is written.
+    """
+
+    card: str
+    address: int
+    reads: tuple[str, ...]
+    writes: tuple[str, ...]
+
+
+def address_map(file: BoardFile, board: Board) -> list[Answer]:
+    """Return what answers at each address of each card that hosts use.
+
+    Args:
+        file: the board file.
+        board: a board of that file which nobody needs any more: every address is tried on it.
+    """
+    found: list[Answer] = []
+    for card in file.cards:
+        host = next((host for host in file.hosts if host.card == card.name), None)
+        if card.bus:
+            found += _tried(file, card, board)
+        elif host is not None:
+            table = card_of(file, host)
+            assert table is not None
+            names = host.chips or tuple(chip.name for chip in file.chips)
+            found += [
+                Answer(
+                    card.name, card.base + offset,
+                    _row(table.reads, offset, names), _row(table.writes, offset, names),
+                )
+                for offset in table.offsets()
+            ]  # fmt: skip
+    return found
+
+
+def _row(
+    rows: Mapping[int, tuple[int, int]], offset: int, names: tuple[str, ...]
+) -> tuple[str, ...]:
+    return (f"{names[rows[offset][0]]}.{rows[offset][1]:X}",) if offset in rows else ()
+
+
+def remarks(file: BoardFile, board: Board, found: list[Answer]) -> Iterator[str]:
+    """Give what is wrong with a map: outputs that fight, chips that are never selected."""
+    for card in file.cards:
+        mine = [answer for answer in found if answer.card == card.name]
+        for answer in mine:
+            if len(answer.reads) > 1:
+                yield (
+                    f"[cards.{card.name}]: {' and '.join(answer.reads)} both answer a read at"
+                    f" {answer.address:X}H and fight; select one of them only"
+                )
+        if not card.bus:
+            continue
+        bus = board.chip(card.name)
+        reached = {one.partition(".")[0] for a in mine for one in (*a.reads, *a.writes)}
+        for chip in board.glue.behind(board.chips):
+            if chip.bus_net is bus.bus_net and chip.name not in reached:
+                yield (
+                    f'[cards.{card.name}]: chip "{chip.name}" is never selected at'
+                    f" {card.base:X}H to {card.base + card.size - 1:X}H; look at what drives its"
+                    " select"
+                )
+
+
+def lines(found: list[Answer]) -> Iterator[str]:
+    """Give a map as text; neighbours at which nobody answers are one line."""
+    for (card, silent), group in groupby(found, lambda a: (a.card, not (a.reads or a.writes))):
+        rows = list(group)
+        if silent:
+            last = f"-{rows[-1].address:X}H" if len(rows) > 1 else ""
+            yield f"{card} {rows[0].address:X}H{last}: nobody"
+            continue
+        for row in rows:
+            told = [
+                f"{verb} {'+'.join(who)}"
+                for verb, who in (("read", row.reads), ("write", row.writes))
+                if who
+            ]
+            yield f"{card} {row.address:X}H: {', '.join(told)}"
+
+
+def _tried(file: BoardFile, card: CardSection, board: Board) -> Iterator[Answer]:
+    bus = board.chip(card.name)
+    assert isinstance(bus, CardBus)
+    hands = {name: pin.net.solder("map") for name, pin in bus.pins.items()}
+    wait = sum(section.delay for section in file.glue) + NS
+    chips = [chip for chip in board.chips if chip is not bus]
+    known = {chip.name: roles(chip) for chip in chips}
+    board.run_for(wait)
+    for address in range(card.base, card.base + card.size):
+        for line in range(ADDRESS_LINES):
+            hands[f"A{line}"].drive(address >> line & 1)
+        answers = []
+        for write in (False, True):
+            who: dict[str, None] = {}
+            for data in (0xFF, 0x00) if write else (Z,):
+                hands["D0-D7"].drive(data)
+                before = _held(board)
+                _strobe(board, hands["/IOW" if write else "/IOR"], LOW, wait)
+                for chip in chips:
+                    if _selected(chip, known[chip.name], write):
+                        who[f"{chip.name}.{_address(chip, known[chip.name]):X}"] = None
+                if not write:
+                    who |= dict.fromkeys(_drivers(board, bus))
+                _strobe(board, hands["/IOW" if write else "/IOR"], HIGH, wait)
+                if write:
+                    after = _held(board)
+                    who |= {name: None for name in after if after[name] != before[name]}
+            hands["D0-D7"].release()
+            answers.append(tuple(who))
+        yield Answer(card.name, address, answers[0], answers[1])
+    for hand in hands.values():
+        hand.release()
+
+
+def _strobe(board: Board, hand: Pin, level: int, wait: int) -> None:
+    board.run_for(wait)
+    hand.drive(level)
+    board.kernel.settle()
+    board.run_for(wait)
+
+
+def _held(board: Board) -> dict[str, tuple[int, ...]]:
+    """Return what the registers among the glue hold."""
+    return {part.name: tuple(block.state for block in part.blocks) for part in board.glue.parts}
+
+
+def _selected(chip: Chip, known: Mapping[str, str], write: bool) -> bool:
+    """Tell whether a chip's select, and its strobe for this direction, are low."""
+    wanted = [name for name, role in known.items() if role in (SELECT, WRITE if write else READ)]
+    return bool(wanted) and all(chip.pins[name].value == LOW for name in wanted)
+
+
+def _address(chip: Chip, known: Mapping[str, str]) -> int:
+    return sum(
+        chip.pins[name].value << int(role[1:])
+        for name, role in known.items()
+        if role[0] == ADDRESS and name in chip.pins
+    )
+
+
+def _drivers(board: Board, bus: CardBus) -> Iterator[str]:
+    """Give the glue that drives the card's data bus."""
+    for part in board.glue.parts:
+        if any(pin.net is bus.bus_net and pin.level != Z for pin in part.pins.values()):
+            yield part.name

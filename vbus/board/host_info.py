@@ -1,0 +1,49 @@
+"""What a host is told of its board in the answer to HELLO."""
+
+from vbus.board.cards import Card
+from vbus.board.circuit import Circuit
+from vbus.board.host_pins import HostPins
+from vbus.board.host_selection import Selection
+from vbus.board.pin_maps import PinMap, wiring
+from vbus.protocols.port import ChipInfo, PortInfo
+from vbus.protocols.requests import features
+
+
+def port_info(
+    board: Circuit,
+    selection: Selection,
+    pins: HostPins,
+    promises: bool,
+    pin_map: PinMap | None,
+    card: Card | None,
+) -> PortInfo:
+    """Return what HELLO tells.
+
+    Args:
+        board: the board.
+        selection: the host's chips.
+        pins: what it has of their nets.
+        promises: whether it may be given leases.
+        pin_map: where its port pins lead, if it is a microcontroller.
+        card: address decoding, if it speaks card addresses.
+    """
+    chips, sides = selection.chips, pins.side_names()
+    program = f"step={board.clock_step};" if card is not None or pin_map is not None else ""
+    if card is not None:
+        program += card.program_text(pins.output_names())
+    return PortInfo(
+        board.name,
+        board.policy,
+        board.rate if board.policy == "realtime" else 0.0,
+        [
+            ChipInfo(chip.name, chip.part, chip.FAMILY, chip.ADDRESS_BITS, cycle)
+            for chip, cycle in zip(chips, selection.cycles, strict=True)
+        ],
+        pins.line_names(),
+        pins.output_names(),
+        sides,
+        features(promises),
+        wiring(pin_map, chips, board.glue_of(chips), pins),
+        card.text(sides) if card is not None else "",
+        program,
+    )

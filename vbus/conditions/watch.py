@@ -1,0 +1,132 @@
+"""Watching a board for a condition: what is looked at, and when."""
+
+from collections.abc import Callable
+from typing import Final
+
+from vbus.board.circuit import Circuit
+from vbus.conditions.condition import VIOLATION, Condition, Course
+from vbus.kernel import MS, NEVER, Timer
+from vbus.signals import Observer, Violation
+
+LOOK: Final = MS
+"""How often at least a chip is looked into that somebody outside may wake at any time."""
+
+
+class Watch(Observer):
+    """Looks at a board for a condition.
+
+    Edges, violations and bus cycles are taken down as they happen; values are looked at by
+    :meth:`look`, which whoever moves time calls. With ``met`` the board's own time calls it: at
+    each edge and bus cycle and at each sample of the chips concerned.
+
+    Args:
+        text: the condition.
+        board: the board.
+        what: what the condition is called in messages.
+        met: is called at the instant at which it holds.
+
+    Raises:
+        ConditionError: the condition is none, or names what the board does not have.
+    """
+
+    def __init__(
+        self,
+        text: str,
+        board: Circuit,
+        what: str = "condition",
+        met: Callable[[], None] | None = None,
+    ) -> None:
+        self.condition: Condition = Condition(text, board, what)
+        self.board: Circuit = board
+        self._met: Callable[[], None] | None = met
+        self._timer = self.timer() if met is not None else None
+        self._watching = False
+        self._course = Course(broken=dict(board.counters))
+        self._chips = [board.chip(name) for name in self.condition.chips()]
+        self._nets = [one.net for one in self.condition.levels.values() if one.net is not None]
+
+    def timer(self) -> Timer:
+        """Return the timer by which the board's time looks: what hosts are promised is the same."""
+        return self.board.kernel.onlooker(self._look)
+
+    def begin(self) -> None:
+        """Watch from now on."""
+        self._watching = True
+        for net in self._nets:
+            net.observe(self)
+        if self._chips or self.condition.events:
+            self.board.observe(self)
+        if self._timer is not None:
+            self._timer.at(self.board.now)
+
+    def end(self) -> None:
+        """Watch no more; again is harmless."""
+        if not self._watching:
+            return
+        self._watching = False
+        for net in self._nets:
+            net.unobserve(self)
+        if self._chips or self.condition.events:
+            self.board.unobserve(self)
+        if self._timer is not None:
+            self._timer.cancel()
+
+    # -- what happens -------------------------------------------------------------------------
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Take down an edge."""
+        self._course.change(net, level)
+        self._wake()
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """A cycle may have changed what its chips tell."""
+        self._wake()
+
+    def violation(self, violation: Violation) -> None:
+        """Take down a violation."""
+        self.happen(VIOLATION, violation.chip, violation.rule)
+
+    def happen(self, kind: str, chip: str, text: str) -> None:
+        """Take down an event."""
+        self._course.happen(kind, chip, text)
+        self._wake()
+
+    def _wake(self) -> None:
+        if self._timer is not None:
+            self._timer.at(self.board.now)
+
+    # -- looking --------------------------------------------------------------------------------
+
+    def look(self) -> bool:
+        """Tell whether the condition holds now."""
+        told = {chip.name: chip.telemetry() for chip in self._chips}
+        self.condition.look(self._course, told)
+        return self.condition.holds(self._course, self.board.now)
+
+    def next_look(self) -> int:
+        """Return the next instant at which it may hold though nothing happens outside (ps)."""
+        changes = [chip.next_change() for chip in self._chips]
+        return max(min([self._course.due, *changes]), self.board.now + 1)
+
+    def _look(self) -> None:
+        if self.look() and self._met is not None:
+            self._met()
+            return
+        due = self.next_look()
+        if self._chips:
+            due = min(due, self.board.now + LOOK)
+        if self._timer is not None and due < NEVER:
+            self._timer.at(due)
+
+    def flush(self) -> None:
+        """Look now, if that is due, and not when time goes on."""
+        if self._timer is not None and self._timer.due == self.board.now:
+            self._timer.cancel()
+            self._look()
+
+    def found(self) -> str:
+        """Return what the levels are, for people."""
+        values = self._course.values
+        return ", ".join(f"{key} is {values[key]}" for key in self.condition.levels)

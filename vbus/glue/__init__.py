@@ -1,0 +1,1 @@
+"""Parts of glue: gates, decoders, latches and counters between hosts and chips."""

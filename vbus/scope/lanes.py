@@ -1,0 +1,165 @@
+"""The lanes of a board: what is drawn of it over time, and where each comes from."""
+
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from vbus.board import plugins
+from vbus.board.board import Board
+from vbus.chips.base import Chip
+from vbus.plant.encoder import EncodedPlant
+from vbus.signals import LaneRow, Net, Plant
+from vbus.trace.wave.signals import nets_of
+from vbus.version import __version__
+
+FORMAT: Final = 1
+TICK: Final = 1
+"""Picoseconds of a tick: instants are as exact as the board's."""
+
+NUMBER: Final = "number"
+LINE: Final = "line"
+PACKET_LANE: Final = "packets"
+MARK_LANE: Final = "marks"
+REGISTER_LANE: Final = "register"
+"""Of a chip's view alone: not drawn over time."""
+
+MARK_TITLES: Final = {
+    "violation": "violations", "fault": "faults", "interrupt": "interrupts", "host": "hosts",
+    "bookmark": "bookmarks",
+}  # fmt: skip
+"""Kinds of marks, each a lane of its own."""
+
+Number = int | float
+
+
+@dataclass(eq=False, slots=True)
+class Lane:
+    """One lane and the rows that nobody has taken yet.
+
+    Attributes:
+        number: its id.
+        axis: name of its axis, or None.
+        name: short name.
+        title: for people.
+        kind: :data:`NUMBER`, :data:`LINE`, ...
+        unit: what ``scale`` times a value is in.
+        scale: what a value is multiplied by.
+        last: the latest value, as it was told; None before the first.
+        rows: instant and value; of packets begin, length, label, kind; of marks instant, object.
+    """
+
+    number: int
+    axis: str | None
+    name: str
+    title: str
+    kind: str
+    unit: str = ""
+    scale: float = 1.0
+    last: Number | None = None
+    rows: list[tuple[Any, ...]] = field(default_factory=list)
+
+    def note(self, when: int, value: Number) -> None:
+        """Take a value that holds from ``when`` (ps) on."""
+        if value != self.last:
+            self.last = value
+            self.rows.append((when, value if self.scale == 1 else round(value / self.scale)))
+
+    def described(self) -> dict[str, Any]:
+        """Return what a page is told of it."""
+        return {
+            "id": self.number, "axis": self.axis, "name": self.name, "title": self.title,
+            "kind": self.kind, "unit": self.unit, "scale": self.scale, "tick": TICK,
+            "shape": "steps",
+        }  # fmt: skip
+
+
+class Lanes:
+    """All lanes of a board.
+
+    Args:
+        board: the board.
+        strobes: whether the lines of the host buses are among them.
+        live: whether the board runs now.
+
+    Attributes:
+        all: every lane, by its number.
+        axes: the axes, as a page is told.
+        telemetry: by chip: key of its telemetry, lane.
+        plants: by chip: plant, key of its telemetry, lane.
+        nets: by name of a net: net and lane.
+        packets: lane of the packets by chip.
+        marks: lanes of the marks by kind.
+        lag: how late chip time is, of a board that runs in real time.
+    """
+
+    def __init__(self, board: Board, strobes: bool, live: bool) -> None:
+        self.all: list[Lane] = []
+        self.axes: list[dict[str, Any]] = []
+        self.telemetry: dict[str, list[tuple[str, Lane]]] = {}
+        self.plants: dict[str, list[tuple[Plant, str, Lane]]] = {}
+        self.nets: dict[str, tuple[Net, Lane]] = {}
+        self.packets: dict[str, Lane] = {}
+        self.marks: dict[str, Lane] = {}
+        self._board: Board = board
+        for chip in board.chips:
+            self._add_chip(chip)
+        for chip in board.chips:
+            self.packets[chip.name] = self._add(
+                None, f"{chip.name} bus", f"{chip.name}: packets", PACKET_LANE
+            )
+        bus = {pin.net for chip in board.chips for pin in chip.bus_pins}
+        for net in nets_of(board, ()):
+            if strobes or net not in bus:
+                kind = LINE if net.width == 1 else NUMBER
+                self.nets[net.name] = net, self._add(None, net.name, net.name, kind)
+        for kind, title in MARK_TITLES.items():
+            self.marks[kind] = self._add(None, title, title, MARK_LANE)
+        self.lag: Lane | None = None
+        if live and board.policy == "realtime":
+            self.lag = self._add(None, "wall lag", "wall lag", NUMBER, "s", 1e-12)
+
+    def _add_chip(self, chip: Chip) -> None:
+        rows = plugins.family(chip.FAMILY).lanes
+        told = self.telemetry[chip.name] = []
+        behind = self.plants[chip.name] = []
+        for number in range(1, chip.axis_count + 1):
+            axis = chip.name if chip.axis_count == 1 else f"{chip.name}.{number}"
+            plant = self._board.axes.get(f"{chip.name}.{number}")
+            turn = plant.encoder.counts if isinstance(plant, EncodedPlant) else None
+            told_of = {"name": axis, "part": chip.part, "counts_per_rev": turn, "counts": "counts"}
+            if chip.PERIOD_CLK and any(row.unit.endswith("/sample") for row in rows):
+                told_of["sample"] = int(chip.clock.ps(chip.PERIOD_CLK))
+            self.axes.append(told_of)
+            for row in rows:
+                told.append((row.key.format(number), self._of_row(axis, row)))
+            for row in plant.LANES if plant is not None else ():
+                behind.append((plant, row.key, self._of_row(axis, row)))  # type: ignore[arg-type]
+        if not rows:
+            numbers = {
+                key: value for key, value in chip.telemetry().items() if not isinstance(value, str)
+            }
+            for key in numbers:
+                told.append((key, self._of_row(chip.name, LaneRow(key, key, "", key))))
+
+    def _of_row(self, axis: str, row: LaneRow) -> Lane:
+        return self._add(axis, row.name, row.title, NUMBER, row.unit, row.scale)
+
+    def add_register(self, chip: str, name: str) -> Lane:
+        """Return a lane for a register of a chip."""
+        return self._add(None, f"{chip}: {name}", name, REGISTER_LANE)
+
+    def _add(self, axis: str | None, name: str, title: str, kind: str, *values: Any) -> Lane:
+        lane = Lane(len(self.all), axis, name, title, kind, *values)
+        self.all.append(lane)
+        return lane
+
+    def described(self, live: bool, control: bool = False) -> dict[str, Any]:
+        """Return what a page is told before the first frame."""
+        board = self._board
+        pairs = [axis["name"] for axis in self.axes][:2]
+        xy = [[f"{name}.{what}" for what in ("real", "desired") for name in pairs]]
+        return {
+            "format": FORMAT, "vbus": __version__, "board": board.name, "time": board.policy,
+            "live": live, "control": control, "origin": "0", "now": str(board.now),
+            "axes": self.axes, "lanes": [lane.described() for lane in self.all],
+            "xy": xy if len(pairs) == 2 else [],
+        }  # fmt: skip

@@ -1,0 +1,339 @@
+"""What happens on a board, as rows of lanes: of a journal that is played again, or of a live one.
+
+A chip is looked at when its samples are made, so every value has the instant from which on it held.
+Looking changes nothing: no reply, no instant, no finding, no hash.
+"""
+
+from collections.abc import Callable, Sequence
+from operator import itemgetter
+from typing import Any, Final
+
+from vbus.board.board import Board
+from vbus.chips.base import Chip
+from vbus.kernel import END, MS, NEVER, SECOND
+from vbus.kernel.kernel import Timer
+from vbus.scope.frames import (
+    ALL,
+    CHIPS,
+    LABELS,
+    MARKS,
+    NOW,
+    PACKETS,
+    SAMPLES,
+    WORDS,
+    Column,
+    frame,
+    kinds,
+    small,
+    texts,
+)  # fmt: skip
+from vbus.scope.lanes import MARK_LANE, PACKET_LANE, Lane, Lanes
+from vbus.scope.registers import ChipRegisters
+from vbus.signals import Violation
+from vbus.trace.decode import BoardPackets, settings_for_decoders
+from vbus.trace.packets import IGNORED, STATUS, WHOLE, CommandPackets, Cycle, Packet
+
+COMMAND: Final = 0
+WRITTEN: Final = 1
+READ: Final = 2
+STATUS_READ: Final = 3
+VIOLATED: Final = 4
+OTHER: Final = 5
+"""Kinds of packets."""
+
+FIRST_REST: Final = MS
+LONGEST_REST: Final = SECOND
+"""How soon a chip that rests is looked at again: each time it still rests, twice as late."""
+
+MOST_ROWS: Final = 8192
+"""Rows of a frame at most: a page reads one after the other, and can draw between them."""
+
+Columns = Callable[[Sequence[float]], Column]
+
+
+class _Look:
+    """Looks at one chip, its plants and its pins.
+
+    Args:
+        board: the board.
+        chip: the chip.
+        lanes: all lanes.
+        levels: the pins looked at, where their edges are not told.
+
+    Attributes:
+        registers: what is in the chip.
+    """
+
+    def __init__(
+        self, board: Board, chip: Chip, lanes: Lanes, levels: "list[tuple[Any, Lane]]"
+    ) -> None:
+        self._board: Board = board
+        self._chip: Chip = chip
+        self.registers: ChipRegisters = ChipRegisters(chip, lanes)
+        self._inside: bool = False
+        self._polled: tuple[int, int] | None = None
+        """What was read last, and where, if such a read does nothing to the chip."""
+        self._told: list[tuple[str, Lane]] = lanes.telemetry[chip.name]
+        self._plants: list[Any] = lanes.plants[chip.name]
+        self._levels: list[tuple[Any, Lane]] = levels
+        self._rest: int = 0
+        self._raised: bool = False
+        self.on_interrupt: Callable[[str], None] = lambda text: None
+        self.timer: Timer = board.kernel.onlooker(self.look)
+        self.ready: Timer = board.kernel.onlooker(self._look_inside)
+
+    def look(self) -> None:
+        """Take down what is new, and look again at the next sample."""
+        now: int = self._board.now
+        values = self._chip.telemetry()
+        for key, lane in self._told:
+            value = values.get(key)
+            if isinstance(value, int | float):
+                lane.note(now, value)
+        if self._inside:
+            self.registers.note(now, values)
+        due = self._chip.next_sample()
+        # The mechanics run one period ahead: what they tell holds when it is over.
+        ahead = now if due == NEVER else due
+        for plant, key, lane in self._plants:
+            lane.note(now if lane.last is None else ahead, plant.telemetry()[key])
+        for net, lane in self._levels:
+            lane.note(now, net.value)
+        raised = values.get("interrupt", 0) != 0
+        if raised and not self._raised:
+            self.on_interrupt(f"{self._chip.name}: interrupt")
+        self._raised = raised
+        self._rest = min(max(2 * self._rest, FIRST_REST), LONGEST_REST) if due == NEVER else 0
+        due = now + self._rest if due == NEVER else due
+        self.timer.at(due if due <= END else NEVER)
+
+    def look_inside(self, on: bool) -> None:
+        """Look at its registers from now on, or no longer."""
+        if on == self._inside:
+            return
+        self._inside = on
+        if on:
+            self._look_inside()
+        else:
+            self.ready.cancel()
+            self.registers.forget(self._board.now)
+
+    def _look_inside(self) -> None:
+        self.registers.look(self._board.now)
+
+    def meet(self, write: bool, address: int, data: int) -> None:
+        """A bus cycle has been: look at what it did, and again when the chip is ready."""
+        free = not write and address in self._chip.FREE_READS
+        polled, self._polled = self._polled, (address, data) if free else None
+        again = polled is not None and polled == self._polled
+        if not again:  # a poll that reads the same does nothing
+            self.wake()
+        if self._inside and not free:
+            self._look_inside()
+            ready = self._chip.ready_at()
+            if self._board.now < ready <= END:
+                self.ready.at(ready)
+
+    def wake(self) -> None:
+        """Something has touched the chip: one that rested may rest no more."""
+        if self._rest:
+            self._rest = 0
+            self.timer.at(self._board.now)
+
+
+class Recorder(BoardPackets):
+    """Records every lane of a board from :meth:`start` to :meth:`stop`.
+
+    Args:
+        board: the board.
+        edges: take every edge of its pins at its instant, which leaves traces in saved states; or
+            else look at the levels when samples are made.
+        strobes: record the lines of the host buses too; with ``edges`` alone.
+        lag: of a board that runs now: how late chip time is (ps).
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        edges: bool,
+        strobes: bool = False,
+        lag: Callable[[], int] | None = None,
+    ) -> None:
+        families = {chip.name: chip.FAMILY for chip in board.chips}
+        super().__init__(families, self._packet, settings_for_decoders(board.chips))
+        self.board: Board = board
+        self.lanes: Lanes = Lanes(board, strobes and edges, lag is not None)
+        self._lag: Callable[[], int] = lag if lag is not None else int
+        self._edges: bool = edges
+        self._running: bool = False
+        self._looks: dict[str, _Look] = {}
+        for chip in board.chips:
+            mine = {pin.net.name for pin in chip.pins.values()} if not edges else ()
+            levels = [row for name, row in self.lanes.nets.items() if name in mine]
+            self._looks[chip.name] = look = _Look(board, chip, self.lanes, levels)
+            look.on_interrupt = self._interrupt
+        self._labels: dict[tuple[str, str], int] = {}
+        self._new: list[tuple[str, str]] = []
+        """Labels nobody has taken yet: what a packet says, and its cycles."""
+        self._described: bool = False
+        self._broken: dict[str, list[tuple[int, dict[str, Any]]]] = {}
+        """Violations by chip that no packet has been told since."""
+        self._hosts: set[str] = set()
+
+    def start(self) -> None:
+        """Begin to record."""
+        self._running = True
+        if self._edges:
+            for net, lane in self.lanes.nets.values():
+                net.observe(self)
+                lane.note(self.board.now, net.value)
+        self.board.observe(self)
+        for look in self._looks.values():
+            look.look()
+            look.look_inside(self._edges)
+
+    def look_inside(self, on: bool) -> None:
+        """Record the registers of every chip from now on, or no longer."""
+        for look in self._looks.values():
+            look.look_inside(on and self._running)
+
+    def stop(self) -> None:
+        """Record no more; may be called again."""
+        if self._running:
+            self._running = False
+            self.finish()
+            self.board.unobserve(self)
+            for look in self._looks.values():
+                look.timer.cancel()
+                look.ready.cancel()
+            for net, _ in self.lanes.nets.values() if self._edges else ():
+                net.unobserve(self)
+
+    # -- what happens -------------------------------------------------------------------------
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Take down an edge."""
+        self.lanes.nets[net][1].note(when, level)
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Follow the packets, and look at a chip that rested."""
+        if host not in self._hosts:
+            self._hosts.add(host)
+            self._mark(when, host, "host")
+        super().bus_cycle(when, host, chip, write, address, data)
+        for name in chip.split("+"):
+            if name in self._looks:
+                self._looks[name].meet(write, address, data)
+
+    def _packet(self, chip: str, packet: Packet) -> None:
+        clause = f"  [{packet.clause}]" if packet.clause else ""
+        said = packet.text + clause, " ".join(map(_cycle, packet.cycles))
+        label = self._labels.get(said)
+        if label is None:
+            label = self._labels[said] = len(self._labels)
+            self._new.append(said)
+        kind = self._kind(chip, packet)
+        for when, mark in self._broken.pop(chip, ()):
+            if packet.begin <= when <= packet.end:
+                mark["label"] = label
+                kind = VIOLATED
+        length = packet.end - packet.begin
+        inner = [cycle.when - packet.begin for cycle in packet.cycles[1:-1]]
+        self.lanes.packets[chip].rows.append((packet.begin, length, label, kind, inner or 0))
+
+    def _kind(self, chip: str, packet: Packet) -> int:
+        if packet.kind == STATUS:
+            return STATUS_READ
+        if packet.kind == IGNORED:
+            return VIOLATED
+        if packet.kind != WHOLE:
+            return OTHER
+        if isinstance(self._decoders[chip], CommandPackets):
+            return COMMAND
+        return WRITTEN if packet.cycles[0].write else READ
+
+    def violation(self, violation: Violation) -> None:
+        """Mark a breach."""
+        super().violation(violation)
+        v = violation
+        mark = self._mark(v.when, f"{v.chip}: {v.detail}", "violation", v.rule, v.clause)
+        self._broken.setdefault(v.chip, []).append((v.when, mark))
+
+    def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
+        """Mark what a fault does, and look at every chip."""
+        self._mark(when, f"{name} {target}: {what}" + (f"; {text}" if text else ""), "fault")
+        for look in self._looks.values():
+            look.wake()
+
+    def _interrupt(self, text: str) -> None:
+        self._mark(self.board.now, text, "interrupt")
+
+    def _mark(
+        self, when: int, text: str, kind: str, rule: str | None = None, clause: str | None = None
+    ) -> dict[str, Any]:
+        mark = {"text": text, "kind": kind, "rule": rule, "clause": clause, "label": None}
+        self.lanes.marks[kind].rows.append((when, mark))
+        return mark
+
+    # -- frames -------------------------------------------------------------------------------
+
+    def take(self, column: Columns = small) -> list[bytes]:
+        """Return what is new as frames, those that last first and how far time has come last.
+
+        Args:
+            column: how numbers are written.
+        """
+        if self.lanes.lag is not None:
+            self.lanes.lag.note(self.board.now, self._lag() * 1e-12)
+        frames = []
+        if not self._described:
+            self._described = True
+            chips = [look.registers.described for look in self._looks.values()]
+            frames.append(frame(CHIPS, ALL, len(chips), 0, texts(chips)))
+        if self._new:
+            said, cycles = zip(*self._new, strict=True)
+            frames.append(frame(LABELS, ALL, len(said), 0, texts(said), texts(cycles)))
+            self._new = []
+        words = [row for look in self._looks.values() for row in look.registers.take_words()]
+        if words:
+            frames.append(frame(WORDS, ALL, len(words), 0, texts(words)))
+        for lane in self.lanes.all:
+            rows, lane.rows = lane.rows, []
+            rows.sort(key=itemgetter(0))  # some are known later than others that began after them
+            for place in range(0, len(rows), MOST_ROWS):
+                frames.append(_rows(lane, rows[place : place + MOST_ROWS], column))
+        return [*frames, frame(NOW, ALL, 0, self.board.now)]
+
+    def leave_out(self) -> None:
+        """Forget what is new, and take down every value once more: there is no room for it.
+
+        The labels stay: those of later packets are counted from the first.
+        """
+        for lane in self.lanes.all:
+            lane.rows.clear()
+            lane.last = None
+
+
+def _rows(lane: Lane, rows: list[tuple[Any, ...]], column: Columns) -> bytes:
+    """Return some rows of a lane as a frame."""
+    first = rows[0][0]
+    begins, *others = zip(*rows, strict=True)
+    columns = [column([begin - first for begin in begins])]
+    if lane.kind == MARK_LANE:
+        kind = MARKS
+        columns.append(texts(others[0]))
+    elif lane.kind == PACKET_LANE:
+        kind = PACKETS
+        lengths, labels, sorts, inner = others
+        columns += [column(lengths), column(labels), kinds(sorts), texts(inner)]
+    else:
+        kind = SAMPLES
+        columns.append(column(others[0]))
+    return frame(kind, lane.number, len(rows), first, *columns)
+
+
+def _cycle(cycle: Cycle) -> str:
+    """Return which way, address and byte: ``w0 1F``."""
+    return f"{'w' if cycle.write else 'r'}{cycle.address:X} {cycle.data:02X}"

@@ -1,0 +1,61 @@
+"""What pages are sent of a board: kept for those that come later, or cannot follow."""
+
+from typing import Any, Final
+
+from vbus.scope.frames import LASTING
+
+MOST_KEPT: Final = 1 << 28
+"""Bytes kept of a board that runs."""
+MESSAGE: Final = 1 << 20
+"""Bytes from which on what a page has missed goes in several."""
+
+
+class Stream:
+    """Frames in their order. Each page has a place in it; nobody waits for a page.
+
+    Where there is too much the oldest is left out, but for labels and tables: what comes later
+    counts on them.
+
+    Args:
+        description: what a page is told first.
+        most: bytes kept; None for all.
+    """
+
+    def __init__(self, description: dict[str, Any], most: int | None = MOST_KEPT) -> None:
+        self.description: dict[str, Any] = description
+        self._most: int | None = most
+        self._kept: dict[int, bytes] = {}
+        """Frames by their number."""
+        self._size: int = 0
+        self._first: int = 0
+        """Number of the oldest that is kept."""
+        self._lasting: list[tuple[int, bytes]] = []
+        """Frames that last and are older, each with its number."""
+
+    @property
+    def end(self) -> int:
+        """The place behind the latest."""
+        return self._first + len(self._kept)
+
+    def add(self, frames: bytes) -> None:
+        """Take whole frames; those that last come by themselves."""
+        self._kept[self.end] = frames
+        self._size += len(frames)
+        while self._most is not None and self._size > self._most and len(self._kept) > 1:
+            oldest = self._kept.pop(self._first)
+            if oldest[0] in LASTING:
+                self._lasting.append((self._first, oldest))
+            self._size -= len(oldest)
+            self._first += 1
+
+    def after(self, place: int) -> tuple[bytes, int]:
+        """Return a message with what has come since a place, and the place behind it."""
+        message = bytearray()
+        if place < self._first:
+            for number, lasting in self._lasting:
+                message += lasting if number >= place else b""
+            place = self._first
+        while place < self.end and len(message) < MESSAGE:
+            message += self._kept[place]
+            place += 1
+        return bytes(message), place

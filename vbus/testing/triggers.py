@@ -1,0 +1,278 @@
+"""Waiting in asyncio tests: for an edge, for a packet on the bus, for an instant."""
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from time import monotonic
+from typing import Any, Final
+
+from vbus.board.settings import listed, suggestion
+from vbus.conditions.names import Names
+from vbus.errors import VbusError
+from vbus.kernel import MS
+from vbus.protocols.quantities import format_instant, picoseconds
+from vbus.signals import Observer
+from vbus.testing.bench import TestedBoard
+from vbus.testing.clock import WITHIN
+from vbus.trace.decode import BoardPackets, decoder_of
+from vbus.trace.packets import Packet
+from vbus.trace.until import PacketWatch, not_met
+
+STRIDE: Final = 10 * MS
+"""Chip time that passes at most before other tasks have their turn."""
+TURNS: Final = 8
+"""Turns of the event loop in which what has come reaches whom it concerns, by way of others."""
+LOOK: Final = 0.02
+"""Seconds between looks at a board that others move."""
+
+
+class Triggers:
+    """What a coroutine can wait for on its board, as cocotb's users know it.
+
+    A trigger is armed by the call; only what comes later counts. On a lockstep board time passes
+    while one is waited for, and stops at the very instant at which it comes; with ``by_hosts`` it
+    is left to the hosts of other tasks or programs, as it always is with :meth:`packet`, and on
+    boards whose time is the wall clock's or the host's own.
+
+    Args:
+        tested: the board.
+    """
+
+    def __init__(self, tested: TestedBoard) -> None:
+        self._tested: Final = tested
+        self._board: Final = tested.board
+        self._waiting: Final[dict[asyncio.Future[Any], bool]] = {}
+        """What is waited for, and whether time is to pass for it."""
+        self._pump: asyncio.Task[None] | None = None
+        self._come_now: bool = False
+        """Whether something has come of which the tasks have not heard yet."""
+
+    def at(self, instant: int | str, by_hosts: bool = False) -> asyncio.Future[int]:
+        """Wait for an instant of chip time; gives it (ps).
+
+        Raises:
+            VbusError: it is over.
+        """
+        when = _ps(instant)
+
+        def arm(future: asyncio.Future[int]) -> Callable[[], None]:
+            if when < self._board.now:
+                now = format_instant(self._board.now)
+                raise VbusError(f"at {format_instant(when)}: it is {now} already")
+            timer = self._board.kernel.onlooker(lambda: self._come(future, when))
+            timer.at(when)
+            return timer.cancel
+
+        return self._armed(arm, not by_hosts)
+
+    def edge(
+        self,
+        pin: str,
+        level: int | None = None,
+        within: int | str = WITHIN,
+        by_hosts: bool = False,
+    ) -> asyncio.Future[int]:
+        """Wait for an edge at a pin, ``"x.HI"``; gives its instant (ps).
+
+        Args:
+            pin: chip and pin.
+            level: the level it must go to; None: any.
+            within: chip time after which it counts as not coming.
+            by_hosts: leave time to the hosts.
+
+        Raises:
+            VbusError: there is no such pin, or (when awaited) no such edge has come.
+        """
+        to = "" if level is None else f" to {level}"
+        what = f"an edge of {pin}{to}"
+
+        def arm(future: asyncio.Future[int]) -> Callable[[], None]:
+            try:
+                net = self._board.find_pin(pin).net
+            except ValueError as error:
+                raise VbusError(str(error)) from None
+            watch = _Edge(level, lambda when: self._come(future, when))
+            stop = self._bound(future, what, within)
+            net.observe(watch)
+
+            def disarm() -> None:
+                net.unobserve(watch)
+                stop()
+
+            return disarm
+
+        return self._armed(arm, not by_hosts)
+
+    def packet(
+        self, name: str, chip: str = "", within: int | str = WITHIN
+    ) -> asyncio.Future[Packet]:
+        """Wait for a packet on the bus, by its name in the manual (``"STT"``); gives it.
+
+        Args:
+            name: mnemonic of a command, or name of a register.
+            chip: of which chip; "" is any.
+            within: chip time after which it counts as not coming.
+
+        Raises:
+            VbusError: there is no such chip or packet, or (when awaited) none has come.
+        """
+        board = self._board
+        self._check_packet(name, chip)
+
+        def arm(future: asyncio.Future[Packet]) -> Callable[[], None]:
+            def take(of: str, packet: Packet) -> None:
+                if chip in ("", of) and name in (packet.name, packet.name.rpartition(" ")[2]):
+                    self._come(future, packet)
+
+            watch = BoardPackets({one.name: one.FAMILY for one in board.chips}, take)
+            stop = self._bound(future, f"a packet {name}", within)
+            board.observe(watch)
+
+            def disarm() -> None:
+                board.unobserve(watch)
+                stop()
+
+            return disarm
+
+        return self._armed(arm, False)
+
+    def until(
+        self, condition: str, within: int | str = WITHIN, by_hosts: bool = False
+    ) -> asyncio.Future[int]:
+        """Wait until a condition holds, ``"x.real > 400"``; gives that instant (ps).
+
+        Args:
+            condition: the condition; if it holds already, that is now.
+            within: chip time after which it counts as not coming.
+            by_hosts: leave time to the hosts.
+
+        Raises:
+            VbusError: it makes no sense on this board, or (when awaited) has not come to hold.
+        """
+
+        def arm(future: asyncio.Future[int]) -> Callable[[], None]:
+            board = self._board
+            begun, length = board.now, _ps(within)
+            watch = PacketWatch(condition, board, met=lambda: self._come(future, board.now))
+            timer = board.kernel.onlooker(lambda: self._fail(future, not_met(watch, begun, length)))
+            timer.at(begun + length)
+            watch.begin()
+
+            def disarm() -> None:
+                watch.end()
+                timer.cancel()
+
+            return disarm
+
+        return self._armed(arm, not by_hosts)
+
+    def _check_packet(self, name: str, chip: str) -> None:
+        """Refuse the name of a packet that no command or register has, where all are known."""
+        try:
+            chips = [self._board.chip(chip)] if chip else self._board.chips
+        except ValueError as error:
+            raise VbusError(str(error)) from None
+        known = Names(self._board).mnemonics(chip)
+        others = [also for one in chips for also in decoder_of(one.FAMILY).NAMES]
+        also = {part for other in others for part in (other, other.rpartition(" ")[2])}
+        word = name.removeprefix("read ").removeprefix("write ")
+        if known and " " not in word and word not in known and word not in also:
+            hint = suggestion(word, [*known, *others])
+            raise VbusError(f'no packet "{name}"; {hint}there are {listed([*known, *others])}')
+
+    # -- inside the board, at the instant itself ------------------------------------------------
+
+    def _come(self, future: asyncio.Future[Any], result: Any) -> None:
+        self._resolve(future, partial(future.set_result, result))
+
+    def _fail(self, future: asyncio.Future[Any], sentence: str) -> None:
+        self._resolve(future, partial(future.set_exception, VbusError(sentence)))
+
+    def _resolve(self, future: asyncio.Future[Any], give: Callable[[], None]) -> None:
+        self._come_now = True
+
+        def resolve() -> None:
+            if not future.done():
+                give()
+
+        future.get_loop().call_soon_threadsafe(resolve)
+
+    def _bound(
+        self, future: asyncio.Future[Any], what: str, within: int | str
+    ) -> Callable[[], None]:
+        """Fail after some chip time; return what calls that off."""
+        now = self._board.now
+        sentence = f"{what} has not come within {within} of chip time, since {format_instant(now)}"
+        timer = self._board.kernel.onlooker(lambda: self._fail(future, sentence))
+        timer.at(now + _ps(within))
+        return timer.cancel
+
+    # -- in the loop of the test ----------------------------------------------------------------
+
+    def _armed(
+        self, arm: Callable[[asyncio.Future[Any]], Callable[[], None]], moves: bool
+    ) -> asyncio.Future[Any]:
+        loop = asyncio.get_running_loop()
+        future: asyncio.Future[Any] = loop.create_future()
+        disarm = self._tested.call(lambda: arm(future))
+
+        def done(_: asyncio.Future[Any]) -> None:
+            del self._waiting[future]
+            self._tested.call(disarm)
+
+        self._waiting[future] = moves and self._board.policy == "lockstep"
+        future.add_done_callback(done)
+        if self._pump is None or self._pump.done():
+            self._pump = loop.create_task(self._run(), name="vbus time")
+        return future
+
+    async def _run(self) -> None:
+        """Let time pass while somebody waits for it; notice when nothing happens at all."""
+        watch, board = self._tested.watch, self._board
+        patience = self._tested.budget.polling
+        seen, since = (-1, -1), monotonic()
+        while self._waiting:
+            if any(self._waiting.values()):
+                self._tested.call(self._step)
+                for _ in range(TURNS if self._come_now else 1):
+                    await asyncio.sleep(0)
+                self._come_now = False
+                continue
+            await asyncio.sleep(LOOK)
+            now = (board.now, watch.cycles)
+            if now != seen:
+                seen, since = now, monotonic()
+            elif monotonic() - since > patience:
+                for future in tuple(self._waiting):
+                    self._fail(
+                        future,
+                        f"nothing has happened on the board for {patience:g} s of wall time: it is"
+                        f" {format_instant(board.now)}, after {watch.cycles} bus cycles",
+                    )
+                since = monotonic()
+
+    def _step(self) -> None:
+        """Let time pass to where something may happen next."""
+        board = self._board
+        with self._tested.watch.excused():
+            board.run_until(min(board.kernel.next_stop, board.now + STRIDE))
+
+
+class _Edge(Observer):
+    """Tells of an edge of a net."""
+
+    def __init__(self, level: int | None, come: Callable[[int], None]) -> None:
+        self._level = level
+        self._come: Callable[[int], None] = come
+
+    def edge(self, when: int, net: str, level: int) -> None:
+        """Tell of it, if it is what is waited for."""
+        if self._level in (None, level):
+            self._come(when)
+
+
+def _ps(quantity: int | str) -> int:
+    try:
+        return picoseconds(quantity)
+    except ValueError as error:
+        raise VbusError(str(error)) from None

@@ -1,0 +1,78 @@
+"""One of the variants of a test: another part, clock or time policy, and how its chips behave."""
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from vbus.board.config import read_board_text
+from vbus.board.sections import BoardFile
+from vbus.board.source import Source
+from vbus.errors import ConfigError
+from vbus.testing.boards import with_keys
+
+if TYPE_CHECKING:
+    from vbus.testing.hostile import Scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """What is otherwise on the board of a test, in this variant of it.
+
+    Attributes:
+        part: part number of the chips; "" for those of the test.
+        clock: frequency at CLK; "" for that of the test.
+        time: time policy; "" for that of the test.
+        seed: of the board; None for that of the test.
+        hostile: how many specimens are tried.
+        scenario: what the manual lets this specimen do; None for a typical one.
+    """
+
+    part: str = ""
+    clock: str = ""
+    time: str = ""
+    seed: int | None = None
+    hostile: int = 0
+    scenario: "Scenario | None" = None
+
+    @property
+    def start(self) -> int:
+        """How long after power-on hosts begin (ps)."""
+        if self.scenario is None:
+            return 0
+        from vbus.testing.hostile import PHASE
+
+        return self.scenario.phase * PHASE
+
+    def of_board(self, text: str, name: str) -> str:
+        """Return a board file with this part, clock and time policy.
+
+        Raises:
+            ConfigError: it has no section for a chip.
+        """
+        keys = {
+            key: f'"{value}"'
+            for key, value in (("part", self.part), ("clock", self.clock))
+            if value
+        }
+        sections = re.findall(r"^\s*\[\s*(chips\.[\w-]+)\s*\]", text, re.MULTILINE)
+        if keys and not sections:
+            raise ConfigError(f"{name}: it has no section [chips.NAME] for {', '.join(keys)}")
+        for section in sections:
+            text = with_keys(text, section, keys)
+        return with_keys(text, "board", {"time": f'"{self.time}"'} if self.time else {})
+
+    def of_specimen(self, file: BoardFile, source: Source) -> tuple[BoardFile, Source]:
+        """Return a board file with the chips that the scenario has.
+
+        Raises:
+            ConfigError: it is in real time, where no run repeats.
+        """
+        if self.hostile and file.board.time == "realtime":
+            raise ConfigError(
+                f"{file.path}: hostile: a board in real time does no run twice; leave rate out"
+            )
+        if self.scenario is None:
+            return file, source
+        from vbus.testing.hostile import with_extremes
+
+        return read_board_text(with_extremes(source.text, self.scenario), file.path)

@@ -1,0 +1,447 @@
+"""``vbus scope``: a board seen in a browser, live or as a recording."""
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing, suppress
+from functools import partial
+from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from vbus.errors import TransportError, VbusError
+from vbus.tools import exit_codes
+from vbus.tools.output import SCOPE_ADDRESS, complain, duration, no_progress
+
+if TYPE_CHECKING:
+    import ssl
+    import subprocess
+
+    from vbus.board.sections import ScopeSection
+    from vbus.scope.replayed import Recorded
+    from vbus.scope.stream import Stream
+    from vbus.server.server import Server as BoardServer
+    from vbus.tools.foxglove_lanes import FoxgloveServer
+    from vbus.tools.monitor import Feed
+    from vbus.tools.scope_bookmarks import Bookmarks
+    from vbus.tools.scope_control import Order
+    from vbus.tools.scope_server import ScopeServer
+
+    Server = ScopeServer | FoxgloveServer
+    Take = Callable[[bytes], None]
+
+JOIN_SECONDS: Final = 30.0
+"""How long a scope may take to join a board of the process that has started it."""
+STAY_SECONDS: Final = 600.0
+"""How long a scope that a run has started stays when the run has ended and no page is open."""
+LOOK_SECONDS: Final = 0.5
+"""How often a scope that outlives its board looks whether anybody is there."""
+
+
+@click.command("scope")
+@click.argument("source")
+@click.option("-o", "--output", type=click.Path(path_type=Path),
+              help="Write one HTML file; or an MCAP file, if its name ends in .mcap.")  # fmt: skip
+@click.option(
+    "--control", is_flag=True, help="Let pages pause and step the board, break it, use its bus."
+)
+@click.option(
+    "--at", callback=duration, metavar="TIME",
+    help="With --control, of a journal: the instant from which on it goes on as a board.",
+)  # fmt: skip
+@click.option("--strobes", is_flag=True, help="Of a journal: the lines of the host buses too.")
+@click.option(
+    "--listen", default=SCOPE_ADDRESS, metavar="HOST:PORT", help="Where; port 0: a free one."
+)
+@click.option("--remote", is_flag=True, help="Let other computers in; needs a certificate.")
+@click.option("--certificate", type=click.Path(path_type=Path), help="For TLS (PEM).")
+@click.option("--key", type=click.Path(path_type=Path), help="Its key (PEM).")
+@click.option(
+    "--foxglove", is_flag=False, flag_value="127.0.0.1:8765", metavar="[HOST:PORT]",
+    help="Serve a running board for Foxglove, not the page.",
+)  # fmt: skip
+@click.option(
+    "--sigrok", is_flag=False, flag_value="127.0.0.1:5555", metavar="[HOST:PORT]",
+    help="Serve the pins of a running board for PulseView and sigrok-cli, not the page.",
+)  # fmt: skip
+@click.option("--chip", default="", metavar="NAME", help="With --sigrok: the chip.")
+@click.option("--pin", "pins", multiple=True, metavar="NAME",
+              help="With --sigrok: this pin; else the host bus, and others.")  # fmt: skip
+@click.option(
+    "--stay", type=click.FloatRange(0), metavar="SECONDS",
+    help="End so long after the board, once no page is open.",
+)  # fmt: skip
+@no_progress
+def command(
+    source: str, output: Path | None, control: bool, at: int | None, strobes: bool, listen: str,
+    remote: bool, certificate: Path | None, key: Path | None, foxglove: str | None,
+    sigrok: str | None, chip: str, pins: tuple[str, ...], stay: float | None, no_progress: bool,
+) -> int:  # fmt: skip
+    """See motion, bus and time of a board in a browser.
+
+    SOURCE is a journal, which is played again for it, or the name of a running board. Prints a link
+    that can be used once; with -o it writes a page that anybody can open, or an MCAP file. Ends
+    with Ctrl-C. With --control a journal goes on where it ends, or at --at, as a board of its own,
+    paused at first.
+    """
+    journal = Path(source).is_file()
+    if output is not None:
+        if not journal:
+            raise click.UsageError(f"-o is for journals, and {source} is none")
+        return _write(Path(source), output, strobes, no_progress)
+    if foxglove is not None:
+        if journal:
+            raise click.UsageError(f"--foxglove is for boards that run; of {source} write a file"
+                                   " with -o FILE.mcap")  # fmt: skip
+        place = Place(foxglove, remote, certificate, key, "--foxglove")
+        _serve_board(source, partial(_foxglove_of_board, place), stay=0)
+        return exit_codes.OK
+    if sigrok is not None:
+        if journal:
+            raise click.UsageError(f"--sigrok is for boards that run; of {source} write a file"
+                                   ' with "vbus wave --profile sigrok"')  # fmt: skip
+        _serve_pins(source, chip, pins, Place(sigrok, remote, option="--sigrok", plain=True))
+        return exit_codes.OK
+    place = Place(listen, remote, certificate, key)
+    if journal and control:
+        from vbus.tools.scope_fork import fork
+
+        if remote:
+            raise click.UsageError("a copy of a board is for this computer: leave out --remote")
+        from vbus.board.sections import ScopeSection
+
+        show = partial(start_scope, scope=ScopeSection(listen=listen), control=True)
+        fork(Path(source), at, show, no_progress)
+        return exit_codes.OK
+    if at is not None:
+        raise click.UsageError("--at is for a journal that goes on as a board, with --control")
+    if journal:
+        return _serve_journal(Path(source), place, strobes, no_progress)
+    _serve_board(source, partial(_page_of_board, place, stay, control), stay, control)
+    return exit_codes.OK
+
+
+def _write(path: Path, output: Path, strobes: bool, quiet: bool) -> int:
+    from vbus.tools.output import write_file
+    from vbus.tools.scope_bookmarks import of_journal
+
+    if output.suffix == ".mcap":
+        from vbus.tools.foxglove_lanes import mcap_file as made
+    else:
+        from vbus.scope.page_file import one_file as made
+    recorded = recorded_of(path, strobes, quiet)
+    kept = {"bookmarks": of_journal(path).all}
+    write_file(output, made(recorded.description | kept, recorded.frames))
+    return recorded_code(recorded)
+
+
+class Place:
+    """Where a page is served.
+
+    Args:
+        listen: ``HOST:PORT``.
+        remote: whether other computers may be let in.
+        certificate: for TLS, without which they are not.
+        key: its key.
+        option: what the address was given with.
+        plain: there is no TLS here, so it is not asked for.
+
+    Raises:
+        VbusError: it is no address, or lets other computers in where that is not meant.
+    """
+
+    def __init__(
+        self,
+        listen: str,
+        remote: bool = False,
+        certificate: Path | None = None,
+        key: Path | None = None,
+        option: str = "--listen",
+        plain: bool = False,
+    ) -> None:
+        from vbus.addresses import loopback_like, stays_here
+        from vbus.board.metrics_checks import metrics_address
+
+        try:
+            self.host, self.port = metrics_address(listen, remote=True)
+        except ValueError as error:
+            raise VbusError(f"{option}: {error}") from None
+        self.tls: ssl.SSLContext | None = None
+        self._files: tuple[Path, Path] | None = None
+        if (certificate is None) != (key is None):
+            raise VbusError("--certificate and --key belong together")
+        if certificate is not None and key is not None:
+            self.tls = _tls(certificate, key)
+            self._files = certificate, key
+        if not stays_here(self.host) and not (remote and (plain or self.tls)):
+            meant = "--remote" if plain else "--remote with --certificate and --key"
+            raise VbusError(
+                f'{option}: "{listen}" lets other computers in; write'
+                f' "{loopback_like(self.host)}:{self.port}", or say {meant} if that is meant'
+            )
+
+    def server(
+        self,
+        stream: "Stream",
+        bookmarks: "Bookmarks",
+        stay: float | None = None,
+        order: "Order | None" = None,
+    ) -> "ScopeServer":
+        """Return what serves a stream there and prints links; one that stays says who it is."""
+        from vbus.tools.scope_server import ScopeServer
+
+        show = partial(_show, "scope", "" if stay is None else f"  (process {os.getpid()})")
+        return ScopeServer(stream, self.host, self.port, show, self.tls, bookmarks, order)
+
+    def foxglove_server(self, description: dict[str, Any]) -> "FoxgloveServer":
+        """Return what serves a board there for Foxglove, and prints where."""
+        from vbus.tools.foxglove_lanes import FoxgloveServer
+
+        files = self._files and (self._files[0].read_bytes(), self._files[1].read_bytes())
+        show = partial(_show, "foxglove", "")
+        return FoxgloveServer(description, self.host, self.port, show, files)
+
+
+def _tls(certificate: Path, key: Path) -> "ssl.SSLContext":
+    import ssl
+
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    try:
+        context.load_cert_chain(certificate, key)
+    except (OSError, ssl.SSLError) as error:
+        raise VbusError(f"{certificate}: no certificate with this key: {error}") from None
+    return context
+
+
+def _show(what: str, more: str, address: str) -> None:
+    # Whoever started this may have gone; the page goes on.
+    with suppress(OSError):
+        click.echo(f"{what}: {address}{more}")
+
+
+def recorded_of(path: Path, strobes: bool, quiet: bool) -> "Recorded":
+    """Play a journal again for its lanes; say so if it is damaged or differs."""
+    from vbus.scope.replayed import replayed
+    from vbus.tools.journal_lines import opened, progress, recorded_board
+
+    with opened(path) as reader:
+        board = recorded_board(path, reader.header)
+        with progress(path, reader, "replaying", quiet) as entries:
+            recorded = replayed(board, entries, reader.header.families, strobes)
+        damage = reader.damage
+    if damage:
+        complain(f"{path}: {damage}")
+    if recorded.outcome.divergence is not None:
+        complain(f"{path}: the run differs from its journal at entry"
+                  f' {recorded.outcome.divergence.entry}; "vbus replay" shows how')  # fmt: skip
+    return recorded
+
+
+def recorded_code(recorded: "Recorded") -> int:
+    """Return the exit code of what was played again: whether it ran as it was recorded."""
+    return exit_codes.OK if recorded.outcome.divergence is None else exit_codes.FAILURE
+
+
+def _serve_journal(path: Path, place: Place, strobes: bool, quiet: bool) -> int:
+    from vbus.scope.stream import Stream
+    from vbus.server.loop import run_until_signal
+    from vbus.tools.scope_bookmarks import of_journal
+    from vbus.tools.scope_server import serve
+
+    recorded = recorded_of(path, strobes, quiet)
+    bookmarks = of_journal(path)
+    stream = Stream(recorded.description, most=None)
+    for part in recorded.frames:
+        stream.add(part)
+
+    async def show(stop: asyncio.Event) -> None:
+        await serve(place.server(stream, bookmarks), stop.wait)
+
+    run_until_signal(show)
+    return recorded_code(recorded)
+
+
+def _page_of_board(
+    place: Place,
+    stay: float | None,
+    control: bool,
+    feed: "Feed",
+    described: dict[str, Any],
+    at_end: ExitStack,
+) -> "tuple[ScopeServer, Take]":
+    """Return what serves the page of a running board."""
+    from vbus.scope.clauses import clause_frame
+    from vbus.scope.stream import Stream
+    from vbus.tools.scope_bookmarks import journal_of, keep_with_journal, of_board
+    from vbus.tools.scope_control import BoardOrders
+    from vbus.tools.scope_fork import Forks
+
+    def begun(told: dict[str, Any]) -> Stream:
+        stream = Stream(told)
+        stream.add(clause_frame(chip["family"] for chip in feed.hello["chips"]))
+        return stream
+
+    orders = None
+    if control:
+        forks = Forks(f"{place.host}:0")
+        at_end.callback(forks.end)
+        orders = BoardOrders(feed, forks.open)
+    bookmarks = of_board(feed.hello["board"])
+    at_end.callback(keep_with_journal, bookmarks, journal_of(feed.hello), feed.hello)
+    server = place.server(begun(described), bookmarks, stay, orders.order if orders else None)
+    server.on_registers = partial(_look_inside, feed)
+
+    def take(message: bytes) -> None:
+        if message[:1] != b"{":
+            server.add(message)
+            return
+        answer = json.loads(message)
+        if "control" in answer:
+            server.tell(answer["control"])
+        elif "scope" in answer:  # the board has gone back
+            server.begin_again(begun(answer["scope"]))
+        elif orders is not None:
+            orders.answered(answer)
+
+    return server, take
+
+
+def _foxglove_of_board(
+    place: Place, feed: "Feed", described: dict[str, Any], at_end: ExitStack
+) -> "tuple[FoxgloveServer, Take]":
+    """Return what serves a running board for Foxglove."""
+    server = place.foxglove_server(described)
+    return server, server.add
+
+
+def _serve_board(
+    name: str,
+    made: "Callable[[Feed, dict[str, Any], ExitStack], tuple[Server, Take]]",
+    stay: float | None,
+    control: bool = False,
+) -> None:
+    """Serve a running board by what is made of its feed and its description."""
+    from vbus.server.loop import run_until_signal
+    from vbus.tools.monitor import Feed
+
+    with closing(Feed(name)) as feed:
+        feed.send(json.dumps({"scope": {"control": control}}).encode() + b"\n")
+        told = next((item for item in feed if item[0] in ("scope", "refused")), None)
+        if told is None:
+            raise TransportError(f'board "{name}" has stopped')
+        if told[0] == "refused":
+            raise VbusError(f"{name}: {told[1]}")
+
+        async def show(stop: asyncio.Event) -> None:
+            with ExitStack() as at_end:
+                server, take = made(feed, told[1], at_end)
+                ended = asyncio.Event()
+                loop = asyncio.get_running_loop()
+                Thread(target=_follow, args=(feed, loop, take, ended.set), daemon=True).start()
+                await server.start()
+                try:
+                    await _over(server, stop, ended, stay)
+                finally:
+                    await server.stop()
+
+        run_until_signal(show)
+
+
+def _serve_pins(board: str, chip: str, pins: Sequence[str], place: Place) -> None:
+    from vbus.server.loop import run_until_signal
+    from vbus.tools.sigrok_server import SigrokServer
+
+    async def show(stop: asyncio.Event) -> None:
+        report = partial(_show, "sigrok", "")
+        server = SigrokServer(board, chip, pins, place.host, place.port, report)
+        await server.start()
+        try:
+            await stop.wait()
+        finally:
+            await server.stop()
+
+    run_until_signal(show)
+
+
+def _look_inside(feed: "Feed", on: bool) -> None:
+    with suppress(OSError):  # the board has gone
+        feed.send(json.dumps({"registers": on}).encode() + b"\n")
+
+
+def _follow(
+    feed: "Feed",
+    loop: asyncio.AbstractEventLoop,
+    take: Callable[[bytes], None],
+    ended: Callable[[], None],
+) -> None:
+    """Read what a board tells, in a thread of its own: a page is never what it waits for."""
+    with suppress(OSError, ValueError, RuntimeError):  # closed while it was read
+        for message in feed.messages():
+            loop.call_soon_threadsafe(take, message)
+        loop.call_soon_threadsafe(ended)
+
+
+async def _over(
+    server: "Server", stop: asyncio.Event, ended: asyncio.Event, stay: float | None
+) -> None:
+    """Return when nobody needs the page any more."""
+    stopped = asyncio.ensure_future(stop.wait())
+    over = asyncio.ensure_future(ended.wait())
+    await asyncio.wait({stopped, over}, return_when=asyncio.FIRST_COMPLETED)
+    over.cancel()
+    alone = 0.0
+    while not stopped.done() and (stay is None or alone <= stay):
+        await asyncio.wait({stopped}, timeout=LOOK_SECONDS)
+        alone = 0.0 if server.pages else alone + LOOK_SECONDS
+
+
+def place_of(scope: "ScopeSection") -> Place:
+    """Return where a board file, or a command line, wants its page.
+
+    Raises:
+        VbusError: it is no address, or there is no such certificate.
+    """
+    certificate, key = Path(scope.certificate), Path(scope.key)
+    if not scope.certificate:
+        return Place(scope.listen, scope.remote, option="--scope")
+    return Place(scope.listen, scope.remote, certificate, key, "--scope")
+
+
+async def show_board(server: "BoardServer", scope: "ScopeSection", control: bool = False) -> None:
+    """Start a scope for a board of this process, and return when it has joined, or has failed."""
+    process = start_scope(server.board.name, scope, control)
+    async with asyncio.timeout(JOIN_SECONDS):
+        while not server.watched and process.poll() is None:
+            await asyncio.sleep(JOIN_SECONDS / 600)
+
+
+def start_scope(
+    board: str, scope: "ScopeSection", control: bool = False
+) -> "subprocess.Popen[bytes]":
+    """Show a board of this process in a process of its own, which outlives it for a while.
+
+    It says itself where the page is, on standard error.
+
+    Args:
+        board: its name.
+        scope: where the page is to be.
+        control: whether pages may do something to it.
+    """
+    import subprocess
+
+    more = ["--remote"] if scope.remote else []
+    if scope.certificate:
+        more += ["--certificate", scope.certificate, "--key", scope.key]
+    return subprocess.Popen(
+        [
+            sys.executable, "-m", "vbus", "scope", board, "--listen", scope.listen,
+            "--stay", f"{STAY_SECONDS:g}", *more,
+            *(["--control"] if control else []),
+        ],
+        stdin=subprocess.DEVNULL, stdout=sys.stderr, start_new_session=True,
+    )  # fmt: skip

@@ -1,0 +1,104 @@
+"""What a chip tells of itself, as people read it: units, names of words, and bits as lamps."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from vbus.chips.family import Family
+from vbus.chips.tables import Bit
+from vbus.trace.packets import Decoder
+
+LIT: Final = "●"
+UNLIT: Final = "○"
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A value of bits.
+
+    Attributes:
+        name: what the chip calls it.
+        text: the value, and what of it is no single bit.
+        bits: its bits, the highest first, each with whether it is set.
+    """
+
+    name: str
+    text: str
+    bits: tuple[tuple[str, bool], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A value with a unit, or a text; by the name that conditions know it by."""
+
+    name: str
+    text: str
+    unit: str
+
+
+def words_and_numbers(
+    family: Family, decoder: Decoder | None, values: Mapping[str, Any]
+) -> tuple[list[Number], list[Word]]:
+    """Return what the telemetry of a chip means.
+
+    Args:
+        family: the chip's.
+        decoder: reads its words; None: nobody does.
+        values: the telemetry.
+    """
+    numbers: list[Number] = []
+    words: list[Word] = []
+    lanes = {row.key.format("").rstrip(): row for row in family.lanes}
+    for key, value in values.items():
+        name, _, axis = key.partition(" ")
+        table = family.flags.get(key) or family.flags.get(name)
+        if table is not None and isinstance(value, int):
+            words.append(_word(key, name, value, getattr(family.tables, table), decoder))
+        elif name in lanes and (not axis or axis.isdigit()):
+            row = lanes[name]
+            numbers.append(_number(key, value, row.unit, not row.unit))
+        else:
+            unit = family.units.get(key) or family.units.get(name, "")
+            numbers.append(_number(key, value, unit, False))
+    known = {bit for word in words for bit, _ in word.bits}
+    return [one for one in numbers if not _says_bits(one, known)], words
+
+
+def _says_bits(number: Number, known: set[str]) -> bool:
+    """Whether a text is a list of bits that are told as lamps."""
+    names = number.text.split()
+    return bool(names) and set(names) <= known
+
+
+def _number(name: str, value: Any, unit: str, share: bool) -> Number:
+    """Return a number; a ``share`` of full scale in per cent."""
+    if isinstance(value, str):
+        return Number(name, value, "")
+    if share:
+        return Number(name, rounded(100 * value), "%")
+    return Number(name, rounded(value), unit)
+
+
+def rounded(value: float) -> str:
+    """Return a number with as many digits as people read: two decimals, or four that tell."""
+    if isinstance(value, int):
+        return str(value)
+    text = f"{value:.4f}" if abs(value) < 1 else f"{value:.2f}"
+    if not float(text):
+        return f"{value:.1e}" if value else "0"
+    return text.rstrip("0").rstrip(".")
+
+
+def _word(key: str, name: str, value: int, rows: tuple[Bit, ...], decoder: Decoder | None) -> Word:
+    digits = 2 if max(row.number for row in rows) < 8 else 4
+    text = f"{value:0{digits}X}H"
+    if decoder is not None and name in decoder.WORDS:
+        said, colon, _ = decoder.show_word(name, value).partition(": ")
+        text = said if colon else text
+    # A name with a comma is one of several bits that make a number, which the decoder has told.
+    single = sorted((row for row in rows if "," not in row.name), key=_place, reverse=True)
+    return Word(key, text, tuple((row.name, bool(value & row.mask)) for row in single))
+
+
+def _place(row: Bit) -> int:
+    return row.number
