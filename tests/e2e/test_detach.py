@@ -1,8 +1,10 @@
 """Boards in the background: start, wait, logs, stop; and hosts that come before their board."""
 
 import asyncio
+import json
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -64,6 +66,23 @@ def test_it_has_left_terminal_session_and_input(detached: Done) -> None:
 
     assert os.getsid(process) == process
     assert os.readlink(f"/proc/{process}/fd/0") == os.devnull
+
+
+def test_stop_ends_a_board_that_stands_still_and_does_not_answer(detached: Done) -> None:
+    process = int(detached.stdout.splitlines()[0].split()[-1])
+    os.kill(process, signal.SIGSTOP)
+
+    listed = vbus("ls", "bench", "--json")
+    seen = vbus("ls").stdout
+    stopped = vbus("stop", "bench")
+
+    assert seen == f"bench: does not answer (timed out); it is process {process}\n"
+    (board,) = json.loads(listed.stdout)
+    assert listed.returncode == 4
+    error = "bench: does not answer (timed out)"
+    assert board == {"board": "bench", "pid": process, "error": error}
+    assert stopped.returncode == 0, stopped.stderr
+    assert vbus("ls").stdout == "no board is running\n"
 
 
 def test_stop_returns_when_the_board_has_ended(board: Path, tmp_path: Path, runtime: Path) -> None:

@@ -10,7 +10,7 @@ from time import monotonic
 from typing import Any, Final
 
 from vbus.errors import TransportError, VbusError
-from vbus.runtime import is_trusted, subdirectory
+from vbus.runtime import is_trusted, lock_of, lock_state, subdirectory
 from vbus.transports.runtime import NameLock, socket_address
 
 ANSWER_SECONDS: Final = 2.0
@@ -142,7 +142,17 @@ def running() -> Iterator[dict[str, Any]]:
             if isinstance(error.__cause__, ConnectionRefusedError | FileNotFoundError):
                 _forget(path)
             else:
-                yield {"board": path.stem, "error": str(error)}
+                yield {"board": path.stem, "error": str(error), **_owner(path)}
+
+
+def _owner(path: Path) -> dict[str, Any]:
+    """Return which process a status socket belongs to that does not answer, and its board."""
+    with contextlib.suppress(OSError, ValueError):
+        lives, holder = lock_state(path)
+        if lives and is_trusted(lock_of(path).lstat()):
+            process, _, board = holder.partition("\n")
+            return {"pid": int(process), "board": board or path.stem}
+    return {}
 
 
 def _forget(path: Path) -> None:

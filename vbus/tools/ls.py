@@ -62,7 +62,8 @@ def _elsewhere(
 
 def _lines(board: dict[str, Any]) -> list[str]:
     if "error" in board:
-        return [f"{board['board']}: {board['error']}"]
+        owner = f"; it is process {board['pid']}" if "pid" in board else ""
+        return [board["error"] + owner]
     from vbus.board.units import show
 
     time = board["policy"]

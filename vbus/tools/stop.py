@@ -57,6 +57,8 @@ def _ended(process: int, timeout: float) -> bool:
         handle = os.pidfd_open(process)
         try:
             signal.pidfd_send_signal(handle, signal.SIGTERM)
+            # One that was stopped (Ctrl-Z) would not hear of it.
+            signal.pidfd_send_signal(handle, signal.SIGCONT)
             # In steps, so that seconds in which the machine itself stood still do not count.
             steps = range(int(timeout / _STEP) + 1)
             return any(select.select([handle], [], [], min(timeout, _STEP))[0] for _ in steps)
