@@ -3,7 +3,7 @@
     python benchmarks/soak.py                     24 virtual hours, twice, in two processes
     python benchmarks/soak.py --hours 2 --moving 0.5
     python benchmarks/soak.py --wall 3600         a server of its own, and hosts that come and go
-    python benchmarks/soak.py --operations 1e9    so many bus operations on each chip
+    python benchmarks/soak.py --operations 1e9    so many bus operations on each chip (--chip)
 
 Three chips with their motors work side by side; in each virtual hour their axes move for a part of
 it (``--moving``, a twentieth unless said otherwise) and rest for the others. ``--seconds`` ends
@@ -144,37 +144,58 @@ def twice(hours: float, moving: float) -> bool:
 # -- bus operations -------------------------------------------------------------------------------
 
 
+def requests(choose: random.Random, addresses: int) -> list[tuple[int, bytes]]:
+    """Return requests for reads and writes, one at a time and in runs, each with its operations."""
+    made = []
+    for _ in range(1 << 14):
+        address, number = choose.randrange(addresses), choose.randint(2, 64)
+        match choose.choices(("READ", "WRITE", "READS", "WRITES"), (3, 3, 1, 1))[0]:
+            case "READ" | "READS" as name:
+                number = 1 if name == "READ" else number
+                values = (address,) if name == "READ" else (address, number)
+                made.append((number, REQUESTS[name].pack(*values)))
+            case "WRITE":
+                made.append((1, REQUESTS["WRITE"].pack(address, choose.randrange(256))))
+            case "WRITES":
+                made.append((number, REQUESTS["WRITES"].pack(address, choose.randbytes(number))))
+    return made
+
+
 def operations(chip: str, number: int, seconds: float) -> bool:
     """Carry out reads and writes of random bytes; tell whether a second board answers the same."""
-    addresses = 0x80 if chip == "MCP-1200" else 2
     began, done = time.monotonic(), 0
     boards = [board(chip) for _ in range(2)]
     wires = [ByteProtocol(made.open_port("soak")) for made in boards]
     choose = random.Random(chip)
-    read, write = REQUESTS["READ"], REQUESTS["WRITE"]
-    requests = [
-        read.pack(choose.randrange(addresses))
-        if choose.random() < 0.6
-        else write.pack(choose.randrange(addresses), choose.randrange(256))
-        for _ in range(1 << 16)
-    ]
+    pool = requests(choose, 0x80 if chip == "MCP-1200" else 2)
+    memory, asked, marks = [], 0, 0
     while done < number and time.monotonic() - began < seconds:
-        chosen = struct.unpack(f"<{MOST}H", choose.randbytes(2 * MOST))
-        asked = b"".join([requests[one] for one in chosen])
+        chosen = [
+            pool[one & 0x3FFF] for one in struct.unpack(f"<{MOST}H", choose.randbytes(2 * MOST))
+        ]
+        message = b"".join([request for _, request in chosen])
         for wire in wires:
-            wire.receive(asked)
+            wire.receive(message)
         if wires[0].take() != wires[1].take():
             print(f"{chip}: two boards answer differently after {done} operations")
             return False
         for made in boards:
             made.violations.clear()
-        done += MOST
+        done += sum([cycles for cycles, _ in chosen])
+        asked += MOST
+        if done * 20 >= number * marks:
+            marks += 1
+            memory.append(resident())
+            told = f"\r{chip}: {done:.2e} in {time.monotonic() - began:.0f} s, {memory[-1]} KB "
+            print(told, end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)
     same = boards[0].state_hash() == boards[1].state_hash()
     took = time.monotonic() - began
-    whole = took / done * number / 3600
-    print(f"{chip}: {done:.3g} operations on two boards in {took:.0f} s, both the same: {same}")
-    print(f"  {done / took:.0f} a second; {number:.0e} would take {whole:.1f} h")
-    return same
+    grown = max(memory[2:], default=memory[0]) - memory[min(2, len(memory) - 1)]
+    print(f"{chip}: {done:.4g} operations in {asked:.3g} requests on two boards, {core()} core,")
+    print(f"  {took:.0f} s, both the same: {same}; memory grown by {grown} KB;")
+    print(f"  {done / took:.0f} a second; {number:.0e} take {took / done * number / 3600:.2f} h")
+    return same and grown <= GROWTH_KB
 
 
 # -- wall time ------------------------------------------------------------------------------------
@@ -273,6 +294,7 @@ def main() -> bool:
     parser.add_argument("--once", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--wall", type=float, metavar="SECONDS")
     parser.add_argument("--operations", type=float, metavar="NUMBER")
+    parser.add_argument("--chip", choices=CHIPS, help="only this chip, with --operations")
     parser.add_argument("--seconds", type=float, default=float("inf"))
     asked = parser.parse_args()
     if asked.once:
@@ -281,7 +303,8 @@ def main() -> bool:
     if asked.wall:
         return wall(asked.wall)
     if asked.operations:
-        good = [operations(chip, int(asked.operations), asked.seconds) for chip in CHIPS]
+        chips = [asked.chip] if asked.chip else CHIPS
+        good = [operations(chip, int(asked.operations), asked.seconds) for chip in chips]
         return all(good)
     return twice(asked.hours, asked.moving)
 
