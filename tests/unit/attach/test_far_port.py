@@ -139,6 +139,18 @@ def test_framed_says_the_same(step: int) -> None:
         assert far.ask(sent) == (local.receive(sent), local.take())[1]  # type: ignore[func-returns-value]
 
 
+def test_time_and_lines_are_asked_for_each_time() -> None:
+    far = Host(TextProtocol)
+    assert far.ask(b"step 5us\nnow\n") == b"5us\n5us\n"
+    far.board.time += 1_000_000
+    assert far.ask(b"now\n") == b"6us\n"
+    framed = Host(FramedProtocol)
+    framed.ask(frame(0, b""))
+    assert framed.ask(frame(1, request("SYNC")))[4:8] == b"\0\0\0\0"
+    framed.board.edge(3)
+    assert framed.ask(frame(2, request("SYNC")))[4:8] == b"\0\0\0\3"
+
+
 def test_an_edge_between_requests_is_reported() -> None:
     far = Host(FramedProtocol)
     far.ask(frame(0, b"") + frame(1, request("EVENTS", 1)))
