@@ -5,6 +5,7 @@ import select
 import signal
 import socket
 import subprocess
+import threading
 from pathlib import Path
 
 import pytest
@@ -20,7 +21,7 @@ from tests.zenoh.processes import Processes, connected_to
 from tests.zenoh.test_bus import board
 from vbus.client import connect
 from vbus.protocols.requests import REQUESTS
-from vbus.server.registry import ask, status_path
+from vbus.server.registry import ask, order, status_path
 from vbus.server.server import LinkSpec
 
 POLLING_HOST = Path(__file__).parents[1] / "e2e" / "polling_host.c"
@@ -62,6 +63,24 @@ def test_one_chip_claims_and_edges_on_a_terminal(runtime: Path) -> None:
             assert other.echo(4) == 4
             assert server.statistics()["sessions"] >= 2
         until(lambda: server.statistics()["sessions"] == 0, "sessions are left")
+
+
+def test_a_client_here_waits_as_long_as_somebody_has_paused_the_board(runtime: Path) -> None:
+    told: list[int] = []
+    with served(board(), LinkSpec("zenoh:")) as server, attached("zenoh:bench/x", PTY):
+        with connect(PTY) as bus:
+            order("bench", "pause")
+            until(bus.link.paused, "word of the pause")
+            bus.timeout = 0.05
+            host = threading.Thread(target=lambda: told.append(bus.read(0)))
+            host.start()
+            host.join(0.5)
+            assert (host.is_alive(), told) == (True, [])
+            order("bench", "go")
+            host.join(60)
+            assert len(told) == 1
+            until(lambda: not bus.link.paused(), "word that it goes on")
+        assert server.board.reads == 1
 
 
 def test_what_is_sent_and_left_to_itself_is_carried_out(runtime: Path) -> None:
@@ -114,7 +133,7 @@ def test_a_board_that_is_killed_is_said_so_and_found_again(
             assert host.recv(2) == b""
         until(lambda: not (runtime / "near.sock").exists(), lambda: here.said)
         assert here.said[0].startswith('zenoh:bench: no board called "bench" is on the network of')
-        assert here.said[0].endswith("is hung up on, 1 answers are lost")
+        assert here.said[0].endswith("is hung up on; answers lost: 1")
         listed = vbus("ls", "near").stdout
         assert f"attached to zenoh:bench?connect={endpoint}" in listed
         assert "lost: zenoh:bench: no board called" in listed

@@ -27,9 +27,12 @@ from vbus.server.registry import control_path, status_path
 from vbus.server.session import Serving, Session, Turns
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 from vbus.transports.base import Link
+from vbus.transports.runtime import mark_pause
 
 LOOK_SECONDS: Final = 1.0
 """How often is looked for a board that is gone."""
+PAUSE_SECONDS: Final = 0.5
+"""How often is looked whether somebody has paused it, or lets it go on."""
 READY: Final = "ready"
 
 
@@ -121,9 +124,13 @@ class Attachment:
             self._open_links(loop)
             self.served = True
             ready()
+            pauses = asyncio.ensure_future(self._tell_pauses())
+            closing.callback(self._mark_pause, False)
             await stop.wait()
-            if self._looking is not None:
-                self._looking.cancel()
+            tasks = [task for task in (pauses, self._looking) if task is not None]
+            for task in tasks:
+                task.cancel()
+            await asyncio.wait(tasks)
             self._close_links()
             await self._leave()
         if self._failure is not None:
@@ -233,11 +240,25 @@ class Attachment:
         if session.open:
             told = f"; the host at {host.transport.url} is hung up on"
             session.end(f"lost: {lost}", True)
-        answers = f", {missing} answers are lost" if missing else ""
+        answers = f"; answers lost: {missing}" if missing else ""
         self._report(f"{lost}{told}{answers}")
         if self._looking is None and not self._stop.is_set():
             self._looking = asyncio.ensure_future(self._look())
             self._looking.add_done_callback(self._looked)
+
+    async def _tell_pauses(self) -> None:
+        """Leave word here while somebody has paused the board, where its link tells of that."""
+        told = False
+        while True:
+            paused = any(one.paused for one in self._upstreams)
+            if paused != told:
+                told = paused
+                self._mark_pause(paused)
+            await asyncio.sleep(PAUSE_SECONDS)
+
+    def _mark_pause(self, paused: bool) -> None:
+        for host in self._hosts:
+            mark_pause(host.transport.url, paused)
 
     # -- a board that is gone -------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ from vbus.protocols.byte import COUNTED, SIZES
 from vbus.protocols.requests import FATAL, REPLIES, REQUESTS
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 
-_WAITING: Final = frozenset({"AT", "CLAIM", "DELAY", "PASS", "POLLED", "POLLED_AT", "SYNC", "WAIT"})
+_WAITING: Final = frozenset({"CLAIM", "DELAY", "PASS", "WAIT"})
 """Requests the board may take its time over: that is not the way's."""
 _EVENT: Final = ord("I")
 _REFUSED: Final = ord("X")
@@ -32,18 +32,18 @@ _COUNT_WIDTHS: Final = {
 
 
 class Trips:
-    """The round trips of all sessions of an attachment.
+    """The answers of all sessions of an attachment.
 
     Attributes:
-        all: every one (ns).
-        lost: answers that never came, because the board or the way to it had gone.
-        waits: answers that took the board time by their request, and are no measure of the way.
+        all: every round trip (ns): of a request that was sent while no other was under way.
+        answers: how many answers have come.
+        lost: how many never came, because the board or the way to it had gone.
     """
 
     def __init__(self) -> None:
         self.all: Histogram = Histogram(ROUND_TRIP_NS)
+        self.answers: int = 0
         self.lost: int = 0
-        self.waits: int = 0
         self._recent: Histogram = Histogram(ROUND_TRIP_NS)
 
     def note(self, taken: int) -> None:
@@ -60,8 +60,8 @@ class Trips:
         """Return what ``vbus ls --json`` shows."""
         return {
             "round_trips": self.all.summary("ns"),
+            "answers": self.answers,
             "answers_lost": self.lost,
-            "waits": self.waits,
         }
 
 
@@ -85,6 +85,7 @@ class Meter:
         """See bytes that have come from it."""
         if self._asked >= 0:
             self.trips.note(now - self._asked)
+            self.trips.answers += 1
             self._asked = -1
 
     @property
@@ -101,9 +102,10 @@ class Meter:
 
 
 class ByteMeter(Meter):
-    """Measures each request of the byte protocol that has a reply.
+    """Counts the replies of the byte protocol, and measures those that tell of the way.
 
-    Replies that may be late because the host let time pass are counted, not measured.
+    Of requests sent together the first is measured. A reply that may be late because the host let
+    time pass is not.
     """
 
     def __init__(self, trips: Trips) -> None:
@@ -136,7 +138,7 @@ class ByteMeter(Meter):
             if _WAITS[code]:
                 self._waited = self._number
             if _ANSWERED[code]:
-                self._open.append((self._number, now, self._waited < 0))
+                self._open.append((self._number, now, self._waited < 0 and not self._open))
             self._number += 1
             position = following
         self._requests = data[position:]
@@ -173,10 +175,9 @@ class ByteMeter(Meter):
 
     def _settle(self, now: int) -> None:
         number, asked, measures = self._open.popleft()
+        self.trips.answers += 1
         if measures:
             self.trips.note(now - asked)
-        else:
-            self.trips.waits += 1
         if number >= self._waited:
             self._waited = -1
 

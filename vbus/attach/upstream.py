@@ -11,7 +11,7 @@ from vbus.attach.threads import aside
 from vbus.client.bus import until_ready_to_write
 from vbus.client.link import Link
 from vbus.client.links import open_link
-from vbus.errors import TransportError
+from vbus.errors import TransportError, VbusError
 from vbus.server.pace import nothing
 
 MOST_PENDING: Final = 65536
@@ -109,9 +109,8 @@ class Upstream:
             return
         try:
             link = await aside(lambda: opened(self._where), Link.close)
-        except (TransportError, ValueError) as error:
-            lost = error if isinstance(error, TransportError) else TransportError(str(error))
-            self._end(lost)
+        except (VbusError, OSError, ValueError) as error:
+            self._end(error if isinstance(error, TransportError) else TransportError(str(error)))
             return
         if self._ended:
             link.close()

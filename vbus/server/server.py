@@ -5,16 +5,14 @@ import json
 import logging
 import os
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from vbus.board.board import Board
 from vbus.compiled import core
 from vbus.errors import NameInUseError, TransportError
 from vbus.kernel import END
-from vbus.runtime import pause_mark
 from vbus.server.control import Control, ControlConnection
 from vbus.server.departures import Departures
 from vbus.server.fault_orders import FaultOrders
@@ -37,6 +35,7 @@ from vbus.server.steps import RUNNING, Steps
 from vbus.server.watching import Watcher
 from vbus.trace.decode import settings_for_decoders
 from vbus.transports.base import Link, MessageLink, Served
+from vbus.transports.runtime import mark_pause
 
 log = logging.getLogger("vbus")
 
@@ -164,13 +163,7 @@ class Server:
         """Leave word with each link that it answers later, or that it answers again."""
         for host in self._hosts:
             host.transport.tell_pause(paused)
-        for kind, _, path in (url.partition(":") for url in self.urls):
-            if kind in ("pty", "unix"):
-                mark = pause_mark(Path(path))
-                with suppress(OSError):  # clients then wait no longer than ever
-                    mark.unlink(missing_ok=True)
-                    if paused:
-                        os.close(os.open(mark, os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
+            mark_pause(host.transport.url, paused)
 
     def _watcher(self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd) -> Watcher:
         return Watcher(

@@ -32,7 +32,8 @@ def lines_of(status: dict[str, Any], counts: bool = True) -> list[str]:
 def distance(status: dict[str, Any]) -> str:
     """Return how far away the board was so far, and what was lost."""
     attached = status["attached"]
-    return f"{round_trips(attached['round_trips'])}; {losses(attached)}"
+    trips = round_trips(attached["round_trips"])
+    return f"{attached['answers']} answers, {trips}; {losses(attached)}"
 
 
 def round_trips(summary: dict[str, Any]) -> str:

@@ -45,24 +45,34 @@ EVERYTHING = (
 
 
 @pytest.mark.parametrize("cut", [1, 3, 1000])
-def test_every_request_with_a_reply_is_a_round_trip(cut: int) -> None:
+def test_every_reply_is_counted_and_the_first_of_a_message_is_a_round_trip(cut: int) -> None:
     talk = Talk()
     talk.send(EVERYTHING, cut)
     assert talk.meter.open == 10
     talk.answer(cut)
     assert talk.meter.open == 0
-    assert (talk.trips.all.count, talk.trips.all.most) == (10, 2_000_000)
-    assert (talk.trips.waits, talk.trips.lost) == (0, 0)
+    assert (talk.trips.answers, talk.trips.lost) == (10, 0)
+    assert (talk.trips.all.count, talk.trips.all.most) == (1, 2_000_000)
+    for _ in range(3):
+        talk.send(b"\x10", cut)
+        talk.answer(cut)
+    assert (talk.trips.answers, talk.trips.all.count) == (13, 4)
 
 
 def test_what_lets_time_pass_is_no_measure_of_the_way() -> None:
     talk = Talk()
-    talk.send(b"\x10" + request("DELAY", 10**6) + b"\x10\x10" + request("WAIT", 10**6) + b"\x10")
+    for message in (request("DELAY", 10**6) + b"\x10", request("WAIT", 10**6), request("CLAIM")):
+        talk.send(message)
+        talk.answer()
+    assert (talk.trips.all.count, talk.trips.answers) == (0, 3)
+    talk.send(request("DELAY", 10**6))
     talk.answer()
-    assert (talk.trips.all.count, talk.trips.waits) == (1, 4)
-    talk.send(b"\x10\x10")
+    talk.send(b"\x10")
     talk.answer()
-    assert (talk.trips.all.count, talk.trips.waits) == (3, 4)
+    assert (talk.trips.all.count, talk.trips.answers) == (0, 4)
+    talk.send(b"\x10")
+    talk.answer()
+    assert (talk.trips.all.count, talk.trips.answers) == (1, 5)
 
 
 def test_answers_that_do_not_come_are_lost_and_those_of_a_host_that_went_are_not() -> None:
@@ -106,6 +116,6 @@ def test_other_wire_formats_are_measured_in_turns() -> None:
     meter.sent(b"\n", 20)
     meter.came(b"84\n", 5_010)
     meter.came(b"more\n", 9_000)
-    assert (meter.trips.all.count, meter.trips.all.most) == (1, 5_000)
+    assert (meter.trips.all.count, meter.trips.all.most, meter.trips.answers) == (1, 5_000, 1)
     meter.sent(b"r 0\n", 10_000)
     assert meter.lose() == 1
