@@ -30,16 +30,21 @@ UNIX = "unix:$VBUS_RUNTIME/near.sock"
 ECHO = REQUESTS["ECHO"]
 
 
+@pytest.fixture(scope="module")
+def polling_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    program = tmp_path_factory.mktemp("polling") / "polling_host"
+    compile_c(["gcc", "-std=c99"], POLLING_HOST, program)
+    return program
+
+
 @pytest.mark.parametrize("options", [(), ("leases", "posting")])
 def test_a_driver_in_c_polls_as_often_as_beside_the_board(
-    options: tuple[str, ...], tmp_path: Path, runtime: Path
+    polling_host: Path, options: tuple[str, ...], runtime: Path
 ) -> None:
-    program = tmp_path / "polling_host"
-    compile_c(["gcc", "-std=c99"], POLLING_HOST, program)
     made = servo()
     with served(made, LinkSpec("zenoh:")), attached("zenoh:board", PTY) as here:
         done = subprocess.run(
-            [program, f"{runtime}/near", *options],
+            [polling_host, f"{runtime}/near", *options],
             capture_output=True, text=True, timeout=120, check=True,
         )  # fmt: skip
         assert here.round_trips >= (3 if options else 1000)

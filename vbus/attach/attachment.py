@@ -274,10 +274,13 @@ class Attachment:
                     self._open_links(loop)
                 break
             except TransportError as error:
+                lost = f"lost: {error}"
                 if self.state == READY:
                     self._close_links()
                     self._report(f"{error}; its links here are away until it is back")
-                self.state = f"lost: {error}"
+                elif self.state != lost:
+                    self._report(str(error))
+                self.state = lost
                 if self.wanted.patience is not None and (
                     monotonic() - since >= self.wanted.patience
                 ):

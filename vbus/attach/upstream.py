@@ -1,6 +1,8 @@
 """One session with the remote board: bytes to it and from it, over any link of the clients."""
 
 import asyncio
+import os
+import socket
 from collections.abc import Callable
 from contextlib import suppress
 from time import monotonic_ns
@@ -13,6 +15,7 @@ from vbus.client.link import Link
 from vbus.client.links import open_link
 from vbus.errors import TransportError, VbusError
 from vbus.server.pace import nothing
+from vbus.transports.sockets import KEEP_ALIVE
 
 MOST_PENDING: Final = 65536
 """Bytes the board has not taken beyond which its host is read from no more."""
@@ -20,6 +23,8 @@ OPEN_SECONDS: Final = 5.0
 """How long opening a link may take."""
 LEAVING_SECONDS: Final = 2.0
 """How long a host that has gone waits for what it has asked for."""
+VANISHED_MS: Final = 25_000
+"""How long bytes may be on their way before the other computer counts as vanished."""
 TICK_SECONDS: Final = 0.1
 """How often a link is looked after that has to mend itself."""
 
@@ -35,10 +40,20 @@ def opened(where: str) -> Link:
     try:
         if not until_ready_to_write(link, OPEN_SECONDS):
             raise TransportError(f"{link.where} cannot be opened within {OPEN_SECONDS:g} s")
+        if link.where.startswith("tcp:"):
+            _keep_alive(link)
     except BaseException:
         link.close()
         raise
     return link
+
+
+def _keep_alive(link: Link) -> None:
+    """Have the system find out that the other computer has vanished, as a board does of a host."""
+    with socket.socket(fileno=os.dup(link.fd)) as connected:
+        connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, value in (*KEEP_ALIVE, (socket.TCP_USER_TIMEOUT, VANISHED_MS)):
+            connected.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
 def _ignore(_: object) -> None:

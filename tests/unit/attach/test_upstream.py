@@ -1,13 +1,14 @@
 """Sessions with a board elsewhere: in order, held back where nobody takes more, ended whole."""
 
 import asyncio
+import os
 import socket
 from collections.abc import Callable, Coroutine
 from typing import Any
 
 from vbus.attach.meter import Meter, Trips
 from vbus.attach.relay import Passage, RelayPort, RelaySession
-from vbus.attach.upstream import MOST_PENDING, Upstream
+from vbus.attach.upstream import MOST_PENDING, Upstream, opened
 from vbus.errors import TransportError
 from vbus.server.departures import Departures
 from vbus.server.hang_ups import HangUps
@@ -122,6 +123,18 @@ def test_an_end_that_was_not_asked_for_is_a_loss() -> None:
         nobody.on_over = ends.append
         await nobody.over.wait()
         assert "cannot be opened" in str(ends[-1])
+
+    run(test)
+
+
+def test_a_computer_that_vanishes_is_noticed() -> None:
+    async def test(board: Board) -> None:
+        link = await asyncio.to_thread(opened, board.where)
+        with socket.socket(fileno=os.dup(link.fd)) as connected:
+            assert connected.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
+            assert connected.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 25_000
+            assert connected.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) == 10
+        link.close()
 
     run(test)
 
