@@ -51,6 +51,10 @@ class _NoOrders(Control):
         }
 
 
+def _answers(lost: int) -> str:
+    return f"; answers lost: {lost}" if lost else ""
+
+
 @dataclass(frozen=True, slots=True)
 class Wanted:
     """What is to be attached, and how.
@@ -235,13 +239,14 @@ class Attachment:
         if lost is None:
             session.board_done()
             return
-        missing = upstream.meter.lose()
-        told = ""
+        missing = _answers(upstream.meter.lose())
         if session.open:
-            told = f"; the host at {host.transport.url} is hung up on"
+            self._report(f"{lost}; the host at {host.transport.url} is hung up on{missing}")
             session.end(f"lost: {lost}", True)
-        answers = f"; answers lost: {missing}" if missing else ""
-        self._report(f"{lost}{told}{answers}")
+        elif missing:
+            self._report(f"{lost}{missing}")
+        else:
+            return  # its host has gone before
         if self._looking is None and not self._stop.is_set():
             self._looking = asyncio.ensure_future(self._look())
             self._looking.add_done_callback(self._looked)
@@ -276,8 +281,9 @@ class Attachment:
             except TransportError as error:
                 lost = f"lost: {error}"
                 if self.state == READY:
+                    missing = _answers(sum(one.meter.lose() for one in self._upstreams))
+                    self._report(f"{error}; its links here are away until it is back{missing}")
                     self._close_links()
-                    self._report(f"{error}; its links here are away until it is back")
                 elif self.state != lost:
                     self._report(str(error))
                 self.state = lost

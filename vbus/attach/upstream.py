@@ -21,6 +21,8 @@ MOST_PENDING: Final = 65536
 """Bytes the board has not taken beyond which its host is read from no more."""
 OPEN_SECONDS: Final = 5.0
 """How long opening a link may take."""
+BEAT_SECONDS: Final = 1.0
+"""How often a board is looked for that is asked nothing, where its going is told by silence."""
 LEAVING_SECONDS: Final = 2.0
 """How long a host that has gone waits for what it has asked for."""
 VANISHED_MS: Final = 25_000
@@ -101,6 +103,7 @@ class Upstream:
         self._writing: bool = False
         self._late: asyncio.TimerHandle | None = None
         self._tick: asyncio.TimerHandle | None = None
+        self._beat: asyncio.TimerHandle | None = None
         self._task: asyncio.Task[None] = loop.create_task(self._open())
 
     @property
@@ -133,6 +136,8 @@ class Upstream:
         self._link = link
         self.read_on()
         self._flush()
+        if not link.by_descriptor and not self._ended:
+            self._beat = self._loop.call_later(BEAT_SECONDS, self._look_for_board, link)
 
     # -- from the board -------------------------------------------------------------------------
 
@@ -179,6 +184,16 @@ class Upstream:
         self._tick = None
         if self._reading:
             self._readable()
+        else:
+            self._look_after()
+
+    def _look_for_board(self, link: Link) -> None:
+        """A host that asks nothing is to know all the same that its board has gone."""
+        self._beat = self._loop.call_later(BEAT_SECONDS, self._look_for_board, link)
+        try:
+            link.look_for_board()
+        except TransportError as error:
+            self._end(error)
         else:
             self._look_after()
 
@@ -263,7 +278,7 @@ class Upstream:
         self._watch_room(False)
         self.read_off()
         self._ended = True
-        for timer in (self._late, self._tick):
+        for timer in (self._late, self._tick, self._beat):
             if timer is not None:
                 timer.cancel()
         self._task = self._loop.create_task(self._close())

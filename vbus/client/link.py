@@ -65,6 +65,9 @@ class Link:
         """Whether something that was sent has no answer yet, where the link itself can tell."""
         return False
 
+    def look_for_board(self) -> None:
+        """Ask whether the board is there, where a descriptor does not tell: else reading raises."""
+
     def end_sending(self) -> None:
         """Tell the other end that no more is sent; its answers can still be read."""
         with contextlib.suppress(OSError), socket.socket(fileno=os.dup(self.fd)) as connected:

@@ -225,6 +225,11 @@ class ZenohLink(Link):
         """Whether a message has no answer yet."""
         return self._given < self._number
 
+    def look_for_board(self) -> None:
+        """Send a message without requests, unless one waits for its answer anyway."""
+        if not self.unanswered:
+            self.write(memoryview(b""))
+
     def end_sending(self) -> None:
         """Nothing: :meth:`close` says it."""
 
