@@ -144,20 +144,23 @@ def twice(hours: float, moving: float) -> bool:
 # -- bus operations -------------------------------------------------------------------------------
 
 
-def requests(choose: random.Random, addresses: int) -> list[tuple[int, bytes]]:
-    """Return requests for reads and writes, one at a time and in runs, each with its operations."""
+def requests(choose: random.Random, addresses: int, status: int) -> list[tuple[int, bytes]]:
+    """Return requests, each with its operations: of random bytes, and status polls in runs."""
     made = []
     for _ in range(1 << 14):
         address, number = choose.randrange(addresses), choose.randint(2, 64)
-        match choose.choices(("READ", "WRITE", "READS", "WRITES"), (3, 3, 1, 1))[0]:
-            case "READ" | "READS" as name:
-                number = 1 if name == "READ" else number
-                values = (address,) if name == "READ" else (address, number)
-                made.append((number, REQUESTS[name].pack(*values)))
+        name = choose.choices(("READ", "WRITE", "READS", "WRITES", "poll"), (12, 12, 1, 1, 8))[0]
+        if name == "poll":
+            address, number, name = status, choose.randint(2, 255), "READS"
+        match name:
+            case "READ":
+                made.append((1, REQUESTS[name].pack(address)))
             case "WRITE":
-                made.append((1, REQUESTS["WRITE"].pack(address, choose.randrange(256))))
+                made.append((1, REQUESTS[name].pack(address, choose.randrange(256))))
+            case "READS":
+                made.append((number, REQUESTS[name].pack(address, number)))
             case "WRITES":
-                made.append((number, REQUESTS["WRITES"].pack(address, choose.randbytes(number))))
+                made.append((number, REQUESTS[name].pack(address, choose.randbytes(number))))
     return made
 
 
@@ -167,7 +170,7 @@ def operations(chip: str, number: int, seconds: float) -> bool:
     boards = [board(chip) for _ in range(2)]
     wires = [ByteProtocol(made.open_port("soak")) for made in boards]
     choose = random.Random(chip)
-    pool = requests(choose, 0x80 if chip == "MCP-1200" else 2)
+    pool = requests(choose, 0x80 if chip == "MCP-1200" else 2, CHIPS[chip][2])
     memory, asked, marks = [], 0, 0
     while done < number and time.monotonic() - began < seconds:
         chosen = [

@@ -8,6 +8,7 @@ import stat
 import termios
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,6 +21,7 @@ from vbus.server.registry import ask, running, status_path
 from vbus.server.server import LinkSpec, Server
 from vbus.transports.base import split_url
 from vbus.transports.runtime import socket_address
+from vbus.transports.sockets import UnixTransport
 
 
 def ask_socket(link: socket.socket, request: bytes, count: int) -> bytes:
@@ -51,6 +53,24 @@ def test_a_path_longer_than_a_socket_address_does_not_matter(
             link.connect(address)
             assert ask_socket(link, b"\x02\x01", 2) == b"E\x01"
     assert not (deep / "x").exists()
+
+
+def test_a_unix_socket_has_its_name_when_it_listens(
+    runtime: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+    listen = UnixTransport._listen
+
+    def listening(self: UnixTransport, *args: Any) -> None:
+        seen.append((runtime / "x").exists())
+        listen(self, *args)
+
+    monkeypatch.setattr(UnixTransport, "_listen", listening)
+    with served(toy_board(), LinkSpec("unix:$VBUS_RUNTIME/x", "byte")):
+        assert seen
+        assert not any(seen)
+        assert (runtime / "x").is_socket()
+    assert [path.name for path in runtime.iterdir() if path.name.startswith(".x")] == []
 
 
 def test_tcp_listens_on_loopback_unless_told_otherwise() -> None:

@@ -1,10 +1,14 @@
 """Nodes in real time: one epoch, starts ordered for one instant, skew that is measured."""
 
+import asyncio
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
+from typing import cast
 
 import pytest
 
@@ -12,10 +16,13 @@ from tests.nodes.four_chips import BOARD, scenario
 from tests.nodes.processes import Bench, ended
 from tests.waiting import Starved
 from vbus.board.config import read_board_text
+from vbus.cluster import ordering
 from vbus.cluster.node_clock import ClockEstimate
+from vbus.cluster.node_link import NodeLink
 from vbus.cluster.peers import Group
 from vbus.cluster.realtime_nodes import RealTime
 from vbus.cluster.skew import Skew
+from vbus.errors import NodeError
 from vbus.kernel import MS, US
 from vbus.nodes.machine import Machine, node_of
 from vbus.nodes.messages import Edges
@@ -132,9 +139,10 @@ def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
         assert "<stdin>:1: unknown request 'w 0'" in wrong.stderr
         listed = bench.vbus("ls")
         assert "keeps the epoch" in listed.stdout
+        assert "goes by the same clock" in listed.stdout
         assert "skew p50" in listed.stdout
         state = bench.node("d")
-        assert state["clock_uncertainty_ns"] >= 0
+        assert state["clock_uncertainty_ns"] == 0
         assert state["skew"]["p50_ns"] <= state["skew"]["p99_ns"] <= state["skew"]["max_ns"]
         marks = state["skew"]["marks"]
         bench.until(lambda: bench.node("d")["skew"]["marks"] > marks + 6)
@@ -173,6 +181,81 @@ def test_edges_that_were_lost_are_told() -> None:
     ]
 
 
+class Sent:
+    """Stands in for a link: keeps what is sent."""
+
+    def __init__(self) -> None:
+        self.messages: list[bytes] = []
+
+    def send(self, rank: int, data: bytes) -> None:
+        self.messages.append(data)
+
+    def give(self, other: RealTime, rank: int) -> None:
+        for data in self.messages:
+            other.received(rank, data)
+        self.messages.clear()
+
+
+@pytest.mark.parametrize("apart", [True, False])
+def test_nodes_estimate_clocks_that_are_apart_and_share_one_that_is_not(apart: bool) -> None:
+    file, source = read_board_text(REAL)
+    plan = plan_of(file)
+    ahead = 7 * 10**12
+    clocks = (lambda: time.monotonic_ns() + ahead, lambda: time.monotonic_ns())
+    links = [Sent(), Sent()]
+    keeper, other = (
+        RealTime(
+            Group(plan, link=cast(NodeLink, link)),
+            [node_of(file, source, name, None, False)],
+            clock=clock if apart else time.monotonic_ns,
+        )
+        for name, link, clock in zip("ab", links, clocks, strict=True)
+    )
+    loop = asyncio.new_event_loop()
+    try:
+        for real in (keeper, other):
+            real.start(loop)
+        for _ in range(6 if apart else 1):
+            other._ping()
+            links[1].give(keeper, 1)
+            links[0].give(other, 0)
+        assert other.clock.good
+        assert other.details(1)["clock_shared"] is not apart
+        if apart:
+            assert other.details(1)["clock_uncertainty_ns"] > 0
+            assert abs(other.clock.offset - ahead) <= other.clock.uncertainty
+        else:
+            assert other.details(1)["clock_uncertainty_ns"] == other.clock.offset == 0
+    finally:
+        keeper.stop()
+        other.stop()
+        loop.close()
+
+
+def test_nothing_is_ordered_while_a_clock_is_not_known_to_the_sample(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    file, _ = read_board_text(REAL)
+    asked: list[int] = []
+
+    def answer(session: object, key: str, node: str, request: ordering.Request) -> ordering.Answer:
+        asked.append(request.at)
+        return ordering.Answer(node, 10 * MS, uncertainty=300 * US if node == "b" else 0)
+
+    monkeypatch.setattr(ordering, "_ask", answer)
+    monkeypatch.setattr(ordering, "open_session", lambda **_: BytesIO())
+    with pytest.raises(NodeError) as refused:
+        ordering.order(file, "0us x+y w 0 1", "s", align=256 * US, connect=("tcp/x:1",))
+    assert str(refused.value) == (
+        "node b knows the time of all to 300 us only, which is more than the 256 us to align to,"
+        " and nothing has been ordered; wait until vbus ls shows less, or give a longer --align"
+    )
+    assert asked == [-1] * 4
+    at, _ = ordering.order(file, "0us x+y w 0 1", "s", align=512 * US, connect=("tcp/x:1",))
+    assert asked[8:] == [at, at]
+    assert at % (512 * US) == 0
+
+
 def test_the_fastest_exchange_decides_about_a_clock() -> None:
     clock = ClockEstimate()
     assert clock.uncertainty == -1
@@ -188,11 +271,13 @@ def test_the_fastest_exchange_decides_about_a_clock() -> None:
 def test_skew_is_the_spread_of_all_nodes_at_a_mark() -> None:
     skew = Skew()
     for number in range(100):
-        skew.note(number, 0, 1000, 3)
-        skew.note(number, 1, 1000 - number, 3)
+        skew.note(number, 0, 1000, 0, 3)
+        skew.note(number, 1, 1000 - number, 20, 3)
         assert skew.marks == number
-        skew.note(number, 2, 1001, 3)
-    assert skew.statistics() == {"marks": 100, "p50_ns": 50, "p99_ns": 99, "max_ns": 100}
+        skew.note(number, 2, 1001, 30, 3)
+    assert skew.statistics() == {
+        "marks": 100, "p50_ns": 50, "p99_ns": 99, "max_ns": 100, "uncertainty_ns": 50,
+    }  # fmt: skip
     for number in range(1000, 2000):  # a node that has gone leaves nothing behind
-        skew.note(number, 0, 1, 3)
+        skew.note(number, 0, 1, 0, 3)
     assert skew.marks == 100

@@ -81,6 +81,9 @@ class _Query:
         """Take the reply; called in a thread of Zenoh's."""
         ok = reply.ok
         if ok is not None:
+            if self.number == 0:
+                said = ok.attachment
+                self.link.may_post(said is not None and said.to_bytes() == envelope.POSTS)
             self.link.arrived(self.number, ok.payload.to_bytes())
             return
         err = reply.err
@@ -147,6 +150,9 @@ class ZenohLink(Link):
         self._searching: bool = False
         self._closed: bool = False
         self._paused: bool = False
+        self._posts: zenoh.Publisher | None = None
+        self._posting: bool = False
+        self._post_answered: bool = False
         self._error: TransportError | None = None
         self._kept: list[Any] = []
 
@@ -156,6 +162,8 @@ class ZenohLink(Link):
         callback = zenoh.handlers.Callback(self._event, indirect=False)
         self._kept.append(self._network.liveliness().declare_token(token))
         self._kept.append(self._network.declare_subscriber(token, callback))
+        replies = zenoh.handlers.Callback(self._reply, indirect=False)
+        self._kept.append(self._network.declare_subscriber(keys.replies(token), replies))
         pauses = zenoh.handlers.Callback(self._pause, indirect=False)
         mark = keys.paused(self._bus_key)
         liveliness = self._network.liveliness()
@@ -173,8 +181,11 @@ class ZenohLink(Link):
         part = bytes(data[: envelope.LARGEST])
         query = self._under_way[self._number] = _Query(self, self._number, part)
         self._number += 1
-        # To be told of the end of a query costs as much as its reply: the first one is worth it.
-        self._send(query, watched=query.number == 0)
+        if self._posting:
+            self._post(query)
+        else:
+            # To be told of the end of a query costs as much as its reply: the first is worth it.
+            self._send(query, watched=query.number == 0)
         return len(part)
 
     def read(self) -> bytes:
@@ -217,6 +228,8 @@ class ZenohLink(Link):
         elif now - query.sent > (REPEAT_SECONDS if query.held else AGAIN_SECONDS):
             if query.held:
                 query.silent_since = 0.0
+            # Whatever keeps posted messages from arriving, queries go the way the first one went.
+            self._posting = self._posting and self._post_answered
             for other in sorted(self._under_way):
                 self._send(self._under_way[other], watched=True)
 
@@ -280,6 +293,39 @@ class ZenohLink(Link):
             )
         except zenoh.ZError as error:
             raise TransportError(f"{self.where}: {error}") from error
+
+    def may_post(self, allowed: bool) -> None:
+        """Learn whether the board takes messages as samples; for Zenoh's threads."""
+        self._posting = allowed
+
+    def _post(self, query: _Query) -> None:
+        """Send a message as a sample: its reply will be one, too."""
+        query.sent = monotonic()
+        query.sendings += 1
+        header = envelope.Envelope(envelope.REQUESTS, self._name, query.number, self._given)
+        try:
+            if self._posts is None:
+                self._posts = self._network.declare_publisher(
+                    keys.requests(keys.host(self._bus_key, self._name.hex())),
+                    congestion_control=zenoh.CongestionControl.BLOCK,
+                    reliability=zenoh.Reliability.RELIABLE,
+                    express=True,
+                )
+            self._posts.put(query.data, attachment=header.pack())
+        except zenoh.ZError as error:
+            raise TransportError(f"{self.where}: {error}") from error
+
+    def _reply(self, sample: zenoh.Sample) -> None:
+        """Take the reply to a message that was posted; called in a thread of Zenoh's."""
+        if sample.attachment is None:
+            return
+        number, code = envelope.replied_to(sample.attachment.to_bytes())
+        self._post_answered = True
+        data = sample.payload.to_bytes()
+        if code:
+            self.failed(f"refused by the board: {data.decode('utf-8', 'replace')}")
+        else:
+            self.arrived(number, data)
 
     def _event(self, sample: zenoh.Sample) -> None:
         self.arrived(-1, sample.payload.to_bytes())

@@ -44,32 +44,44 @@ class Answer(msgspec.Struct, frozen=True):
         now: its chip time (ps).
         taken: requests it will carry out.
         error: why it takes none.
+        uncertainty: how far its clock may be from that of all (ps).
     """
 
     node: str
     now: int = 0
     taken: int = 0
     error: str = ""
+    uncertainty: int = 0
 
 
 _request: Final = msgspec.json.Decoder(Request)
 _answer: Final = msgspec.json.Decoder(Answer)
 
 
-def take_order(node: Node, orders: Orders, data: bytes) -> Answer:
-    """Take an order for a node whose time is up to date; all of it, or nothing."""
+def take_order(node: Node, orders: Orders, data: bytes, uncertainty: int) -> Answer:
+    """Take an order for a node whose time is up to date; all of it, or nothing.
+
+    Args:
+        node: the node.
+        orders: what it has been ordered so far.
+        data: a request.
+        uncertainty: how far its clock may be from that of all (ns).
+    """
     now = node.board.now
     try:
         request = _request.decode(data)
         if request.at < 0:
-            return Answer(node.name, now)
+            return Answer(node.name, now, uncertainty=uncertainty * 1000)
         pins = {chip.name: set(chip.pins) for chip in node.board.chips}
         scenario = read_scenario(request.lines, "order", pins, US)
     except (msgspec.DecodeError, UnicodeDecodeError, ConfigError) as error:
         return Answer(node.name, now, error=f"this is no order: {error}")
     if request.at - LEAD < now:
         return Answer(
-            node.name, now, error=f"it comes {(now - request.at + LEAD) / 1e9:.3f} ms too late"
+            node.name,
+            now,
+            error=f"it comes {(now - request.at + LEAD) / 1e9:.3f} ms too late; order it further"
+            " ahead",
         )
     for order in scenario.orders:
         moved = Order(
@@ -95,7 +107,8 @@ def order(
         name: of the scenario, for messages.
         ahead: how far ahead that instant lies (ps of chip time).
         connect: endpoints, in place of the board file's.
-        align: the instant is a multiple of this (ps), such as a chip's own period.
+        align: the instant is a multiple of this (ps), such as a chip's own period; nothing
+            is ordered if a node's clock is not known as well as that. 1: any instant will do.
 
     Returns:
         The instant (ps), and what each node that takes part says.
@@ -120,11 +133,19 @@ def order(
     session = open_session(connect=meeting, mode="client", security=network_of(file.zenoh).security)
     try:
         root = f"vbus/{plan.board}/@nodes"
-        now = max(
-            _ask(session, f"{root}/{node}/orders", node, Request(plan.digest)).now
+        here = [
+            _ask(session, f"{root}/{node}/orders", node, Request(plan.digest))
             for node in plan.nodes
-        )
-        at = -(-(now + ahead) // align) * align
+        ]
+        vague = max(here, key=lambda answer: answer.uncertainty)
+        if 1 < align < vague.uncertainty:
+            raise NodeError(
+                vague.node,
+                f"node {vague.node} knows the time of all to {vague.uncertainty / 1e6:.0f} us only,"
+                f" which is more than the {align / 1e6:g} us to align to, and nothing has been"
+                " ordered; wait until vbus ls shows less, or give a longer --align",
+            )
+        at = -(-(max(answer.now for answer in here) + ahead) // align) * align
         answers = []
         for node in plan.nodes:
             mine = _lines_of(scenario, {chip for chip, home in homes.items() if home == node})
@@ -155,6 +176,6 @@ def _ask(session: zenoh.Session, key: str, node: str, request: Request) -> Answe
         except msgspec.DecodeError as error:
             raise VbusError(f"node {node} gives an answer that is none: {error}") from None
         if answer.error:
-            raise NodeError(node, f"node {node} refuses: {answer.error}; order it further ahead")
+            raise NodeError(node, f"node {node} refuses: {answer.error}")
         return answer
     raise NodeLostError(node, f"node {node} does not answer: is it running (vbus ls)?")

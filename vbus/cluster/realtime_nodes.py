@@ -11,7 +11,7 @@ import msgspec
 
 from vbus.board.board import Board
 from vbus.board.sections import BoardFile
-from vbus.cluster.node_clock import ClockEstimate
+from vbus.cluster.node_clock import ClockEstimate, monotonic_clock
 from vbus.cluster.ordering import Answer, take_order
 from vbus.cluster.peers import TICK, Group, Peers
 from vbus.cluster.skew import Skew
@@ -115,6 +115,7 @@ class RealTime(Peers):
         self.clock: ClockEstimate = ClockEstimate()
         self._until: int = until
         self._ns: Callable[[], int] = clock
+        self._clock_name: str = monotonic_clock() if clock is time.monotonic_ns else ""
         self._pings: int = 0
         self._sent: dict[int, int] = {node.rank: 0 for node in nodes}
         self._next: dict[int, int] = {}
@@ -157,7 +158,7 @@ class RealTime(Peers):
         if self._loop is None:
             return
         mine = self._ranks[0]
-        self.send(mine, Ping(self.plan.digest, mine, self._pings, self._ns()))
+        self.send(mine, Ping(self.plan.digest, mine, self._pings, self._ns(), self._clock_name))
         self._pings += 1
         pause = TICK if self.agreed.is_set() else PING_SECONDS
         self._pinging = self._loop.call_later(pause, self._ping)
@@ -165,7 +166,10 @@ class RealTime(Peers):
     def _answered(self, pong: Pong) -> None:
         if pong.node != self.keeper or pong.other != self._ranks[0]:
             return
-        self.clock.add(pong.sent, pong.came, pong.answered, self._ns())
+        if pong.shared:
+            self.clock.share()
+        else:
+            self.clock.add(pong.sent, pong.came, pong.answered, self._ns())
         if pong.epoch < 0 or not self.clock.good:
             return
         name = self.plan.nodes[self.keeper]
@@ -227,10 +231,14 @@ class RealTime(Peers):
 
     def _mark(self, node: Node) -> None:
         number = node.board.now // self._period
-        at = self._ns() + self.clock.offset
-        self.skew.note(number, node.rank, at, self._here())
-        self.send(node.rank, Mark(self.plan.digest, node.rank, number, at))
+        at, sure = self._ns() + self.clock.offset, self._uncertainty()
+        self.skew.note(number, node.rank, at, sure, self._here())
+        self.send(node.rank, Mark(self.plan.digest, node.rank, number, at, sure))
         self._marks[node.rank].at(node.board.now + self._period)
+
+    def _uncertainty(self) -> int:
+        """How far the agreed clock may be from what this process believes (ns)."""
+        return 0 if self.keeps else max(self.clock.uncertainty, 0)
 
     def _here(self) -> int:
         return len(self.nodes) + sum(other.joined for other in self._peers.values())
@@ -244,7 +252,7 @@ class RealTime(Peers):
         if pacer is None:
             return msgspec.json.encode(Answer(node.name, error="chip time has not begun yet"))
         pacer.catch_up()
-        answer = take_order(node, self._orders(node), data)
+        answer = take_order(node, self._orders(node), data, self._uncertainty())
         pacer.touched()
         return msgspec.json.encode(answer)
 
@@ -262,11 +270,12 @@ class RealTime(Peers):
         if isinstance(message, Ping):
             if self.keeps:
                 came = self._ns()
+                shared = message.clock == self._clock_name != ""
                 self.send(
                     self.keeper,
                     Pong(
                         self.plan.digest, self.keeper, message.round, rank, message.sent, came,
-                        self._ns(), self.epoch,
+                        self._ns(), self.epoch, shared,
                     ),
                 )  # fmt: skip
         elif isinstance(message, Pong):
@@ -276,7 +285,7 @@ class RealTime(Peers):
             for node in self.nodes.values():
                 self._accept(node, message.edges)
         elif isinstance(message, Mark):
-            self.skew.note(message.round, rank, message.at, self._here())
+            self.skew.note(message.round, rank, message.at, message.uncertainty, self._here())
 
     def _look_for_gap(self, rank: int, number: int) -> None:
         """Time does not wait here: what was sent while a cable was out is lost, and told."""
@@ -308,8 +317,9 @@ class RealTime(Peers):
         node = self.nodes[rank]
         return {
             "keeps_epoch": rank == self.keeper,
+            "clock_shared": self.clock.shared,
             "clock_offset_ns": 0 if self.keeps else self.clock.offset,
-            "clock_uncertainty_ns": 0 if self.keeps else self.clock.uncertainty,
+            "clock_uncertainty_ns": self._uncertainty(),
             "skew": self.skew.statistics(),
             "late_edges": node.late,
             "worst_late_ps": node.worst_late,

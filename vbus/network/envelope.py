@@ -9,6 +9,12 @@ and that of its reply what they gave. Beside it, as Zenoh's attachment, stands t
 has chosen. Messages are numbered from 0; the board carries them out in order, each one once, keeps
 the replies until they are acknowledged, and gives the stored reply to a message that is repeated.
 ``acknowledged`` says how many replies, from the first, the host has got.
+
+The first message of a session, and every one that is repeated, is a query. A board whose reply to
+it has the attachment :data:`POSTS` takes the others as samples too, at a key of that session, which
+costs less; their replies are samples as well, with the attachment::
+
+    number:u64  code:ASCII        (code: empty, or why the message was refused)
 """
 
 import os
@@ -25,6 +31,10 @@ WINDOW: Final = 256
 """Messages of one host that may be under way."""
 
 _LAYOUT: Final = struct.Struct(">BB8sQQ")
+
+POSTS: Final = b"posts"
+"""Goes with replies of a board that takes messages as samples, too."""
+_NUMBER: Final = struct.Struct(">Q")
 
 # Why a message was refused: the first word of the error reply; a sentence follows.
 MALFORMED: Final = "malformed"
@@ -67,6 +77,23 @@ def unpack(data: bytes) -> Envelope:
     if kind not in (REQUESTS, END):
         raise EnvelopeError(f"kind {kind} is unknown; there are 0, requests, and 1, end")
     return Envelope(kind, session, number, acknowledged)
+
+
+def reply_to(number: int, code: str = "") -> bytes:
+    """Return what goes with the reply to a message that was posted."""
+    return _NUMBER.pack(number) + code.encode()
+
+
+def replied_to(attachment: bytes) -> tuple[int, str]:
+    """Return which message a posted reply belongs to, and why it was refused, if it was.
+
+    Raises:
+        EnvelopeError: this does not go with a reply.
+    """
+    if len(attachment) < _NUMBER.size:
+        raise EnvelopeError(f"the attachment has {len(attachment)} bytes; a number has 8")
+    (number,) = _NUMBER.unpack_from(attachment)
+    return number, attachment[_NUMBER.size :].decode("ascii", "replace")
 
 
 def new_session() -> bytes:

@@ -26,6 +26,16 @@ def host(bus_key: str, session: str) -> str:
     return f"{bus_key}/hosts/{session}"
 
 
+def requests(token: str) -> str:
+    """Return the key at which a host posts messages, below its liveliness token."""
+    return f"{token}/requests"
+
+
+def replies(token: str) -> str:
+    """Return the key at which the replies to what a host has posted come."""
+    return f"{token}/replies"
+
+
 def paused(bus_key: str) -> str:
     """Return the liveliness token that is there as long as the board is paused."""
     return f"{bus_key}/paused"

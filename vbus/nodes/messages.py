@@ -69,9 +69,11 @@ class Ping(NodeMessage, frozen=True, tag="p"):
 
     Attributes:
         sent: when it was asked.
+        clock: names the clock of the one who asks; empty if it does not know.
     """
 
     sent: int
+    clock: str = ""
 
 
 class Pong(NodeMessage, frozen=True, tag="q"):
@@ -83,6 +85,7 @@ class Pong(NodeMessage, frozen=True, tag="q"):
         came: when the ping came, by the clock of the one who answers.
         answered: when the answer was sent.
         epoch: when chip time was 0, by the same clock; -1 if that is not known yet.
+        shared: whether the one who asked goes by that clock, too.
     """
 
     other: int
@@ -90,6 +93,7 @@ class Pong(NodeMessage, frozen=True, tag="q"):
     came: int
     answered: int
     epoch: int
+    shared: bool = False
 
 
 class Edges(NodeMessage, frozen=True, tag="w"):
@@ -107,9 +111,11 @@ class Mark(NodeMessage, frozen=True, tag="m"):
 
     Attributes:
         at: when that was, by the clock all nodes have agreed on (ns).
+        uncertainty: how far that may be from the truth (ns).
     """
 
     at: int
+    uncertainty: int = 0
 
 
 Message = Report | Alive | Need | Ping | Pong | Edges | Mark
@@ -161,6 +167,8 @@ def _wrong(message: Message, nodes: int, wires: int) -> str:
         return f"round {message.round}"
     if isinstance(message, Need | Pong) and not 0 <= message.other < nodes:
         return f"node {message.other} of {nodes}"
+    if isinstance(message, Mark) and message.uncertainty < 0:
+        return f"an uncertainty of {message.uncertainty} ns"
     if isinstance(message, Edges):
         return _wrong_edges(message.node, message.edges, wires, NEVER)
     if isinstance(message, Report):

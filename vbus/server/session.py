@@ -404,6 +404,11 @@ class Session:
                 self.link.sort(data)  # the next host may have sent it: it came before the look
                 break
             self._take(data)
+        if self._open and self._pacer.halted:
+            log.warning(
+                "%s: a host has gone while the board was paused; if it gave up waiting, the pause"
+                " is the cause", self.link.peer,
+            )  # fmt: skip
         self.end("closed by the host")
 
     def hang_up_soon(self, reason: str) -> None:

@@ -11,7 +11,7 @@ from typing import Final
 from vbus.errors import VbusError
 from vbus.server.priority import Priority
 from vbus.tools.doctor_finding import OK, WARN, Finding
-from vbus.transports.linux import TimerFd
+from vbus.transports.linux import TimerFd, clock_discipline
 
 WAIT_NS: Final = 1_000_000
 """What is waited for again and again."""
@@ -39,7 +39,20 @@ def promises() -> Iterator[Finding]:
     else:
         advice = "processors take time to wake up: cpupower frequency-set -g performance"
         yield Finding(WARN, "governor", ", ".join(governors), advice)
+    yield _clock()
     yield _load()
+
+
+def _clock() -> Finding:
+    try:
+        kept = clock_discipline()
+    except OSError as error:
+        return Finding(WARN, "clock", f"the system does not tell: {error.strerror}")
+    if kept is None:
+        advice = "nodes on several computers follow each other's clocks better with chrony or ptp4l"
+        return Finding(OK, "clock", f"nothing disciplines it; {advice}")
+    away, slew = kept
+    return Finding(OK, "clock", f"within {away} us of true time, slewed by {slew:+.1f} ppm")
 
 
 def _load() -> Finding:

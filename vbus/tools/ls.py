@@ -110,13 +110,16 @@ def _node_lines(node: dict[str, Any]) -> list[str]:
     clock = (
         "keeps the epoch"
         if node["keeps_epoch"]
+        else "goes by the same clock"
+        if node["clock_shared"]
         else f"clock differs by {node['clock_offset_ns'] / 1000:.0f} us"
-        f" +- {node['clock_uncertainty_ns'] / 1000:.0f} us"
+        f" ±{node['clock_uncertainty_ns'] / 1000:.0f} us"
     )
     return [
         f"  node {node['node']} of {node['board']}: {node['state']}, {clock}; others: {others}",
         f"  skew p50 {skew['p50_ns'] / 1000:.0f} us, p99 {skew['p99_ns'] / 1000:.0f} us, max"
-        f" {skew['max_ns'] / 1000:.0f} us over {skew['marks']} marks;"
+        f" {skew['max_ns'] / 1000:.0f} us over {skew['marks']} marks, each"
+        f" ±{skew['uncertainty_ns'] / 1000:.0f} us;"
         f" {node['late_edges']} late edges (worst {_seconds(node['worst_late_ps'])}),"
         f" {node['late_orders']} late orders",
     ]

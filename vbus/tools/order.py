@@ -21,7 +21,10 @@ def _period(ctx: click.Context, param: click.Parameter, value: str) -> int:
     "--ahead", default="100ms", callback=duration, help="How far ahead; 100ms if not given."
 )
 @click.option(
-    "--align", default="1ps", callback=_period, help="Begin at a multiple of this, as 256us."
+    "--align",
+    default="1ps",
+    callback=_period,
+    help="Begin at a multiple of this, as 256us, and refuse if a clock is not known as well.",
 )
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Where the nodes meet.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")

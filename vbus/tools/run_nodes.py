@@ -59,7 +59,7 @@ def skew_line(skew: dict[str, int]) -> str:
     return (
         f"wall skew between nodes: p50 {skew['p50_ns'] / 1000:.0f} us, p99"
         f" {skew['p99_ns'] / 1000:.0f} us, max {skew['max_ns'] / 1000:.0f} us over"
-        f" {skew['marks']} marks"
+        f" {skew['marks']} marks, each ±{skew['uncertainty_ns'] / 1000:.0f} us"
     )
 
 

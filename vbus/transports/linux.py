@@ -1,4 +1,4 @@
-"""Three Linux calls that Python 3.11 does not have: timerfd, inotify and mlockall."""
+"""Linux calls that Python 3.11 does not have: timerfd, inotify, mlockall and adjtimex."""
 
 import contextlib
 import ctypes
@@ -22,6 +22,17 @@ class _Itimerspec(ctypes.Structure):
     _fields_ = [("interval", _Timespec), ("value", _Timespec)]
 
 
+class _Timex(ctypes.Structure):
+    _fields_ = [
+        ("modes", ctypes.c_uint), ("offset", ctypes.c_long), ("freq", ctypes.c_long),
+        ("maxerror", ctypes.c_long), ("esterror", ctypes.c_long), ("status", ctypes.c_int),
+        ("more", ctypes.c_long * 32),
+    ]  # fmt: skip
+
+
+_UNSYNCHRONISED: Final = 0x40
+_PPM: Final = 65536
+
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
@@ -44,6 +55,20 @@ def lock_memory() -> None:
 def unlock_memory() -> None:
     """Let memory be paged out again."""
     _checked(_libc.munlockall())
+
+
+def clock_discipline() -> tuple[int, float] | None:
+    """Return how something (chrony, ptp4l, ntpd) keeps this computer's clock right; None: nothing.
+
+    Returns:
+        How far it may be from true time (us), and by how much it is slewed (ppm).
+
+    Raises:
+        OSError: the system does not tell.
+    """
+    told = _Timex()
+    _checked(_libc.adjtimex(ctypes.byref(told)))
+    return None if told.status & _UNSYNCHRONISED else (told.maxerror, told.freq / _PPM)
 
 
 class TimerFd:

@@ -207,16 +207,20 @@ class UnixTransport(_SocketTransport):
                 raise NameInUseError(
                     f"{path} is in use by another program; stop it or choose another name"
                 )
-            path.unlink(missing_ok=True)
+            # It takes its name when it listens: who sees the name is not refused.
+            unnamed = path.with_name(f".{path.name}.new")
+            unnamed.unlink(missing_ok=True)
             listener = opened.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
             mask = os.umask(0o177)
             try:
-                with socket_address(path) as address:
+                with socket_address(unnamed) as address:
                     listener.bind(address)
             finally:
                 os.umask(mask)
-            opened.callback(path.unlink, missing_ok=True)
+            opened.callback(unnamed.unlink, missing_ok=True)
             self._listen(listener, loop, on_link)
+            unnamed.replace(path)
+            opened.callback(path.unlink, missing_ok=True)
 
 
 class TcpTransport(_SocketTransport):

@@ -1,6 +1,7 @@
 """``zenoh:``: the buses of a board's chips on the network."""
 
 import asyncio
+import contextlib
 import time
 from collections import OrderedDict
 from collections.abc import Callable
@@ -146,6 +147,9 @@ class ZenohTransport(Transport):
 
     def _declare(self) -> None:
         session, enter, kept = self._session, self._inbox.entry, self._kept
+        for bus_key in (keys.bus(self._board), keys.bus(self._board, "*")):
+            posts = keys.requests(keys.host(bus_key, "*"))
+            kept.append(session.declare_subscriber(posts, enter(self._posted)))
         for key in self._buses:
             kept.append(session.declare_queryable(key, enter(self._message), complete=True))
         board = self._board
@@ -198,6 +202,16 @@ class ZenohTransport(Transport):
             send_reply(query, b"")
             return
         link.take(query, header, payload.to_bytes() if payload is not None else b"")
+
+    def _posted(self, sample: zenoh.Sample) -> None:
+        """A host has posted a message; what is not for a session here, it will ask about."""
+        link = self._links.get(str(sample.key_expr).split("/")[-2])
+        if link is None or sample.attachment is None or len(sample.payload) > envelope.LARGEST:
+            return
+        with contextlib.suppress(envelope.EnvelopeError):
+            header = envelope.unpack(sample.attachment.to_bytes())
+            if header.session.hex() == link.session and header.kind == envelope.REQUESTS:
+                link.take_posted(header, sample.payload.to_bytes())
 
     def _welcome(
         self, query: zenoh.Query, header: envelope.Envelope, session: str

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import zenoh
 
@@ -45,12 +45,35 @@ class ZenohLink(MessageLink):
         self.gone_since: float = -1.0
         self._network: zenoh.Session = network
         self._ended: Callable[[ZenohLink], None] = ended
+        self._replies: Any = None
         self._open: bool = True
 
     def take(self, query: zenoh.Query, header: envelope.Envelope, data: bytes) -> None:
         """Take a message."""
-        answer, refuse = partial(send_reply, query), partial(send_refusal, query)
+        answer = partial(send_reply, query, attachment=envelope.POSTS)
+        refuse = partial(send_refusal, query)
         self.exchange.take(header.number, header.acknowledged, data, answer, refuse)
+
+    def take_posted(self, header: envelope.Envelope, data: bytes) -> None:
+        """Take a message that came as a sample."""
+        number = header.number
+        answer, refuse = partial(self._post, number, ""), partial(self._refuse, number)
+        self.exchange.take(number, header.acknowledged, data, answer, refuse)
+
+    def _refuse(self, number: int, code: str, reason: str) -> None:
+        self._post(number, code, reason.encode())
+
+    def _post(self, number: int, code: str, data: bytes) -> None:
+        """Publish the reply of a posted message; a host that has gone is nobody's loss."""
+        with suppress(zenoh.ZError):
+            if self._replies is None:
+                self._replies = self._network.declare_publisher(
+                    keys.replies(self.token),
+                    congestion_control=zenoh.CongestionControl.BLOCK,
+                    reliability=zenoh.Reliability.RELIABLE,
+                    express=True,
+                )
+            self._replies.put(data, attachment=envelope.reply_to(number, code))
 
     def answer(self, data: bytes) -> None:
         """Send the reply of the message being carried out."""
@@ -75,6 +98,9 @@ class ZenohLink(MessageLink):
         if self._open:
             self._open = False
             self.exchange.end(envelope.GONE, f"the session is over: {self.reason}")
+            if self._replies is not None:
+                with suppress(zenoh.ZError):
+                    self._replies.undeclare()
             self._ended(self)
 
 
@@ -89,16 +115,19 @@ def _answering(query: zenoh.Query) -> Iterator[None]:
         drop()
 
 
-def send_reply(query: zenoh.Query, data: bytes, key: str = "") -> None:
+def send_reply(
+    query: zenoh.Query, data: bytes, key: str = "", attachment: bytes | None = None
+) -> None:
     """Answer a query; a host that has gone meanwhile is nobody's loss.
 
     Args:
         query: the query.
         data: the answer.
         key: the key it belongs to, where the query may have asked for several.
+        attachment: goes with it.
     """
     with _answering(query):
-        query.reply(key or query.key_expr, data)
+        query.reply(key or query.key_expr, data, attachment=attachment)
 
 
 def send_refusal(query: zenoh.Query, code: str, reason: str) -> None:

@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import vbus
 from tests.unit.trace.conftest import record
 from tests.unit.trace.test_replay import played
 from vbus.board.board import Board
@@ -20,7 +19,7 @@ from vbus.kernel import MS, NS, US
 from vbus.protocols.port import CardAccess
 from vbus.signals import Observer
 
-ROOT = Path(next(iter(vbus.__path__))).parent
+ROOT = Path(__file__).parents[3]
 WIRED = (ROOT / "examples" / "wired_card.toml").read_text()
 PLAIN = (
     WIRED.partition("[buses.main]")[0]

@@ -107,6 +107,26 @@ def test_the_next_host_begins_where_the_delay_of_a_killed_one_ends(turns: int) -
         assert second.recv(100) == b"D\x84D\x84"
 
 
+def test_of_a_host_that_goes_in_a_pause_it_is_said(caplog: pytest.LogCaptureFixture) -> None:
+    said = (
+        "x: a host has gone while the board was paused; if it gave up waiting, the pause is the"
+        " cause"
+    )
+    with served("realtime") as it:
+        for paused in (False, True):
+            host = it.connect()
+            it.turn(3)
+            if paused:
+                it.pacer.halt()
+                it.sessions[-1].hold()
+            host.send(READ)
+            it.turn(3)
+            host.close()
+            it.turn(10)
+            assert len(it.ended) == 1 + paused
+            assert caplog.messages == [said] * paused
+
+
 def test_a_delay_of_years_is_given_up_a_whole_number_of_minutes_before_its_end() -> None:
     with served() as it:
         first = it.connect()
