@@ -58,9 +58,10 @@ MAY_IMPORT = {
     "transports": EDGE,
     "server": EDGE | {"compiled"},
     "cluster": EDGE | {"cluster"},
+    "attach": EDGE | {"attach", "client"},
     "client": NETWORK | {"chips", "client", "kernel", "protocols"},
     "testing": EDGE | {"client", "cluster", "native", "testing", "tools"},
-    "tools": EDGE | {"client", "cluster", "compiled", "native", "tools"},
+    "tools": EDGE | {"attach", "client", "cluster", "compiled", "native", "tools"},
     "__main__": {"tools"},
     "compiled": set(),
     "__init__": EDGE | {"client", "compiled", "version"},  # all but the last for type checkers only

@@ -44,9 +44,10 @@ from vbus.network import session as network_session
 from vbus.protocols.byte import ByteProtocol
 from vbus.runtime import private_runtime
 from vbus.server import recording
+from vbus.server.host_entry import HostEntry
 from vbus.server.pacer import Pacer
 from vbus.server.recording import Recording
-from vbus.server.server import LinkSpec, Server, _Host
+from vbus.server.server import LinkSpec, Server
 from vbus.server.session import Serving
 from vbus.trace.journal.format import JournalError, JournalReader
 from vbus.trace.journal.replay import Replay
@@ -109,7 +110,7 @@ class _Observed(Server):
         super().__init__(*args, **keys)
         self._simulation = simulation
 
-    def _connect(self, host: _Host, serving: Serving, link: Link) -> None:
+    def _connect(self, host: HostEntry, serving: Serving, link: Link) -> None:
         self._simulation.connecting(link)
         super()._connect(host, serving, link)
 

@@ -60,6 +60,19 @@ class Link:
         """Return when to read although nothing has come, at the latest at ``deadline``."""
         return deadline
 
+    @property
+    def unanswered(self) -> bool:
+        """Whether something that was sent has no answer yet, where the link itself can tell."""
+        return False
+
+    def look_for_board(self) -> None:
+        """Ask whether the board is there, where a descriptor does not tell: else reading raises."""
+
+    def end_sending(self) -> None:
+        """Tell the other end that no more is sent; its answers can still be read."""
+        with contextlib.suppress(OSError), socket.socket(fileno=os.dup(self.fd)) as connected:
+            connected.shutdown(socket.SHUT_WR)
+
     def paused(self) -> bool:
         """Tell whether somebody has paused the board: it answers when they let it go on."""
         kind, _, path = self.where.partition(":")

@@ -233,6 +233,19 @@ class ZenohLink(Link):
             for other in sorted(self._under_way):
                 self._send(self._under_way[other], watched=True)
 
+    @property
+    def unanswered(self) -> bool:
+        """Whether a message has no answer yet."""
+        return self._given < self._number
+
+    def look_for_board(self) -> None:
+        """Send a message without requests, unless one waits for its answer anyway."""
+        if not self.unanswered:
+            self.write(memoryview(b""))
+
+    def end_sending(self) -> None:
+        """Nothing: :meth:`close` says it."""
+
     def paused(self) -> bool:
         """Tell whether somebody has paused the board: it has left word of that on the network."""
         return self._paused

@@ -7,7 +7,7 @@ from typing import Final
 from vbus.kernel import NEVER, SECOND
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.server.pacer import Pacer
+from vbus.server.pace import Pace
 from vbus.transports.base import Link
 
 LONGEST: Final = 60 * SECOND
@@ -32,8 +32,8 @@ class Departures:
         under_way: what is still to be carried out.
     """
 
-    def __init__(self, pacer: Pacer) -> None:
-        self._pacer: Pacer = pacer
+    def __init__(self, pacer: Pace) -> None:
+        self._pacer: Pace = pacer
         self.under_way: list[Departure] = []
         self._arrivals: list[_Arrival] = []
         self._closed: bool = False
@@ -81,19 +81,19 @@ class Departure:
 
     def __init__(
         self,
-        pacer: Pacer,
+        pacer: Pace,
         port: HostPort,
         protocol: Protocol,
         done: Callable[["Departure"], None],
     ) -> None:
-        self._pacer: Pacer = pacer
+        self._pacer: Pace = pacer
         self.port: HostPort = port
         self._protocol: Protocol = protocol
         self._done: Callable[[Departure], None] = done
 
     def wait(self) -> None:
         """Go on when time has come to the end of the wait, or to where it is given up."""
-        until, now = self.port.hold_until, self._pacer.board.now
+        until, now = self.port.hold_until, self._pacer.now
         given_up = (until - now) // LONGEST * LONGEST
         self._pacer.wake_at(until - given_up, self.end if given_up else self._go_on)
 

@@ -95,6 +95,27 @@ class Connection:
             self._on_end(self)
 
 
+class Telling(Connection):
+    """Somebody who asks what ``vbus ls --json`` shows, and is answered at once.
+
+    Args:
+        loop: the event loop.
+        link: the connection.
+        on_end: called once when it is over.
+        tell: makes the answer.
+    """
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd, tell: Callable[[], bytes]
+    ) -> None:
+        super().__init__(loop, link, on_end)
+        self._tell: Callable[[], bytes] = tell
+
+    def begin(self) -> None:
+        """Answer."""
+        self.finish(self._tell())
+
+
 class LocalSocket:
     """Listens at a path, and keeps the connections made there.
 

@@ -12,6 +12,7 @@ from typing import Final
 from vbus.board.board import Board
 from vbus.errors import TimeEndedError
 from vbus.kernel import END, MS, NEVER, SECOND
+from vbus.server.pace import Pace, nothing
 from vbus.server.slices import SLICE_NS, Slices
 from vbus.server.statistics import LAG_PS, Histogram
 from vbus.transports.linux import TimerFd
@@ -42,11 +43,7 @@ DAY: Final = 24 * 3600 * SECOND
 log = logging.getLogger("vbus")
 
 
-def _nothing() -> None:
-    """Do nothing."""
-
-
-class Pacer:
+class Pacer(Pace):
     """Moves a board's time with the wall clock.
 
     One anchor ties wall time to chip time and never moves, so nothing drifts; except with
@@ -70,8 +67,9 @@ class Pacer:
     ) -> None:
         if stall not in ("catch_up", "slip"):
             raise ValueError(f"stall = {stall!r}: allowed are catch_up, slip")
+        super().__init__(clock)
         self.board: Board = board
-        self.real: bool = board.policy == "realtime"
+        self.real = board.policy == "realtime"
         self.free: bool = self.real and isinf(board.rate)
         """As fast as the machine can: no wall clock holds time back."""
         self.stall: str = stall
@@ -82,8 +80,6 @@ class Pacer:
         """Chip time left out after stalls (ps)."""
         self.lags: Histogram = Histogram(LAG_PS)
         """Every lag noted."""
-        self.clock: Callable[[], int] = clock
-        """Wall time (ns)."""
         self._ps_per_ns: tuple[int, int] = (0, 1)
         self._scale: int = 1
         self._stalled: int = STALL
@@ -105,11 +101,11 @@ class Pacer:
         self._tick_at: int = 0
         self._wakes: list[tuple[int, int, Callable[[], None]]] = []
         self._wake_number: int = 0
-        self.look_for_hosts: Callable[[], None] = _nothing
+        self.look_for_hosts: Callable[[], None] = nothing
         """Ends the sessions of hosts that have gone while they waited: no time passes for them."""
         self.report: Callable[[str], None] = log.warning
         """Takes the sentence that time comes near its end."""
-        self.on_end: Callable[[], None] = _nothing
+        self.on_end: Callable[[], None] = nothing
         """Called when time has ended on a board that nobody but the pacer moves."""
         self.over: bool = False
         """Whether that is so."""
@@ -117,10 +113,8 @@ class Pacer:
         """Beyond this instant there is something to tell or to stop (ps)."""
         self.bound: int = NEVER
         """Whoever controls the board lets time run no further (ps); NEVER if nobody does."""
-        self.on_bound: Callable[[], None] = _nothing
+        self.on_bound: Callable[[], None] = nothing
         """Called when time is there: moves the bound, or halts."""
-        self.halted: bool = False
-        """Whether time stands still, and what hosts ask for is kept for later."""
 
     def _use_rate(self) -> None:
         """Take the board's rate."""
@@ -137,6 +131,11 @@ class Pacer:
         self._last = END - AHEAD if self._paced else END
 
     # -- time ---------------------------------------------------------------------------------
+
+    @property
+    def now(self) -> int:
+        """Chip time (ps)."""
+        return self.board.now
 
     def wall(self) -> int:
         """Return the chip time that belongs to the present wall time (ps)."""

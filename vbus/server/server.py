@@ -5,29 +5,22 @@ import json
 import logging
 import os
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from contextlib import ExitStack
 from functools import partial
-from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from vbus.board import plugins
 from vbus.board.board import Board
-from vbus.board.cards import Card
-from vbus.board.pin_maps import PinMap
-from vbus.board.sections import NO_HOST, HostSection
 from vbus.compiled import core
-from vbus.errors import NameInUseError, PluginError, TransportError
+from vbus.errors import NameInUseError, TransportError
 from vbus.kernel import END
-from vbus.network.session import Network
-from vbus.protocols.base import Protocol
-from vbus.runtime import pause_mark
 from vbus.server.control import Control, ControlConnection
 from vbus.server.departures import Departures
 from vbus.server.fault_orders import FaultOrders
 from vbus.server.hang_ups import HangUps
+from vbus.server.host_entry import HostEntry
+from vbus.server.host_entry import LinkSpec as LinkSpec
 from vbus.server.jump import Jump
-from vbus.server.local_socket import Connection, LocalSocket, OnEnd
+from vbus.server.local_socket import LocalSocket, OnEnd, Telling
 from vbus.server.loop import run_until_signal
 from vbus.server.message_session import MessageSession
 from vbus.server.metrics import MetricsPort
@@ -41,100 +34,10 @@ from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 from vbus.server.steps import RUNNING, Steps
 from vbus.server.watching import Watcher
 from vbus.trace.decode import settings_for_decoders
-from vbus.transports.base import Link, MessageLink, Served, Transport, split_url
+from vbus.transports.base import Link, MessageLink, Served
+from vbus.transports.runtime import mark_pause
 
 log = logging.getLogger("vbus")
-
-_Base = TypeVar("_Base")
-
-
-@dataclass(slots=True)
-class LinkSpec:
-    """One host entry of a board file.
-
-    Attributes:
-        transport: address, e.g. ``"pty:$VBUS_RUNTIME/x"``.
-        protocol: name of the wire format; empty for the transport's usual one.
-        chips: names of the chips its sessions may select; empty for all.
-        cycle_ps: cost of a whole bus cycle; 0 for the default.
-        card: address decoding of a card, if any.
-        pin_map: wiring of a microcontroller's port bits, if any.
-        network: the board's place on the network, for transports that use it.
-        remote: other computers may be let in.
-        line: the entry itself, whose serial line it may be.
-    """
-
-    transport: str
-    protocol: str = ""
-    chips: list[str] = field(default_factory=list)
-    cycle_ps: int = 0
-    card: Card | None = None
-    pin_map: PinMap | None = None
-    network: Network | None = None
-    remote: bool = False
-    line: HostSection = NO_HOST
-
-
-class _Host:
-    """A host entry while the board runs: its transport and its sessions."""
-
-    def __init__(self, spec: LinkSpec, label: str) -> None:
-        scheme, path, options = split_url(spec.transport)
-        self.spec: LinkSpec = spec
-        self.label: str = label
-        self.transport: Transport = _plugin(plugins.TRANSPORTS, scheme, Transport)(path, options)
-        self.transport.remote = spec.remote
-        self.transport.line = spec.line
-        self.protocol: str = spec.protocol or self.transport.PROTOCOL
-        self.wire: type[Protocol] = _plugin(plugins.PROTOCOLS, self.protocol, Protocol)
-        self.transport.no_room = self.wire.NO_ROOM
-        self.sessions: list[Session] = []
-        self.served: int = 0
-        self._received: int = 0
-        self._sent: int = 0
-
-    @property
-    def received(self) -> int:
-        """Bytes of all its sessions, those that have ended included."""
-        return self._received + sum(session.received for session in self.sessions)
-
-    @property
-    def sent(self) -> int:
-        """Bytes sent to all its sessions."""
-        return self._sent + sum(session.sent for session in self.sessions)
-
-    def ended(self, session: Session) -> None:
-        """A session is over; what it carried stays counted."""
-        self.sessions.remove(session)
-        self._received += session.received
-        self._sent += session.sent
-
-
-def _plugin(group: str, name: str, base: type[_Base]) -> type[_Base]:
-    """Return the class an entry point names.
-
-    Raises:
-        PluginError: there is none, or it is no such class.
-    """
-    found = plugins.load(group, name)
-    if not isinstance(found, type) or not issubclass(found, base):
-        kind = base.__name__
-        raise PluginError(f'{kind.lower()} "{name}" is not a subclass of {kind}')
-    return found
-
-
-class _StatusConnection(Connection):
-    """Somebody who asks what ``vbus ls --json`` shows."""
-
-    def __init__(
-        self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd, server: "Server"
-    ) -> None:
-        super().__init__(loop, link, on_end)
-        self._server: Server = server
-
-    def begin(self) -> None:
-        """Answer at once."""
-        self.finish(self._server.status())
 
 
 class Server:
@@ -169,7 +72,7 @@ class Server:
         self.pacer: Pacer = pacer if pacer is not None else Pacer(board, stall)
         self._report: Callable[[str], None] = report if report is not None else log.warning
         self.pacer.report = self._report
-        self._hosts: list[_Host] = [_Host(spec, f"host{n}") for n, spec in enumerate(links)]
+        self._hosts: list[HostEntry] = [HostEntry(spec, f"host{n}") for n, spec in enumerate(links)]
         self.faults: FaultOrders = FaultOrders(board.faults, self.sessions_of)
         self.control: Control = Control(self.pacer.catch_up)
         self.control.orders |= SnapshotOrders(board, self.pacer, self.sessions).orders()
@@ -242,7 +145,7 @@ class Server:
     def _open_local_sockets(self, loop: asyncio.AbstractEventLoop) -> None:
         name = self.board.name
         self.local_sockets = (
-            LocalSocket(status_path(name), partial(_StatusConnection, server=self)),
+            LocalSocket(status_path(name), partial(Telling, tell=self.status)),
             LocalSocket(watch_path(name), self._watcher),
             LocalSocket(control_path(name), partial(ControlConnection, control=self.control)),
         )
@@ -260,13 +163,7 @@ class Server:
         """Leave word with each link that it answers later, or that it answers again."""
         for host in self._hosts:
             host.transport.tell_pause(paused)
-        for kind, _, path in (url.partition(":") for url in self.urls):
-            if kind in ("pty", "unix"):
-                mark = pause_mark(Path(path))
-                with suppress(OSError):  # clients then wait no longer than ever
-                    mark.unlink(missing_ok=True)
-                    if paused:
-                        os.close(os.open(mark, os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
+            mark_pause(host.transport.url, paused)
 
     def _watcher(self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd) -> Watcher:
         return Watcher(
@@ -277,10 +174,13 @@ class Server:
     def _onlookers(self) -> list[Any]:
         return list(self.local_sockets[1].connections)
 
-    def _open_host(self, host: _Host, loop: asyncio.AbstractEventLoop, hang_ups: HangUps) -> None:
+    def _open_host(
+        self, host: HostEntry, loop: asyncio.AbstractEventLoop, hang_ups: HangUps
+    ) -> None:
         board, transport = self.board, host.transport
         chips = tuple(host.spec.chips or [chip.name for chip in board.chips])
         transport.report = self._report
+        transport.board = board.name
         transport.serves(
             Served(board, chips, self.statistics, self.pacer.catch_up, host.spec.network)
         )
@@ -292,7 +192,7 @@ class Server:
         connect = partial(self._connect, host, serving)
         transport.open(loop, partial(self.departures.admit, begin=connect))
 
-    def _connect(self, host: _Host, serving: Serving, link: Link) -> None:
+    def _connect(self, host: HostEntry, serving: Serving, link: Link) -> None:
         """Begin the session of a host that has connected."""
         host.served += 1
         spec = host.spec
@@ -321,7 +221,7 @@ class Server:
         return list(self._hosts[place].sessions) if place < len(self._hosts) else None
 
     @staticmethod
-    def _close_host(host: _Host) -> None:
+    def _close_host(host: HostEntry) -> None:
         host.transport.closing = True
         for session in list(host.sessions):
             session.end("the board stops")
@@ -390,19 +290,7 @@ class Server:
                 }
                 for chip in board.chips
             ],
-            "links": [
-                {
-                    "url": host.transport.url,
-                    "protocol": host.protocol,
-                    "chips": host.spec.chips or [chip.name for chip in board.chips],
-                    "state": host.transport.state,
-                    "sessions": len(host.sessions),
-                    "served": host.served,
-                    "received": host.received,
-                    "sent": host.sent,
-                }
-                for host in self._hosts
-            ],
+            "links": [host.status([chip.name for chip in board.chips]) for host in self._hosts],
             "counters": dict(board.counters),
             "violations": {rule: n for rule, n in board.counters.items() if "." in rule},
             "sessions": sum(len(host.sessions) for host in self._hosts),

@@ -13,7 +13,7 @@ from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
 from vbus.server.departures import Departures
 from vbus.server.hang_ups import HangUps
-from vbus.server.pacer import Pacer
+from vbus.server.pace import Pace
 from vbus.server.statistics import Histogram
 from vbus.transports.base import Link
 
@@ -72,7 +72,7 @@ class Serving:
     """
 
     loop: asyncio.AbstractEventLoop
-    pacer: Pacer
+    pacer: Pace
     turns: Turns
     round_trips: Histogram
     hang_ups: HangUps
@@ -104,7 +104,7 @@ class Session:
         self._add_reader: Callable[[int, Callable[[], None]], object] = getattr(
             serving.loop, "add_direct_reader", serving.loop.add_reader
         )
-        self._pacer: Pacer = serving.pacer
+        self._pacer: Pace = serving.pacer
         self._turns: Turns = serving.turns
         self._on_end: Callable[[Session], None] = serving.on_end
         self._settle: Callable[[], bool] | None = serving.settle
@@ -274,7 +274,7 @@ class Session:
         port = self.port
         if not port.held:
             port.held = True
-            port.hold_until = max(self._pacer.board.now, 1)
+            port.hold_until = max(self._pacer.now, 1)
         self._wait()
 
     def resume_soon(self) -> None:

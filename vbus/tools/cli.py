@@ -20,6 +20,7 @@ from vbus.tools import exit_codes
 from vbus.version import __version__
 
 _COMMANDS: Final = {
+    "attach": "Make a board on another computer appear as a PTY or Unix socket here.",
     "cflags": "Print the compiler options of the C client.",
     "check": "Check board files; list the rules hosts are held to.",
     "conform": "Compare a logic analyser's capture of a real chip with the model.",

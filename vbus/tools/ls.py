@@ -22,9 +22,9 @@ DAY: Final = 24 * 3600 * 10**12
 def command(names: tuple[str, ...], endpoints: tuple[str, ...], as_json: bool) -> int:
     """List the boards that run on this machine, with their chips, links, time and lag.
 
-    Boards on the network are listed where --zenoh, $VBUS_ZENOH or a router on this machine says
-    where to look. With NAMES, only those; the exit code is 4 if one of them does not run or does
-    not answer.
+    Boards elsewhere that "vbus attach" has brought here are listed with their round trips; others
+    on the network where --zenoh, $VBUS_ZENOH or a router on this machine says where to look. With
+    NAMES, only those; the exit code is 4 if one of them does not run or does not answer.
     """
     from vbus.server.registry import running
 
@@ -64,6 +64,10 @@ def _lines(board: dict[str, Any]) -> list[str]:
     if "error" in board:
         owner = f"; it is process {board['pid']}" if "pid" in board else ""
         return [board["error"] + owner]
+    if "attached" in board:
+        from vbus.tools.attached_lines import lines_of
+
+        return lines_of(board)
     from vbus.board.units import show
 
     time = board["policy"]

@@ -24,8 +24,8 @@ _STEP = 0.1
 def command(names: tuple[str, ...], timeout: float) -> int:
     """End running boards, and wait until they have ended.
 
-    Journals, reports and waveforms are whole when it returns. NAME is what "vbus ls" shows, or
-    that of a board with nodes: all of them.
+    Journals, reports and waveforms are whole when it returns. NAME is what "vbus ls" shows, also of
+    what "vbus attach" has brought here, or that of a board with nodes: all of them.
     """
     from vbus.server.registry import running
 

@@ -115,6 +115,8 @@ class Transport:
         self.options: dict[str, str] = options
         self.url: str = f"{self.SCHEME}:{path}"
         self.state: str = "waiting"
+        self.board: str = ""
+        """Name of the board it leads to; set before :meth:`open`, and written beside names."""
         self.remote: bool = False
         """Other computers may be let in; set by the server, and asked by those that listen."""
         self.line: HostSection = NO_HOST

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from vbus.errors import TransportError
-from vbus.transports.base import REST_SECONDS, Link, Served, Transport
+from vbus.transports.base import REST_SECONDS, Link, Transport
 from vbus.transports.linux import NoWatch, OpenWatch
 from vbus.transports.runtime import NameLock, leads_to_terminal, sweep
 
@@ -130,15 +130,10 @@ class PtyTransport(Transport):
         super().__init__(path, options)
         self._link_path: Path = Path(path)
         self._terminal: _Terminal | None = None
-        self._board: str = ""
         self._clients: int = 0
         self._owed: bool = False
         self._replaced: bool = False
         self._link: PtyLink | None = None
-
-    def serves(self, served: Served) -> None:
-        """Learn which board the name is for."""
-        self._board = served.board.name
 
     def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
         """Make the terminal and its name."""
@@ -148,7 +143,7 @@ class PtyTransport(Transport):
         self._on_link = on_link
         with self.opening(self._link_path) as opened:
             lock = NameLock(self._link_path)
-            lock.take(self._board)
+            lock.take(self.board)
             opened.callback(lock.give_back)
             sweep(self._link_path.parent)
             if os.path.lexists(self._link_path) and not leads_to_terminal(self._link_path):

@@ -11,7 +11,7 @@ from time import monotonic, sleep
 from typing import Final
 
 from vbus.errors import NameInUseError, TransportError
-from vbus.runtime import is_trusted, lock_of, locked_names, runtime_directory
+from vbus.runtime import is_trusted, lock_of, locked_names, pause_mark, runtime_directory
 
 PATIENCE_SECONDS: Final = 0.2
 PAUSE_SECONDS: Final = 0.01
@@ -119,6 +119,17 @@ def _flock(fd: int) -> bool:
     except BlockingIOError:
         return False
     return True
+
+
+def mark_pause(url: str, paused: bool) -> None:
+    """Leave word beside a link's name that its board answers later, or take it away."""
+    kind, _, path = url.partition(":")
+    if kind in ("pty", "unix"):
+        mark = pause_mark(Path(path))
+        with suppress(OSError):  # clients then wait no longer than ever
+            mark.unlink(missing_ok=True)
+            if paused:
+                os.close(os.open(mark, os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
 
 
 def sweep(directory: Path) -> None:

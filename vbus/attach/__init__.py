@@ -1,0 +1,1 @@
+"""A board on another computer as links on this one: ``vbus attach``."""

@@ -1,0 +1,42 @@
+"""What sessions ask of time, whoever moves it."""
+
+import time
+from collections.abc import Callable
+
+
+def nothing() -> None:
+    """Do nothing."""
+
+
+class Pace:
+    """Time as a session knows it; by itself that of chips elsewhere, which nobody here moves.
+
+    Args:
+        clock: wall time in ns; for tests.
+    """
+
+    def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
+        self.clock: Callable[[], int] = clock
+        """Wall time (ns)."""
+        self.real: bool = True
+        """Whether time runs on whatever hosts do."""
+        self.halted: bool = False
+        """Whether time stands still, and what hosts ask for is kept for later."""
+
+    @property
+    def now(self) -> int:
+        """Chip time (ps); 0 where that is not known."""
+        return 0
+
+    def catch_up(self) -> bool:
+        """Bring the chips to the present; tell whether they are there."""
+        return True
+
+    def touched(self) -> None:
+        """A host has been served."""
+
+    def wake_at(self, instant: int, callback: Callable[[], None]) -> None:
+        """Call back when chip time may run to ``instant`` (ps)."""
+
+    def forget(self, callback: Callable[[], None]) -> None:
+        """Call ``callback`` no more."""
