@@ -116,7 +116,7 @@ def test_a_board_that_cannot_start_says_why_with_its_own_code(detached: Done, bo
     [
         (["stop", "bench"], 'no board called "bench" runs; "vbus ls" shows which do'),
         (["wait", "bench", "--timeout", "0"], 'no board called "bench" is ready within 0 s'),
-        (["logs", "bench"], 'no board called "bench" was started with "vbus run --detach"'),
+        (["logs", "bench"], 'no board called "bench" was started with --detach'),
     ],
 )
 def test_a_board_that_does_not_run_is_one_exit_code(command: list[str], message: str) -> None:

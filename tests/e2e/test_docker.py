@@ -21,12 +21,17 @@ DOCKER = Path(__file__).parents[2] / "docker"
 ROOT = DOCKER.parent
 DOCKERFILE = (DOCKER / "Dockerfile").read_text()
 COMPOSE = DOCKER / "compose.yaml"
+HOST = DOCKER / "host.yaml"
 PATIENCE = 120.0
 ROUTER = re.compile(r"tcp/(router|0\.0\.0\.0):7447")
 
 
 def services() -> dict[str, Any]:
-    found: dict[str, Any] = YAML(typ="safe").load(COMPOSE)["services"]
+    """Return the services of both files, merged as an engine does it."""
+    found: dict[str, Any] = {}
+    for file in (COMPOSE, HOST):
+        for name, service in YAML(typ="safe").load(file)["services"].items():
+            found[name] = found.get(name, {}) | service
     return found
 
 
@@ -100,7 +105,7 @@ class Service:
             )
 
     def _here(self, word: str) -> str:
-        word = word.replace("/demo", f"{self._folder}/demo").replace("/opt", str(DOCKER))
+        word = word.replace("/boards", f"{self._folder}/demo").replace("/opt", str(DOCKER))
         return ROUTER.sub(self._endpoint, word)
 
     def health(self) -> tuple[int, str]:
@@ -165,10 +170,10 @@ def machine(installed: Path, tmp_path: Path) -> Iterator[Machine]:
         service.stop(signal.SIGKILL)
 
 
-def test_the_compose_file_is_one() -> None:
+def test_the_compose_files_are_some() -> None:
     program = Path(sys.executable).with_name("check-jsonschema")
     done = subprocess.run(
-        [program, "--builtin-schema", "vendor.compose-spec", COMPOSE],
+        [program, "--builtin-schema", "vendor.compose-spec", COMPOSE, HOST],
         capture_output=True,
         text=True,
     )

@@ -13,7 +13,7 @@ from vbus.board.fault_checks import check_fault
 from vbus.board.glue_section import GlueSection
 from vbus.board.network_checks import check_zenoh
 from vbus.board.section import NAMES, Section, rows
-from vbus.board.settings import check_table, listed, quoted, suggestion
+from vbus.board.settings import NAME_FORM, check_table, listed, quoted, suggestion
 from vbus.board.source import BoardFileError, Problem, Source, collection_held
 from vbus.board.toml_lines import Path
 from vbus.errors import PluginError
@@ -22,7 +22,6 @@ from vbus.options import Option
 from vbus.signals.axis import SWITCHES
 
 _Section = TypeVar("_Section", bound=Section)
-_NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _NAMED: Final = ("chips", "plants", "nets", "glue", "buses", "cards", "pinmaps", "nodes")
 _SECTIONS: Final = ("board", "violations", *_NAMED, "hosts", "record", "waves", "zenoh", "metrics",
                     "scope", "faults")  # fmt: skip
@@ -157,7 +156,7 @@ class _Reader:
         """Give the tables ``[kind.NAME]`` whose name may stand in ``"name.pin"``."""
         section = self._table((kind,), self._data) or {}
         for name in section:
-            if not _NAME.fullmatch(name):
+            if not NAME_FORM.fullmatch(name):
                 self._source.fail(
                     (kind, name),
                     "a name begins with a letter and goes on with letters, digits, - and _",
@@ -277,7 +276,7 @@ class _Reader:
         read = self._single("board", sections.BoardSection)
         if not read.name:
             return msgspec.structs.replace(read, name=FilePath(self._source.file).stem)
-        if not _NAME.fullmatch(read.name):
+        if not NAME_FORM.fullmatch(read.name):
             self._source.fail(
                 ("board", "name"),
                 f"found {quoted(read.name)}; a name begins with a letter and goes on with letters,"

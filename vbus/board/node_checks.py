@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from vbus.addresses import refused_endpoint
 from vbus.board.sections import BoardFile
-from vbus.board.settings import listed, suggestion
+from vbus.board.settings import NAME_FORM, listed, suggestion
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
 
@@ -71,12 +71,35 @@ class NodeChecks:
         for section in self._file.nodes:
             if refused := refused_endpoint(section.listen, self._file.zenoh.remote):
                 self._source.fail(("nodes", section.name, "listen"), refused)
+        self._processes()
         listening = [node.name for node in self._file.nodes if node.listen]
         for name in listening[1:]:
             self._source.fail(
                 ("nodes", name, "listen"),
                 f"node {listening[0]} listens already; one node does, and the others connect to it",
             )
+
+    def _processes(self) -> None:
+        """Check which nodes share a process, and what their containers are made from."""
+        images: dict[str, tuple[str, str]] = {}
+        for section in self._file.nodes:
+            path: Path = ("nodes", section.name)
+            if section.process and not NAME_FORM.fullmatch(section.process):
+                self._source.fail(
+                    (*path, "process"),
+                    "a name begins with a letter and goes on with letters, digits, - and _",
+                )
+            if not section.image:
+                continue
+            if section.image.strip() != section.image or " " in section.image:
+                self._source.fail((*path, "image"), "the name of an image has no blanks")
+            name = section.process or section.name
+            other, image = images.setdefault(name, (section.name, section.image))
+            if image != section.image:
+                self._source.fail(
+                    (*path, "image"),
+                    f"node {other} shares its process, and has another image: {image}",
+                )
 
     def _nets(self) -> None:
         for net in self._file.nets:

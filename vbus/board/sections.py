@@ -128,6 +128,12 @@ class NodeSection(Section, frozen=True, kw_only=True):
         str,
         _key("text", 'where the other nodes reach it, such as "tcp/127.0.0.1:7447"; one has this'),
     ] = ""
+    process: Annotated[
+        str, _key("text", "nodes with the same name here share a process; else each has its own")
+    ] = ""
+    image: Annotated[
+        str, _key("text", 'image of its container, with its digest: "NAME@sha256:..."')
+    ] = ""
 
 
 class BusSection(Section, frozen=True, kw_only=True):

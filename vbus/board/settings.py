@@ -1,10 +1,15 @@
 """One table of settings against its rows: units, ranges, spelling; every mistake at once."""
 
 import difflib
+import re
 from collections.abc import Callable, Iterable, Mapping
+from typing import Final
 
 from vbus.board import units
 from vbus.options import Option, Value
+
+NAME_FORM: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
+"""What a name looks like that may stand in ``"name.pin"``."""
 
 Complain = Callable[[str, str], None]
 """Takes the key and what is wrong with it; key ``""`` is the table itself."""

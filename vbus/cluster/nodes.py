@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+import msgspec
+
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.cluster.node_link import NodeLink
@@ -203,6 +205,9 @@ class _Run:
         options: NodeOptions,
         report: Callable[[str], None],
     ) -> None:
+        if options.connect and file.zenoh.connect:  # hosts come by the same routers
+            zenoh = msgspec.structs.replace(file.zenoh, connect=options.connect)
+            file = msgspec.structs.replace(file, zenoh=zenoh)
         self._file: BoardFile = file
         self._options: NodeOptions = options
         self._report: Callable[[str], None] = report

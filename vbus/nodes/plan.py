@@ -102,7 +102,8 @@ def _digest(file: BoardFile) -> str:
     """Return a hash over all that decides what happens: not who is connected how."""
     board = msgspec.structs.replace(file.board, rate=1.0, stall="catch_up")
     nodes = tuple(
-        msgspec.structs.replace(node, deadline=3_000_000_000_000, listen="") for node in file.nodes
+        msgspec.structs.replace(node, deadline=3_000_000_000_000, listen="", process="", image="")
+        for node in file.nodes
     )
     core = msgspec.structs.replace(
         file, path="", board=board, nodes=nodes, hosts=(), pinmaps=(), waves=(),

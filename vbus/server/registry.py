@@ -105,12 +105,27 @@ def ask(path: Path) -> dict[str, Any]:
 
 
 def answers(board: str) -> bool:
-    """Tell whether a board of this name is ready; one that answers has every link open."""
+    """Tell whether a board of this name is ready; one that answers has every link open.
+
+    A board with nodes is ready when each of them is.
+    """
     try:
         ask(status_path(board))
     except TransportError:
-        return False
+        return _all_nodes_answer(board)
     return True
+
+
+def _all_nodes_answer(board: str) -> bool:
+    """Tell whether every node of a board of this name answers."""
+    here, wanted = set(), set()
+    for path in boards_directory().glob(f"{_safe(board)}.*.sock"):
+        with contextlib.suppress(TransportError):
+            node = ask(path).get("node", {})
+            if node.get("board") == board:
+                here.add(node["node"])
+                wanted |= {node["node"], *node["others"]}
+    return bool(wanted) and here == wanted
 
 
 def order(board: str, do: str, **values: Any) -> Any:

@@ -102,6 +102,7 @@ _TYPES: Final[dict[tuple[str, str], Names | Files | click.Path]] = {
     ("snap load", "board"): _BOARD,
     ("snap save", "board"): _BOARD,
     ("stop", "names"): _BOARD,
+    ("up", "machine"): _BOARD_FILE,
     ("wait", "names"): _BOARD,
     ("wave", "source"): _JOURNAL,
 }

@@ -1,10 +1,11 @@
-"""The end of a program under ``vbus exec``: what hangs or is left behind is ended, and named."""
+"""The end of processes we have started: what hangs or is left behind is ended, and named."""
 
 import asyncio
 import ctypes
 import os
 import signal
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -89,6 +90,21 @@ class Offspring:
             self.bury()
         if self.there():
             self.kill(signal.SIGTERM)
+
+
+def end_with_parent() -> Callable[[], None]:
+    """Return what a child of this process calls before its program: SIGTERM ends both as one.
+
+    The system sends it that signal once this process is no more, however it has ended.
+    """
+    parent = os.getpid()
+
+    def agree() -> None:
+        _ask(_DEATH_SIGNAL, signal.SIGTERM)
+        if os.getppid() != parent:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    return agree
 
 
 def _ask(what: int, value: int) -> None:

@@ -15,7 +15,7 @@ PAUSE: Final = 0.1
 @click.argument("board")
 @click.option("-f", "--follow", is_flag=True, help="Go on until the board ends.")
 def command(board: str, follow: bool) -> None:
-    """Show what a board has said that was started with "vbus run --detach".
+    """Show what a board has said that was started with "--detach": by vbus run, or by vbus up.
 
     The log is kept until a board of this name is started again.
     """
@@ -24,9 +24,7 @@ def command(board: str, follow: bool) -> None:
     try:
         file = log_path(board).open(encoding="utf-8", errors="replace")
     except FileNotFoundError:
-        raise TransportError(
-            f'no board called "{board}" was started with "vbus run --detach"'
-        ) from None
+        raise TransportError(f'no board called "{board}" was started with --detach') from None
     with file:
         while True:
             alive = follow and answers(board)

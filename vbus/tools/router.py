@@ -27,6 +27,7 @@ def command(
     from vbus.network import places
     from vbus.network.access import answer_access
     from vbus.network.session import Network, close_session, free_endpoint, open_network
+    from vbus.server.readiness import tell_ready
 
     network = Network()
     if file is not None:
@@ -64,5 +65,6 @@ def command(
         for endpoint in network.connect:
             click.echo(f"  connected to {endpoint}")
         click.echo(READY)
+        tell_ready()
         os.read(ended, 1)
         del access

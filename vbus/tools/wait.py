@@ -19,7 +19,10 @@ PAUSE: Final = 0.02
     help="How long to wait for all of them; 10 s if not given.",
 )  # fmt: skip
 def command(names: tuple[str, ...], timeout: float) -> int:
-    """Wait until boards are ready: every link of each is open."""
+    """Wait until boards are ready: every link of each is open.
+
+    NAME is that of a board, of a node (BOARD.NODE), or of a board with nodes: all of them.
+    """
     from vbus.server.registry import answers
 
     deadline = time.monotonic() + timeout

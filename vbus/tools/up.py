@@ -1,0 +1,280 @@
+"""``vbus up``: a machine of nodes as one, here or written down for elsewhere."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from vbus.tools import exit_codes
+from vbus.tools.output import complain, show, write_file
+
+if TYPE_CHECKING:
+    from vbus.board.sections import BoardFile
+    from vbus.cluster.processes import Meeting, Process
+    from vbus.tools.processes import Child, Processes
+
+_ROUTER: Final = "router"
+_VBUS: Final = (sys.executable, "-P", "-m", "vbus")
+_SECONDS: Final = click.FloatRange(0, 86_400)
+
+
+@click.command("up")
+@click.argument("machine")
+@click.option("--scenario", metavar="FILE", help="What hosts do at given instants.")
+@click.option("--trace", metavar="FILE", help="Write what happened on all nodes, merged.")
+@click.option(
+    "--patience",
+    type=_SECONDS,
+    default=0,
+    metavar="SECONDS",
+    help="How long the others wait for a node whose link is cut; else it is an error at once.",
+)
+@click.option(
+    "--router",
+    metavar="ENDPOINT",
+    help="Start a router there, in place of what the file says; port 0 is a free one.",
+)
+@click.option(
+    "--timeout",
+    type=_SECONDS,
+    default=10.0,
+    metavar="SECONDS",
+    help="How long a process may take to end before it is killed; 10 s if not given.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one line of JSON when ready.")
+@click.option("--detach", is_flag=True, help="Return when ready; vbus stop, logs and wait follow.")
+@click.option(
+    "--write",
+    type=click.Choice(["compose", "systemd"]),
+    help="Start nothing; write a compose file, or units of systemd.",
+)
+@click.option("-o", "--output", metavar="DIR", help="With --write: the folder for it.")
+@click.option("--image", metavar="NAME@sha256:...", help="With compose: in place of the file's.")
+@click.option("--unpinned", is_flag=True, help="With compose: images may lack a digest.")
+def command(
+    machine: str,
+    scenario: str | None,
+    trace: str | None,
+    patience: float,
+    router: str | None,
+    timeout: float,
+    as_json: bool,
+    detach: bool,
+    write: str | None,
+    output: str | None,
+    image: str | None,
+    unpinned: bool,
+) -> int:
+    """Start a machine of nodes on this computer, and end it as one.
+
+    MACHINE is a board file with nodes. Each node has a process of its own, or shares one with the
+    nodes that have the same "process". A router is started where they need one. What they say is
+    shown with their names in front. Ctrl-C ends all of them; so does the end of one.
+    """  # fmt: skip
+    from vbus.board.config import read_board_file
+    from vbus.cluster.processes import processes_of
+
+    of_writing = {"--output": output, "--image": image, "--unpinned": unpinned}
+    running = {
+        "--scenario": scenario, "--trace": trace, "--patience": patience, "--router": router,
+        "--json": as_json, "--detach": detach,
+    }  # fmt: skip
+    for option, value in (running if write else of_writing).items():
+        if value:
+            other = "starts nothing" if write else "belongs to it"
+            raise click.UsageError(f"{option} is not for this: --write {other}")
+    file, _ = read_board_file(machine)
+    processes = processes_of(file)
+    if write:
+        if output is None:
+            raise click.UsageError("--write: where to? say -o DIR")
+        if write != "compose" and (image or unpinned):
+            raise click.UsageError("--image and --unpinned are for --write compose")
+        return _write(file, machine, write, Path(output), image or "", unpinned)
+    if trace and not scenario:
+        raise click.UsageError("--trace is for a machine with a --scenario, which ends by itself")
+    if detach:
+        from vbus.tools.detach import detach as go_on
+
+        code = go_on(file.board.name)
+        if code is not None:
+            return code
+    with TemporaryDirectory(prefix="vbus-up-") as folder:
+        run = _Run(file, machine, processes, router or "", as_json, Path(folder))
+        return run.carry_out(scenario, trace, patience, timeout)
+
+
+class _Run:
+    """A machine from its start to its end."""
+
+    def __init__(
+        self,
+        file: "BoardFile",
+        path: str,
+        processes: "tuple[Process, ...]",
+        router: str,
+        as_json: bool,
+        folder: Path,
+    ) -> None:
+        from vbus.cluster.processes import meeting_of
+
+        self._file: BoardFile = file
+        self._path: str = path
+        self._processes: tuple[Process, ...] = processes
+        self._meeting: Meeting = meeting_of(file, router)
+        self._json: bool = as_json
+        self._folder: Path = folder
+        self._told: list[dict[str, Any]] = []
+
+    def carry_out(
+        self, scenario: str | None, trace: str | None, patience: float, timeout: float
+    ) -> int:
+        """Run it; return the exit code."""
+        from vbus.server.readiness import tell_ready
+        from vbus.tools.processes import ProcessDiedError, Processes
+        from vbus.tools.ready_lines import READY
+
+        given = ["--json"]
+        if scenario:
+            given += ["--scenario", scenario]
+        if patience:
+            given += ["--patience", str(patience)]
+        for endpoint in self._meeting.connect:
+            given += ["--connect", endpoint]
+        names = [_label(process) for process in self._processes]
+        width = max(map(len, [*names, _ROUTER] if self._meeting.router else names))
+        code = exit_codes.OK
+        done = False
+
+        def may_end(child: "Child") -> bool:
+            return bool(scenario) and child.ready
+
+        with Processes(click.echo, timeout, width) as children:
+            try:
+                if self._begin(children, given, bool(trace), may_end):
+                    about = {"board": self._file.board.name, "meets": self._meeting.said}
+                    show(self._json, {**about, "nodes": self._told}, [READY])
+                    tell_ready()
+                    nodes = [child for child in children.children if child.name != _ROUTER]
+                    done = children.until(lambda: all(child.ended for child in nodes), may_end)
+            except ProcessDiedError as error:
+                complain(str(error))
+                code = error.code if error.code >= 0 else exit_codes.FAILURE
+        for sentence in children.killed:
+            complain(sentence)
+        if children.killed:
+            code = code or exit_codes.FAILURE
+        if trace and done and not code:
+            self._merge(Path(trace))
+        return code
+
+    def _begin(
+        self,
+        children: "Processes",
+        given: list[str],
+        trace: bool,
+        may_end: Callable[["Child"], bool],
+    ) -> bool:
+        """Start the processes; return whether all are ready before somebody asks for the end."""
+        if not self._json and self._meeting.said:
+            click.echo(f"{self._file.board.name}: its nodes meet at {self._meeting.said}")
+        if self._meeting.router:
+            command = [*_VBUS, "router", "--listen", self._meeting.router]
+            if self._file.zenoh.remote:
+                command.append("--remote")
+            router = children.start(_ROUTER, _ROUTER, command, self._router_says)
+            if not children.until(lambda: router.ready):
+                return False
+        for process in self._processes:
+            command = [*_VBUS, "run", self._path, *given]
+            for node in process.nodes:
+                command += ["--node", node]
+            if trace:
+                command += ["--trace", str(self._trace(process))]
+            several = "nodes" if len(process.nodes) > 1 else "node"
+            what = f"{several} {' and '.join(process.nodes)}"
+            children.start(_label(process), what, command, self._node_says)
+        return children.until(lambda: all(child.ready for child in children.children), may_end)
+
+    def _router_says(self, child: "Child", line: str) -> bool:
+        from vbus.tools.ready_lines import READY
+
+        if child.ready or line != READY:
+            return not child.ready  # its endpoints are said already
+        child.ready = True
+        return True
+
+    def _node_says(self, child: "Child", line: str) -> bool:
+        """Take the line in which a process tells that its nodes are ready."""
+        if child.ready or not line.startswith('{"nodes":'):
+            return False
+        child.ready = True
+        for status in json.loads(line)["nodes"]:
+            self._told.append(status)
+            if not self._json:
+                click.echo(f"node {status['node']['node']}: ready, process {child.pid}")
+                for link in status["links"]:
+                    chips = ", ".join(link["chips"])
+                    click.echo(f"  link {link['url']}: {link['protocol']} protocol, to {chips}")
+        return True
+
+    def _trace(self, process: "Process") -> Path:
+        return self._folder / f"{process.name}.trace"
+
+    def _merge(self, path: Path) -> None:
+        """Write the traces of all processes as one, and say its hash."""
+        from vbus.cluster.nodes import read_traces
+
+        parts = [self._trace(process) for process in self._processes]
+        lines = [
+            (int(line.split(" ", 2)[0]), int(line.split(" ", 2)[1]), number, line)
+            for part in parts
+            for number, line in enumerate(part.read_text().splitlines(keepends=True))
+        ]
+        write_file(path, "".join(line for *_, line in sorted(lines)).encode())
+        digest, count = read_traces([str(path)])
+        click.echo(f"trace hash {digest} of {count} lines")
+
+
+def _label(process: "Process") -> str:
+    return process.name if process.name in process.nodes else "+".join(process.nodes)
+
+
+def _write(
+    file: "BoardFile", machine: str, kind: str, folder: Path, image: str, unpinned: bool
+) -> int:
+    """Write what starts the machine elsewhere; return the exit code."""
+    from vbus.errors import VbusError, write_errors
+    from vbus.tools import up_elsewhere
+
+    board = Path(machine).resolve()
+    place = folder.resolve()
+    name = f"{file.board.name}.toml"
+    if kind == "compose":
+        if board.is_relative_to(place):
+            name = board.relative_to(place).as_posix()
+        images = up_elsewhere.images_of(file, image, unpinned)
+        made = up_elsewhere.compose(file, name, images)
+    else:
+        made = up_elsewhere.systemd(file, name)
+    with write_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    copy = place / name
+    content = board.read_bytes()
+    if copy != board:
+        if copy.exists() and copy.read_bytes() != content:
+            raise VbusError(
+                f"{folder / name}: another board file is there; remove it, or choose another folder"
+            )
+        write_file(copy, content)
+        click.echo(str(folder / name))
+    for path, text in made.files.items():
+        write_file(folder / path, text.encode())
+        click.echo(str(folder / path))
+    for notice in made.notices:
+        complain(notice)
+    return exit_codes.OK
