@@ -230,6 +230,9 @@ class PtyTransport(Transport):
             if data:
                 link.on_data(data)
             if state & select.POLLHUP:
+                # Nobody had it open: whoever opens it from here on is another.
+                self._clients = 0
+                self._owed = False
                 link.on_end(True)
 
     def _take_left(self) -> bytes:
