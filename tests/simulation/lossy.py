@@ -31,6 +31,7 @@ class Network:
         self._queryables: dict[str, Callable[[Any], None]] = {}
         self._subscribers: list[tuple[re.Pattern[str], Callable[[Any], None]]] = []
         self.sessions: dict[str, Transcript] = {}
+        self.replies: dict[str, Callable[[int, bytes | None], None]] = {}
         self.open = True
         self._tokens_until = 0
 
@@ -53,13 +54,16 @@ class Network:
         return key
 
     def declare_subscriber(
-        self, pattern: str, entry: Callable[[Any], None], history: bool
+        self, pattern: str, entry: Callable[[Any], None], history: bool = False
     ) -> object:
         self._subscribers.append((re.compile(pattern.replace("*", "[^/]+")), entry))
         return pattern
 
     def put(self, key: str, data: bytes, **how: Any) -> None:
         """Events may be lost, and nobody counts them here."""
+
+    def declare_publisher(self, key: str, **how: Any) -> "Replies":
+        return Replies(self, key)
 
     def close(self) -> None:
         self.open = False
@@ -87,16 +91,45 @@ class Network:
         """Carry a message, and what it is answered."""
         asked = SimpleNamespace(
             key_expr=key, payload=_Bytes(data), attachment=_Bytes(header.pack()),
-            reply=lambda where, reply: self._carry(answer, reply),
-            reply_err=lambda why, encoding: self._carry(answer, None), drop=lambda: None,
+            reply=lambda where, reply, attachment=None: self.carry(answer, reply),
+            reply_err=lambda why, encoding: self.carry(answer, None), drop=lambda: None,
         )  # fmt: skip
         for _ in range(self._random.choice((1, 1, 1, 2))):
             if self._random.random() >= self._loss:
                 self._later(self._queryables[key], asked)
 
-    def _carry(self, answer: Callable[[Any], None], reply: bytes | None) -> None:
+    def post(self, token: str, data: bytes, header: envelope.Envelope) -> None:
+        """Carry a message that is a sample."""
+        key = keys.requests(token)
+        sample = SimpleNamespace(
+            key_expr=key, payload=_Bytes(data), attachment=_Bytes(header.pack())
+        )
+        for pattern, entry in self._subscribers:
+            if pattern.fullmatch(key):
+                for _ in range(self._random.choice((1, 1, 1, 2))):
+                    self.carry(entry, sample)
+
+    def carry(self, take: Callable[[Any], None], what: object) -> None:
+        """Bring something, later; or lose it."""
         if self._random.random() >= self._loss:
-            self._later(answer, reply)
+            self._later(take, what)
+
+
+class Replies:
+    """Where the board publishes the replies to what one host posts."""
+
+    def __init__(self, network: Network, key: str) -> None:
+        self._network = network
+        self._key = key
+
+    def put(self, data: bytes, attachment: bytes) -> None:
+        number, code = envelope.replied_to(attachment)
+        take = self._network.replies.get(self._key)
+        if take is not None:
+            self._network.carry(partial(take, number), None if code else data)
+
+    def undeclare(self) -> None:
+        pass
 
 
 class _Bytes(bytes):
@@ -135,6 +168,13 @@ class NetworkHost(Host):
         self.transcripts.append(Transcript(f"{self._name}.{len(self.transcripts)}"))
         self.transcript.events = False
         self.network.sessions[self._session.hex()] = self.transcript
+        session = self._session
+
+        def posted(number: int, reply: bytes | None) -> None:
+            if session == self._session and self._here:
+                self._answered(number, reply)
+
+        self.network.replies[keys.replies(self._token)] = posted
         self.network.tell_token(self._token, True)
 
     def act(self) -> None:
@@ -163,7 +203,11 @@ class NetworkHost(Host):
             if session == self._session and self._here:
                 self._answered(number, reply)
 
-        self.network.query(self._bus, self._under_way[number][0], header, answered)
+        # A board that has answered takes samples; what is repeated may be either, too.
+        if self._heard and self._random.random() < 0.5:
+            self.network.post(self._token, self._under_way[number][0], header)
+        else:
+            self.network.query(self._bus, self._under_way[number][0], header, answered)
         self._system.after(REPEAT_NS, lambda: self._post(session, number))
 
     def _answered(self, number: int, reply: bytes | None) -> None:

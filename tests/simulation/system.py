@@ -157,7 +157,7 @@ class Listener(File):
     def __init__(self, system: "System", family: int, kind: int) -> None:
         super().__init__(system)
         self.waiting: list[End] = []
-        self.path = ""
+        self.inode = 0
 
     def ready(self) -> int:
         return select.EPOLLIN if self.waiting else 0
@@ -165,12 +165,12 @@ class Listener(File):
     def bind(self, address: str) -> None:
         self.system.fail("bind")
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as real:
-            real.bind(address)  # the name is a real one
-        self.path = address
+            real.bind(address)  # the name is a real one, and may be changed
+        self.inode = os.stat(address).st_ino
 
     def listen(self, backlog: int) -> None:
         self.system.fail("listen")
-        self.system.listeners[self.path] = self
+        self.system.listeners[self.inode] = self
 
     def setblocking(self, blocking: bool) -> None:
         assert not blocking
@@ -187,7 +187,7 @@ class Listener(File):
         return end, ""
 
     def closed(self) -> None:
-        self.system.listeners.pop(self.path, None)
+        self.system.listeners.pop(self.inode, None)
         for end in self.waiting:
             end.closed()
 
@@ -459,7 +459,7 @@ class System:
         self.random = random
         self.ns = SECOND_NS
         self.files: dict[int, File] = {}
-        self.listeners: dict[str, Listener] = {}
+        self.listeners: dict[int, Listener] = {}
         self.terminals: dict[str, Terminal] = {}
         self.timers: list[TimerFd] = []
         self.intrude: Callable[[], None] = lambda: None
@@ -545,7 +545,10 @@ class System:
 
     def connect(self, path: str) -> End | None:
         """Return a client's end of a connection to a Unix socket; None if nobody listens."""
-        listener = self.listeners.get(path)
+        try:
+            listener = self.listeners.get(os.stat(path).st_ino)
+        except OSError:
+            return None
         if listener is None:
             return None
         client, end = End(self), End(self, numbered=False)

@@ -150,7 +150,7 @@ class ZenohLink(Link):
         self._searching: bool = False
         self._closed: bool = False
         self._paused: bool = False
-        self._posts: zenoh.Publisher | None = None
+        self._posts: Any = None
         self._posting: bool = False
         self._post_answered: bool = False
         self._error: TransportError | None = None
@@ -164,6 +164,14 @@ class ZenohLink(Link):
         self._kept.append(self._network.declare_subscriber(token, callback))
         replies = zenoh.handlers.Callback(self._reply, indirect=False)
         self._kept.append(self._network.declare_subscriber(keys.replies(token), replies))
+        # Before the first message: until its reply comes, who listens there is known.
+        self._posts = self._network.declare_publisher(
+            keys.requests(token),
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            reliability=zenoh.Reliability.RELIABLE,
+            express=True,
+        )
+        self._kept.append(self._posts)
         pauses = zenoh.handlers.Callback(self._pause, indirect=False)
         mark = keys.paused(self._bus_key)
         liveliness = self._network.liveliness()
@@ -304,13 +312,6 @@ class ZenohLink(Link):
         query.sendings += 1
         header = envelope.Envelope(envelope.REQUESTS, self._name, query.number, self._given)
         try:
-            if self._posts is None:
-                self._posts = self._network.declare_publisher(
-                    keys.requests(keys.host(self._bus_key, self._name.hex())),
-                    congestion_control=zenoh.CongestionControl.BLOCK,
-                    reliability=zenoh.Reliability.RELIABLE,
-                    express=True,
-                )
             self._posts.put(query.data, attachment=header.pack())
         except zenoh.ZError as error:
             raise TransportError(f"{self.where}: {error}") from error

@@ -147,11 +147,11 @@ class ZenohTransport(Transport):
 
     def _declare(self) -> None:
         session, enter, kept = self._session, self._inbox.entry, self._kept
-        for bus_key in (keys.bus(self._board), keys.bus(self._board, "*")):
-            posts = keys.requests(keys.host(bus_key, "*"))
-            kept.append(session.declare_subscriber(posts, enter(self._posted)))
         for key in self._buses:
             kept.append(session.declare_queryable(key, enter(self._message), complete=True))
+            # Each its own: who has a right to one bus does not hear of what spans them all.
+            posts = keys.requests(keys.host(key, "*"))
+            kept.append(session.declare_subscriber(posts, enter(self._posted)))
         board = self._board
         for pattern, handle in (
             (keys.host(keys.bus(board), "*"), self._token),
