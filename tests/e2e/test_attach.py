@@ -138,7 +138,7 @@ def test_what_a_host_has_sent_before_it_goes_is_done_before_the_next_one_begins(
     runtime: Path,
 ) -> None:
     with served(toy_board(), FAR["tcp"]) as server, attached(link_of(server), PTY):
-        for value in range(20):
+        for value in (n * 37 & 255 for n in range(20)):
             fd = open_raw(runtime / "near")
             os.write(fd, WRITE + b"\x00" + DELAY_1_MS * 3 + WRITE + bytes((value,)))
             os.close(fd)

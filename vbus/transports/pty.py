@@ -133,6 +133,8 @@ class PtyTransport(Transport):
         self._clients: int = 0
         self._owed: bool = False
         self._replaced: bool = False
+        self._left: bytes = b""
+        """What has been read behind the end of a session: the next client's."""
         self._link: PtyLink | None = None
 
     def open(self, loop: asyncio.AbstractEventLoop, on_link: Callable[[Link], None]) -> None:
@@ -208,7 +210,8 @@ class PtyTransport(Transport):
         terminal = self._terminal
         if terminal is None:
             return
-        left = terminal.hangups.poll(0)
+        data = self._take_left() + data
+        hung_up = terminal.hangups.poll(0)
         seen = terminal.watch.read()
         self._replaced = self._count(seen)
         state = terminal.look()
@@ -217,16 +220,24 @@ class PtyTransport(Transport):
             # One client closed and another opened before we looked.
             link.on_end(False)
             link = self._link
+            data += self._take_left()
         if link is None and (state & select.POLLIN or not state & select.POLLHUP or data):
             link = self._begin(terminal)
-        elif link is None and (seen or (left and isinstance(terminal.watch, NoWatch))):
+        elif link is None and (seen or (hung_up and isinstance(terminal.watch, NoWatch))):
             self._clean(terminal)  # somebody came and went unseen, and may have set something
             self._loop.call_soon(self._notice)  # whoever came meanwhile is seen by looking
         if link is not None:
             if data:
                 link.on_data(data)
             if state & select.POLLHUP:
+                # Nobody had it open: whoever opens it from here on is another.
+                self._clients = 0
+                self._owed = False
                 link.on_end(True)
+
+    def _take_left(self) -> bytes:
+        left, self._left = self._left, b""
+        return left
 
     def _count(self, events: list[bool]) -> bool:
         """Take what happened; tell whether a client has replaced the last one.
@@ -267,7 +278,9 @@ class PtyTransport(Transport):
         terminal = self._terminal
         if terminal is None:
             return
-        self._loop.call_soon(self._notice, self._rest(terminal))
+        # Whoever is noticed first gets it first, before what is read from now on.
+        self._left += self._rest(terminal)
+        self._loop.call_soon(self._notice)
         self._clean(terminal)
 
     def _clean(self, terminal: _Terminal) -> None:
