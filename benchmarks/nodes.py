@@ -23,6 +23,7 @@ from vbus.board.config import read_board_text
 from vbus.kernel import US
 from vbus.network.session import free_endpoint, open_session
 from vbus.nodes.machine import Machine
+from vbus.nodes.messages import encode
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
 
@@ -51,15 +52,18 @@ def script(nodes: int, end_us: int, step_us: int) -> str:
     return "\n".join([*lines, f"end {end_us}us"]) + "\n"
 
 
-def in_process(nodes: int) -> tuple[int, float]:
-    """Return rounds and seconds of a run without network."""
+def in_process(nodes: int) -> tuple[int, int, float]:
+    """Return rounds, bytes that all reports would take, and seconds of a run without network."""
     text = board(nodes, "lockstep", "tcp/127.0.0.1:1")
     file, source = read_board_text(text)
     played = read_scenario(script(nodes, ROUNDS * 100, 100), "bench", pins_of(file), US)
     machine = Machine(file, source, played)
     start = time.perf_counter()
     machine.run()
-    return machine.conductors[0].participant.round, time.perf_counter() - start
+    seconds = time.perf_counter() - start
+    participants = [conductor.participant for conductor in machine.conductors]
+    sent = sum(len(encode(told)) for one in participants for told in one.log.values())
+    return participants[0].round, sent, seconds
 
 
 def processes(nodes: int, folder: Path) -> list[dict[str, Any]]:
@@ -143,12 +147,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for nodes in counts:
-            rounds, seconds = in_process(nodes)
+            rounds, sent, seconds = in_process(nodes)
             states = processes(nodes, folder)
             skew = states[0]["skew"]
             lag = max(state["lag_ps"] for state in states) / 1e6
             print(
-                f"{nodes} nodes, virtual time: {seconds / rounds * 1e6:.0f} us a round in one"
+                f"{nodes} nodes, virtual time: {rounds} rounds of {sent / rounds:.0f} bytes;"
+                f" {seconds / rounds * 1e6:.0f} us a round in one"
                 f" process, {max(state['us_per_round'] for state in states):.0f} us in"
                 f" {nodes} processes"
             )

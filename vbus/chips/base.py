@@ -60,7 +60,7 @@ class Chip:
         "name", "part", "kernel", "clock", "settings", "pin_rows", "axis_count", "policy",
         "read_low_ps", "cycle_ps", "pins", "bus_pins", "data_pin", "_file", "_timer",
     )  # fmt: skip
-    DERIVED: ClassVar[Names] = ("reads", "writes", "_heard")
+    DERIVED: ClassVar[Names] = ("reads", "writes", "on_node", "_heard")
 
     def __init__(
         self,
@@ -94,6 +94,8 @@ class Chip:
         self.pins: dict[str, Pin] = {}
         self._file: Callable[[Violation], None] | None = file
         self._timer = kernel.timer(self._due)
+        self.on_node: bool = False
+        """Whether others wait for its outputs: :meth:`next_edge` sets its timer then."""
         self._heard: bool = False
         for row in self.pin_rows:
             net = Net(kernel, f"{name}.{row.name}", rest=row.rest, width=row.width)
@@ -145,6 +147,15 @@ class Chip:
         Holds as long as nothing from outside touches the chip; :data:`NEVER` if nothing will.
         """
         raise NotImplementedError
+
+    def next_edge(self) -> int:
+        """Return the same as :meth:`next_event`, or a later bound that takes more looking (ps).
+
+        Other nodes are told so before when no edge comes from here: of a line that cannot move
+        until a host has used the chip they then need not wait for each sample. Override it where
+        an interrupt mask or the like says so.
+        """
+        return self.next_event()
 
     def resting(self) -> bool:
         """Whether nothing comes of leaving the chip alone, until something outside touches it.
@@ -329,7 +340,7 @@ class Chip:
     def rearm(self) -> None:
         """Set the timer to the next event, if anybody listens."""
         if self._heard:
-            due = self.next_event()
+            due = self.next_edge() if self.on_node else self.next_event()
             if due == NEVER:
                 self._timer.cancel()
             else:

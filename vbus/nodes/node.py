@@ -95,6 +95,9 @@ class Node:
     def begin(self, board: Board) -> None:
         """Take the node's board, powered on."""
         self.board: Board = board
+        for chip in board.chips:
+            chip.on_node = True
+            chip.rearm()
         # Made after the timers of all chips: what arrives comes after what they do of themselves.
         self._timer: Timer = board.kernel.timer(self._arrived)
 

@@ -102,6 +102,10 @@ class Axis:
         """Level of HI: any flag that is enabled (LM-STA-7)."""
         return self.flags & self.mask != 0
 
+    def may_interrupt(self) -> bool:
+        """Whether a sample may move HI: it raises flags, and clears none (LM-STA-7)."""
+        return self.mask != 0 and self.flags & self.mask == 0
+
     def status(self) -> int:
         """Return the status byte without its busy bit (LM-STA-1)."""
         return self.flags | ds.MOTOR_OFF if self.motor_off else self.flags

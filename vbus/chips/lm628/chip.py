@@ -273,7 +273,7 @@ class LM628(HostInterface):
         return NEVER if self.resting() else self._sample_at
 
     def steady_until(self, address: int) -> int:
-        """Return until when the status byte stays as it is: it changes as outputs do (LM-STA-1)."""
+        """Return until when the status byte stays as it is: it changes in samples (LM-STA-1)."""
         return self.next_event()
 
     def foresee(self, address: int, when: int) -> tuple[int, int] | None:
@@ -281,8 +281,7 @@ class LM628(HostInterface):
         flags = self.commands.foresee_flags() if self._mode == _RUNNING else UNKNOWN
         if flags == UNKNOWN or self.host.busy_end != when:
             return None
-        until = min(self._sample_at, self.encoder.due(), self._front.show_at)
-        until = min(until, self._outputs.due) if self._outputs.heard() else until
+        until = min(self._sample_at, self.encoder.due(), self._front.show_at, self._outputs.edge())
         return flags | (ds.MOTOR_OFF if self.axis.motor_off else 0), until
 
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
@@ -410,15 +409,18 @@ class LM628(HostInterface):
             due = self._outputs.due
         self._due_at = due if due < self._front.show_at else self._front.show_at
 
-    def next_event(self) -> int:
+    def next_edge(self) -> int:
         """Return an instant not later than the next change of HI, an output pin or D0-D7."""
-        due = min(self._next_inside(), self._front.show_at)
+        due = min(self._next_inside(), self._front.show_at, self._outputs.edge())
         heard = self._outputs.heard()
-        if heard:
-            due = min(due, self._outputs.due)
-        if not self._still or (heard and self.output.emits()):
+        shows = heard or self._front.driving or self.axis.may_interrupt()
+        if (shows and not self._still) or (heard and self.output.emits()):
             due = min(due, self._sample_at)
         return due
+
+    def next_event(self) -> int:
+        """Return the next sample too, unless samples repeat themselves."""
+        return min(self.next_edge(), NEVER if self._still else self._sample_at)
 
     def resting(self) -> bool:
         """Whether samples repeat themselves and nothing else is due."""

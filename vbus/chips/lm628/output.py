@@ -179,6 +179,10 @@ class OutputPins:
         change = self._output.next_change(clk)
         self.due = self._clock.ps(self.anchor + change) if change != STEADY else NEVER
 
+    def edge(self) -> int:
+        """Return when the next edge is that somebody listens to; NEVER where nobody does."""
+        return self.due if self.heard() else NEVER
+
     def heard(self) -> bool:
         """Whether anybody would notice an edge on one of the pins."""
         return any(pin.net.heard for pin in self._pins)
