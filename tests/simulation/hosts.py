@@ -172,8 +172,8 @@ class Host:
     def leave(self) -> None:
         """Close, or die: it is the same to the system."""
         end, self._end = self._end, None
-        self._left_at = self._system.idles if self._terminal else -1
         if end is not None:
+            self._left_at = self._system.idles if self._terminal else -1
             end.close()
 
     def leave_and_come(self) -> None:

@@ -433,7 +433,8 @@ class Simulation:
                     host.complain()
         for host in self.hosts:
             host.leave()
-        self._run_until(lambda: False, 300_000_000)
+        for _ in range(2):  # the server has looked, and has looked whether there is more
+            self._run_until(lambda: False, 150_000_000)
 
     def _all_gone(self) -> bool:
         gone = [host.go_on_to_the_end() for host in self.hosts]
