@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 from vbus.addresses import refused_endpoint
+from vbus.board.fault_checks import home_of
 from vbus.board.sections import BoardFile
 from vbus.board.settings import listed, suggestion
 from vbus.board.source import Source
@@ -45,6 +46,7 @@ class NodeChecks:
             for place, host in enumerate(self._file.hosts):
                 chips = list(host.chips) or list(self._home)
                 self._together(("hosts", place), chips, "this host")
+            self._faults()
             self._recordings()
 
     def _chips(self) -> None:
@@ -106,6 +108,13 @@ class NodeChecks:
                 " from node to node: name the chips of one",
             )
 
+    def _faults(self) -> None:
+        for fault in self._file.faults:
+            try:
+                home_of(self._file, fault)
+            except (ValueError, LookupError) as error:
+                self._source.fail(("faults", fault.place, "target"), str(error))
+
     def _recordings(self) -> None:
         record = self._file.record
         if record.journal:
@@ -119,5 +128,3 @@ class NodeChecks:
                 self._source.fail(("record", key), "this is for boards without nodes")
         for wave in self._file.waves:
             self._source.fail(("waves", wave.name), "waveforms are of boards without nodes")
-        if self._file.metrics.listen:
-            self._source.fail(("metrics", "listen"), "this is for boards without nodes")

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
@@ -21,10 +21,12 @@ from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.trace import hash_of, merged
+from vbus.server.control import Control
 from vbus.server.loop import run_until_signal
+from vbus.server.metrics import MetricsPort
 from vbus.server.readiness import tell_ready
 from vbus.server.server import Server
-from vbus.server.serving import links_of, network_of
+from vbus.server.serving import links_of, metrics_of, network_of, paced, recorded
 
 LAST_WORDS: Final = 0.1
 """Seconds that a message to the other nodes may take before the link is closed."""
@@ -43,6 +45,8 @@ class NodeOptions:
         patience: seconds to wait for a lost node to rejoin.
         listen: endpoint to listen on, in place of the board file's.
         connect: endpoints to connect to, in place of the board file's.
+        rate: chip seconds per second, in place of the board file's.
+        metrics: address of the numbers, in place of the board file's.
     """
 
     nodes: tuple[str, ...] = ()
@@ -53,6 +57,8 @@ class NodeOptions:
     patience: float = 0.0
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
+    rate: float | None = None
+    metrics: str = ""
 
 
 @dataclass(slots=True)
@@ -203,6 +209,7 @@ class _Run:
         options: NodeOptions,
         report: Callable[[str], None],
     ) -> None:
+        file = paced(recorded(file, {}, options.metrics), options.rate)
         self._file: BoardFile = file
         self._options: NodeOptions = options
         self._report: Callable[[str], None] = report
@@ -282,16 +289,27 @@ class _Run:
         )
 
     def _serve_hosts(self, loop: asyncio.AbstractEventLoop) -> None:
+        metrics: tuple[str, int] | MetricsPort | None = metrics_of(self._file)
         for node in self._nodes:
             part = part_of(self._file, node.name)
             pacer = self._peers.pacer(node, part)
             pacer.on_end = self._stop.set
-            server = Server(node.board, links_of(part), report=self._report, pacer=pacer)
+            server = Server(
+                node.board, links_of(part), report=self._report, metrics=metrics, pacer=pacer
+            )
+            metrics = server.metrics
             server.details = partial(self._details, node)
-            # What is ordered from outside, such as another state, would leave the others behind.
-            server.control.orders.clear()
+            self._use_orders(node, server.control)
             self._servers.append(server)
             server.start(loop)
+
+    def _use_orders(self, node: Node, control: Control) -> None:
+        """Leave of a board's orders those that a node can follow: faults happen in its own time."""
+        for name in control.orders:
+            if not name.startswith("fault."):
+                control.orders[name] = partial(_refuse, node.board.name)
+        control.late = frozenset(("fault.arm", "fault.clear"))
+        control.when = partial(self._peers.let_in, node.rank)
 
     def _details(self, node: Node) -> dict[str, Any]:
         return {"node": self._peers.status(node.rank)}
@@ -309,6 +327,19 @@ class _Run:
         """Return what has come of it."""
         over = self._peers.finished.is_set() and bool(self._options.scenario)
         return Outcome(self._nodes, over, **self._peers.figures())
+
+
+def _refuse(name: str, request: dict[str, Any]) -> NoReturn:
+    """Refuse an order that would leave the other nodes behind.
+
+    Raises:
+        ValueError: always.
+    """
+    raise ValueError(
+        f"{name} is a node: its time and state are those of all nodes, so it cannot be halted,"
+        " moved or saved alone; in virtual time vbus run --snapshot FILE keeps a node's state, to"
+        " rejoin"
+    )
 
 
 async def _first(work: Coroutine[Any, Any, Any], ends: tuple[asyncio.Future[Any], ...]) -> bool:

@@ -255,6 +255,12 @@ class RealTime(Peers):
             node.orders.append(known)
         return known
 
+    def let_in(self, rank: int, do: Callable[[str], None]) -> None:
+        """Let something happen at a node now, and send the edges it has caused."""
+        super().let_in(rank, do)
+        if rank in self.pacers:
+            self.pacers[rank].touched()
+
     # -- messages -------------------------------------------------------------------------------
 
     def deliver(self, rank: int, message: Message) -> None:

@@ -112,7 +112,7 @@ def command(
     if file.nodes:
         single = {
             "--journal": journal, "--report": report, "--wave": wave, "--coverage": coverage,
-            "--from": start, "--metrics": metrics, "--rate": rate, "--durable": durable,
+            "--from": start, "--durable": durable,
         }  # fmt: skip
         for option, value in single.items():
             if value is not None:
@@ -121,7 +121,8 @@ def command(
         from vbus.tools import run_nodes
 
         given = {key: value for key, value in of_nodes.items() if value}
-        return run_nodes.run(file, source, NodeOptions(**given), as_json, wanted)
+        options = NodeOptions(**given, rate=rate, metrics=metrics or "")
+        return run_nodes.run(file, source, options, as_json, wanted)
     for key, value in of_nodes.items():
         if value:
             option = "--node" if key == "nodes" else f"--{key}"
