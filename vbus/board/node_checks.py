@@ -47,7 +47,6 @@ class NodeChecks:
                 chips = list(host.chips) or list(self._home)
                 self._together(("hosts", place), chips, "this host")
             self._faults()
-            self._recordings()
 
     def _chips(self) -> None:
         used = set()
@@ -114,17 +113,3 @@ class NodeChecks:
                 home_of(self._file, fault)
             except (ValueError, LookupError) as error:
                 self._source.fail(("faults", fault.place, "target"), str(error))
-
-    def _recordings(self) -> None:
-        record = self._file.record
-        if record.journal:
-            self._source.fail(
-                ("record", "journal"),
-                "a journal holds a board without nodes; keep a trace of each node instead:"
-                " vbus run --trace FILE",
-            )
-        for key in ("report", "suppress", "coverage"):
-            if getattr(record, key):
-                self._source.fail(("record", key), "this is for boards without nodes")
-        for wave in self._file.waves:
-            self._source.fail(("waves", wave.name), "waveforms are of boards without nodes")

@@ -55,9 +55,8 @@ class Conductor:
         self._wanted: int = -2
 
     def begin(self) -> "Conductor":
-        """Hold the node's time, and its hosts', until it is granted."""
+        """Hold the node's time until it is granted."""
         self.node.board.limit = -1
-        self.node.board.port_type = NodeBus
         return self
 
     # -- what its hosts want ------------------------------------------------------------------
