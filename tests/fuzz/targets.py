@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from itertools import islice
-from types import SimpleNamespace
-from typing import Any, Final
+from typing import Final
 
 from tests.unit.fake_port import FakePort
 from tests.unit.faults.bench import DC, LM, build
@@ -26,7 +25,7 @@ from vbus.faults.trigger import read_when
 from vbus.kernel import US
 from vbus.network import envelope
 from vbus.nodes.messages import decode as decode_message
-from vbus.nodes.orders import Orders
+from vbus.nodes.node import Node
 from vbus.nodes.scenario import read_scenario
 from vbus.protocols.base import Protocol
 from vbus.protocols.byte import ByteProtocol
@@ -204,8 +203,9 @@ def node_message(data: bytes) -> None:
 
 
 def node_order(data: bytes) -> None:
-    node: Any = SimpleNamespace(board=build(LM, DC), name="n")
-    answer = take_order(node, Orders(node.board, "o"), data)
+    node = Node(("n",), 0, ())
+    node.begin(build(LM, DC))
+    answer = take_order(node, data)
     if answer.error:
         raise VbusError(answer.error)
 

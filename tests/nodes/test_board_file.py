@@ -65,12 +65,6 @@ def problems(old: str, new: str) -> list[str]:
             " from node to node: name the chips of one",
         ),
         (
-            "[nets]",
-            '[record]\njournal = "x.vbj"\n\n[nets]',
-            "record.journal: a journal holds a board without nodes; keep a trace of each node"
-            " instead: vbus run --trace FILE",
-        ),
-        (
             "[nodes.d]",
             '[nodes.d]\ndeadline = "1 ms"',
             'nodes.d.deadline: found "1 ms"; out of range: at least 100 ms',

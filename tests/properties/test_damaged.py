@@ -194,7 +194,7 @@ def test_a_damaged_journal_is_played_or_refused_in_words(chip: str, plant: str, 
     made.spin()
     port = made.port
     board.faults.arm("clock_off", until="for 9 ms")
-    journal.fault_order("arm", ["clock_off", "x", "now", "for 9 ms", {"ppm": 100}])
+    journal.outside("arm", ["clock_off", "x", "now", "for 9 ms", {"ppm": 100}])
     port.events(1)
     for level in (0, 1):
         port.lines(1, level)

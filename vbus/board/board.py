@@ -46,7 +46,7 @@ class Board(Circuit):
         "tail: list[(i64, i64, str, i64), ...]", "kernel: part", "chips: parts", "glue: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_by_name", "_trace", "axes", "buses", "clock_step", "file", "limit",
+        "_by_name", "_trace", "axes", "beyond", "buses", "clock_step", "file", "limit",
         "listeners", "name", "nets", "observers", "pins", "plants", "player", "policy", "port_type",
         "rate", "seed", "sliced", "text", "violation_policy", "waits",
     )  # fmt: skip
@@ -75,6 +75,8 @@ class Board(Circuit):
             HostBus
         )
         """What makes a port; a journal puts a recording one in its place."""
+        self.beyond: Callable[[str, tuple[Any, ...]], None] | None = None
+        """Takes what a journal has of the node whose board this is: what came from beyond it."""
         self.waits: Callable[[str, int | str], int] = self._wait
         """What :meth:`wait_until` does; a test that counts its hosts' time puts its own there."""
         self._trace: TraceHash | None = None

@@ -106,8 +106,8 @@ def assemble(
     source.finish()
     if wires is not None:
         wires(board)
-    for place, fault in enumerate(file.faults):
-        with _refusals(source, ("faults", place)):
+    for fault in file.faults:
+        with _refusals(source, ("faults", fault.place)):
             board.faults.arm(
                 fault.fault, fault.target, fault.when or None, fault.until or None, **fault.settings
             )

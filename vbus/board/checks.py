@@ -65,8 +65,6 @@ class _Checks:
         check_serial(self._file, self._parts, self._source)
         NodeChecks(self._file, self._known, self._source).run()
         check_network(self._file, self._source)
-        if self._file.nodes and self._file.faults:
-            self._source.fail(("faults",), "faults are for boards without nodes; take them out")
         check_metrics(self._file, self._source)
         check_scope(self._file, self._source)
         self._violations()

@@ -428,7 +428,7 @@ class _Reader:
                 )
                 continue
             own = row.parameters if row is not None else ()
-            read = self._keys(sections.FaultSection, table, where, own)
+            read = self._keys(sections.FaultSection, table, where, own, place=where[-1])
             if read is not None and row is not None:
                 check_fault(read, row, self._source, where)
                 yield read

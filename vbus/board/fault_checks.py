@@ -1,9 +1,12 @@
-"""Checks of ``[[faults]]`` that need no board: triggers and ends."""
+"""Checks of ``[[faults]]`` that need no board: triggers, ends, and on which node they are."""
 
-from vbus.board.sections import FaultSection
+from vbus.board import plugins
+from vbus.board.sections import BoardFile, FaultSection
+from vbus.board.settings import listed
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
-from vbus.faults.row import Fault
+from vbus.faults.row import LINK, Fault
+from vbus.faults.table import faults
 from vbus.faults.trigger import When, read_until, read_when
 
 
@@ -18,3 +21,33 @@ def check_fault(section: FaultSection, fault: Fault, source: Source, path: Path)
         read_until(section.until or None, when or read_when(None), fault)
     except ValueError as error:
         source.fail((*path, "until"), str(error))
+
+
+def home_of(file: BoardFile, section: FaultSection) -> tuple[str, str]:
+    """Return the node a fault of a board with nodes is on, and its target as that node has it.
+
+    Raises:
+        ValueError: there is no such target, or it must be named because several would do.
+    """
+    fault = faults()[section.fault]
+    homes = {chip.name: chip.node for chip in file.chips}
+    if fault.target == LINK:
+        number = section.target.removeprefix("host") if section.target else "0"
+        if not number.isdecimal() or int(number) >= len(file.hosts):
+            raise ValueError(f'there is no link "{section.target or "host0"}": count the [[hosts]]')
+        nodes = [homes[(host.chips or tuple(homes))[0]] for host in file.hosts]
+        place = int(number)
+        return nodes[place], f"host{nodes[:place].count(nodes[place])}"
+    chip = section.target.partition(".")[0]
+    if not chip:
+        fits = [
+            chip.name
+            for chip in file.chips
+            if fault.exists_for(plugins.chip_class(chip.part).FAMILY)
+        ]
+        if len(fits) != 1:
+            raise ValueError(f"{fault.name}: say on which target; there are {listed(homes)}")
+        return homes[fits[0]], fits[0]
+    if chip not in homes:
+        raise ValueError(f'{fault.name}: there is no chip "{chip}"; there are {listed(homes)}')
+    return homes[chip], section.target

@@ -39,9 +39,7 @@ def metrics_address(text: str, remote: bool) -> tuple[str, int]:
 
 def check_metrics(file: BoardFile, source: Source) -> None:
     """Check ``[metrics]``; mistakes go to ``source``."""
-    if file.metrics.listen and file.nodes:
-        source.fail(("metrics", "listen"), "metrics are for boards without nodes; leave it out")
-    elif file.metrics.listen:
+    if file.metrics.listen:
         try:
             metrics_address(file.metrics.listen, file.metrics.remote)
         except ValueError as error:

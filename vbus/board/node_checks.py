@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 from vbus.addresses import refused_endpoint
+from vbus.board.fault_checks import home_of
 from vbus.board.sections import BoardFile
 from vbus.board.settings import NAME_FORM, listed, suggestion
 from vbus.board.source import Source
@@ -45,7 +46,7 @@ class NodeChecks:
             for place, host in enumerate(self._file.hosts):
                 chips = list(host.chips) or list(self._home)
                 self._together(("hosts", place), chips, "this host")
-            self._recordings()
+            self._faults()
 
     def _chips(self) -> None:
         used = set()
@@ -129,18 +130,9 @@ class NodeChecks:
                 " from node to node: name the chips of one",
             )
 
-    def _recordings(self) -> None:
-        record = self._file.record
-        if record.journal:
-            self._source.fail(
-                ("record", "journal"),
-                "a journal holds a board without nodes; keep a trace of each node instead:"
-                " vbus run --trace FILE",
-            )
-        for key in ("report", "suppress", "coverage"):
-            if getattr(record, key):
-                self._source.fail(("record", key), "this is for boards without nodes")
-        for wave in self._file.waves:
-            self._source.fail(("waves", wave.name), "waveforms are of boards without nodes")
-        if self._file.metrics.listen:
-            self._source.fail(("metrics", "listen"), "this is for boards without nodes")
+    def _faults(self) -> None:
+        for fault in self._file.faults:
+            try:
+                home_of(self._file, fault)
+            except (ValueError, LookupError) as error:
+                self._source.fail(("faults", fault.place, "target"), str(error))

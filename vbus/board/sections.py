@@ -418,6 +418,8 @@ class FaultSection(Section, frozen=True, kw_only=True):
     when: Annotated[str, _key("text", 'what it begins with, such as "at 5 ms"; else now')] = ""
     until: Annotated[str, _key("text", 'when it ends, such as "for 2 ms"; else as is usual')] = ""
     settings: dict[str, Value] = {}
+    place: int = 0
+    """Which of the file's ``[[faults]]`` it is."""
 
 
 NO_HOST: Final = HostSection(transport="")

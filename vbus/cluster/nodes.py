@@ -6,13 +6,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 import msgspec
 
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.cluster.node_link import NodeLink
+from vbus.cluster.node_records import NodeRecords
 from vbus.cluster.peers import Group, Peers
 from vbus.cluster.realtime_nodes import RealTime
 from vbus.cluster.timebase import Timebase
@@ -23,10 +24,12 @@ from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.trace import hash_of, merged
+from vbus.server.control import Control
 from vbus.server.loop import run_until_signal
+from vbus.server.metrics import MetricsPort
 from vbus.server.readiness import tell_ready
 from vbus.server.server import Server
-from vbus.server.serving import links_of, network_of
+from vbus.server.serving import links_of, metrics_of, network_of
 
 LAST_WORDS: Final = 0.1
 """Seconds that a message to the other nodes may take before the link is closed."""
@@ -123,13 +126,16 @@ def _conductors(
     names: Sequence[str],
     scenario: Scenario | None,
     options: NodeOptions,
+    built: Callable[[Node], None],
 ) -> list[Conductor]:
     """Return the nodes of this process, each where it is to begin in virtual time."""
     if (options.snapshot or options.rejoin) and len(names) != 1:
         raise ConfigError(
             "a snapshot holds one node; start each with its own --node and --snapshot"
         )
-    made = [conductor_of(file, source, name, scenario, bool(options.trace)) for name in names]
+    made = [
+        conductor_of(file, source, name, scenario, bool(options.trace), built) for name in names
+    ]
     if options.rejoin:
         with read_errors(options.rejoin):
             data = Path(options.rejoin).read_bytes()
@@ -224,16 +230,23 @@ class _Run:
         if len(names) < len(plan.nodes) or (self._real and meets):
             self._link = NodeLink(plan.board, plan.nodes, [plan.rank(name) for name in names])
         group = Group(plan, self._link, report, options.patience)
+        self._records: NodeRecords = NodeRecords(file, source, report)
+        if options.rejoin and self._records.wanted:
+            raise ConfigError(
+                f"{file.path}: what is recorded begins at power-on, so nothing can be recorded of a"
+                " node that goes on from a snapshot; leave it out with --rejoin"
+            )
+        built = self._records.begin
         self._peers: Peers
         if self._real:
             if options.snapshot or options.rejoin:
                 raise ConfigError("a snapshot is for virtual time; this board is realtime")
             trace = bool(options.trace)
-            self._nodes = [node_of(file, source, name, scenario, trace) for name in names]
+            self._nodes = [node_of(file, source, name, scenario, trace, built) for name in names]
             until = scenario.until if scenario is not None else -1
             self._peers = RealTime(group, self._nodes, until, file.board.rate)
         else:
-            conductors = _conductors(file, source, names, scenario, options)
+            conductors = _conductors(file, source, names, scenario, options, built)
             self._nodes = [conductor.node for conductor in conductors]
             self._peers = Timebase(group, conductors, options.snapshot)
 
@@ -245,6 +258,7 @@ class _Run:
         ends = (asyncio.ensure_future(stop.wait()), asyncio.ensure_future(peers.finished.wait()))
         with ExitStack() as closing:
             closing.callback(self._leave_trace)
+            closing.callback(self._records.close)
             for end in ends:
                 closing.callback(end.cancel)
             if self._link is not None:
@@ -270,6 +284,7 @@ class _Run:
             self._serve_hosts(loop)
         if self._link is not None and not await _first(self._open(self._link), ends):
             return False
+        self._records.start(loop)
         self._peers.start(loop)
         if not await _first(self._peers.agreed.wait(), ends):
             return False
@@ -287,19 +302,36 @@ class _Run:
         )
 
     def _serve_hosts(self, loop: asyncio.AbstractEventLoop) -> None:
+        metrics: tuple[str, int] | MetricsPort | None = metrics_of(self._file)
         for node in self._nodes:
             part = part_of(self._file, node.name)
             pacer = self._peers.pacer(node, part)
             pacer.on_end = self._stop.set
-            server = Server(node.board, links_of(part), report=self._report, pacer=pacer)
+            recording = self._records.of.get(node.rank)
+            server = Server(
+                node.board, links_of(part), report=self._report, metrics=metrics, pacer=pacer,
+                settle=recording.settle if recording is not None else None,
+            )  # fmt: skip
+            if recording is not None:
+                server.keep(recording)
+            metrics = server.metrics
             server.details = partial(self._details, node)
-            # What is ordered from outside, such as another state, would leave the others behind.
-            server.control.orders.clear()
+            self._use_orders(node, server.control)
             self._servers.append(server)
             server.start(loop)
 
+    def _use_orders(self, node: Node, control: Control) -> None:
+        """Leave of a board's orders those that a node can follow: faults happen in its own time."""
+        for name in control.orders:
+            if not name.startswith(("fault.", "journal.")):
+                control.orders[name] = partial(_refuse, node.board.name)
+        control.late = frozenset(("fault.arm", "fault.clear"))
+        control.when = partial(self._peers.let_in, node.rank)
+
     def _details(self, node: Node) -> dict[str, Any]:
-        return {"node": self._peers.status(node.rank)}
+        recording = self._records.of.get(node.rank)
+        journal = {"journal": recording.told} if recording is not None and recording.told else {}
+        return {"node": self._peers.status(node.rank), **journal}
 
     def _stop_servers(self) -> None:
         with ExitStack() as stopping:
@@ -314,6 +346,19 @@ class _Run:
         """Return what has come of it."""
         over = self._peers.finished.is_set() and bool(self._options.scenario)
         return Outcome(self._nodes, over, **self._peers.figures())
+
+
+def _refuse(name: str, request: dict[str, Any]) -> NoReturn:
+    """Refuse an order that would leave the other nodes behind.
+
+    Raises:
+        ValueError: always.
+    """
+    raise ValueError(
+        f"{name} is a node: its time and state are those of all nodes, so it cannot be halted,"
+        " moved or saved alone; in virtual time vbus run --snapshot FILE keeps a node's state, to"
+        " rejoin"
+    )
 
 
 async def _first(work: Coroutine[Any, Any, Any], ends: tuple[asyncio.Future[Any], ...]) -> bool:

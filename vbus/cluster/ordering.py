@@ -11,7 +11,7 @@ from vbus.errors import ConfigError, NodeError, NodeLostError, VbusError
 from vbus.kernel import MS, US
 from vbus.network.session import open_session
 from vbus.nodes.node import Node
-from vbus.nodes.orders import LEAD, Order, Orders
+from vbus.nodes.orders import LEAD, Order
 from vbus.nodes.plan import pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.server.serving import network_of
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     import zenoh
 
 ANSWER_SECONDS: Final = 3.0
+LABEL: Final = "order"
+"""Who it is, in traces."""
 
 
 class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -58,12 +60,11 @@ _request: Final = msgspec.json.Decoder(Request)
 _answer: Final = msgspec.json.Decoder(Answer)
 
 
-def take_order(node: Node, orders: Orders, data: bytes, uncertainty: int) -> Answer:
+def take_order(node: Node, data: bytes, uncertainty: int) -> Answer:
     """Take an order for a node whose time is up to date; all of it, or nothing.
 
     Args:
         node: the node.
-        orders: what it has been ordered so far.
         data: a request.
         uncertainty: how far its clock may be from that of all (ns).
     """
@@ -83,11 +84,12 @@ def take_order(node: Node, orders: Orders, data: bytes, uncertainty: int) -> Ans
             error=f"it comes {(now - request.at + LEAD) / 1e9:.3f} ms too late; order it further"
             " ahead",
         )
+    node.orders_of(LABEL, saved=False)
     for order in scenario.orders:
         moved = Order(
             request.at + order.when, order.chips, order.kind, order.address, order.data, order.pin
         )
-        orders.give(moved)
+        node.order(LABEL, moved)
     return Answer(node.name, now, len(scenario.orders))
 
 

@@ -152,6 +152,15 @@ class Peers(Receiver):
         """Return what ``vbus ls`` shows of one node of this process besides its state."""
         raise NotImplementedError
 
+    def let_in(self, rank: int, do: Callable[[str], None]) -> None:
+        """Let what comes from outside happen at a node of this process; by default, at once.
+
+        Args:
+            rank: of the node.
+            do: is called once: with "", or with the reason why it must not happen.
+        """
+        do("")
+
     def figures(self) -> dict[str, Any]:
         """Return what was measured: keys of :class:`~vbus.cluster.nodes.Outcome`."""
         raise NotImplementedError

@@ -19,7 +19,6 @@ from vbus.errors import NodeMismatchError
 from vbus.kernel import MS, Timer
 from vbus.nodes.messages import Edges, Mark, Message, Ping, Pong
 from vbus.nodes.node import Edge, Node
-from vbus.nodes.orders import Orders
 from vbus.server.pacer import Pacer
 
 HEAD_START_NS: Final = 300_000_000
@@ -124,7 +123,6 @@ class RealTime(Peers):
         self._pinging: asyncio.TimerHandle | None = None
         self._period: int = max(MARK, int(MARK * min(rate, 1000)))
         self._marks: dict[int, Timer] = {}
-        self._ordered: dict[int, Orders] = {}
 
     @property
     def keeps(self) -> bool:
@@ -252,16 +250,15 @@ class RealTime(Peers):
         if pacer is None:
             return msgspec.json.encode(Answer(node.name, error="chip time has not begun yet"))
         pacer.catch_up()
-        answer = take_order(node, self._orders(node), data, self._uncertainty())
+        answer = take_order(node, data, self._uncertainty())
         pacer.touched()
         return msgspec.json.encode(answer)
 
-    def _orders(self, node: Node) -> Orders:
-        known = self._ordered.get(node.rank)
-        if known is None:
-            known = self._ordered[node.rank] = Orders(node.board, "order", saved=False)
-            node.orders.append(known)
-        return known
+    def let_in(self, rank: int, do: Callable[[str], None]) -> None:
+        """Let something happen at a node now, and send the edges it has caused."""
+        super().let_in(rank, do)
+        if rank in self.pacers:
+            self.pacers[rank].touched()
 
     # -- messages -------------------------------------------------------------------------------
 

@@ -19,6 +19,8 @@ LACKING: Final = 0.25
 """Seconds after which a report that does not come is asked for."""
 BUDGET: Final = 0.01
 """Seconds of computing after which the loop serves others."""
+LET_IN: Final = 10.0
+"""Seconds that an order from outside waits for other nodes."""
 SNAPSHOT_EVERY: Final = 0.25
 """Seconds between two snapshots."""
 
@@ -199,6 +201,25 @@ class Timebase(Peers):
         pacer = GrantedPacer(node.board, self.proceed)
         self._pacers.append(pacer)
         return pacer
+
+    def let_in(self, rank: int, do: Callable[[str], None]) -> None:
+        """Let something happen as soon as no other node relies on that it does not."""
+        outside = self._mine[rank].outside
+
+        def now() -> None:
+            timer.cancel()
+            do("")
+
+        def give_up() -> None:
+            outside.remove(now)
+            do(
+                f"node {self.plan.nodes[rank]} waits for the others, so nothing was changed; say it"
+                " again when all are here (vbus ls tells for whom it waits)"
+            )
+
+        timer = asyncio.get_running_loop().call_later(LET_IN, give_up)
+        outside.append(now)
+        self.proceed()
 
     def figures(self) -> dict[str, Any]:
         """Return the rounds of this process, and how long one took (us of wall time)."""

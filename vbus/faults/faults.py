@@ -395,7 +395,7 @@ class Faults:
 
     def _note(self, order: str, values: list[object]) -> None:
         for observer in (*self._board.listeners, *self._board.observers):
-            observer.fault_order(order, values)
+            observer.outside(order, values)
 
     def _tell(self, armed: Armed, what: str, text: str) -> None:
         now = self._board.now

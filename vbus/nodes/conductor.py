@@ -1,5 +1,6 @@
 """A node that keeps one virtual time with the others: runs what is granted, reports what it did."""
 
+from collections.abc import Callable
 from typing import Final
 
 import msgpack
@@ -48,12 +49,14 @@ class Conductor:
         self.state: str = RUNS
         self.awaited: set[str] = set()
         """Labels of hosts that have not used time yet, and without which it does not begin."""
+        self.outside: list[Callable[[], None]] = []
+        """What comes from outside and is no call of a host, such as a fault: done as soon as no
+        other node has been promised that nothing happens yet."""
         self._wanted: int = -2
 
     def begin(self) -> "Conductor":
-        """Hold the node's time, and its hosts', until it is granted."""
+        """Hold the node's time until it is granted."""
         self.node.board.limit = -1
-        self.node.board.port_type = NodeBus
         return self
 
     # -- what its hosts want ------------------------------------------------------------------
@@ -104,6 +107,7 @@ class Conductor:
             self.node.board.limit = participant.granted - 1
             self.state = RUNS
             return None
+        self._let_in()
         if self.busy():
             self.state = HOST
             return None
@@ -117,7 +121,16 @@ class Conductor:
             self.node.run_before(now + SLICE)
             return None
         self.node.run_before(participant.granted)
+        self._let_in()
         return self._report()
+
+    def _let_in(self) -> None:
+        """Do what comes from outside, unless an edge of it could come too late elsewhere."""
+        participant = self.participant
+        now = int(self.node.board.kernel.now)
+        if now + participant.lookahead >= participant.granted:
+            while self.outside:
+                self.outside.pop(0)()
 
     def _report(self) -> Report:
         waited = [port.hold_until for port in self._hosts() if port.wants_time]

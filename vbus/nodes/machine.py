@@ -1,12 +1,12 @@
 """All nodes of a board in one process: the same nodes, the same rounds, no network."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.nodes.conductor import RUNS, Conductor
+from vbus.nodes.host import NodeBus
 from vbus.nodes.node import Node
-from vbus.nodes.orders import Orders
 from vbus.nodes.plan import Plan, build_node, plan_of
 from vbus.nodes.scenario import Scenario
 from vbus.nodes.trace import merged_hash
@@ -18,6 +18,7 @@ def node_of(
     name: str,
     scenario: Scenario | None = None,
     trace: bool = False,
+    built: Callable[[Node], None] | None = None,
 ) -> Node:
     """Return one node of a board, with what its hosts do.
 
@@ -27,15 +28,19 @@ def node_of(
         name: of the node.
         scenario: what hosts do; the node takes what concerns its own chips.
         trace: whether it notes what happens; with a scenario it always does.
+        built: is given the node before anything happens to it: who records it begins here.
     """
     made = build_node(file, source, name)
+    if file.board.time != "realtime":
+        made.board.port_type = NodeBus
+    if built is not None:
+        built(made)
     if trace or scenario is not None:
         made.start_trace()
     if scenario is not None:
-        orders = Orders(made.board, "scenario")
-        made.orders.append(orders)
+        made.orders_of("scenario")
         for order in scenario.of({chip.name for chip in made.board.chips}):
-            orders.give(order)
+            made.order("scenario", order)
     return made
 
 
@@ -45,10 +50,11 @@ def conductor_of(
     node: str,
     scenario: Scenario | None = None,
     trace: bool = False,
+    built: Callable[[Node], None] | None = None,
 ) -> Conductor:
     """Return one node of a board, ready to keep one virtual time; see :func:`node_of`."""
     plan = plan_of(file)
-    made = node_of(file, source, node, scenario, trace)
+    made = node_of(file, source, node, scenario, trace, built)
     until = scenario.until if scenario is not None else -1
     return Conductor(made, plan.lookahead, plan.digest, until).begin()
 

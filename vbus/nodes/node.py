@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 from heapq import heappop, heappush
 from typing import Any, ClassVar
 
 from vbus.board.board import Board
 from vbus.kernel import Timer
-from vbus.nodes.orders import Orders
+from vbus.nodes.orders import Order, Orders
 from vbus.nodes.trace import NodeTrace
 from vbus.signals.wire import Drive, WireEnd
 from vbus.state import Names, Saved, plan, save
@@ -98,6 +99,7 @@ class Node:
         for chip in board.chips:
             chip.on_node = True
             chip.rearm()
+        board.beyond = self.replay
         # Made after the timers of all chips: what arrives comes after what they do of themselves.
         self._timer: Timer = board.kernel.timer(self._arrived)
 
@@ -114,9 +116,12 @@ class Node:
     def accept(self, edges: Iterable[Edge]) -> None:
         """Take edges of other nodes; they arrive after the delay, or now if that is past."""
         now = self.board.kernel.now
-        for sent, node, number, wire, level, weak in edges:
-            if wire not in self.ends or node not in self.ends[wire].far:
-                continue
+        mine = [
+            edge for edge in edges if edge[3] in self.ends and edge[1] in self.ends[edge[3]].far
+        ]
+        if mine:
+            self._note("arrive", [[list(edge) for edge in mine]])
+        for sent, node, number, wire, level, weak in mine:
             when = sent + self.wires[wire].delay
             if when < now:
                 self.late += 1
@@ -125,6 +130,49 @@ class Node:
             heappush(self._arrivals, (when, node, number, wire, level, weak))
         if self._arrivals:
             self._timer.at(self._arrivals[0][0])
+
+    # -- orders -------------------------------------------------------------------------------
+
+    def orders_of(self, label: str, saved: bool = True) -> Orders:
+        """Return what somebody orders here for given instants.
+
+        Args:
+            label: who, in traces.
+            saved: whether it is part of the state.
+        """
+        known = next((orders for orders in self.orders if orders.label == label), None)
+        if known is None:
+            self._note("orders", [label, saved])
+            known = Orders(self.board, label, saved)
+            known.made = partial(self._note, "made")
+            self.orders.append(known)
+        return known
+
+    def order(self, label: str, order: Order) -> None:
+        """Let happen at its instant what :meth:`orders_of` somebody are about."""
+        o = order
+        self._note("order", [label, o.when, [*o.chips], o.kind, o.address, o.data, o.pin])
+        self.orders_of(label).give(order)
+
+    def _note(self, what: str, values: list[object]) -> None:
+        for observer in self.board.listeners:
+            observer.outside(what, values)
+
+    def replay(self, what: str, values: tuple[Any, ...]) -> None:
+        """Take from a journal what came from beyond the node.
+
+        Raises:
+            ValueError: it names what is not here.
+        """
+        if what == "arrive":
+            self.accept(values[0])
+        elif what == "orders":
+            self.orders_of(*values)
+        else:
+            label, when, chips, kind, address, data, pin = values
+            for name in chips:
+                self.board.chip(name)
+            self.order(label, Order(when, tuple(chips), kind, address, data, pin))
 
     def _arrived(self) -> None:
         now = self.board.kernel.now

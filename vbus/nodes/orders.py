@@ -1,5 +1,6 @@
 """Bus cycles and pins at given instants: what a host has ordered to happen."""
 
+from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from heapq import heapify, heappop, heappush
 from operator import itemgetter
@@ -73,7 +74,7 @@ class Orders:
         "waiting: list[(i64, i64, tuple[str, ...], i64, i64, i64, str), ...]", "_pins: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_timer", "board", "label")
-    DERIVED: ClassVar[Names] = ("_kept", "_orders", "late", "results")
+    DERIVED: ClassVar[Names] = ("_kept", "_orders", "late", "made", "results")
 
     def __init__(self, board: Circuit, label: str, saved: bool = True) -> None:
         self.board: Circuit = board
@@ -84,6 +85,8 @@ class Orders:
         """Orders given after their instant had passed (real time only)."""
         self.results: dict[int, int] = {}
         """Bytes read, by the number of the order, until :meth:`result` takes them."""
+        self.made: Callable[[list[object]], None] = _nobody
+        """Is told of each bus cycle: instant, host, chips, write, address, data."""
         self._kept: set[int] = set()
         self._timer: Timer = board.kernel.timer(self._due, saved)
         self._steps: list[Step] = []
@@ -244,6 +247,7 @@ class Orders:
             self._kept.discard(number)
             self.results[number] = data
         name = "+".join(order.chips) or "-"
+        self.made([int(board.kernel.now), self.label, name, write, order.address, data])
         for observer in board.observers:
             observer.bus_cycle(board.kernel.now, self.label, name, write, order.address, data)
 
@@ -264,6 +268,10 @@ class Orders:
     @waiting.setter
     def waiting(self, rows: list[OrderRow]) -> None:
         self._orders = {number: Order(*order) for number, *order in rows}
+
+
+def _nobody(cycle: list[object]) -> None:
+    pass
 
 
 def _nothing() -> None:

@@ -1,6 +1,7 @@
 """What a board file says about nodes: who has which chips, and which wires go between them."""
 
 import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -8,7 +9,8 @@ import msgspec
 
 from vbus.board import plugins
 from vbus.board.build import assemble, rest_of
-from vbus.board.sections import BoardFile, ChipSection
+from vbus.board.fault_checks import home_of
+from vbus.board.sections import BoardFile, ChipSection, FaultSection
 from vbus.board.source import Source
 from vbus.chips.base import Chip
 from vbus.errors import ConfigError
@@ -100,7 +102,9 @@ def _alone(chip: ChipSection) -> Chip:
 
 def _digest(file: BoardFile) -> str:
     """Return a hash over all that decides what happens: not who is connected how."""
-    board = msgspec.structs.replace(file.board, rate=1.0, stall="catch_up")
+    # In virtual time nobody feels the rate; in real time all are to run at the same one.
+    rate = file.board.rate if file.board.time == "realtime" else 1.0
+    board = msgspec.structs.replace(file.board, rate=rate, stall="catch_up")
     nodes = tuple(
         msgspec.structs.replace(node, deadline=3_000_000_000_000, listen="", process="", image="")
         for node in file.nodes
@@ -108,7 +112,7 @@ def _digest(file: BoardFile) -> str:
     core = msgspec.structs.replace(
         file, path="", board=board, nodes=nodes, hosts=(), pinmaps=(), waves=(),
         cards=tuple(card for card in file.cards if card.has_circuit),
-        record=type(file.record)(), zenoh=type(file.zenoh)(),
+        record=type(file.record)(), zenoh=type(file.zenoh)(), metrics=type(file.metrics)(),
     )  # fmt: skip
     text = __version__.encode() + msgspec.json.encode(core)
     return hashlib.sha256(text).hexdigest()[:16]
@@ -142,7 +146,16 @@ def part_of(file: BoardFile, node: str) -> BoardFile:
         cards=tuple(card for card in file.cards if mine(card.decoded)),
         pinmaps=tuple(pin_map for pin_map in file.pinmaps if mine(pin_map.chips)),
         hosts=tuple(host for host in file.hosts if mine(host.chips)),
+        faults=tuple(_faults(file, node)),
     )
+
+
+def _faults(file: BoardFile, node: str) -> Iterator[FaultSection]:
+    """Give the faults of one node, with their targets as the node has them."""
+    for fault in file.faults:
+        home, target = home_of(file, fault)
+        if home == node:
+            yield msgspec.structs.replace(fault, target=target)
 
 
 def build_node(file: BoardFile, source: Source, node: str) -> Node:

@@ -36,19 +36,49 @@ class Control:
 
     Attributes:
         orders: what can be ordered, by name.
+        late: names of orders that change the board: they are carried out by ``when``.
+        when: is given what carries an order out, and calls it once: with "", or with the reason
+            why the order is refused; at once, unless the board's time is not its own.
     """
 
     def __init__(self, before: Callable[[], object]) -> None:
         self._before: Callable[[], object] = before
         self.orders: dict[str, Order] = {}
+        self.late: frozenset[str] = frozenset()
+        self.when: Callable[[Callable[[str], None]], None] = _at_once
 
-    def carry_out(self, line: bytes, own: Mapping[str, Order] | None = None) -> dict[str, Any]:
-        """Carry out one request; whatever is wrong with it stands in the reply.
+    def take(
+        self,
+        line: bytes,
+        reply: Callable[[dict[str, Any]], None],
+        own: Mapping[str, Order] | None = None,
+    ) -> None:
+        """Carry out one request, now or soon; whatever is wrong with it stands in the reply.
 
         Args:
             line: the request.
+            reply: takes the reply.
             own: what only who asks can order, beside :attr:`orders`.
         """
+
+        def do(refusal: str) -> None:
+            reply({"error": refusal} if refusal else self.carry_out(line, own))
+
+        if self.late and self._name(line) in self.late:
+            self.when(do)
+        else:
+            do("")
+
+    @staticmethod
+    def _name(line: bytes) -> str:
+        try:
+            request = json.loads(line)
+        except ValueError:
+            return ""
+        return str(request.get("do")) if isinstance(request, dict) else ""
+
+    def carry_out(self, line: bytes, own: Mapping[str, Order] | None = None) -> dict[str, Any]:
+        """Carry out one request now; return the reply; see :meth:`take`."""
         try:
             request = json.loads(line)
             if not isinstance(request, dict) or not isinstance(request.get("do"), str):
@@ -67,6 +97,10 @@ class Control:
         except Exception:
             log.exception("internal error while carrying out an order; the board goes on")
             return {"error": "internal error; the board's own messages say more"}
+
+
+def _at_once(do: Callable[[str], None]) -> None:
+    do("")
 
 
 def user_behind(fd: int) -> int:
@@ -107,11 +141,15 @@ class ControlConnection(Connection):
     def take(self, line: bytes) -> None:
         """Carry out the request and reply; orders of somebody else are refused."""
         refusal = refusal_of(self._link.fd)
-        self._reply({"error": refusal} if refusal else self._control.carry_out(line))
+        if refusal:
+            self._reply({"error": refusal})
+        else:
+            self._control.take(line, self._reply)
 
     def too_long(self) -> None:
         """Refuse the request."""
         self._reply({"error": f"a request has at most {self.LONGEST_LINE} bytes"})
 
     def _reply(self, answer: dict[str, Any]) -> None:
-        self.finish(json.dumps(answer).encode() + b"\n")
+        if self.open:  # who asked has waited
+            self.finish(json.dumps(answer).encode() + b"\n")

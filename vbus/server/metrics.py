@@ -44,10 +44,15 @@ class MetricsPort:
         self._transport: TcpTransport = TcpTransport(f"{host}:{port}", {})
         self._transport.remote = True  # where it is not meant, the address has been refused
         self._registry: CollectorRegistry = CollectorRegistry()
-        self._registry.register(Collector(statistics))
+        self._collector: Collector = Collector(statistics)
+        self._registry.register(self._collector)
         self._talks: set[asyncio.Task[None]] = set()
         self.url: str = f"http://{self._host}:{port}{PATH}"
         """Where the metrics are, with the port that was found once it is open."""
+
+    def add(self, statistics: Callable[[], dict[str, Any]]) -> None:
+        """Show another board of this process too."""
+        self._collector.boards.append(statistics)
 
     def open(self, loop: asyncio.AbstractEventLoop) -> None:
         """Listen from now on.
@@ -123,18 +128,24 @@ def _reply(status: str, content_type: str, body: bytes, head_only: bool = False)
 
 
 class Collector:
-    """Makes Prometheus metrics of a board's statistics, each time somebody asks."""
+    """Makes Prometheus metrics of the statistics of boards, each time somebody asks."""
 
     def __init__(self, statistics: Callable[[], dict[str, Any]]) -> None:
-        self._statistics: Callable[[], dict[str, Any]] = statistics
+        self.boards: list[Callable[[], dict[str, Any]]] = [statistics]
 
     def describe(self) -> Iterator[Metric]:
         """Say nothing beforehand: the names do not depend on anything."""
         return iter(())
 
     def collect(self) -> Iterator[Metric]:
-        """Yield every metric as it is now."""
-        statistics = self._statistics()
+        """Yield every metric as it is now, each with the samples of all boards."""
+        for metric, *others in zip(*(self._metrics(one()) for one in self.boards), strict=True):
+            for other in others:
+                metric.samples += other.samples
+            yield metric
+
+    @staticmethod
+    def _metrics(statistics: dict[str, Any]) -> Iterator[Metric]:
         board = statistics["board"]
         yield _info(board, statistics)
         yield from _families(board, statistics)

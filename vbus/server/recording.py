@@ -12,6 +12,7 @@ from typing import Any, BinaryIO, Final, NoReturn, TextIO
 
 from vbus.board.board import Board
 from vbus.board.checks import all_rules
+from vbus.board.host_bus import HostBus
 from vbus.board.sections import RecordSection, WaveSection
 from vbus.errors import VbusError, read_errors, write_errors
 from vbus.server.registry import journal_path
@@ -21,6 +22,7 @@ from vbus.trace.findings.formats import FORMATS, format_of
 from vbus.trace.findings.report import Report
 from vbus.trace.findings.suppress import Suppression, read_suppressions
 from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.recorded_bus import RecordedBus
 from vbus.trace.wave.wave import Wave
 
 FLUSH_SECONDS: Final = 0.2
@@ -96,6 +98,7 @@ class Recording:
         text: the board file.
         name: its name.
         report: takes sentences about recordings that had to end.
+        port: see :class:`~vbus.trace.journal.journal.Journal`.
 
     Attributes:
         journal: the one that is kept, if any.
@@ -105,7 +108,15 @@ class Recording:
         others: what else is recorded, as people call it.
     """
 
-    def __init__(self, board: Board, text: str, name: str, report: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        board: Board,
+        text: str,
+        name: str,
+        report: Callable[[str], None],
+        port: Callable[..., HostBus] = RecordedBus,
+    ) -> None:
+        self._port: Callable[..., HostBus] = port
         self.journal: Journal | None = None
         self.settle: Callable[[], bool] | None = None
         self.told: dict[str, str] = {}
@@ -136,7 +147,7 @@ class Recording:
 
     def _open_journal(self, path: str, durable: str) -> None:
         file = self._opened.enter_context(create(path))
-        self.journal = Journal(self._board, file, self._text, self._name, self._report)
+        self.journal = Journal(self._board, file, self._text, self._name, self._report, self._port)
         self._opened.callback(self.journal.close)
         if durable != "no":
             sync = partial(os.fdatasync, file.fileno()) if durable == "machine" else None

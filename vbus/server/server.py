@@ -48,7 +48,8 @@ class Server:
         links: the hosts' entries.
         stall: what happens after a stall of the machine; see :class:`Pacer`.
         report: takes sentences about what happens to links (a device was unplugged).
-        metrics: host and port on which Prometheus may ask for numbers, if any.
+        metrics: host and port on which Prometheus may ask for numbers, if any; or where another
+            board of this process tells its own.
         pacer: what moves the board's time; else a pacer of its own.
         settle: called before a host gets its answer; see
             :class:`~vbus.server.recording.Recording`.
@@ -63,7 +64,7 @@ class Server:
         links: list[LinkSpec],
         stall: str = "catch_up",
         report: Callable[[str], None] | None = None,
-        metrics: tuple[str, int] | None = None,
+        metrics: tuple[str, int] | MetricsPort | None = None,
         pacer: Pacer | None = None,
         settle: Callable[[], bool] | None = None,
     ) -> None:
@@ -84,9 +85,13 @@ class Server:
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
         self._turns: Turns = Turns()
         self.departures: Departures = Departures(self.pacer)
-        self._metrics: MetricsPort | None = None
-        if metrics is not None:
-            self._metrics = MetricsPort(*metrics, self.statistics)
+        self.metrics: MetricsPort | None = None
+        self._shares_metrics: bool = isinstance(metrics, MetricsPort)
+        if isinstance(metrics, MetricsPort):
+            self.metrics = metrics
+            metrics.add(self.statistics)
+        elif metrics is not None:
+            self.metrics = MetricsPort(*metrics, self.statistics)
         self.details: Callable[[], dict[str, Any]] = dict
         """Makes more of what is told of the board."""
         self.local_sockets: tuple[LocalSocket, ...] = ()
@@ -127,9 +132,9 @@ class Server:
             self.pacer.look_for_hosts = hang_ups.look
             for host in self._hosts:
                 self._open_host(host, loop, hang_ups)
-            if self._metrics is not None:
-                self._metrics.open(loop)
-                self._closing.callback(self._metrics.close)
+            if self.metrics is not None and not self._shares_metrics:
+                self.metrics.open(loop)
+                self._closing.callback(self.metrics.close)
             self._closing.callback(self._mark_pause, False)
             self._mark_pause(False)
             self.steps.changed.append(lambda: self._mark_pause(self.steps.state != RUNNING))
@@ -296,7 +301,7 @@ class Server:
             "sessions": sum(len(host.sessions) for host in self._hosts),
             "lag": self.pacer.lags.summary("ps"),
             "round_trips": self.round_trips.summary("ns"),
-            "metrics": "" if self._metrics is None else self._metrics.url,
+            "metrics": "" if self.metrics is None else self.metrics.url,
             **self.details(),
         }
 

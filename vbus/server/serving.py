@@ -4,6 +4,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Mapping
 from contextlib import closing
+from math import isinf
 from pathlib import Path
 
 import msgspec
@@ -108,6 +109,26 @@ def recorded(
     return msgspec.structs.replace(file, record=records, waves=waves, metrics=counted, scope=shown)
 
 
+def paced(file: BoardFile, rate: float | None) -> BoardFile:
+    """Return a board file with another rate, if there is one.
+
+    Raises:
+        ConfigError: the board has no rate, or its nodes cannot keep to this one.
+    """
+    if rate is None:
+        return file
+    if file.board.time != "realtime":
+        raise ConfigError(
+            f"{file.path}: a rate makes sense in real time only; this board is {file.board.time}"
+        )
+    if file.nodes and isinf(rate):
+        raise ConfigError(
+            f"{file.path}: --rate max is for boards without nodes: these keep step by the wall"
+            ' clock; give a number, or write time = "lockstep", which runs as fast as it can'
+        )
+    return msgspec.structs.replace(file, board=msgspec.structs.replace(file.board, rate=rate))
+
+
 def metrics_of(file: BoardFile) -> tuple[str, int] | None:
     """Return where the numbers of a board are read, if anywhere.
 
@@ -135,13 +156,7 @@ def serve_read(
             f"{file.path}: there is no [[hosts]], so nothing could attach; write one, such as\n"
             f'[[hosts]]\ntransport = "pty:$VBUS_RUNTIME/{file.board.name}"'
         )
-    if rate is not None:
-        if file.board.time != "realtime":
-            raise ConfigError(
-                f"{file.path}: a rate makes sense in real time only; this board is"
-                f" {file.board.time}"
-            )
-        file = msgspec.structs.replace(file, board=msgspec.structs.replace(file.board, rate=rate))
+    file = paced(file, rate)
     address = metrics_of(file)
     board = build(file, source)
     if snapshot:

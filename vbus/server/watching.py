@@ -198,7 +198,7 @@ class Watcher(Connection, Observer):
             recorder.look_inside(self._inside)
         elif (manual := self._manual) is not None:
             back = partial(self._jump.begin, own=self, port=manual.port)
-            self._answer(self._control.carry_out(line, {**manual.orders(), "back": back}))
+            self._control.take(line, self._answer, {**manual.orders(), "back": back})
 
     @property
     def watches(self) -> str:

@@ -27,8 +27,13 @@ class Observer:
     def fault(self, when: int, name: str, target: str, what: str, text: str) -> None:
         """A fault that was armed has ``"begun"``, ``"ended"`` or could not (``"failed"``)."""
 
-    def fault_order(self, order: str, values: list[object]) -> None:
-        """Somebody has armed a fault (``"arm"``) or cleared one (``"clear"``) while time runs."""
+    def outside(self, order: str, values: list[object]) -> None:
+        """Something has reached the board that is no call of a host.
+
+        A fault was armed (``"arm"``) or cleared (``"clear"``) while time runs; of a node, edges of
+        other nodes (``"arrive"``), or orders for an instant (``"orders"``, ``"order"``) and the
+        bus cycles that have come of them (``"made"``).
+        """
 
     def settled(self, now: int) -> None:
         """Everything up to ``now`` (ps) has been reported; nothing earlier will come."""

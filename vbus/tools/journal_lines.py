@@ -14,7 +14,7 @@ from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
 from vbus.tools.output import Line, bar, reading
 from vbus.trace.decode import BoardPackets
-from vbus.trace.journal.format import PORTS, WRITE, Entry, Header, JournalReader, Jump
+from vbus.trace.journal.format import NOT_YET, PORTS, WRITE, Entry, Header, JournalReader, Jump
 from vbus.trace.journal.view import Sessions, show, violation_of
 from vbus.trace.packets import STATUS, CommandPackets, Cycle, Decoder, Packet
 
@@ -61,11 +61,9 @@ def recorded_board(path: Path, header: Header) -> Board:
     Raises:
         VbusError: its board was made in Python.
     """
-    from vbus.board.build import load_board_text
+    from vbus.nodes.recorded import Recorded
 
-    if not header.text:
-        raise VbusError(f"{path}: it was recorded on a board made in Python")
-    return load_board_text(header.text, header.file)
+    return Recorded(header, str(path)).board
 
 
 def decoded(path: Path, first: int, last: int | None, quiet: bool = False) -> Iterator[str]:
@@ -303,11 +301,25 @@ def line(entry: Entry, sessions: Sessions) -> str:
     if entry.op == "end":
         return f"{place} end: {entry.args[0]} entries, state {entry.args[1]}"
     where = f"{sessions.host(entry)} {sessions.chip(entry)}"
+    if entry.op == "arrive":
+        edges = ", ".join(
+            f"wire {wire} {level} of node {node}" for _, node, _, wire, level, _ in entry.args[0]
+        )
+        return f"{place} edges arrive: {edges}"
+    if entry.op == "made":
+        _, host, chips, write, address, data = entry.args
+        return f"{place} {host} {chips} {'w' if write else 'r'} {address:X} {data:02X} (ordered)"
+    if entry.op == "orders":
+        return f"{place} {entry.args[0]} will order cycles for given instants"
+    if entry.op == "order":
+        host, when, chips, kind, address, data, pin = entry.args
+        what = f"pin {pin} {data}" if pin else f"{'rw'[kind]} {address:X} {data:02X}"
+        return f"{place} {host} orders for {instant(when)}: {'+'.join(chips)} {what}"
     if entry.op in ("read", "write") and not entry.error:
         data = entry.args[1] if entry.op == "write" else entry.reply
         return f"{place} {where} {entry.op[0]} {entry.args[0]:X} {data:02X}"
     asked = " ".join(str(item) for item in entry.args)
     answer = "" if entry.reply is None else f" -> {entry.reply}"
-    refused = f" refused, number {entry.error}" if entry.error else ""
-    held = " (not finished)" if entry.limit >= 0 else ""
+    refused = f" refused, number {entry.error}" if entry.error not in (0, NOT_YET) else ""
+    held = " (not finished)" if entry.limit >= 0 or entry.error == NOT_YET else ""
     return f"{place} {where} {entry.op} {asked}".rstrip() + answer + refused + held

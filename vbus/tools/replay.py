@@ -2,50 +2,68 @@
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import click
 
+from vbus.nodes.machine import trace_hash
+from vbus.nodes.recorded import Recorded
 from vbus.tools import exit_codes
 from vbus.tools.journal_lines import instant, opened, progress
 from vbus.tools.output import no_progress, show
-from vbus.trace.journal.replay import Outcome
+from vbus.trace.journal.replay import Outcome, Replay
 from vbus.version import __version__
 
 
 @click.command("replay")
-@click.argument("journal", type=click.Path(path_type=Path))
+@click.argument("journals", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--board", "board_file", type=click.Path(), help="Play on this board file instead of its own."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
 @no_progress
-def command(journal: Path, board_file: str | None, as_json: bool, no_progress: bool) -> int:
+def command(
+    journals: tuple[Path, ...], board_file: str | None, as_json: bool, no_progress: bool
+) -> int:
     """Make every call of a journal again and stop at the first difference.
 
     Compares replies, instants, violations and the state at the end. The exit code is 1 if
-    something differs, or if the journal is damaged elsewhere than at its end.
+    something differs, or if the journal is damaged elsewhere than at its end. JOURNALS of all nodes
+    of a machine are played one after the other, and give the trace hash of the machine.
     """
-    from vbus.board.build import load_board, load_board_text
-    from vbus.errors import ConfigError
-    from vbus.trace.journal.replay import Replay
+    values: list[dict[str, Any]] = []
+    lines: list[str] = []
+    played: list[Recorded] = []
+    for journal in journals:
+        with opened(journal) as reader:
+            header = reader.header
+            recorded = Recorded(header, str(journal), board_file or "")
+            # A trace looks at nets: only where the machine's hash comes of it.
+            if recorded.node is not None and len(journals) > 1:
+                recorded.node.start_trace()
+            with progress(journal, reader, "replaying", no_progress) as entries:
+                outcome = Replay(recorded.board, entries, header.families).run()
+            damage = reader.damage
+        played.append(recorded)
+        values.append({**asdict(outcome), "damage": damage, "recorded_with": header.vbus})
+        told = _lines(outcome, damage, header.vbus)
+        lines += told if len(journals) == 1 else [f"{journal}: {line}" for line in told]
+    value: dict[str, Any] = values[0] if len(journals) == 1 else {"journals": values}
+    found = machine_hash(played)
+    if found:
+        value["trace_hash"] = found
+        lines.append(f"trace hash {found}")
+    show(as_json, value, lines)
+    same = all(one["divergence"] is None for one in values)
+    return exit_codes.OK if same else exit_codes.FAILURE
 
-    with opened(journal) as reader:
-        header = reader.header
-        if board_file is not None:
-            board = load_board(board_file)
-        elif header.text:
-            board = load_board_text(header.text, f"{journal}: {header.file}")
-        else:
-            raise ConfigError(
-                f"{journal}: it was recorded on a board made in Python; name a board file with"
-                " --board, or replay it in Python with vbus.trace.journal.replay"
-            )
-        with progress(journal, reader, "replaying", no_progress) as entries:
-            outcome = Replay(board, entries, header.families).run()
-        damage = reader.damage
-    value = {**asdict(outcome), "damage": damage, "recorded_with": header.vbus}
-    show(as_json, value, _lines(outcome, damage, header.vbus))
-    return exit_codes.OK if outcome.divergence is None else exit_codes.FAILURE
+
+def machine_hash(played: list[Recorded]) -> str:
+    """Return the trace hash of a machine all of whose nodes were played, once each; else ""."""
+    nodes = sorted((one.node for one in played if one.node is not None), key=lambda n: n.rank)
+    plans = {one.plan.digest for one in played if one.plan is not None}
+    whole = [node.rank for node in nodes] == list(range(len(nodes[0].names))) if nodes else False
+    return trace_hash(nodes) if whole and len(plans) == 1 and len(nodes) == len(played) else ""
 
 
 def _lines(outcome: Outcome, damage: str, version: str) -> list[str]:

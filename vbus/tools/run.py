@@ -82,7 +82,7 @@ def command(
     from vbus.board.config import read_board_file
     from vbus.board.scope_checks import OF_NODES
     from vbus.server.priority import Priority
-    from vbus.server.serving import recorded, serve_read
+    from vbus.server.serving import paced, recorded, serve_read
     from vbus.tools.ready_lines import READY, lines_of
 
     try:
@@ -109,18 +109,23 @@ def command(
         if code is not None:
             return code
     wanted.take()
+    record = {
+        "journal": journal, "report": report, "suppress": suppress, "coverage": coverage,
+        "wave": wave, "durable": durable,
+    }  # fmt: skip
+    record = {key: value for key, value in record.items() if value is not None}
+    file = recorded(file, record, metrics or "")
     if file.nodes:
-        single = {
-            "--journal": journal, "--report": report, "--wave": wave, "--coverage": coverage,
-            "--from": start, "--metrics": metrics, "--rate": rate, "--durable": durable,
-        }  # fmt: skip
-        for option, value in single.items():
-            if value is not None:
-                raise click.UsageError(f"{option} is for boards without nodes")
+        if start is not None:
+            raise click.UsageError(
+                f"--from is for boards without nodes; a node of {board} goes on from its own"
+                " snapshot: --node NAME --rejoin FILE"
+            )
         from vbus.cluster.nodes import NodeOptions
         from vbus.tools import run_nodes
 
         given = {key: value for key, value in of_nodes.items() if value}
+        file = paced(file, rate)
         return run_nodes.run(file, source, NodeOptions(**given), as_json, wanted)
     for key, value in of_nodes.items():
         if value:
@@ -136,11 +141,5 @@ def command(
             start_scope(server.board.name, shown, scope_control)
         wanted.pin()
 
-    record = {
-        "journal": journal, "report": report, "suppress": suppress, "coverage": coverage,
-        "wave": wave, "durable": durable,
-    }  # fmt: skip
-    record = {key: value for key, value in record.items() if value is not None}
-    file = recorded(file, record, metrics or "")
     serve_read(file, source, rate, ready, complain, start or "")
     return exit_codes.OK

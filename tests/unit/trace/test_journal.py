@@ -19,6 +19,7 @@ from vbus.trace.journal.format import (
     MAGIC,
     MAGICS,
     OPERATIONS,
+    OUTSIDE,
     Entry,
     Header,
     JournalError,
@@ -96,7 +97,7 @@ def test_everything_a_host_can_do_is_written_down() -> None:
     _, entries = read(file.getvalue())
     opened = [(entry.port, entry.args[0]) for entry in entries if entry.op == "open"]
     assert opened == [(0, "one"), (1, "two")]
-    others = {"read", "edges", "fault", "arm", "clear", "jump"}
+    others = {"read", "edges", "fault", "arm", "clear", "jump", "made", *OUTSIDE}
     assert {entry.op for entry in entries} >= set(OPERATIONS) - others
     refused = [(entry.op, entry.error) for entry in entries if entry.error]
     assert refused == [("select", 2), ("at", 3), ("lines", 2)]

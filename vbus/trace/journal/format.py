@@ -46,11 +46,20 @@ OPERATIONS: Final = (
     "read", "write", "open", "close", "select", "claim", "unclaim", "wait", "lines", "drive",
     "release", "sample", "pin", "getpin", "delay", "at", "now", "sync", "events", "edges",
     "violation", "end", "cycle", "fault", "arm", "clear", "jump",
+    "arrive", "orders", "order", "made",
 )  # fmt: skip
 """Operations by number. Their order is part of the format. All up to ``edges`` are calls of a host;
 ``cycle`` is a bus cycle that its strobes made: chips, write, address, byte; ``fault`` is evidence:
 instant, name, target, what, text; ``arm`` and ``clear`` are faults armed and cleared by hand.
-``jump`` is a :class:`Jump`; only versions that know it read a journal that has one."""
+Of nodes, ``arrive`` is edges of other nodes: instant sent, node, number, wire, level, weak;
+``orders`` that somebody will order: name, whether that is part of the state; ``order`` what: name,
+instant, chips, kind, address, data, pin; ``made`` is the bus cycle that came of it: instant, name,
+chips, write, address, byte. ``jump`` is a :class:`Jump`; only versions that know it
+read a journal that has one."""
+OUTSIDE: Final = ("arrive", "orders", "order")
+"""What reaches a node beside its hosts' calls."""
+NOT_YET: Final = 1 << 16
+"""Stands for a refusal where a call at a node could not be made before time had run on."""
 READ: Final = 0
 WRITE: Final = 1
 CODE: Final = {name: number for number, name in enumerate(OPERATIONS)}
@@ -393,6 +402,6 @@ def _entry(number: int, when: int, after: int, key: int, value: Any) -> Entry:
     value = checked(op, value)
     if code == READ and value[1] is None and not value[2]:
         raise ValueError("a read that has neither data nor a refusal")
-    if op in ("violation", "end", "fault", "arm", "clear"):
+    if op in ("violation", "end", "fault", "arm", "clear", "made", *OUTSIDE):
         return Entry(number, when, after, -1, op, value)
     return Entry(number, when, after, port, op, *value)

@@ -58,6 +58,7 @@ class Journal(Observer):
         text: the board file, for replays; empty for a board made in Python.
         name: name of the board file.
         report: takes a sentence when the file takes no more.
+        port: makes the ports that are written down, where the board has ports of its own kind.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class Journal(Observer):
         text: str = "",
         name: str = "",
         report: Callable[[str], None] | None = None,
+        port: Callable[..., HostBus] = RecordedBus,
     ) -> None:
         if board.ports:
             raise VbusError("a journal must be attached before the first port is opened")
@@ -95,6 +97,8 @@ class Journal(Observer):
             settings=settings_for_decoders(board.chips),
         )
         self._write(header_block(header))
+        self._recorded: Callable[..., HostBus] = port
+        self._plain: Callable[..., HostBus] = board.port_type
         board.port_type = self._port
         board.listen(self)
 
@@ -108,7 +112,9 @@ class Journal(Observer):
         card: Card | None,
     ) -> HostBus:
         self._ports += 1
-        return RecordedBus(board, hosts, label, chips, cycle_ps, card, self.rows, self._ports - 1)
+        return self._recorded(
+            board, hosts, label, chips, cycle_ps, card, self.rows, self._ports - 1
+        )
 
     def violation(self, violation: Violation) -> None:
         """Write a finding down."""
@@ -120,8 +126,8 @@ class Journal(Observer):
         """Write the evidence of a fault down."""
         self._note("fault", [when, name, target, what, text])
 
-    def fault_order(self, order: str, values: list[object]) -> None:
-        """Write down that a fault was armed or cleared by hand."""
+    def outside(self, order: str, values: list[object]) -> None:
+        """Write down what has reached the board beside its hosts' calls."""
         self._note(order, values)
 
     def _note(self, op: str, values: list[Any]) -> None:
@@ -205,9 +211,9 @@ class Journal(Observer):
 
     def close(self) -> None:
         """End the journal with the board's state hash; the file is left open. May be repeated."""
-        if self.board.port_type is HostBus:
+        if self.board.port_type != self._port:
             return
-        self.board.port_type = HostBus
+        self.board.port_type = self._plain
         end = end_of(self.board)
         self._note("end", [self.entries + self.rows.pending, *end])
         self.flush()

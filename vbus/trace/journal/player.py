@@ -7,12 +7,12 @@ from typing import Any, Final
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.kernel import END, MS
-from vbus.protocols.port import PortError
+from vbus.protocols.port import NotYet, PortError
 from vbus.signals import Observer, Violation
-from vbus.trace.journal.format import Entry, JournalError
+from vbus.trace.journal.format import NOT_YET, OUTSIDE, Entry, JournalError
 from vbus.trace.journal.view import violation_of
 
-FINDINGS = frozenset(("violation", "cycle", "end", "fault"))
+FINDINGS = frozenset(("violation", "cycle", "end", "fault", "made"))
 """Entries that tell what happened and are no calls."""
 STRETCH: Final = 10 * MS
 """Chip time that passes in one step."""
@@ -47,7 +47,8 @@ class Player:
             raise JournalError(f"entry {entry.number}, {entry.op}: {error}") from error
 
     def _call(self, entry: Entry) -> tuple[Any, int]:
-        self.board.limit = entry.limit if entry.limit >= 0 else END
+        held = entry.limit >= 0 or entry.error == NOT_YET
+        self.board.limit = entry.limit if held else END
         if entry.op == "open":
             label, chips, cycle_ps = entry.args
             self.ports[entry.port] = self.board.open_port(label, chips, cycle_ps)
@@ -60,12 +61,19 @@ class Player:
         if entry.op == "clear":
             self.board.faults.clear(*entry.args)
             return None, 0
+        if entry.op in OUTSIDE:
+            if self.board.beyond is None:
+                raise ValueError("this is of a node, and the board is none")
+            self.board.beyond(entry.op, entry.args)
+            return None, 0
         port = self.ports.get(entry.port)
         if port is None:
             raise ValueError(f"session {entry.port} has not begun")
         name = "take_events" if entry.op == "edges" else entry.op
         try:
             return getattr(port, name)(*entry.args), 0
+        except NotYet:
+            return None, NOT_YET
         except PortError as error:
             return None, error.code
 

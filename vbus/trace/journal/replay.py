@@ -64,12 +64,24 @@ class Outcome:
 
 
 class _Findings(Observer):
-    """Violations by chip: what the journal has and what the run has, not matched yet."""
+    """Violations by chip, and cycles that were ordered: what the journal has and what the run has.
+
+    Each is kept until it is matched.
+    """
 
     def __init__(self) -> None:
         self.recorded: dict[str, deque[tuple[int, Violation]]] = {}
         self.found: dict[str, deque[tuple[int, Violation]]] = {}
         self.entry: int = 0
+        self.ordered: deque[tuple[int, tuple[Any, ...]]] = deque()
+        """Bus cycles that came of orders, in the journal."""
+        self.made: deque[tuple[int, tuple[Any, ...]]] = deque()
+        """Those of the run."""
+
+    def outside(self, order: str, values: list[object]) -> None:
+        """Note a bus cycle of the run that came of an order."""
+        if order == "made":
+            self.made.append((self.entry, tuple(values)))
 
     def violation(self, violation: Violation) -> None:
         """Note one of the run."""
@@ -90,6 +102,12 @@ class _Findings(Observer):
                 if was != now:
                     lines = line_of(was), line_of(now)
                     return Divergence(number, was.when, "violation", chip, *lines, was.clause)
+        while self.ordered and self.made:
+            number, cycle = self.ordered.popleft()
+            _, again = self.made.popleft()
+            if cycle != again:
+                lines = cycle_line(cycle), cycle_line(again)
+                return Divergence(number, cycle[0], "reply", _orderer(cycle), *lines)
         return None
 
     def rest(self) -> Divergence | None:
@@ -103,7 +121,22 @@ class _Findings(Observer):
             for queue in self.found.values()
             for number, v in queue
         ]
+        for queue, what in ((self.ordered, "unconsumed"), (self.made, "missing")):
+            for number, cycle in queue:
+                sides = (cycle_line(cycle), "nothing")
+                was, now = sides if what == "unconsumed" else sides[::-1]
+                left.append(Divergence(number, cycle[0], what, _orderer(cycle), was, now))
         return min(left, key=attrgetter("entry"), default=None)
+
+
+def cycle_line(cycle: tuple[Any, ...]) -> str:
+    """Return a bus cycle that came of an order in one line."""
+    when, _, _, write, address, data = cycle
+    return f"{'w' if write else 'r'} {address:X} {data:02X} at {when} ps"
+
+
+def _orderer(cycle: tuple[Any, ...]) -> str:
+    return f"{cycle[1]}, {cycle[2]}: ordered cycle"
 
 
 def line_of(violation: Violation) -> str:
@@ -168,6 +201,10 @@ class Replay:
                 )
             if entry.op == "violation":
                 self._findings.expect(entry)
+                continue
+            if entry.op == "made":
+                self._findings.ordered.append((entry.number, entry.args))
+                self._cycles += 1
                 continue
             if entry.op == "fault":
                 continue

@@ -14,6 +14,8 @@ _Mask = Annotated[int, Meta(ge=0, le=0xFFFF_FFFF)]
 _Instant = Annotated[int, Meta(ge=0, le=END)]
 _Limit = Annotated[int, Meta(ge=-1, le=END)]
 _Number = Annotated[int, Meta(ge=0, le=1 << 32)]
+_Level = Annotated[int, Meta(ge=-1, le=0xFF)]
+_Kind = Annotated[int, Meta(ge=0, le=2)]
 _Value = int | float | str | bool
 _Nothing: Final = type(None)
 
@@ -52,6 +54,10 @@ SHAPES: Final[dict[str, Any]] = {
     "fault": tuple[_Instant, str, str, str, str],
     "arm": tuple[str, str, str, str, dict[str, _Value]],
     "clear": tuple[int | str],
+    "arrive": tuple[list[tuple[_Instant, _Count, _Count, _Count, _Level, bool]]],
+    "orders": tuple[str, bool],
+    "order": tuple[str, _Instant, list[str], _Kind, _Address, _Byte, str],
+    "made": tuple[_Instant, str, str, bool, _Address, _Byte],
     "jump": tuple[_Count, _Instant, _Instant],
 }  # fmt: skip
 """What an entry's value is, by operation."""

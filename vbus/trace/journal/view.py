@@ -67,6 +67,8 @@ def show(entry: Entry, sessions: Sessions, observer: Observer) -> None:
     elif entry.op == "cycle":
         chips, write, address, data = entry.args
         observer.bus_cycle(entry.when, sessions.host(entry), chips, write, address, data)
+    elif entry.op == "made":
+        observer.bus_cycle(*entry.args)
     elif entry.op == "violation":
         observer.violation(violation_of(entry))
     elif entry.op == "fault":

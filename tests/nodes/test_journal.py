@@ -1,0 +1,107 @@
+"""Journals of nodes: each process writes those of its own, and one process replays the machine."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.nodes.four_chips import BOARD as FOUR
+from tests.nodes.processes import Bench, ended
+from tests.nodes.test_faults import JAMMED, run
+from tests.nodes.test_hosts import BOARD, both
+from vbus.kernel import MS
+from vbus.nodes.recorded import Recorded
+from vbus.server.registry import order
+from vbus.tools.replay import machine_hash
+from vbus.trace.journal.format import Entry, JournalReader
+from vbus.trace.journal.replay import Outcome, Replay
+
+
+def entries(path: Path) -> list[Entry]:
+    with path.open("rb") as file:
+        return list(JournalReader(file))
+
+
+def replayed(path: Path, traced: bool = False) -> tuple[Recorded, Outcome]:
+    with path.open("rb") as file:
+        reader = JournalReader(file)
+        recorded = Recorded(reader.header, str(path))
+        assert recorded.node is not None
+        if traced:
+            recorded.node.start_trace()
+        return recorded, Replay(recorded.board, reader, reader.header.families).run()
+
+
+def test_a_machine_of_two_processes_replays_in_one_to_the_same_hash(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, FOUR + JAMMED)
+    try:
+        outputs = ("--journal", "run.vbj", "--coverage", "c.json", "--report", "r.txt")
+        for process in [bench.start(nodes, *outputs) for nodes in ("ac", "bd")]:
+            assert ended(process)[0] == 0
+        done = bench.vbus("replay", *(f"run.{node}.vbj" for node in "abcd"))
+        assert done.returncode == 0, done.stdout
+        assert done.stdout.count("no difference") == 4
+        live = bench.merged(["ac", "bd"])
+        assert done.stdout.endswith(f"trace hash {live}\n")
+        assert live == run(FOUR + JAMMED).trace_hash()
+        text = (tmp_path / "r.b.txt").read_text()
+        assert "board.contention" in text
+        assert {path.name for path in tmp_path.glob("c.*")} == {f"c.{n}.json" for n in "abcd"}
+        explained = bench.vbus("explain", "run.a.vbj").stdout
+        assert "UDF" in explained
+        # All that reached node d over wires stands in its journal: without it the run is another.
+        path = tmp_path / "run.d.vbj"
+        kept = [entry for entry in entries(path) if entry.op != "arrive"]
+        assert len(kept) < len(entries(path))
+        numbered = [replace(entry, number=n) for n, entry in enumerate(kept)]
+        end = numbered[-1]
+        numbered[-1] = replace(end, args=(end.number, *end.args[1:]))
+        with path.open("rb") as file:
+            header = JournalReader(file).header
+        again = Replay(Recorded(header, "").board, numbered, header.families).run()
+        assert again.divergence is not None
+    finally:
+        bench.close()
+
+
+@pytest.mark.parametrize("groups", [["ab"], ["a", "b"]])
+def test_what_hosts_and_faults_did_to_nodes_is_replayed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, groups: list[str]
+) -> None:
+    bench = Bench(tmp_path, BOARD)
+    monkeypatch.setenv("VBUS_RUNTIME", str(tmp_path / "run"))
+    try:
+        started = [bench.start(nodes, "--journal", "run.vbj", script=False) for nodes in groups]
+        bench.until(lambda: bench.node("a") != {} != bench.node("b"))
+        order("four.b", "fault.arm", name="jam", target="y", when="at 25 ms", until="cleared")
+        seen = both(bench)
+        assert order("four.b", "journal.save")["file"].endswith(".vbj")
+        for process in started:
+            process.terminate()
+        assert [ended(process)[0] for process in started] == [0] * len(groups)
+        played = [replayed(tmp_path / f"run.{node}.vbj", traced=True) for node in "ab"]
+        for recorded, outcome in played:
+            assert outcome.divergence is None
+            assert outcome.ended
+            assert outcome.cycles > 400
+            assert recorded.board.now >= 40 * MS
+        assert len(machine_hash([recorded for recorded, _ in played])) == 64
+        assert machine_hash([played[0][0]]) == ""
+        assert len(seen[0]) == 22
+        # The whole state is compared where no trace looks on; a byte that differs is found.
+        assert replayed(tmp_path / "run.a.vbj")[1].divergence is None
+        path = tmp_path / "run.b.vbj"
+        changed = [
+            replace(entry, reply=entry.reply ^ 1)
+            if entry.op == "read" and not entry.error and entry.when > 20 * MS
+            else entry
+            for entry in entries(path)
+        ]
+        assert any(entry.op == "arm" for entry in changed)
+        with path.open("rb") as file:
+            header = JournalReader(file).header
+        outcome = Replay(Recorded(header, "").board, changed, header.families).run()
+        assert outcome.divergence is not None
+        assert outcome.divergence.what == "reply"
+    finally:
+        bench.close()

@@ -1,0 +1,82 @@
+"""What is recorded of the nodes of one process: a file for each, named after its node."""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import msgspec
+
+from vbus.board.host_bus import HostBus
+from vbus.board.sections import BoardFile
+from vbus.board.source import Source
+from vbus.errors import ConfigError
+from vbus.nodes.node import Node
+from vbus.nodes.recorded_host import RecordedNodeBus
+from vbus.server.recording import ALONE, Recording
+from vbus.trace.journal.recorded_bus import RecordedBus
+
+
+def of_node(path: str, node: str) -> str:
+    """Return the file of one node: ``run.left.vbj`` where ``run.vbj`` is asked for; "" stays."""
+    return str(Path(path).with_suffix(f".{node}{Path(path).suffix}")) if path else ""
+
+
+class NodeRecords:
+    """Journals, reports, coverage and waveforms of the nodes of one process.
+
+    Args:
+        file: the board file, with what is to be recorded.
+        source: its text.
+        report: takes sentences about recordings that had to end.
+    """
+
+    def __init__(self, file: BoardFile, source: Source, report: Callable[[str], None]) -> None:
+        self._file: BoardFile = file
+        self._source: Source = source
+        self._report: Callable[[str], None] = report
+        self._opened: ExitStack = ExitStack()
+        self.of: dict[int, Recording] = {}
+        """By rank of the node; empty if nothing is recorded."""
+
+    @property
+    def wanted(self) -> bool:
+        """Whether anything is to be recorded."""
+        record = self._file.record
+        return bool(record.journal or record.report or record.coverage or self._file.waves)
+
+    def begin(self, node: Node) -> None:
+        """Record a node to which nothing has happened.
+
+        Raises:
+            VbusError: a file cannot be written, or what is wanted makes no sense.
+        """
+        record = self._file.record
+        if record.durable != "no" and not record.journal:
+            raise ConfigError(ALONE)
+        if not self.wanted:
+            return
+        port: Callable[..., HostBus] = RecordedBus
+        if node.board.policy != "realtime":
+            port = RecordedNodeBus
+        recording = Recording(node.board, self._source.text, self._file.path, self._report, port)
+        self._opened.callback(recording.close)
+        files = {
+            key: of_node(getattr(record, key), node.name)
+            for key in ("journal", "report", "coverage")
+        }
+        waves = [
+            msgspec.structs.replace(wave, file=of_node(wave.file, node.name))
+            for wave in self._file.waves
+        ]
+        recording.open(msgspec.structs.replace(record, **files), waves)
+        self.of[node.rank] = recording
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Begin to write journals at times."""
+        for recording in self.of.values():
+            recording.start(loop)
+
+    def close(self) -> None:
+        """The nodes have stopped: end every recording."""
+        self._opened.close()
