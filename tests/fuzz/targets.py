@@ -205,7 +205,7 @@ def node_message(data: bytes) -> None:
 def node_order(data: bytes) -> None:
     node = Node(("n",), 0, ())
     node.begin(build(LM, DC))
-    answer = take_order(node, data)
+    answer = take_order(node, data, 1000)
     if answer.error:
         raise VbusError(answer.error)
 

@@ -94,7 +94,7 @@ _TYPES: Final[dict[tuple[str, str], Names | Files | click.Path]] = {
     ("monitor", "board"): _BOARD,
     ("order", "board"): _BOARD,
     ("plot", "journal"): _JOURNAL,
-    ("replay", "journal"): _JOURNAL,
+    ("replay", "journals"): _JOURNAL,
     ("report", "journal"): _JOURNAL,
     ("router", "file"): _BOARD_FILE,
     ("run", "board"): _BOARD_FILE,
