@@ -46,7 +46,7 @@ class Board(Circuit):
         "tail: list[(i64, i64, str, i64), ...]", "kernel: part", "chips: parts", "glue: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_by_name", "_trace", "axes", "beyond", "buses", "clock_step", "file", "limit",
+        "_by_name", "_fights", "_trace", "axes", "beyond", "buses", "clock_step", "file", "limit",
         "listeners", "name", "nets", "observers", "pins", "plants", "player", "policy", "port_type",
         "rate", "seed", "sliced", "text", "violation_policy", "waits",
     )  # fmt: skip

@@ -10,6 +10,7 @@ from vbus.board import cards, pin_maps, plugins
 from vbus.board.board import Board
 from vbus.board.card_bus import CLOCK, CardBus
 from vbus.board.card_interrupt import ACK, INT, add_interrupt
+from vbus.board.card_path import CardPath
 from vbus.board.config import read_board_file, read_board_text
 from vbus.board.glue_plan import plan_glue
 from vbus.board.sections import (
@@ -113,6 +114,9 @@ def assemble(
             )
     source.finish()
     board.power_on(done=file.board.power_on == "done")
+    for part in board.chips:
+        if isinstance(part, CardBus):
+            part.path = CardPath(board, part)
     return board
 
 
@@ -121,7 +125,7 @@ def _card_buses(board: Board, file: BoardFile) -> None:
     chips = tuple(board.chips)
     for card in file.cards:
         if card.bus:
-            settings = {"base": card.base, "strobe": card.strobe}
+            settings = {"base": card.base, "strobe": card.strobe, "hold": card.hold}
             made = board.add_chip(CardBus, card.name, card.bus, CLOCK, settings)
             assert isinstance(made, CardBus)
             made.chips = chips

@@ -1,8 +1,8 @@
 """Circuit: chips, plants and nets under one virtual time, and what is found out about them."""
 
 from collections import deque
-from collections.abc import Iterable, Mapping
-from typing import Final
+from collections.abc import Callable, Iterable, Mapping
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -13,8 +13,10 @@ from vbus.chips.tables import PinRow
 from vbus.glue.part import Glue, GluePart, Input
 from vbus.glue.table import Block
 from vbus.kernel import END, NEVER, Clock, Kernel
+from vbus.kernel.kernel import Task
 from vbus.options import Settings
 from vbus.signals import Net, Observer, Pin, Plant, Policy, Rule, Violation
+from vbus.state import Names
 
 CONTENTION: Final = Rule(
     "board.contention", "decision 9", "Two outputs on one net must not drive different levels."
@@ -28,6 +30,37 @@ STRETCH: Final = 20_000_000_000_000
 SHORTEST: Final = 1_000_000_000
 MOST_STEPS: Final = 2000
 """Samples of a chip that a host may let pass in one go on a board that is served."""
+
+
+class Fights(Task):
+    """Outputs that disagree on wires of a card's bus, until everything has followed the strobe.
+
+    A transceiver turns round and a chip lets go in one go: which of them comes first is nothing
+    that a real circuit could be told.
+    """
+
+    WIRING: ClassVar[Names] = ("*",)
+
+    def __init__(self, kernel: Kernel, file: Callable[[Net], None]) -> None:
+        self._kernel: Kernel = kernel
+        self._file: Callable[[Net], None] = file
+        self._nets: list[Net] = []
+
+    def note(self, net: Net) -> None:
+        """Outputs begin to disagree."""
+        if not self._nets:
+            self._kernel.soon(self)
+        self._nets.append(net)
+
+    def run(self) -> None:
+        """File those that still do, once nothing else is to follow."""
+        if not self._kernel.last:
+            self._kernel.soon(self)
+            return
+        nets, self._nets = self._nets, []
+        for net in dict.fromkeys(nets):
+            if net.clashing:
+                self._file(net)
 
 
 class Circuit:
@@ -80,6 +113,7 @@ class Circuit:
         self.writes: int = 0
         """Write cycles hosts have made."""
         self.player: StrobePlayer = StrobePlayer(self.kernel)
+        self._fights: Fights = Fights(self.kernel, self._fight)
         self.disturbed: bool = False
         """Whether a fault is armed, so that nobody can promise what comes."""
 
@@ -262,6 +296,8 @@ class Circuit:
         """Bring every lazy chip up to now, so that no look at it later takes long."""
         for chip in self.chips:
             chip.advance()
+        for guard in self.player.guards:
+            guard.come_true()
         self.settled(self.kernel.now)
 
     def settled(self, when: int) -> None:
@@ -304,6 +340,12 @@ class Circuit:
             observer.violation(violation)
 
     def _clash(self, net: Net) -> None:
+        if net.guard is not None:
+            self._fights.note(net)
+        else:
+            self._fight(net)
+
+    def _fight(self, net: Net) -> None:
         # In an order that does not tell who was soldered first.
         pins = sorted(net.pins, key=lambda pin: pin.name)
         self._contention(net.name, [(pin.name, pin.level) for pin in pins if pin.level >= 0])

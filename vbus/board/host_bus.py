@@ -229,7 +229,9 @@ class HostBus(HostPort):
         board, selection, clock = self.board, self.selection, self.clock
         when = clock.begin(selection.cycle)
         chip = selection.chip
-        if chip is None:
+        if selection.path is not None:
+            data = selection.path.read(self.pins, address, when)
+        elif chip is None:
             data = self._read_together(address, when)
         elif self._kernel.observed and selection.observed():
             data = board.player.play([chip], self.pins, False, address, 0, when)
@@ -263,7 +265,9 @@ class HostBus(HostPort):
         """Run one write cycle on every selected chip."""
         board, selection, clock = self.board, self.selection, self.clock
         when = clock.begin(selection.cycle)
-        if self._kernel.observed and selection.observed():
+        if selection.path is not None:
+            selection.path.write(self.pins, address, data, when)
+        elif self._kernel.observed and selection.observed():
             board.player.play(selection.selected, self.pins, True, address, data, when)
         else:
             clock.run_until(when)

@@ -32,7 +32,8 @@ class HostPins:
 
     STATE: ClassVar[Names] = ("watched", "levels: list[(str, i64), ...]")
     WIRING: ClassVar[Names] = (
-        "_chips", "_kernel", "_label", "_on_edge", "_own_lines", "_owners", "_soldered", "_word",
+        "_chips", "_connector", "_kernel", "_label", "_on_edge", "_own_lines", "_owners",
+        "_soldered", "_word",
         "lines", "outputs", "sides",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_edges", "_watched", "_watches")
@@ -50,6 +51,9 @@ class HostPins:
         self._chips: list[Chip] = chips
         self._on_edge: Callable[[], None] = on_edge
         self._soldered: dict[int, Pin] = {}
+        self._connector: dict[int, Pin] = {
+            id(pin.net): pin for chip in chips if chip.CONNECTOR for pin in chip.pins.values()
+        }
         self._watches: list[tuple[Net, Observer]] = []
         self._watched: int = 0
         self._edges: list[tuple[int, int]] = []
@@ -96,8 +100,15 @@ class HostPins:
         return f"{owner}.{pin.name}"
 
     def of(self, chip_pin: Pin) -> Pin:
-        """Return this host's own pin on the net of ``chip_pin``, soldered on first use."""
+        """Return this host's own pin on the net of ``chip_pin``, soldered on first use.
+
+        On the lines of a connector all hosts move the connector's own pin: it is one computer.
+        """
         net = chip_pin.net
+        if self._connector:
+            shared = self._connector.get(id(net))
+            if shared is not None:
+                return shared
         pin = self._soldered.get(id(net))
         if pin is None:
             pin = net.solder(f"{self._label}:{chip_pin.name}")
@@ -119,7 +130,8 @@ class HostPins:
 
     def _all_lines(self) -> list[Pin]:
         """Return the host's own pins at all lines, once it has moved all of them."""
-        if all(id(line.net) in self._soldered for line in self.lines):
+        known = (self._soldered, self._connector)
+        if all(any(id(line.net) in one for one in known) for line in self.lines):
             self._own_lines = [self.of(line) for line in self.lines]
         return self._own_lines
 
@@ -203,13 +215,15 @@ class HostPins:
         for pin in self._soldered.values():
             pin.release()
             pin.net.pins.remove(pin)
+        for pin in self._connector.values():
+            pin.release()
         self._soldered = {}
         self._own_lines = []
         self._kernel.settle()
 
     def name_of(self, own: Pin) -> str:
         """Return the name of the chip's pin that the host's ``own`` one is soldered to, or ""."""
-        if self._soldered.get(id(own.net)) is own:
+        if own in (self._soldered.get(id(own.net)), self._connector.get(id(own.net))):
             for owner, pins in self._owners:
                 for name, pin in pins.items():
                     if pin.net is own.net:

@@ -2,6 +2,7 @@
 
 from typing import ClassVar, Final
 
+from vbus.board.card_bus import CardBus, CyclePath
 from vbus.board.circuit import Circuit
 from vbus.chips.base import Chip
 from vbus.kernel import US
@@ -27,6 +28,7 @@ class Selection:
     Attributes:
         selected: the chips of following cycles.
         chip: the one chip selected; None if there are more, or none.
+        path: what brings cycles from it to the chips behind, if it is a card's connector.
         cycle: what a whole cycle costs now (ps).
         cycles: what it costs with each chip.
         decoded: chips whose strobes or select glue drives: whole cycles are made at the chip.
@@ -34,10 +36,14 @@ class Selection:
 
     STATE: ClassVar[Names] = ("mask",)
     WIRING: ClassVar[Names] = ("chips", "cycles", "decoded")
-    DERIVED: ClassVar[Names] = ("_mask", "chip", "cycle", "selected")
+    DERIVED: ClassVar[Names] = ("_mask", "chip", "cycle", "path", "selected")
 
     def __init__(self, board: Circuit, chips: list[Chip], cycle_ps: int) -> None:
-        least = [chip.cycle_ps if board.policy == "realtime" else LOCKSTEP_CYCLE for chip in chips]
+        least = [
+            chip.cycle_ps if board.policy == "realtime"
+            else max(LOCKSTEP_CYCLE, chip.cycle_ps if chip.CONNECTOR else 0)
+            for chip in chips
+        ]  # fmt: skip
         cycles = [cycle_ps or cost for cost in least]
         self.chips: list[Chip] = chips
         self.cycles: list[int] = cycles
@@ -45,6 +51,7 @@ class Selection:
         self._mask: int = 1
         self.selected: list[Chip] = chips[:1]
         self.chip: Chip | None = chips[0] if chips else None
+        self.path: CyclePath | None = _path(self.chip)
         self.cycle: int = cycles[0] if cycles else US
 
     @property
@@ -61,6 +68,7 @@ class Selection:
         self._mask = mask
         self.selected = [chip for n, chip in enumerate(self.chips) if mask >> n & 1]
         self.chip = self.selected[0] if len(self.selected) == 1 else None
+        self.path = _path(self.chip)
         if self.selected:
             self.cycle = max(self._chosen())
 
@@ -95,6 +103,8 @@ class Selection:
         if self.decoded and any(chip in self.decoded for chip in self.selected):
             return False
         for chip in self.selected:
+            if chip.CONNECTOR:
+                return True
             for pin in chip.bus_pins:
                 if pin.net.observers:
                     return True
@@ -104,3 +114,7 @@ class Selection:
         """Return what a read finds with no chip selected."""
         net = self.chips[0].bus_net if self.chips else None
         return net.value if net is not None and net.rest == Z else FLOATING
+
+
+def _path(chip: Chip | None) -> CyclePath | None:
+    return chip.path if isinstance(chip, CardBus) else None

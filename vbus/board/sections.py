@@ -221,6 +221,7 @@ class CardSection(Section, frozen=True, kw_only=True):
     strobe: Annotated[int, _key("s", "how long the strobe of a cycle on its bus is low", low=1)] = (
         500_000
     )
+    hold: Annotated[int, _key("s", "how long written data stays after the strobe", low=0)] = 30_000
     ports: tuple[CardPortSection, ...] = ()
     pins: dict[str, tuple[str, ...]] = {}
 

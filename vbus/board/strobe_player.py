@@ -6,7 +6,7 @@ from typing import ClassVar
 from vbus.board.host_pins import HostPins
 from vbus.chips.base import Chip
 from vbus.kernel import NEVER, Kernel
-from vbus.signals import Pin
+from vbus.signals import Guard, Pin
 from vbus.state import Names
 
 
@@ -17,13 +17,15 @@ class StrobePlayer:
     and happens at its instant, or when the next cycle begins, if that is earlier.
     """
 
-    WIRING: ClassVar[Names] = ("_kernel", "_timer")
+    WIRING: ClassVar[Names] = ("_kernel", "_timer", "guards")
     DERIVED: ClassVar[Names] = ("_tail",)
 
     def __init__(self, kernel: Kernel) -> None:
         self._kernel: Kernel = kernel
         self._tail: deque[tuple[int, Pin, int]] = deque()
         self._timer = kernel.timer(self._run_tail)
+        self.guards: list[Guard] = []
+        """Who may owe nets their levels."""
 
     def play(
         self, chips: list[Chip], pins: HostPins, write: bool, address: int, data: int, when: int
@@ -79,7 +81,11 @@ class StrobePlayer:
         return together(chips)
 
     def flush(self) -> None:
-        """Run the queued hold edges now."""
+        """Run the queued hold edges now; every net has its true level then."""
+        for guard in self.guards:
+            guard.come_true()
+            if self._tail:
+                guard.cut_short()
         while self._tail:
             _, pin, level = self._tail.popleft()
             pin.drive(level)

@@ -49,6 +49,8 @@ class Chip:
     TRACELESS: ClassVar[bool] = False
     """Whether reads at these addresses leave no trace in the chip's state either, so that of many
     in a row only the last need be run."""
+    CONNECTOR: ClassVar[bool] = False
+    """Whether it is the connector of a card: no chip, but where a computer's bus comes in."""
     PERIOD_CLK: ClassVar[int] = 0
     """Clock periods for which the mechanics behind an axis run at a time; 0: the chip says so."""
     OPTIONS: ClassVar[tuple[Option, ...]] = ()
@@ -58,7 +60,7 @@ class Chip:
     STATE: ClassVar[Names] = UNDECLARED
     WIRING: ClassVar[Names] = (
         "name", "part", "kernel", "clock", "settings", "pin_rows", "axis_count", "policy",
-        "read_low_ps", "cycle_ps", "pins", "bus_pins", "data_pin", "_file", "_timer",
+        "read_low_ps", "cycle_ps", "on_levels", "pins", "bus_pins", "data_pin", "_file", "_timer",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("reads", "writes", "on_node", "_heard")
 
@@ -91,6 +93,9 @@ class Chip:
         """Whole read cycles that hosts have made; no part of the saved state."""
         self.writes: int = 0
         """Whole write cycles that hosts have made."""
+        self.on_levels: Callable[[], None] | None = None
+        """Takes the control lines as they stand, put there between two cycles without edges; None:
+        the chip wants the edges of every cycle that comes through glue."""
         self.pins: dict[str, Pin] = {}
         self._file: Callable[[Violation], None] | None = file
         self._timer = kernel.timer(self._due)

@@ -101,6 +101,15 @@ class GlueBlock:
             levels >>= width
             driven >>= width
 
+    @property
+    def delay(self) -> int:
+        """How long its outputs take to follow (ps)."""
+        return self._delay
+
+    def follow(self, levels: int, driven: int, was: Levels) -> None:
+        """Take what its outputs and inputs have come to while nobody listened."""
+        self.levels, self.driven, self._was = levels, driven, was
+
     def after_load(self) -> None:
         """The nets have been loaded: edges are counted from here."""
         self._was = self._now()
@@ -174,6 +183,11 @@ class Glue:
         """Name of the part and number of the block, of all that follow one another, in order."""
         self._blocks: list[GlueBlock] = []
         self._watcher: Watcher = Watcher(kernel, self._moved)
+
+    @property
+    def blocks(self) -> list[GlueBlock]:
+        """All blocks, in an order in which none comes before one it follows."""
+        return self._blocks
 
     def add(self, part: GluePart) -> None:
         """Put a part on the board: it follows its inputs from now on."""

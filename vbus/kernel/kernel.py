@@ -154,6 +154,11 @@ class Kernel:
         self._instant.append(task)
         self._waiting = True
 
+    @property
+    def last(self) -> bool:
+        """Whether what runs now is the last of what :meth:`soon` asked for."""
+        return self._done >= len(self._instant)
+
     def settle(self) -> None:
         """Run what :meth:`soon` asked for, in order, and close the batch of changes."""
         if self._waiting:

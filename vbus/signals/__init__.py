@@ -2,7 +2,7 @@
 
 from vbus.signals.axis import Plant, Switch
 from vbus.signals.lane import LaneRow
-from vbus.signals.net import HIGH, LOW, Net, Pin, Watcher, Z
+from vbus.signals.net import HIGH, LOW, Guard, Net, Pin, Watcher, Z
 from vbus.signals.observer import Observer
 from vbus.signals.trace_hash import TraceHash
 from vbus.signals.violation import OFF, STRICT, WARN, Policy, Rule, Violation
@@ -13,6 +13,7 @@ __all__ = [
     "OFF",
     "STRICT",
     "WARN",
+    "Guard",
     "LaneRow",
     "Net",
     "Observer",

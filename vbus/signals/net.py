@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import ClassVar, Final
 
+from mypy_extensions import mypyc_attr
+
 from vbus.kernel.kernel import Kernel, Task
 from vbus.signals.observer import Observer
 from vbus.state import Names
@@ -38,6 +40,25 @@ class Watcher(Task):
         """Tell of what has changed."""
         self._pending = False
         self._callback()
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Guard:
+    """Somebody who works out what happens on some nets, and owes them their levels meanwhile."""
+
+    WIRING: ClassVar[Names] = ("*",)
+
+    def touched(self) -> None:
+        """A pin on one of the nets has moved, or somebody begins to listen: levels are true."""
+        raise NotImplementedError
+
+    def come_true(self) -> None:
+        """Give the nets the levels they would have."""
+        raise NotImplementedError
+
+    def cut_short(self) -> None:
+        """Hold edges are about to come before their instant."""
+        raise NotImplementedError
 
 
 class Pin:
@@ -111,15 +132,17 @@ class Net:
         let_go_at: instant at which the last driver let go (ps); -1 if that never happened.
         clash: called with the net when two push-pull pins disagree.
         bends: faults that make another level of the one that is driven, in order.
+        guard: who may owe the net its level; None: nobody does.
     """
 
     __slots__ = (
-        "_batch", "_kernel", "bends", "changed_at", "clash", "clashing", "let_go_at", "name",
-        "observers", "pins", "previous", "rest", "value", "watchers", "width",
+        "_batch", "_kernel", "bends", "changed_at", "clash", "clashing", "guard", "let_go_at",
+        "name", "observers", "pins", "previous", "rest", "value", "watchers", "width",
     )  # fmt: skip
     STATE: ClassVar[Names] = ("value", "history: tuple[i64]")
     WIRING: ClassVar[Names] = (
-        "_kernel", "bends", "clash", "name", "observers", "pins", "rest", "watchers", "width",
+        "_kernel", "bends", "clash", "guard", "name", "observers", "pins", "rest", "watchers",
+        "width",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = ("_batch", "changed_at", "clashing", "let_go_at", "previous")
 
@@ -139,6 +162,7 @@ class Net:
         self.clash: Callable[[Net], None] | None = None
         self.clashing: bool = False
         self.bends: list[Callable[[int], int]] = []
+        self.guard: Guard | None = None
 
     def solder(self, name: str, *, open_drain: bool = False) -> Pin:
         """Join a part's pin to the net."""
@@ -182,6 +206,8 @@ class Net:
 
     def observe(self, observer: Observer) -> None:
         """Report every edge to ``observer`` from now on."""
+        if self.guard is not None:
+            self.guard.touched()
         heard = self.heard
         self.observers.append(observer)
         self._kernel.observed += 1
@@ -211,6 +237,8 @@ class Net:
 
     def resolve(self) -> None:
         """Work out the level from all pins; tell watchers and observers if it changed."""
+        if self.guard is not None:
+            self.guard.touched()
         level = Z
         fight = False
         for pin in self.pins:
@@ -241,6 +269,11 @@ class Net:
             for watcher in self.watchers:
                 watcher.notify()
 
+    def put(self, level: int) -> None:
+        """Set the level of a wire that has moved while nobody listened: it has no history."""
+        self.value = self.previous = level
+        self.changed_at, self.let_go_at, self._batch = 0, -1, -1
+
     @property
     def history(self) -> tuple[int, ...]:
         """Level before the last change, its instant, and when the last driver let go.
@@ -258,6 +291,8 @@ class Net:
 
     def after_load(self) -> None:
         """Find out whether pins disagree and tell nobody: their levels have been loaded."""
+        if self.guard is not None:
+            self.guard.touched()
         level = Z
         fight = False
         for pin in self.pins:

@@ -161,9 +161,9 @@ def test_interrupts_of_both_chips_pull_one_line() -> None:
 def test_cycles_through_glue_are_those_of_a_card_without_at_the_same_instants(
     accesses: list[tuple[int, bool, int]],
 ) -> None:
-    through, plain = Slot(WIRED), Slot(PLAIN)
-    low = plain.board.chips[0].read_low_ps
-    through.board.chip("slot").settings["strobe"] = low
+    through = Slot(WIRED.replace("base = 0x300", 'base = 0x300\nstrobe = "180 ns"'))
+    plain = Slot(PLAIN)
+    assert plain.board.chips[0].read_low_ps == 180 * NS
     through.outb(LATCH, 0x01)
     through.port.delay(4 * MS)
     plain.port.delay(through.board.now - 1 * US)

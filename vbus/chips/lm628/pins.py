@@ -97,6 +97,7 @@ class BusPins:
         self._byte: int = 0
         self._left: int = 0
         self._undo: Saved = {}
+        chip.on_levels = self.take_levels
         watcher = Watcher(chip.kernel, self._moved)
         for pin in (self._cs, self._ps, self._rd, self._wr):
             pin.net.watch(watcher)
@@ -270,6 +271,11 @@ class BusPins:
                 self._read = _LONG_AGO
             if others:
                 self._judge_hold("T12", hold, net.changed_at)
+
+    def take_levels(self) -> None:
+        """Take the control lines as they are; no edge has been, and no hold time is judged."""
+        self._old = (self._cs.value, self._ps.value, self._rd.value, self._wr.value)
+        self._wrote = self._read = _LONG_AGO
 
     # -- D0-D7 --------------------------------------------------------------------------------
 

@@ -1,0 +1,305 @@
+"""Cycles that are worked out beforehand are those that strobes would have made."""
+
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.unit.glue.test_cards import LATCH, WIRED, Slot
+from vbus.board.card_bus import CardBus
+from vbus.board.card_path import CardPath
+from vbus.kernel import MS, NS, US
+from vbus.signals import HIGH, Observer
+
+CARD = """
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+
+[chips.y]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+
+[board]
+power_on = "done"
+
+[buses.main]
+chips = ["x", "y"]
+
+[cards.slot]
+bus = "ISA"
+base = 0x300
+hold = "130 ns"
+
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/path.sock"
+card = "slot"
+
+[cards.slot.pins]
+"""
+WIRES = """"D0-D7" = "main.D0-D7"
+"/IOR" = "main./RD"
+"/IOW" = "main./WR"
+A0 = "main./PS"
+"""
+BRIDGED = """A0 = "main./PS"
+
+[glue.buffer]
+part = "74HC245"
+
+[glue.buffer.pins]
+DIR = "slot./IOR"
+"/OE" = "OFF"
+"A0-A7" = "slot.D0-D7"
+"B0-B7" = "main.D0-D7"
+
+[glue.strobes]
+part = "PLD"
+hosts = ["HALT"]
+
+[glue.strobes.equations]
+"main./RD" = "slot./IOR | !HALT"
+"main./WR" = "slot./IOW | slot.A3"
+"OFF" = "(x./CS & y./CS)"
+"""
+GATED = BRIDGED.replace("y./CS)", "y./CS) | (slot./IOR & slot./IOW)")
+PLD = """
+[glue.pal]
+part = "PLD"
+delay = "{delay} ns"
+hosts = ["HALT2"]
+
+[glue.pal.equations]
+"x./CS" = "({x}) & HALT2"
+"y./CS" = "({y}) & (N1 | HALT2)"
+"N1" = "slot.A1 {op} slot.A2"
+"""
+LATCHED = """
+[glue.latch]
+part = "74HC74"
+high = ["1/PRE", "1/CLR"]
+
+[glue.latch.pins]
+1CLK = "GATE"
+1D = "slot.D1"
+1Q = "PAGE"
+
+[glue.gate]
+part = "PLD"
+
+[glue.gate.equations]
+"GATE" = "!(slot.A2 & slot.A3) | slot./IOW"
+"""
+
+
+def path_of(slot: Slot) -> CardPath:
+    bus = slot.board.chip("slot")
+    assert isinstance(bus, CardBus)
+    assert isinstance(bus.path, CardPath)
+    return bus.path
+
+
+class Told(Observer):
+    """Bus cycles and findings, as observers are told of them; and an edge or none."""
+
+    def __init__(self) -> None:
+        self.rows: list[object] = []
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        self.rows.append((when, host, chip, write, address, data))
+
+
+def terms(names: list[str]) -> st.SearchStrategy[str]:
+    leaf = st.builds(lambda bang, name: bang + name, st.sampled_from(["", "!"]),
+                     st.sampled_from(names))  # fmt: skip
+    return st.recursive(
+        leaf,
+        lambda inner: st.builds(
+            lambda op, one, other: f"({one} {op} {other})", st.sampled_from("&|^"), inner, inner
+        ),
+        max_leaves=5,
+    )
+
+
+@st.composite
+def boards(draw: st.DrawFn) -> str:
+    latched = draw(st.booleans())
+    names = ["slot.A1", "slot.A2", "slot.A3", "slot.AEN", "N1", "HALT2"]
+    names += ["PAGE"] if latched else []
+    names += draw(st.sampled_from([[], ["slot./IOR"], ["slot./IOW"], ["slot.D0"], ["x.HI"]]))
+    return "".join((
+        CARD,
+        draw(st.sampled_from([WIRES, BRIDGED, GATED])),
+        PLD.format(
+            delay=draw(st.sampled_from([0, 0, 15, 90])),
+            x=draw(terms(names)) + " ^ PAGE" * latched, y=draw(terms(names)),
+            op=draw(st.sampled_from("&|^")),
+        ),
+        LATCHED if latched else "",
+    ))  # fmt: skip
+
+
+STEPS = st.lists(
+    st.one_of(
+        st.tuples(st.just("in"), st.integers(0, 15)),
+        st.tuples(st.just("out"), st.integers(0, 15), st.sampled_from([0, 2, 3, 0x0A, 0x1E])),
+        st.tuples(st.just("pin"), st.sampled_from(["pal.HALT2", "slot.AEN"]), st.integers(0, 2)),
+        st.tuples(st.just("delay"), st.sampled_from([20 * NS, US, 30 * US])),
+        st.tuples(st.just("look")),
+    ),
+    min_size=1, max_size=25,
+)  # fmt: skip
+
+
+def levels(slot: Slot) -> list[object]:
+    """Return how all wires stand, and what the glue holds."""
+    slot.board.catch_up()
+    made: list[object] = [(net.name, net.value) for net in slot.board.pin_nets]
+    made += [(pin.name, pin.level) for pin in slot.board.pins]
+    for part in slot.board.glue.parts:
+        made += [(part.name, b.state, b.levels & b.driven, b.driven) for b in part.blocks]
+    return made
+
+
+def run(slot: Slot, steps: list[tuple[object, ...]]) -> list[object]:
+    told = Told()
+    slot.board.observe(told)
+    rows: list[object] = []
+    actions: dict[object, Callable[..., object]] = {
+        "in": lambda offset: slot.inb(0x300 + offset),
+        "out": lambda offset, data: slot.outb(0x300 + offset, data),
+        "pin": lambda name, level: slot.port.pin(slot.port.pin_number(name), level),
+        "delay": lambda time: slot.port.delay(time),
+        "look": lambda: slot.port.sample(),
+    }
+    for name, *rest in steps:
+        rows.append((name, actions[name](*rest), slot.board.now))
+    slot.port.delay(US)
+    rows += levels(slot)
+    rows += told.rows
+    rows += [slot.board.chip(chip).telemetry() for chip in "xy"]
+    rows += [(v.when, v.rule, v.chip, v.measured) for v in slot.board.violations]
+    return rows
+
+
+@given(boards(), STEPS)
+@settings(max_examples=60, deadline=None)
+def test_cycles_worked_out_beforehand_are_those_of_the_strobes(
+    text: str, steps: list[tuple[object, ...]]
+) -> None:
+    beforehand, played = Slot(text), Slot(text)
+    played.board.chip("slot").pins["/IOR"].net.observe(Observer())
+    assert run(beforehand, steps) == run(played, steps)
+    assert path_of(played).played == sum(name in ("in", "out") for name, *_ in steps)
+
+
+def test_on_a_card_of_gates_only_the_latch_is_played() -> None:
+    slot = Slot(WIRED)
+    path = path_of(slot)
+    slot.outb(LATCH, 0x01)
+    slot.port.delay(4 * MS)
+    assert path.played == 1
+    for offset in (0, 2, 3, 8, 0x0C):
+        slot.inb(0x300 + offset)
+        slot.outb(0x300, 0x02)
+    assert path.played == 1
+    assert path.why(0, write=False) == ""
+    assert path.why(4, write=False) == "several chips answer"
+    assert path.why(0x0C, write=True) == "a register or a reset follows the strobe"
+
+
+def test_a_look_between_cycles_leaves_no_trace_in_the_state() -> None:
+    slots = [Slot(WIRED), Slot(WIRED)]
+    for looks, slot in enumerate(slots):
+        slot.outb(LATCH, 0x01)
+        slot.port.delay(4 * MS)
+        for offset in (0, 3, 1, 8, 2):
+            slot.inb(0x300 + offset)
+            if looks:
+                slot.board.catch_up()
+                assert slot.board.find_pin("slot.A1").net.value == offset >> 1 & 1
+        slot.outb(0x302, 0x02)
+    assert slots[0].board.state_hash() == slots[1].board.state_hash()
+
+
+def test_somebody_who_begins_to_watch_a_wire_sees_the_strobes_of_the_next_cycle() -> None:
+    slot = Slot(WIRED)
+    slot.inb(0x308)
+    edges: list[tuple[int, int]] = []
+
+    class Edges(Observer):
+        def edge(self, when: int, net: str, level: int) -> None:
+            edges.append((when, level))
+
+    slot.board.watch("x./CS", Edges())
+    begun = slot.board.now
+    slot.inb(0x300)
+    assert edges == [(begun + US - 600 * NS, 0)]
+
+
+def test_ac_limits_are_judged_behind_the_glue() -> None:
+    slot = Slot(WIRED.replace("130 ns", "40 ns"))
+    slot.outb(LATCH, 0x01)
+    slot.port.delay(4 * MS)
+    slot.outb(0x300, 0x02)
+    slot.port.delay(US)
+    (found,) = slot.board.violations
+    assert (found.rule, found.chip, found.measured) == ("lm628.T16", "x", 40 * NS)
+
+
+def test_a_strobe_too_short_for_the_chip_is_found() -> None:
+    slot = Slot(WIRED.replace("base = 0x300", 'base = 0x300\nstrobe = "90 ns"'))
+    slot.outb(LATCH, 0x01)
+    slot.port.delay(4 * MS)
+    slot.outb(0x300, 0x02)
+    slot.inb(0x300)
+    assert [v.rule for v in slot.board.violations] == ["lm628.T14", "lm628.T10"]
+
+
+def test_a_switch_that_moves_changes_who_is_selected() -> None:
+    text = CARD + WIRES + PLD.format(delay=0, x="!slot.A1", y="1", op="&")
+    text = text.replace('"x./CS" = "(!slot.A1) & HALT2"', '"x./CS" = "slot.A1 ^ HALT2"')
+    slot = Slot(text.replace("(N1 | HALT2)", "(N1 | !N1)"))
+    answers = []
+    for level in (HIGH, 0, HIGH):
+        slot.port.pin(slot.port.pin_number("pal.HALT2"), level)
+        answers.append([slot.inb(0x300), slot.inb(0x302)])
+    assert answers == [[0xFF, 0x84], [0x84, 0xFF], [0xFF, 0x84]]
+    assert path_of(slot).played == 0
+
+
+def test_two_sessions_move_the_lines_of_one_connector() -> None:
+    slot = Slot(WIRED)
+    other = slot.board.open_port("other")
+    slot.outb(LATCH, 0x01)
+    slot.port.delay(4 * MS)
+    other.select(4)
+    assert [slot.inb(0x302), other.read(0), slot.inb(LATCH)] == [0x84, 0x84, 0x01]
+    other.write(0x0C, 0)
+    assert slot.inb(LATCH) == 0
+    other.close()
+    slot.outb(LATCH, 0x01)
+    assert slot.inb(LATCH) == 1
+    assert [v.rule for v in slot.board.violations] == []
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_a_stuck_net_is_seen_by_cycles(watched: bool) -> None:
+    slot = Slot(WIRED)
+    slot.outb(LATCH, 0x01)
+    slot.port.delay(4 * MS)
+    if watched:
+        slot.board.watch("x./CS", Observer())
+    assert slot.inb(0x300) & 1 == 0
+    net = slot.board.find_pin("x./CS").net
+    net.bends.append(lambda level: HIGH)
+    net.resolve()
+    assert slot.inb(0x300) == 0xFF
+    net.bends.clear()
+    net.resolve()
+    assert slot.inb(0x300) & 1 == 0
