@@ -27,12 +27,14 @@ sys.path.insert(0, str(Path(__file__).parent))
 from in_process import CHIPS, board, moving_lm629, moving_mc1241a, moving_mcp1200
 
 from vbus.bits import clamp
+from vbus.board.build import load_board_text
 from vbus.chips.mcp1200.registers import SampledRegisters
 from vbus.compiled import core, is_compiled
 from vbus.kernel import SECOND
 from vbus.plant.dc_motor import DcMotor
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.requests import REQUESTS
+from vbus.signals import Observer
 
 STEP = Path(__file__).with_name("lm629_step.c")
 FLAGS = ("-O2", "-ffp-contract=off")
@@ -275,6 +277,67 @@ def pin_read(policy: str) -> float:
     return took
 
 
+DECODED = """
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+
+[board]
+time = "lockstep"
+power_on = "done"
+
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/bench.sock"
+card = "slot"
+
+[cards.slot]
+base = 0x300
+"""
+DIRECT_CARD = 'decode = "direct"\nchips = ["x"]\n'
+WIRED_CARD = """bus = "ISA"
+hold = "130 ns"
+
+[cards.slot.pins]
+"D0-D7" = "x.D0-D7"
+"/IOR" = "x./RD"
+"/IOW" = "x./WR"
+A0 = "x./PS"
+
+[glue.u1]
+part = "74HC138"
+delay = "15 ns"
+high = ["G1"]
+low = ["/G2A"]
+
+[glue.u1.pins]
+A = "slot.A1"
+B = "slot.A2"
+C = "slot.A3"
+"/G2B" = "slot.AEN"
+Y0 = "x./CS"
+"""
+
+
+def card_read(card: str, played: bool = False) -> float:
+    """Return nanoseconds of a status read at address 0 of a card; ``played``: wire by wire."""
+    made = load_board_text(DECODED + card)
+    port = made.open_port("host")
+    port.select(1 << len(made.chips) - 1)
+    if played:
+        made.watch("x./CS", Observer())
+    port.read(0)
+    return fastest(lambda: per_call(partial(port.read, 0), 200 if played else 5000))
+
+
+def card() -> Iterator[Row]:
+    """A cycle through a decoder beside one without, and beside the same as strobes."""
+    plain, through = card_read(DIRECT_CARD), card_read(WIRED_CARD)
+    played = card_read(WIRED_CARD, played=True)
+    text = f"{through / plain:.2f} times, {through:.0f} ns; as strobes {played:.0f} ns"
+    yield Row("status read through a 74HC138, against none", text, "1.5 times")
+
+
 def bus() -> Iterator[Row]:
     """What a host waits for, without the link."""
     for chip in ("LM629", "MC1241A"):
@@ -346,7 +409,7 @@ def page() -> str:
     return "\n\n".join(
         (
             machine(),
-            table([*samples(), *bus()]),
+            table([*samples(), *bus(), *card()]),
             "Many axes:",
             table([*many_axes.in_process(), *many_axes.in_real_time(3.0)]),
             "A PTY beside a bare echo in C:",
@@ -369,7 +432,7 @@ def main() -> int:
     if options.check and not is_compiled():
         parser.error("the core is interpreted; --check wants the compiled one")
     print(machine())
-    rows = [*samples(), *bus()]
+    rows = [*samples(), *bus(), *card()]
     print(table(rows))
     if not options.check:
         return 0
