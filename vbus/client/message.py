@@ -1,7 +1,7 @@
 """Calls of a host as bytes of the byte protocol, and the results they wait for."""
 
 from collections.abc import Callable, Mapping
-from typing import Generic, NamedTuple, TypeVar
+from typing import Final, Generic, NamedTuple, TypeVar
 
 from vbus.errors import ProtocolError, VbusError
 from vbus.protocols.hello import decode_hello
@@ -58,19 +58,26 @@ class Event(NamedTuple):
     instant: int
 
 
+_READ4: Final = REQUESTS["READ4"]
+_READS4: Final = tuple(_READ4.pack(address) for address in range(16))
+"""READ4 of each address: most of what drivers ask for."""
+
+
 class Later(Generic[T]):
     """A reply that has been asked for and may not be here yet.
 
     Attributes:
         name: the request, for messages.
+        reply: tag of what it is answered by.
         number: its number in the session, once it has been sent.
         done: whether :attr:`value` can be had.
     """
 
-    __slots__ = ("_decode", "_error", "_value", "done", "name", "number")
+    __slots__ = ("_decode", "_error", "_value", "done", "name", "number", "reply")
 
-    def __init__(self, name: str, decode: Decode[T]) -> None:
-        self.name: str = name
+    def __init__(self, row: Request, decode: Decode[T]) -> None:
+        self.name: str = row.name
+        self.reply: str = row.reply
         self.number: int = -1
         self.done: bool = False
         self._decode: Decode[T] = decode
@@ -181,8 +188,11 @@ class Message:
             self.touches = True
 
     def _ask(self, row: Request, decode: Decode[T], *values: int | bytes) -> Later[T]:
-        later = Later(row.name, decode)
-        self.data += row.pack(*values)
+        return self._asked(row, decode, row.pack(*values))
+
+    def _asked(self, row: Request, decode: Decode[T], data: bytes) -> Later[T]:
+        later = Later(row, decode)
+        self.data += data
         self.requests.append((row.name, later))  # type: ignore[arg-type]
         self.polls = -1
         self.touches = True
@@ -211,7 +221,10 @@ class Message:
 
     def read(self, address: int) -> Later[int]:
         """Run one read cycle."""
-        later = self._ask(REQUESTS["READ4" if 0 <= address < 16 else "READ"], _number, address)
+        if 0 <= address < 16:
+            later = self._asked(_READ4, _number, _READS4[address])
+        else:
+            later = self._ask(REQUESTS["READ"], _number, address)
         if len(self.requests) == 1:
             self.polls = address
         return later

@@ -22,6 +22,7 @@ REMEMBERED: Final = 1024
 """Requests without a reply that are remembered, to name them when they are refused."""
 
 _BY_CODE: Final = {reply.code: reply for reply in REPLIES.values()}
+_DATA: Final = ord("D")
 
 
 class Wire:
@@ -159,8 +160,15 @@ class Wire:
         """Take bytes from the board; settle the replies they complete."""
         self._bytes += data
         position = 0
+        awaited = self._awaited
         while self._dead is None and position < len(self._bytes):
-            reply = _BY_CODE.get(self._bytes[position])
+            code = self._bytes[position]
+            if code == _DATA and position + 1 < len(self._bytes) and awaited:
+                if awaited[0].reply == "D":
+                    awaited.popleft().settle((self._bytes[position + 1],))
+                    position += 2
+                    continue
+            reply = _BY_CODE.get(code)
             if reply is None:
                 self.end(
                     ProtocolError(
@@ -198,7 +206,7 @@ class Wire:
         return end - position
 
     def _settle(self, reply: Reply, values: Values) -> None:
-        expected = REQUESTS[self._awaited[0].name].reply if self._awaited else ""
+        expected = self._awaited[0].reply if self._awaited else ""
         if reply.tag in (LEASED, FORESEEN) and expected == "D":
             self._take_lease(values)
             values = values[:1]

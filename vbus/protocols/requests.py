@@ -80,6 +80,11 @@ class Layout:
         Raises:
             ValueError: a value that does not fit; says which and what is allowed.
         """
+        if not self.counted:
+            try:
+                return self._struct.pack(*values)
+            except struct.error:
+                pass  # what does not fit is said below
         if len(values) != len(self.fields):
             raise ValueError(f"{len(values)} values for {len(self.fields)} fields")
         numbers: list[int] = []
