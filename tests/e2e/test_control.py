@@ -167,8 +167,8 @@ def test_who_asks_for_the_status_and_does_not_read_it_stops_nobody(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     status = json.dumps({"board": "bench", "padding": "x" * 5_000_000}).encode()
-    with served(add=add) as server, socket.socket(socket.AF_UNIX) as link:
-        monkeypatch.setattr(server, "status", lambda: status)
+    monkeypatch.setattr(Server, "status", lambda self: status)
+    with served(add=add), socket.socket(socket.AF_UNIX) as link:
         link.settimeout(60)
         link.connect(str(status_path("bench")))
         assert order("bench", "add", a=1, b=1) == 2
