@@ -7,7 +7,7 @@ from typing import Final
 from vbus.kernel import NEVER, SECOND
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
-from vbus.server.pace import Pace
+from vbus.server.pace import Pace, nothing
 from vbus.transports.base import Link
 
 LONGEST: Final = 60 * SECOND
@@ -37,6 +37,8 @@ class Departures:
         self.under_way: list[Departure] = []
         self._arrivals: list[_Arrival] = []
         self._closed: bool = False
+        self.look_for_hosts: Callable[[], None] = nothing
+        """Ends the sessions of hosts that have gone, when what they had sent is carried out."""
 
     def take(self, port: HostPort, protocol: Protocol) -> bool:
         """Carry out what a host that has gone waits for; False if there is nothing to do."""
@@ -49,6 +51,8 @@ class Departures:
 
     def admit(self, link: Link, begin: Callable[[Link], None]) -> None:
         """Let a host begin: at once, or when nothing is under way any more."""
+        if not self._pacer.real:
+            self.look_for_hosts()
         if self.under_way:
             self._arrivals.append(_Arrival(link, begin, self._arrivals.remove))
         else:

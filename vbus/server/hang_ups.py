@@ -37,6 +37,16 @@ class HangUps:
         if self._callbacks.pop(fd, None) is not None:
             self._poll.unregister(fd)
 
+    def gone(self, fd: int) -> bool:
+        """Whether the host behind ``fd`` has gone, though that may not have been noticed yet."""
+        watched = fd in self._callbacks
+        if not watched:
+            self._poll.register(fd, 0)
+        found = any(other == fd for other, _ in self._poll.poll(0))
+        if not watched:
+            self._poll.unregister(fd)
+        return found
+
     def look(self) -> None:
         """Call back for whoever has gone."""
         for fd, _ in self._poll.poll(0):

@@ -130,6 +130,7 @@ class Server:
             hang_ups.open()
             self._closing.callback(hang_ups.close)
             self.pacer.look_for_hosts = hang_ups.look
+            self.departures.look_for_hosts = partial(self._look_for_hosts, hang_ups)
             for host in self._hosts:
                 self._open_host(host, loop, hang_ups)
             if self.metrics is not None and not self._shares_metrics:
@@ -178,6 +179,11 @@ class Server:
 
     def _onlookers(self) -> list[Any]:
         return list(self.local_sockets[1].connections)
+
+    def _look_for_hosts(self, hang_ups: HangUps) -> None:
+        for session in list(self.sessions()):
+            if session.link.fd >= 0 and hang_ups.gone(session.link.fd):
+                session.hung_up()
 
     def _open_host(
         self, host: HostEntry, loop: asyncio.AbstractEventLoop, hang_ups: HangUps

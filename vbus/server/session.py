@@ -247,9 +247,10 @@ class Session:
         read its answers.
         """
         if self._open:
-            self._hang_ups.watch(self._fd, self._hung_up)
+            self._hang_ups.watch(self._fd, self.hung_up)
 
-    def _hung_up(self) -> None:
+    def hung_up(self) -> None:
+        """The host has gone: what it had sent is carried out, and the session ends."""
         self._host_gone(True)
 
     def resume(self) -> None:

@@ -41,10 +41,16 @@ class Served:
         self.hang_ups = HangUps(self.loop)
         self.hang_ups.open()
         self.pacer.look_for_hosts = self.hang_ups.look
+        self.departures.look_for_hosts = self._look_for_hosts
         self.serving = Serving(
             self.loop, self.pacer, Turns(), Histogram(ROUND_TRIP_NS), self.hang_ups,
             self.departures, self.ended.append,
         )  # fmt: skip
+
+    def _look_for_hosts(self) -> None:
+        for session in self.sessions:
+            if session not in self.ended and self.hang_ups.gone(session.link.fd):
+                session.hung_up()
 
     def connect(self) -> socket.socket:
         near, far = socket.socketpair()
@@ -105,6 +111,26 @@ def test_the_next_host_begins_where_the_delay_of_a_killed_one_ends(turns: int) -
         assert len(it.ended) == 1
         assert it.board.now == 4 * US + 50 * SECOND + 301 * MS
         assert second.recv(100) == b"D\x84D\x84"
+
+
+@pytest.mark.parametrize("turns", [0, 1, 2, 5])
+def test_a_killed_host_has_ended_before_the_next_one_begins(turns: int) -> None:
+    """However much it had sent, and whether or not it has been noticed that it was killed."""
+    polls = 20_000
+    with served() as it:
+        first = it.connect()
+        it.turn(3)
+        sent = first.send(READ * polls)
+        it.turn(turns)
+        first.close()
+        second = it.connect()
+        assert len(it.ended) == 1
+        began = it.board.now
+        second.send(READ)
+        it.rest()
+        assert it.board.now == began + US
+        assert second.recv(100) == b"D\x84"
+    assert sent > 8192
 
 
 def test_of_a_host_that_goes_in_a_pause_it_is_said(caplog: pytest.LogCaptureFixture) -> None:
