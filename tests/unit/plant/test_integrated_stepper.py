@@ -110,6 +110,26 @@ def test_a_stop_is_met_where_it_stands_and_holds() -> None:
     assert abs(plant.count) <= 1
 
 
+def test_a_rotor_that_hits_a_stop_is_pulled_back_for_what_is_left_of_the_step() -> None:
+    """The same in short periods, where less of a step is left: it turns back as fast."""
+    found = []
+    for parts in (1, 16):
+        plant = motor(SLOT / parts, stop_low=-100, stop_high=STEP + 5, detent_torque=0.0)
+        met = 0
+        while plant.count + plant._part < STEP + 5.4:
+            met += 1
+            for _ in range(parts):
+                plant.phases(1.0, 0.0, 0.0)
+            assert met < 100
+        for _ in range(parts * 3):
+            plant.phases(1.0, 0.0, 0.0)
+        found.append((met, plant.count + plant._part, plant.velocity))
+    (met, place, speed), (met_finely, exact, velocity) = found
+    assert (met, velocity < -1.0) == (met_finely, True)
+    assert place == pytest.approx(exact, abs=1e-3)
+    assert speed == pytest.approx(velocity, abs=0.01)
+
+
 def test_a_rotor_that_is_all_friction_is_followed_implicitly() -> None:
     plant = motor(inertia=1e-12)
     assert plant._finest == MOST_PIECES

@@ -109,3 +109,17 @@ def test_a_motor_that_swings_is_followed_in_spans_of_less_than_half_a_swing() ->
     # 9e-4 / (1e-5 * 1.55e-8) is the square of 76,000 rad/s: half a swing takes 41 us.
     swinging = Motor(0.01, 1e-5, 0.03, 0.03, 1.55e-8, 0.0, 318.0)
     assert [swinging.response(period).coarsest for period in (30e-6, 60e-6, 256e-6)] == [0, 1, 3]
+
+
+def test_a_current_that_is_over_in_a_billionth_of_a_period_is_worked_out() -> None:
+    """The shortest span is many of its time constants, so Taylor's series takes a shorter one."""
+    numbers = (100.0, 1e-10, 0.03, 0.03, 5e-6, 1e-6, 2000.0)
+    response = Motor(*numbers).response(2e-3)
+    assert not response.instant
+    assert len(response.spans) == LEVELS + 1
+    with localcontext(prec=60):
+        for level in (0, 1, 7):
+            span = response.spans[level]
+            assert span.seconds == 2e-3 / 2**level
+            for got, true in zip(change(span), true_change(numbers, span.seconds), strict=True):
+                assert got == pytest.approx(list(map(float, true)), rel=1e-9)

@@ -286,6 +286,21 @@ def test_a_motor_that_changes_within_a_period_ends_it_as_it_began_it() -> None:
     assert plant.count_at(0.5) > plant.count_at(0.0)
 
 
+def test_a_shaft_that_leaves_what_a_stop_has_come_to_within_a_period_is_not_moved_by_it() -> None:
+    places = []
+    for stopped in (False, True):
+        plant = motor()
+        for _ in range(200):
+            plant.drive(-1.0, 0)
+        if stopped:
+            mechanics = plant.mechanics()
+            mechanics.low, mechanics.high, mechanics.stopped = -100_000, plant.count - 5, True
+            plant.refit(mechanics)
+        plant.drive(-1.0, 0)
+        places.append((plant.count, plant._part, plant.velocity))
+    assert places[0] == places[1]
+
+
 def test_motors_of_a_kind_share_what_they_are_worked_out_with() -> None:
     assert motor()._response is motor()._response
     assert motor()._response is not motor(inertia=6e-6)._response
