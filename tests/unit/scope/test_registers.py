@@ -116,6 +116,37 @@ def test_flags_have_the_instant_of_their_sample(quiet: Seen) -> None:
     assert row["clause"] == "LM-STA-1"
 
 
+@pytest.mark.spec("LM-CMD-19", "LM-PID-1")
+def test_each_filter_parameter_is_shown_as_lfil_loaded_it() -> None:
+    def host(port: HostBus) -> None:
+        lm629_command(port, 0x1E, 0x050F, 0x11, 0x22, 0x33, 0x44)
+        port.delay(MS)
+        port.read(0)
+
+    found = recorded(LM629, host)
+    loaded = {name: found.held("x", f"{name} loaded")[-1][1] for name in ("kp", "ki", "kd", "il")}
+    assert loaded == {"kp": 0x11, "ki": 0x22, "kd": 0x33, "il": 0x44}
+    assert found.held("x", "ds loaded")[-1][1] == 5
+
+
+@pytest.mark.spec("LM-TRJ-1", "LM-TRJ-3")
+def test_rates_have_sixteen_bits_of_fraction_and_the_control_word_its_five_bits(move: Seen) -> None:
+    for name in ("velocity", "velocity loaded", "acceleration", "acceleration loaded"):
+        assert move.register("x", name)["fraction"] == 16, name
+    fields = move.register("x", "trajectory control word")["fields"]
+    assert sorted(number for number, *_ in fields) == [8, 9, 10, 11, 12]
+
+
+@pytest.mark.spec("PMD-STA-1", "PMD-CMD-70", "PMD-CMD-8")
+def test_words_have_four_digits_and_positions_no_fraction() -> None:
+    found = recorded(OTHERS, lambda port: port.delay(MS))
+    assert found.register("p", "status word 1")["digits"] == 4
+    assert found.register("p", "limit sense")["digits"] == 4
+    for name in ("position 1", "position buffered 1", "velocity buffered 2"):
+        row = found.register("p", name)
+        assert row["fraction"] == (16 if "velocity" in name else 0), name
+
+
 def test_what_a_lane_has_already_is_not_recorded_twice(move: Seen) -> None:
     assert move.names[move.register("x", "real position")["lane"]] == "x.real"
     assert move.names[move.register("x", "desired velocity")["lane"]] == "x.profile"
