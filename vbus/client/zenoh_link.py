@@ -281,11 +281,15 @@ class ZenohLink(Link):
 
     # -- messages -------------------------------------------------------------------------------
 
-    def _send(self, query: _Query, watched: bool) -> None:
+    def _sending(self, query: _Query) -> bytes:
+        """Note that a message is sent now; return what goes with it."""
         query.sent = monotonic()
         query.sendings += 1
+        return envelope.Envelope(envelope.REQUESTS, self._name, query.number, self._given).pack()
+
+    def _send(self, query: _Query, watched: bool) -> None:
+        header = self._sending(query)
         sending = query.sendings
-        header = envelope.Envelope(envelope.REQUESTS, self._name, query.number, self._given)
         try:
             self._network.get(
                 self._bus_key,
@@ -296,7 +300,7 @@ class ZenohLink(Link):
                 consolidation=zenoh.ConsolidationMode.NONE,
                 timeout=LONGEST_SECONDS,
                 payload=query.data,
-                attachment=header.pack(),
+                attachment=header,
                 express=True,
             )
         except zenoh.ZError as error:
@@ -308,11 +312,9 @@ class ZenohLink(Link):
 
     def _post(self, query: _Query) -> None:
         """Send a message as a sample: its reply will be one, too."""
-        query.sent = monotonic()
-        query.sendings += 1
-        header = envelope.Envelope(envelope.REQUESTS, self._name, query.number, self._given)
+        header = self._sending(query)
         try:
-            self._posts.put(query.data, attachment=header.pack())
+            self._posts.put(query.data, attachment=header)
         except zenoh.ZError as error:
             raise TransportError(f"{self.where}: {error}") from error
 
