@@ -13,7 +13,7 @@ from tests.waiting import until
 from tests.zenoh.test_bus import Cycles, board
 from tests.zenoh.test_faults import BUS, Raw, endpoint_of
 from tests.zenoh.test_security import Files, files, link, secured
-from vbus.client.zenoh_link import ZenohLink, open_zenoh
+from vbus.client.zenoh_link import ZenohLink, _Query, open_zenoh
 from vbus.errors import TransportError
 from vbus.network import envelope, keys
 from vbus.network.exchange import Exchange
@@ -157,6 +157,18 @@ def test_a_posted_message_whose_reply_is_lost_is_repeated_and_carried_out_once()
 
     assert there.carried_out == [b"abc", b"def", b"ghi", b"jkl"]
     assert (there.asked, there.posted) == ([0, 2], [1, 2, 3])
+
+
+def test_only_the_end_of_the_last_sending_tells_that_nobody_answers() -> None:
+    with fake(None) as (_, host):
+        query = _Query(host, 5, b"abc")
+        for sending in (1, 2):
+            header = envelope.unpack(host._sending(query))
+            assert (header.session, header.number) == (host._name, 5)
+            query.ended(sending - 1)
+            assert query.held
+        query.ended(2)
+        assert not query.held
 
 
 def test_a_message_the_board_refuses_ends_the_link_with_its_reason() -> None:
