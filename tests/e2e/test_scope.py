@@ -337,8 +337,9 @@ def test_a_program_begins_when_its_scope_has_joined(folder: Path) -> None:
         done = start("exec", "--board", folder / f"{board}.toml", *option, "--", sys.executable,
                      folder / "move.py")  # fmt: skip
         assert done.stderr is not None
-        line = done.stderr.readline()
-        (pid,) = map(int, re.findall(r"\(process (\d+)\)$", line))
+        line = done.stderr.readline()  # nothing is said before it, however soon the program ends
+        assert (said := re.search(r"^scope: .*\(process (\d+)\)$", line)), line
+        pid = int(said[1])
         try:
             assert done.wait(timeout=60) == 0
             assert done.stdout is not None

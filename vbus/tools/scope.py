@@ -9,7 +9,7 @@ from contextlib import ExitStack, closing, suppress
 from functools import partial
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING, Any, Final
+from typing import IO, TYPE_CHECKING, Any, Final
 
 import click
 
@@ -413,24 +413,43 @@ def place_of(scope: "ScopeSection") -> Place:
 
 
 async def show_board(server: "BoardServer", scope: "ScopeSection", control: bool = False) -> None:
-    """Start a scope for a board of this process, and return when it has joined, or has failed."""
-    process = start_scope(server.board.name, scope, control)
-    async with asyncio.timeout(JOIN_SECONDS):
-        while not server.watched and process.poll() is None:
-            await asyncio.sleep(JOIN_SECONDS / 600)
+    """Start a scope for a board of this process, and return when it has said where, or has failed.
+
+    It has joined by then: what the board does next is on the page.
+
+    Raises:
+        VbusError: it has not come.
+    """
+    import subprocess
+
+    process = start_scope(server.board.name, scope, control, subprocess.PIPE)
+    said = asyncio.StreamReader()
+    pipe, _ = await asyncio.get_running_loop().connect_read_pipe(
+        lambda: asyncio.StreamReaderProtocol(said), process.stdout
+    )
+    try:
+        async with asyncio.timeout(JOIN_SECONDS):
+            line = await said.readline()
+    except TimeoutError:
+        process.kill()
+        raise VbusError(
+            f"the scope has not joined within {JOIN_SECONDS:g} s; the machine may be too busy"
+        ) from None
+    finally:
+        pipe.close()
+    click.echo(line, nl=False, err=True)
 
 
 def start_scope(
-    board: str, scope: "ScopeSection", control: bool = False
+    board: str, scope: "ScopeSection", control: bool = False, stdout: IO[str] | int | None = None
 ) -> "subprocess.Popen[bytes]":
     """Show a board of this process in a process of its own, which outlives it for a while.
-
-    It says itself where the page is, on standard error.
 
     Args:
         board: its name.
         scope: where the page is to be.
         control: whether pages may do something to it.
+        stdout: takes the line that says where the page is; standard error if there is none.
     """
     import subprocess
 
@@ -443,5 +462,5 @@ def start_scope(
             "--stay", f"{STAY_SECONDS:g}", *more,
             *(["--control"] if control else []),
         ],
-        stdin=subprocess.DEVNULL, stdout=sys.stderr, start_new_session=True,
+        stdin=subprocess.DEVNULL, stdout=stdout or sys.stderr, start_new_session=True,
     )  # fmt: skip
