@@ -338,7 +338,8 @@ def test_a_program_begins_when_its_scope_has_joined(folder: Path) -> None:
                      folder / "move.py")  # fmt: skip
         assert done.stderr is not None
         line = done.stderr.readline()  # nothing is said before it, however soon the program ends
-        assert (said := re.search(r"^scope: .*\(process (\d+)\)$", line)), line
+        said = re.search(r"^scope: .*\(process (\d+)\)$", line)
+        assert said is not None, line
         pid = int(said[1])
         try:
             assert done.wait(timeout=60) == 0
