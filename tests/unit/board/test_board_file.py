@@ -370,6 +370,8 @@ MISTAKES = [
     ("", '[metrics]\nlisten = "0.0.0.0:9100"\n', 'b.toml:9: metrics.listen: "0.0.0.0:9100" lets'
      ' other computers in; write "127.0.0.1:9100", or say remote = true in [metrics] if that is'
      " meant"),
+    ("", '[scope]\nlisten = "9100"\n', 'b.toml:9: scope.listen: found "9100"; write'
+     ' "HOST:PORT", such as "127.0.0.1:9100"'),
     ("", '[metrics]\nlisten = "[::]:9100"\n', 'b.toml:9: metrics.listen: "[::]:9100" lets other'
      ' computers in; write "[::1]:9100", or say remote = true in [metrics] if that is meant'),
     # links that other computers reach

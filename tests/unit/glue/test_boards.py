@@ -183,6 +183,9 @@ def test_a_fault_bends_the_output_of_glue() -> None:
          'nothing on the board is called "z"; '),
         ('[glue.u]\npart = "74HC04"\n[glue.u.pins]\n1A = "x.HI"\n1Y = "y.HI"\n',
          '"u.1Y" and "y.HI" are both outputs on one wire and would always fight;'),
+        ('[glue.u]\npart = "74HC04"\n[glue.u.pins]\n1A = "x.HI"\n1Y = "W"\n2A = "W"\n2Y = "x./CS"\n'
+         '[glue.v]\npart = "74HC04"\n[glue.v.pins]\n1A = "y.HI"\n1Y = "W"\n',
+         ': glue.u: "u.1Y" and "v.1Y" are both outputs on one wire and would always fight;'),
         ('[glue.u]\npart = "74HC04"\n[glue.u.pins]\n1A = "W"\n1Y = "V"\n2A = "V"\n2Y = "W"\n',
          "a loop without a clock: "),
         ('[glue.u]\npart = "74HC04"\n[glue.u.pins]\n1A = "SOLO"\n1Y = "x./CS"\n',

@@ -34,6 +34,13 @@ transport = "unix:$VBUS_RUNTIME/plain.sock"
 card = "slot"
 """
 )
+FIRST = """\
+[cards.first]
+base = 0x200
+decode = "direct"
+chips = ["x", "y"]
+
+"""
 STATUS, DATA, BOTH, LATCH = 0x300, 0x301, 0x304, 0x30C
 
 
@@ -259,6 +266,12 @@ def test_the_map_names_a_chip_that_is_never_selected() -> None:
     assert wrong == [
         '[cards.slot]: chip "y" is never selected at 300H to 30FH; look at what drives its select'
     ]
+
+
+def test_a_card_without_a_bus_leaves_the_next_one_its_remarks() -> None:
+    wired = WIRED.replace('"!y./CS" = "!Y1 | !Y2"', '"!y./CS" = "!Y1 & !Y2"')
+    _, wrong = mapped(wired.replace("[cards.slot]", f"{FIRST}[cards.slot]"))
+    assert [one for one in wrong if 'chip "y" is never selected' in one]
 
 
 def test_the_map_of_a_card_without_a_bus_is_its_table() -> None:
