@@ -23,7 +23,8 @@ from vbus.signals import Observer, Violation
 from vbus.tools import ending, preload
 from vbus.tools.outcome import Outcome
 from vbus.tools.output import complain
-from vbus.tools.scope import place_of, show_board
+from vbus.tools.scope import place_of
+from vbus.tools.scope_process import show_board
 from vbus.tools.transcript import Transcript
 
 NO_SCOPE: Final = ScopeSection()

@@ -94,7 +94,7 @@ class _Run:
         try:
             if self._scope is not None:
                 from vbus.board.sections import ScopeSection
-                from vbus.tools.scope import show_board
+                from vbus.tools.scope_process import show_board
 
                 scope = ScopeSection(listen=self._scope)
                 await show_board(self._server, scope, self._control)

@@ -136,7 +136,7 @@ def command(
         status = server.statistics() | {"priority": str(wanted)}
         show(as_json, status, [*lines_of(status), READY])
         if shown.listen:
-            from vbus.tools.scope import start_scope
+            from vbus.tools.scope_process import start_scope
 
             start_scope(server.board.name, shown, scope_control)
         wanted.pin()

@@ -3,28 +3,26 @@
 import asyncio
 import json
 import os
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing, suppress
 from functools import partial
 from pathlib import Path
 from threading import Thread
-from typing import IO, TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from vbus.errors import TransportError, VbusError
 from vbus.tools import exit_codes
 from vbus.tools.output import SCOPE_ADDRESS, complain, duration, no_progress
+from vbus.tools.scope_process import start_scope
 
 if TYPE_CHECKING:
     import ssl
-    import subprocess
 
     from vbus.board.sections import ScopeSection
     from vbus.scope.replayed import Recorded
     from vbus.scope.stream import Stream
-    from vbus.server.server import Server as BoardServer
     from vbus.tools.foxglove_lanes import FoxgloveServer
     from vbus.tools.monitor import Feed
     from vbus.tools.scope_bookmarks import Bookmarks
@@ -34,10 +32,6 @@ if TYPE_CHECKING:
     Server = ScopeServer | FoxgloveServer
     Take = Callable[[bytes], None]
 
-JOIN_SECONDS: Final = 30.0
-"""How long a scope may take to join a board of the process that has started it."""
-STAY_SECONDS: Final = 600.0
-"""How long a scope that a run has started stays when the run has ended and no page is open."""
 LOOK_SECONDS: Final = 0.5
 """How often a scope that outlives its board looks whether anybody is there."""
 
@@ -410,57 +404,3 @@ def place_of(scope: "ScopeSection") -> Place:
     if not scope.certificate:
         return Place(scope.listen, scope.remote, option="--scope")
     return Place(scope.listen, scope.remote, certificate, key, "--scope")
-
-
-async def show_board(server: "BoardServer", scope: "ScopeSection", control: bool = False) -> None:
-    """Start a scope for a board of this process, and return when it has said where, or has failed.
-
-    It has joined by then: what the board does next is on the page.
-
-    Raises:
-        VbusError: it has not come.
-    """
-    import subprocess
-
-    process = start_scope(server.board.name, scope, control, subprocess.PIPE)
-    said = asyncio.StreamReader()
-    pipe, _ = await asyncio.get_running_loop().connect_read_pipe(
-        lambda: asyncio.StreamReaderProtocol(said), process.stdout
-    )
-    try:
-        async with asyncio.timeout(JOIN_SECONDS):
-            line = await said.readline()
-    except TimeoutError:
-        process.kill()
-        raise VbusError(
-            f"the scope has not joined within {JOIN_SECONDS:g} s; the machine may be too busy"
-        ) from None
-    finally:
-        pipe.close()
-    click.echo(line, nl=False, err=True)
-
-
-def start_scope(
-    board: str, scope: "ScopeSection", control: bool = False, stdout: IO[str] | int | None = None
-) -> "subprocess.Popen[bytes]":
-    """Show a board of this process in a process of its own, which outlives it for a while.
-
-    Args:
-        board: its name.
-        scope: where the page is to be.
-        control: whether pages may do something to it.
-        stdout: takes the line that says where the page is; standard error if there is none.
-    """
-    import subprocess
-
-    more = ["--remote"] if scope.remote else []
-    if scope.certificate:
-        more += ["--certificate", scope.certificate, "--key", scope.key]
-    return subprocess.Popen(
-        [
-            sys.executable, "-m", "vbus", "scope", board, "--listen", scope.listen,
-            "--stay", f"{STAY_SECONDS:g}", *more,
-            *(["--control"] if control else []),
-        ],
-        stdin=subprocess.DEVNULL, stdout=stdout or sys.stderr, start_new_session=True,
-    )  # fmt: skip
