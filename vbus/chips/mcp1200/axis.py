@@ -91,6 +91,14 @@ class Axis(Blocks):
             due = min(due, self.encoder.end)
         return due
 
+    def next_order(self) -> int:
+        """Cycle of what comes next of the bus or a reset, whatever the samples do."""
+        return min(self.writes.due, self._at_reset)
+
+    def asked(self) -> bool:
+        """Whether the next sample obeys a command for another mode of operation."""
+        return self._request != NO_REQUEST
+
     def next_sample(self) -> int:
         """Cycle at which a sample starts or its results show, whichever comes first."""
         return min(self._at_sample, self._at_results)

@@ -208,6 +208,14 @@ class MCP1200(HostInterface):
         due = self.axis.next()
         self._due_ps = NEVER if due == FAR else self.clock.ps(due)
 
+    def next_edge(self) -> int:
+        """Return the next event, or a later one if samples can move nothing that is heard."""
+        self.advance()
+        if self._reading != NO_READ or self.outputs.may_move():
+            return self.next_event()
+        due = self.axis.next_order()
+        return NEVER if due == FAR else self.clock.ps(due)
+
     def next_event(self) -> int:
         """Return an instant not later than the next change of an output (ps)."""
         self.advance()

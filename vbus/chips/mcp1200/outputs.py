@@ -80,6 +80,25 @@ class OutputPins:
         )
         return LOW if low else HIGH
 
+    def may_move(self) -> bool:
+        """Whether samples, and what comes of them, can move an output that somebody listens to."""
+        axis = self._axis
+        if axis.asked():
+            return True
+        registers = axis.registers
+        # A sample under way may be one of a profile whose flag the host has cleared since.
+        if self._prof.net.heard and (registers.flag & (ds.MODE_FLAGS | ds.F2) or axis.loop.mode):
+            return True
+        if self._trig.net.heard and (
+            registers.config & ds.BREAK_ENABLE and not registers.capture_control & ds.TRIG_INPUT
+        ):
+            return True
+        # A sample that finds the one before unfinished ends in idle mode (MCP-SMP-4).
+        if self._idle.net.heard and axis.state == CONTROL:
+            return True
+        always = (self._busy, self._dac, self._pulse, self._sign)
+        return any(pin.net.heard for pin in always)
+
     def show_pulse(self, cycle: int) -> None:
         """Put Pulse and Sign to their levels at ``cycle``."""
         axis = self._axis
