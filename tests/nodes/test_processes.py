@@ -130,6 +130,50 @@ def test_a_node_that_stands_still_for_less_than_its_deadline_is_waited_for(
     assert bench.merged(groups) == reference
 
 
+def test_clocks_that_are_apart_and_are_set_while_nodes_run_change_nothing(
+    bench: Bench, reference: str
+) -> None:
+    """The time of day, that is: someone, or a time server, may set it; who waits must not look."""
+    groups = ["a", "b", "cd"]
+    clocks = {nodes: bench.folder / f"clock.{nodes}" for nodes in groups}
+
+    def put(*days: int) -> None:
+        for clock, day in zip(clocks.values(), days, strict=True):
+            new = clock.with_suffix(".new")
+            new.write_text(f"{day:+}d\n")
+            new.rename(clock)
+
+    put(0, 3, -400)
+    told = subprocess.run(
+        [*beside(clocks["b"]), "date", "+%s"], capture_output=True, text=True, check=True
+    )
+    assert abs(int(told.stdout) - time.time() - 3 * 86400) < 600
+    processes = {
+        nodes: bench.start(nodes, disturb=f"{len(nodes)}:20", inside=beside(clock))
+        for nodes, clock in clocks.items()
+    }
+    bench.until(lambda: all(bench.node(nodes[0]).get("round", 0) > 8 for nodes in groups))
+    for days in ((0, -3, 400), (2, 2, 2), (-1, 0, 0)):
+        put(*days)
+        seen = bench.node("a").get("round", 0)
+        bench.until(lambda seen=seen: bench.node("a").get("round", 1 << 30) > seen)
+    for process in processes.values():
+        code, out = ended(process)
+        assert code == 0, out
+    assert bench.merged(groups) == reference
+
+
+def beside(clock: Path) -> tuple[str, ...]:
+    """Return what a command stands behind whose time of day is off as a file says."""
+    libraries = [*Path("/usr").glob("lib/**/faketime/libfaketimeMT.so.1")]
+    if not libraries:
+        pytest.skip("no libfaketime: install faketime")
+    return (
+        "env", f"LD_PRELOAD={libraries[0]}", f"FAKETIME_TIMESTAMP_FILE={clock}",
+        "FAKETIME_NO_CACHE=1", "DONT_FAKE_MONOTONIC=1", "FAKETIME_DONT_FAKE_MONOTONIC=1",
+    )  # fmt: skip
+
+
 def test_nodes_that_are_there_wait_for_one_that_comes_late(bench: Bench, reference: str) -> None:
     early = [bench.start(nodes) for nodes in ("b", "cd")]
     bench.until(lambda: bench.node("b") != {} and bench.node("d") != {})
