@@ -1,12 +1,13 @@
 """Boards with nodes: what a round costs in virtual time, and lag and skew in real time.
 
-    python benchmarks/nodes.py [--nodes 2,4,8]
+    python benchmarks/nodes.py [--nodes 2,4,8] [--soak SECONDS]
 
 Virtual time: nodes in one process (no network), then as many processes joined by Zenoh over
 loopback, each with one LM629 whose interrupt line goes to the next node. A raw Zenoh ping-pong
 beside it shows what a message costs here. Real time: the same in processes that follow the wall
 clock for 0.6 s.
-Ends within 15 s for 2, 4 and 8 nodes.
+Ends within 15 s for 2, 4 and 8 nodes. With --soak the nodes follow the wall clock for so long
+instead, and how far apart they were comes as a histogram.
 """
 
 import argparse
@@ -66,9 +67,10 @@ def in_process(nodes: int) -> tuple[int, int, float]:
     return participants[0].round, sent, seconds
 
 
-def processes(nodes: int, folder: Path) -> list[dict[str, Any]]:
+def processes(nodes: int, folder: Path, seconds: float = 0.6) -> list[dict[str, Any]]:
     """Run one process for each node, in virtual and then in real time; return what each says."""
-    texts = {"lockstep": script(nodes, ROUNDS * 100, 100), "realtime": "end 600ms\n"}
+    end = f"end {seconds * 1000:.0f}ms\n"
+    texts = {"lockstep": script(nodes, ROUNDS * 100, 100), "realtime": end}
     files = []
     for policy, text in texts.items():
         files += [folder / f"{policy}{nodes}.toml", folder / f"{policy}.txt"]
@@ -84,7 +86,7 @@ def processes(nodes: int, folder: Path) -> list[dict[str, Any]]:
         for n in range(nodes)
     ]
     try:
-        outputs = [process.communicate(timeout=60)[0] for process in started]
+        outputs = [process.communicate(timeout=60 + 2 * seconds)[0] for process in started]
         return [json.loads(output.splitlines()[-1]) for output in outputs]
     finally:
         for process in started:
@@ -134,15 +136,34 @@ def ping_pong(count: int = 300) -> float:
     return sorted(trips)[len(trips) // 2] * 1e6
 
 
+def soak(counts: list[int], seconds: float) -> None:
+    """Print how far apart nodes were that have followed the wall clock for so long."""
+    for nodes in counts:
+        with tempfile.TemporaryDirectory() as name:
+            states = processes(nodes, Path(name), seconds)
+        skew = states[0]["skew"]
+        print(
+            f"{nodes} nodes, {seconds:.0f} s: {skew['marks']} marks, each"
+            f" ±{skew['uncertainty_ns'] / 1000:.0f} us; worst {skew['max_ns'] / 1000:.0f} us"
+        )
+        for bound, count in skew["histogram"]:
+            what = "more" if bound is None else f"<= {bound / 1000:.0f} us"
+            print(f"  {what:>12} {count:8}  {count / skew['marks']:8.3%}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--nodes", default="2,4,8")
+    parser.add_argument("--soak", type=float, metavar="SECONDS", help="an hour is 3600")
     parser.add_argument("--run", nargs=5, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.run:
         run_one(*options.run)
         return
     counts = [int(word) for word in options.nodes.split(",")]
+    if options.soak:
+        soak(counts, options.soak)
+        return
     print(f"raw Zenoh message and answer, loopback: {ping_pong():.0f} us (median)")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

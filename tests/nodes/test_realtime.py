@@ -21,7 +21,7 @@ from vbus.cluster.node_clock import ClockEstimate
 from vbus.cluster.node_link import NodeLink
 from vbus.cluster.peers import Group
 from vbus.cluster.realtime_nodes import RealTime
-from vbus.cluster.skew import Skew
+from vbus.cluster.skew import BOUNDS_NS, Skew
 from vbus.errors import NodeError
 from vbus.kernel import MS, US
 from vbus.nodes.machine import Machine, node_of
@@ -277,7 +277,14 @@ def test_skew_is_the_spread_of_all_nodes_at_a_mark() -> None:
         skew.note(number, 2, 1001, 30, 3)
     assert skew.statistics() == {
         "marks": 100, "p50_ns": 50, "p99_ns": 99, "max_ns": 100, "uncertainty_ns": 50,
+        "histogram": [[10_000, 100]],
     }  # fmt: skip
+    for number, spread in enumerate((10_001, 20_000, 60_000_000), 100):
+        for node, at in enumerate((0, 0, spread)):
+            skew.note(number, node, at, 0, 3)
+    assert skew.statistics()["histogram"] == [
+        [10_000, 100], [20_000, 2], *([bound, 0] for bound in BOUNDS_NS[2:]), [None, 1],
+    ]  # fmt: skip
     for number in range(1000, 2000):  # a node that has gone leaves nothing behind
         skew.note(number, 0, 1, 0, 3)
-    assert skew.marks == 100
+    assert skew.marks == 103

@@ -1,5 +1,6 @@
 """How far apart in wall time the nodes reach one instant of chip time."""
 
+from bisect import bisect_left
 from collections import deque
 from typing import Any, Final
 
@@ -7,6 +8,8 @@ KEPT: Final = 2000
 """Marks whose skew is kept for percentiles."""
 OPEN: Final = 50
 """Marks back to which stragglers may still come."""
+BOUNDS_NS: Final = tuple(digit * 10**power for power in range(4, 8) for digit in (1, 2, 5))
+"""Upper bounds of the classes in which all marks are counted, 10 us to 50 ms."""
 
 
 class Skew:
@@ -15,6 +18,7 @@ class Skew:
     def __init__(self) -> None:
         self._open: dict[int, dict[int, tuple[int, int]]] = {}
         self._spreads: deque[int] = deque(maxlen=KEPT)
+        self._counts: list[int] = [0] * (len(BOUNDS_NS) + 1)
         self.worst: int = 0
         self.marks: int = 0
         self.uncertainty: int = 0
@@ -38,21 +42,28 @@ class Skew:
             spread = last - first
             self.uncertainty = before + after
             self._spreads.append(spread)
+            self._counts[bisect_left(BOUNDS_NS, spread)] += 1
             self.worst = max(self.worst, spread)
             self.marks += 1
         if len(self._open) > OPEN:
             del self._open[min(self._open)]
 
     def statistics(self) -> dict[str, Any]:
-        """Return percentiles of late, the worst of all, and how sure the latest is (ns)."""
-        ordered = sorted(self._spreads)
-        if not ordered:
-            return {"marks": 0, "p50_ns": 0, "p99_ns": 0, "max_ns": 0, "uncertainty_ns": 0}
+        """Return percentiles of late, the worst of all, and how sure the latest is (ns).
+
+        ``histogram`` has all marks in classes: their upper bounds (ns; None: there is none) and
+        how many marks fell in each, as far as the last that has any.
+        """
+        ordered = sorted(self._spreads) or [0]
         last = len(ordered) - 1
+        classes = [list(pair) for pair in zip((*BOUNDS_NS, None), self._counts, strict=True)]
+        while classes and not classes[-1][1]:
+            classes.pop()
         return {
             "marks": self.marks,
             "p50_ns": ordered[last // 2],
             "p99_ns": ordered[last * 99 // 100],
             "max_ns": self.worst,
             "uncertainty_ns": self.uncertainty,
+            "histogram": classes,
         }
