@@ -1,27 +1,40 @@
 #!/usr/bin/env python3
-"""The page of the scope in a headless browser: frames a second while 16 axes are followed, and how
-long an hour takes to open: ``python benchmarks/scope_page.py``.
+"""The scope of 16 axes, each number beside its limit: ``python benchmarks/scope_page.py``.
 
-The page is fed from inside, by what stands in for its WebSocket: so it is the page that is
-measured, not what sends to it.
+Frames a second in a headless browser, what board and scope take of a core in real time, how long an
+hour takes to open, how large a minute is.
+
+For the frames the page is fed from inside, by what stands in for its WebSocket: so it is the page
+that is measured, not what sends to it.
 """
 
+import json
+import os
 import shutil
+import subprocess
 import sys
+import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).parent))
 
+from many_axes import cpu_seconds, hosts, start_axes, text
 from playwright.sync_api import sync_playwright
 
 from tests.browser.conftest import ADDRESS, serve
-from tests.browser.recordings import PAGE, SAMPLE, SECOND, Recording, samples
+from tests.browser.recordings import MS, PAGE, SAMPLE, SECOND, Recording, samples
+from vbus.client import connect
+from vbus.client.lm628 import Lm628
+from vbus.scope.page_file import one_file
 
 AXES, SECONDS, MESSAGES = 16, 8, 60
 LANES = (("real", "counts"), ("error", "counts"), ("velocity", "counts/s"), ("output", "%"))
 HOUR = 3600 * SECOND
 BLOCK = 8192
+MINUTE, POLL, EACH_TIME = 60 * SECOND, 150 * MS // 1000, 50
 LOOK = "[scope.state.frames, performance.now(), scope.state.total, scope.state.drawing]"
 
 FEED = """
@@ -99,42 +112,158 @@ def following(browser: Any) -> str:
     )
 
 
-def opening(browser: Any) -> str:
+def hour(rows: int) -> bytes:
+    """Return a page of one file with an hour of one axis, each lane in so many rows."""
     recording = Recording(end=HOUR)
     recording.axis("x")
-    count = HOUR // SAMPLE
     values = [n * 37 % 4001 - 2000 for n in range(BLOCK)]
     ticks = [n * SAMPLE for n in range(BLOCK)]
     for name, unit in LANES:
         lane = recording.lane("x", name, "number", name, unit=unit)
         one = samples(lane, ticks, values)
-        for first in range(0, count - BLOCK, BLOCK):
+        for first in range(0, rows, BLOCK):
             at = (first * SAMPLE).to_bytes(8, "little")
             recording.frames.append(one[:8] + at + one[16:])
-    page = browser.new_page(viewport={"width": 1600, "height": 1000})
-    serve(page, recording.page())
-    page.goto(ADDRESS, timeout=120_000)
-    page.wait_for_function("window.scope && scope.state.frames > 0")
-    first = page.evaluate("performance.now()")
-    page.wait_for_function("scope.state.read > 0", timeout=120_000)
-    page.wait_for_timeout(300)
-    read = page.evaluate("scope.state.read")
-    total = page.evaluate("scope.state.total")
-    redrawn = page.evaluate(
-        """async () => {
-          const begun = scope.state.drawing, frames = scope.state.frames;
-          for (let n = 0; n < 20; n++) {
-            const key = n % 2 ? '+' : '-';
-            document.dispatchEvent(new KeyboardEvent('keydown', { key }));
-            await new Promise((go) => setTimeout(go, 60));
-          }
-          return (scope.state.drawing - begun) / Math.max(1, scope.state.frames - frames);
-        }"""
-    )
-    page.close()
+    return one_file(json.loads(recording.description()), recording.frames)
+
+
+SEEN = """
+const look = () => {
+  if (!window.scope || !scope.state.frames) return void setTimeout(look, 2);
+  window.seen ??= scope.state.total ? performance.now() : undefined;
+  if (!scope.state.read) setTimeout(look, 2);
+};
+look();
+"""
+
+
+def opened(browser: Any, content: bytes) -> tuple[float, float, float, int]:
+    """Open a page of one file.
+
+    Returns:
+        When it showed rows and had read all (ms), how long it takes to draw anew (ms), its rows.
+    """
+    with tempfile.NamedTemporaryFile(suffix=".html") as file:
+        file.write(content)
+        file.flush()
+        page = browser.new_page(viewport={"width": 1600, "height": 1000}, bypass_csp=True)
+        page.add_init_script(SEEN)
+        page.goto(f"file://{file.name}", timeout=120_000)
+        page.wait_for_function("window.scope && scope.state.read > 0", timeout=120_000)
+        first, read, rows = page.evaluate("[seen, scope.state.read, scope.state.total]")
+        page.wait_for_timeout(300)
+        redrawn = page.evaluate(
+            """async () => {
+              const begun = scope.state.drawing, frames = scope.state.frames;
+              for (let n = 0; n < 20; n++) {
+                const key = n % 2 ? '+' : '-';
+                document.dispatchEvent(new KeyboardEvent('keydown', { key }));
+                await new Promise((go) => setTimeout(go, 60));
+              }
+              return (scope.state.drawing - begun) / Math.max(1, scope.state.frames - frames);
+            }"""
+        )
+        page.close()
+    return first, read, redrawn, rows
+
+
+def opening(browser: Any) -> str:
+    few, full = hour(1), hour(HOUR // SAMPLE)
+    opened(browser, few)  # a browser that has opened nothing yet is slower at it
+    empty = opened(browser, few)[0]
+    first, read, redrawn, rows = opened(browser, full)
     return (
-        f"an hour of one axis, {total:,} rows: drawn first after {first:.0f} ms, all of it read"
-        f" after {read:.0f} ms, drawn anew in {redrawn:.1f} ms"
+        f"an hour of one axis, {rows:,} rows, {len(full) / 1e6:.1f} MB: drawn first after"
+        f" {first:.0f} ms (limit 1000; one of {len(LANES) * BLOCK:,} rows: {empty:.0f}), all of it"
+        f" read after {read:.0f} ms, drawn anew in {redrawn:.1f} ms"
+    )
+
+
+def shares(pids: list[int], seconds: float) -> list[float]:
+    """Return what share of a core each process takes (%)."""
+    begun, wall = [cpu_seconds(pid) for pid in pids], time.perf_counter()
+    time.sleep(seconds)
+    passed = time.perf_counter() - wall
+    return [100 * (cpu_seconds(pid) - was) / passed for pid, was in zip(pids, begun, strict=True)]
+
+
+def costs(browser: Any) -> str:
+    """What board and scope take in real time: alone, with no page open, with one, and after it."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "many.toml"
+        file.write_text(text(AXES, "realtime") + hosts(AXES))
+        environment = {**os.environ, "VBUS_RUNTIME": folder}
+        command = [sys.executable, "-m", "vbus"]
+        pipes: dict[str, Any] = {"env": environment, "stdout": subprocess.PIPE, "text": True}
+        board = subprocess.Popen([*command, "run", "--json", file], **pipes)
+        started = [board]
+        try:
+            assert board.stdout is not None
+            board.stdout.readline()
+            start_axes(Path(folder), AXES)
+            time.sleep(1)
+            (alone,) = shares([board.pid], SECONDS)
+            scope = subprocess.Popen([*command, "scope", "many"], **pipes)
+            started.append(scope)
+            assert scope.stdout is not None
+            link = scope.stdout.readline().split()[1]
+            time.sleep(2)
+            pids = [board.pid, scope.pid]
+            unseen = shares(pids, SECONDS)
+            page = browser.new_page(viewport={"width": 1600, "height": 1000}, bypass_csp=True)
+            page.goto(link)
+            page.wait_for_function("window.scope && scope.state.total > 0")
+            page.wait_for_timeout(2000)
+            seen = shares(pids, SECONDS)
+            page.close()
+        finally:
+            for process in reversed(started):
+                process.terminate()
+                process.wait()
+    return (
+        f"{AXES} axes moving in real time, % of a core: board {alone:.1f}; with a scope and no"
+        f" page, board {unseen[0]:.1f} and scope {unseen[1]:.1f}; with a page, board"
+        f" {seen[0]:.1f} and scope {seen[1]:.1f}: {sum(seen) - alone:.1f} more with a page"
+        f" (limit 15), {sum(unseen) - alone:.1f} more without one (limit 0)"
+    )
+
+
+def minute() -> str:
+    """Return how large a page with a minute of one axis and its host's cycles is."""
+    with tempfile.TemporaryDirectory() as folder:
+        file, journal = Path(folder) / "one.toml", Path(folder) / "one.vbj"
+        record = f'[record]\njournal = "{journal}"\n'
+        file.write_text(text(1, "lockstep") + hosts(1) + record)
+        environment = {**os.environ, "VBUS_RUNTIME": folder}
+        command = [sys.executable, "-m", "vbus"]
+        board = subprocess.Popen(
+            [*command, "run", "--json", file], env=environment, stdout=subprocess.PIPE
+        )
+        try:
+            assert board.stdout is not None
+            board.stdout.readline()
+            with connect(f"unix:{folder}/0.sock", timeout=60) as bus:
+                axis = Lm628(bus)
+                axis.load_filter(kp=300, kd=2000)
+                moves = polls = 0
+                while (begun := bus.now()) < MINUTE:
+                    axis.move(500 * (moves % 2), acc=40, vel=2 << 16)
+                    moves += 1
+                    while bus.now() < begun + SECOND:
+                        with bus.batch() as batch:
+                            for _ in range(EACH_TIME):
+                                batch.read(0)
+                                batch.delay(POLL)
+                        polls += EACH_TIME
+        finally:
+            board.terminate()
+            board.wait()
+        page = Path(folder) / "one.html"
+        subprocess.run([*command, "scope", journal, "-o", page], env=environment, check=True)
+        size = page.stat().st_size
+    return (
+        f"a minute of one axis, {moves} moves, {polls:,} polls besides: a page of"
+        f" {size / 1e6:.2f} MB (limit 3)"
     )
 
 
@@ -144,6 +273,8 @@ def main() -> None:
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         print(following(browser))
         print(opening(browser))
+        print(costs(browser))
+        print(minute())
         browser.close()
 
 

@@ -21,9 +21,7 @@ from tests.e2e.test_scope import MOVE, drive, entries, link_in
 from tests.e2e.test_scope import folder as folder
 from tests.unit.faults.bench import build
 from tests.waiting import until
-from vbus import connect
-from vbus.errors import TransportError
-from vbus.server.registry import ask, order, status_path
+from vbus.server.registry import ask, status_path
 from vbus.tools.monitor import Feed
 
 
@@ -216,41 +214,6 @@ def test_there_is_no_way_back_without_a_journal(folder: Path) -> None:
     file.write_text(file.read_text().partition("[record]")[0])
     with running(file), scope("--control") as link:
         asyncio.run(control(link))
-
-
-@pytest.mark.slow
-def test_a_client_of_this_library_waits_as_long_as_a_pause_lasts(folder: Path) -> None:
-    answered: list[int] = []
-    refused: list[str] = []
-
-    def ask() -> None:
-        try:
-            with connect(f"unix:{folder}/run/x", timeout=0.05) as bus:
-                answered.append(bus.chip("x").read(0))
-        except TransportError as error:
-            refused.append(str(error))
-
-    with running(folder / "bench.toml"):
-        mark = folder / "run" / ".x.paused"
-        order("bench", "pause")
-        host = threading.Thread(target=ask)
-        host.start()
-        host.join(0.5)
-        assert (host.is_alive(), answered) == (True, [])
-        # One that is not told does what it does at any board that is silent.
-        mark.unlink()
-        host.join(60)
-        assert answered == []
-        assert "no reply to HELLO within 0.05 s" in refused.pop()
-        order("bench", "pause")
-        assert mark.exists()
-        host = threading.Thread(target=ask)
-        host.start()
-        order("bench", "go")
-        host.join(60)
-        assert len(answered) == 1
-        assert not mark.exists()
-    assert refused == []
 
 
 @pytest.mark.slow

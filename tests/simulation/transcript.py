@@ -6,12 +6,11 @@ from typing import Any, Final
 
 from vbus.kernel import END, MS, NS, US
 from vbus.protocols import codes
-from vbus.protocols.requests import FORESEEN, LEASED, REPLIES, REQUESTS
+from vbus.protocols.requests import FORESEEN, LEASED, REPLIES, REQUESTS, UNASKED
 
 Said = tuple[Any, ...]
 """An answer: its tag and its numbers."""
 
-UNASKED: Final = "I"
 SEEN_BY_THE_SESSION: Final = "EVWX"
 """Answers in which a journal has no part of their own: barriers, HELLO, PASS, and refusals."""
 
@@ -103,7 +102,7 @@ class Transcript:
             self._answer(reply.tag, numbers, run)
 
     def _answer(self, tag: str, numbers: tuple[int, ...], run: bytes) -> None:
-        if tag == UNASKED:
+        if tag in UNASKED:
             self.said.append((tag, *numbers))
             return
         if tag == "X":

@@ -7,12 +7,12 @@ from collections import deque
 from typing import Any, Final
 
 from vbus.protocols.byte import COUNTED, SIZES
-from vbus.protocols.requests import FATAL, REPLIES, REQUESTS
+from vbus.protocols.requests import FATAL, REPLIES, REQUESTS, UNASKED
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 
 _WAITING: Final = frozenset({"CLAIM", "DELAY", "PASS", "WAIT"})
 """Requests the board may take its time over: that is not the way's."""
-_EVENT: Final = ord("I")
+_UNASKED: Final = UNASKED.encode()
 _REFUSED: Final = ord("X")
 
 _ANSWERED: Final = bytes(
@@ -168,7 +168,7 @@ class ByteMeter(Meter):
                 number = int.from_bytes(data[position + 2 : following], "big")
                 if self._open and self._open[0][0] & 0xFFFF == number:
                     self._settle(now)
-            elif tag != _EVENT and self._open:
+            elif tag not in _UNASKED and self._open:
                 self._settle(now)
             position = following
         self._replies = data[position:]

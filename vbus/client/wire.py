@@ -31,6 +31,7 @@ class Wire:
     Attributes:
         selected: the selection the board has now; None if a SELECT was refused.
         events: edges reported and not yet taken.
+        paused: whether somebody has paused the board, as the board has told last.
     """
 
     def __init__(self) -> None:
@@ -42,6 +43,7 @@ class Wire:
         self._lease: Lease | None = None
         self._polling: int = -1
         self.events: deque[Event] = deque()
+        self.paused: bool = False
         self._bytes: bytearray = bytearray()
         self._number: int = 0
         self._awaited: deque[Later[Values]] = deque()
@@ -199,6 +201,8 @@ class Wire:
             end += length
         if reply.tag == "I":
             self.events.append(Event(int(values[0]), int(values[1])))
+        elif reply.tag == "H":
+            self.paused = bool(values[0])
         elif reply.tag == "X":
             self._refuse(int(values[0]), int(values[1]))
         else:

@@ -342,7 +342,7 @@ static int paused(struct vbus *bus, int64_t *deadline)
 {
     int before = bus->paused;
 
-    bus->paused = bus->pause_mark[0] != '\0' && access(bus->pause_mark, F_OK) == 0;
+    bus->paused = bus->told || (bus->pause_mark[0] != '\0' && access(bus->pause_mark, F_OK) == 0);
     if (bus->paused)
         poll(NULL, 0, PAUSE_MS);
     if (bus->paused || before) /* a board that goes on has its time to answer, too */
@@ -600,6 +600,17 @@ static int take_event(struct vbus *bus, int64_t deadline)
     return error;
 }
 
+/* Take word that somebody has paused the board, or that it goes on; comes after HELLO 2. */
+static int take_pause(struct vbus *bus, int64_t deadline)
+{
+    unsigned char body;
+    int error = take(bus, &body, 1, deadline);
+
+    if (error == 0)
+        bus->told = body != 0;
+    return error;
+}
+
 /* Take a refusal: its error if it is request `number`'s, else 0; it is kept for later then. */
 static int take_refusal(struct vbus *bus, uint16_t number, int64_t deadline)
 {
@@ -664,6 +675,11 @@ static int reply(struct vbus *bus, uint16_t number, int tag, unsigned char *body
             error = take_lease(bus, got, body, deadline);
         else if (error == 0 && got == VBUS_TAG_EVENT) {
             error = take_event(bus, deadline);
+            if (error == 0)
+                continue;
+        } else if (error == 0 && got == VBUS_TAG_PAUSED) {
+            error = take_pause(bus, deadline);
+            deadline = deadline_of(bus);
             if (error == 0)
                 continue;
         } else if (error == 0 && got == VBUS_TAG_REFUSED) {
@@ -1085,7 +1101,9 @@ int vbus_wait_event(struct vbus *bus, int timeout_ms)
             error = take_event(bus, deadline_of(bus));
             return error < 0 ? error : 1;
         }
-        if (error == 0 && tag == VBUS_TAG_REFUSED) {
+        if (error == 0 && tag == VBUS_TAG_PAUSED) {
+            error = take_pause(bus, deadline_of(bus));
+        } else if (error == 0 && tag == VBUS_TAG_REFUSED) {
             error = take_refusal(bus, bus->number, deadline_of(bus));
             if (error == 0)
                 error = refusal(bus);

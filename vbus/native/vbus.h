@@ -28,7 +28,7 @@ extern "C" {
 
 /* --- the byte protocol ------------------------------------------------------------------------ */
 
-#define VBUS_VERSION 1
+#define VBUS_VERSION 2
 
 /* Requests: first byte. READ4 and WRITE4 have the address in their low four bits. */
 #define VBUS_HELLO 0x01
@@ -73,6 +73,7 @@ extern "C" {
 #define VBUS_TAG_SYNC 'S'
 #define VBUS_TAG_PASS 'W'
 #define VBUS_TAG_EVENT 'I'
+#define VBUS_TAG_PAUSED 'H'
 #define VBUS_TAG_REFUSED 'X'
 
 /* Reasons in a refusal. */
@@ -119,7 +120,7 @@ struct vbus {
 
     /* The rest is the library's own. */
     char pause_mark[VBUS_PATH_ROOM]; /* the file that is there while the board is paused, or "" */
-    int is_socket, buffering, dead, pending, paused;
+    int is_socket, buffering, dead, pending, paused, told;
     uint16_t number, asked[VBUS_MOST_ASKED];
     unsigned ask_first, ask_count;
     uint64_t passing;

@@ -40,6 +40,9 @@ class Protocol:
     def report_events(self) -> None:
         """Append what the port's watched lines did since the last call, if the host asked."""
 
+    def tell_pause(self, paused: bool) -> None:
+        """Append that somebody has paused the board, or that it goes on, if the host asked."""
+
     def reset(self) -> None:
         """Forget half a request: a session has ended or begun."""
         raise NotImplementedError

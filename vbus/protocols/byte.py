@@ -9,10 +9,11 @@ from vbus.protocols import codes
 from vbus.protocols.base import Protocol
 from vbus.protocols.hello import encode_hello
 from vbus.protocols.port import HostPort, NotYet, PortError
-from vbus.protocols.requests import FATAL, FORESEEN, LEASED, NO_EDGE, REQUESTS, VERSION
+from vbus.protocols.requests import FATAL, FORESEEN, LEASED, NO_EDGE, REQUESTS, TOLD, VERSION
 from vbus.state import Names
 
 _READ4: Final = REQUESTS["READ4"].code
+_HELLO: Final = REQUESTS["HELLO"].code
 _D: Final = ord("D")
 _L: Final = ord(LEASED)
 _M: Final = ord(FORESEEN)
@@ -45,7 +46,7 @@ class ByteProtocol(Protocol):
         "_kept: bytearray[...]", "_number", "_refusal: bytes[...]", "_watching: bool", "_leasing",
         "_partial: bytearray[...]",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_handlers",)
+    WIRING: ClassVar[Names] = ("_handlers", "_version", "_told")
 
     def __init__(self, port: HostPort) -> None:
         super().__init__(port)
@@ -56,6 +57,10 @@ class ByteProtocol(Protocol):
         self._leasing: int = 0
         self._partial: bytearray = bytearray()
         """What a READS, WRITES or PASS has done that had to stop in between."""
+        self._version: int = 1
+        """What HELLO has agreed on: what the other end of the link reads, no state of the board."""
+        self._told: bool = False
+        """Whether it has last been told of a pause."""
         self._handlers: list[Callable[[bytes, int], bool]] = [
             self._handler(code) for code in range(256)
         ]
@@ -76,6 +81,8 @@ class ByteProtocol(Protocol):
         self._watching = False
         self._leasing = 0
         self._partial.clear()
+        self._version = 1
+        self._told = False
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out every request now complete."""
@@ -192,6 +199,14 @@ class ByteProtocol(Protocol):
                 for outputs, when in events
             )
 
+    def tell_pause(self, paused: bool) -> None:
+        """Append what a host that has said HELLO 2 is told; its HELLO may still wait itself."""
+        kept = self._kept
+        asks = len(kept) > 1 and kept[0] == _HELLO and kept[1] >= TOLD
+        if paused != self._told and (asks or self._version >= TOLD):
+            self._told = paused
+            self.out += b"H\x01" if paused else b"H\x00"
+
     # -- one method for each row of the table; False: not now, make the same call when resumed --
 
     def _do_unknown(self, data: bytes, start: int) -> bool:
@@ -200,10 +215,12 @@ class ByteProtocol(Protocol):
     def _do_hello(self, data: bytes, start: int) -> bool:
         if data[start] == 0:
             raise PortError(codes.BAD_VERSION, f"version 0; allowed are 1 to {VERSION}")
-        hello = encode_hello(min(data[start], VERSION), self.port.info())
+        version = min(data[start], VERSION)
+        hello = encode_hello(version, self.port.info())
         if len(hello) > 0xFFFF:
             raise PortError(codes.BAD_LENGTH, "the session's description is over 65535 bytes")
         self.out += b"V" + len(hello).to_bytes(2, "big") + hello
+        self._version = version
         return True
 
     def _do_echo(self, data: bytes, start: int) -> bool:

@@ -12,8 +12,11 @@ from typing import Final
 
 from vbus.protocols import codes
 
-VERSION: Final = 1
+VERSION: Final = 2
 """Version of the byte protocol this table describes."""
+
+TOLD: Final = 2
+"""The version from which on a host may be told of a pause by ``'H'``; else it is as version 1."""
 
 LONGEST: Final = 255
 """Most bytes one READS or WRITES can carry; a length of 0 is refused."""
@@ -218,10 +221,14 @@ REPLIES: Final = {
         Reply("S", _layout("outputs:u32 instant:u64"), "output lines; no edge before the instant"),
         Reply("W", _layout("outputs:u32 passed:u64"), "output lines; how much time has passed"),
         Reply("I", _layout("outputs:u32 instant:u64"), "event: output lines after an edge, when"),
+        Reply("H", _layout("paused:u8"), "1: somebody has paused the board; 0: it goes on"),
         Reply("X", _layout("code:u8 number:u16"), "refused: why, and which request"),
     )
 }
-"""The replies by tag. ``'I'`` answers nothing: it may stand between any two replies."""
+"""The replies by tag."""
+
+UNASKED: Final = "IH"
+"""Tags of those that answer nothing: they may stand between any two replies."""
 
 REQUESTS: Final = RequestTable(
     Request("HELLO", 0x01, "agree on a version; tell what is attached", _layout("version:u8"), "V"),
@@ -301,7 +308,7 @@ REQUESTS: Final = RequestTable(
         _layout("on:u8"),
     ),
 )
-"""The requests of version 1."""
+"""The requests."""
 
 LEASED: Final = "L"
 """Tag of the reply that may stand in the place of ``'D'`` after LEASES 1 or 2."""

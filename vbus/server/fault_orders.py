@@ -7,7 +7,8 @@ from vbus.faults.armed import Armed
 from vbus.faults.faults import Faults
 from vbus.server.control import Order
 from vbus.server.message_session import MessageSession
-from vbus.server.session import LinkFilter, Session
+from vbus.server.session import Session
+from vbus.transports.base import LinkFilter
 
 _KEYS: Final = ("name", "target", "when", "until", "parameters")
 

@@ -37,6 +37,9 @@ class MessageSession(Session):
     def _listen_for_the_end(self) -> None:
         """The link says when the host has gone."""
 
+    def tell_pause(self, paused: bool) -> None:
+        """The link tells."""
+
     def _take(self, data: bytes) -> None:
         """Carry out the next message; an empty one is answered at once."""
         self._answering = True

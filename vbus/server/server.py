@@ -170,6 +170,8 @@ class Server:
         for host in self._hosts:
             host.transport.tell_pause(paused)
             mark_pause(host.transport.url, paused)
+        for session in self.sessions():
+            session.tell_pause(paused)
 
     def _watcher(self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd) -> Watcher:
         return Watcher(

@@ -15,7 +15,7 @@ from vbus.server.departures import Departures
 from vbus.server.hang_ups import HangUps
 from vbus.server.pace import Pace
 from vbus.server.statistics import Histogram
-from vbus.transports.base import Link
+from vbus.transports.base import Link, LinkFilter
 
 READ_SIZE: Final = 4096
 """Bytes read at a time, which is a turn: a host that sends without end leaves the others theirs."""
@@ -36,19 +36,8 @@ MOST_PENDING: Final = 65536
 log = logging.getLogger("vbus")
 
 
-class LinkFilter:
-    """Stands between a session and its link while something is wrong with it."""
-
-    def passes(self, out: bytearray) -> None:
-        """Change in place what is about to be sent; nothing is, if nothing is left."""
-        raise NotImplementedError
-
-
 class Turns:
-    """Whom a server served last: only a host that has it to itself is looked for before sleeping.
-
-    Beside others looking is time taken from them.
-    """
+    """Whom a server served last: only a host alone is looked for, which takes time from others."""
 
     __slots__ = ("last",)
 
@@ -214,6 +203,8 @@ class Session:
             self._send()
         if self.port.held:
             self._wait()
+            if self._pacer.halted:
+                self.tell_pause(True)
         self._pacer.touched()
         if data:
             self._note(self._clock() - began)
@@ -277,6 +268,12 @@ class Session:
             port.held = True
             port.hold_until = max(self._pacer.now, 1)
         self._wait()
+        if not self.received:
+            self._read_on()  # a HELLO may say that its host wants to be told
+
+    def tell_pause(self, paused: bool) -> None:
+        """Tell a host that wants it of a pause or its end, when what is done now is done."""
+        self._loop.call_soon(self._say, partial(self.protocol.tell_pause, paused))
 
     def resume_soon(self) -> None:
         """Another session has given back its claim."""
@@ -290,9 +287,12 @@ class Session:
 
     def _send_events(self) -> None:
         self._flush_scheduled = False
+        self._say(self.protocol.report_events)
+
+    def _say(self, what: Callable[[], None]) -> None:
         if self._open:
             try:
-                self.protocol.report_events()
+                what()
             except Exception:
                 self._broken()
                 return

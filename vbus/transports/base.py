@@ -49,6 +49,14 @@ class Link:
         self.close()
 
 
+class LinkFilter:
+    """Stands between a session and its link while something is wrong with it."""
+
+    def passes(self, out: bytearray) -> None:
+        """Change in place what is about to be sent; nothing is, if nothing is left."""
+        raise NotImplementedError
+
+
 class MessageLink(Link):
     """One connected host whose requests come as messages, each answered by exactly one.
 

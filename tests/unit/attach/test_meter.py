@@ -53,10 +53,14 @@ def test_every_reply_is_counted_and_the_first_of_a_message_is_a_round_trip(cut: 
     assert talk.meter.open == 0
     assert (talk.trips.answers, talk.trips.lost) == (10, 0)
     assert (talk.trips.all.count, talk.trips.all.most) == (1, 2_000_000)
+    talk.send(request("HELLO", 2), cut)
+    talk.answer(cut)
     for _ in range(3):
         talk.send(b"\x10", cut)
+        for paused in (True, False):  # what nobody asked for is no answer
+            talk.board.tell_pause(paused)
         talk.answer(cut)
-    assert (talk.trips.answers, talk.trips.all.count) == (13, 4)
+    assert (talk.trips.answers, talk.trips.all.count) == (14, 5)
 
 
 def test_what_lets_time_pass_is_no_measure_of_the_way() -> None:

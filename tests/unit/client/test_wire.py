@@ -178,10 +178,30 @@ def test_a_reply_to_nothing_ends_the_session(pair: Pair) -> None:
         pair.wire.send(Message())
 
 
+def test_a_board_of_version_1_is_spoken_to_as_ever(pair: Pair) -> None:
+    message = Message()
+    hello = message.hello()
+    pair.wire.send(message)
+    body = encode_hello(1, INFO)
+    pair.wire.feed(b"V" + len(body).to_bytes(2, "big") + body)
+    assert hello.value == INFO
+
+
+def test_word_of_a_pause_may_stand_between_any_two_replies(pair: Pair) -> None:
+    message = Message(pair.port.info())
+    echoes = [message.echo(number) for number in range(3)]
+    pair.wire.send(message)
+    pair.wire.feed(b"E\x00H\x01E\x01H")
+    assert pair.wire.paused
+    pair.wire.feed(b"\x00E\x02")
+    assert not pair.wire.paused
+    assert [echo.value for echo in echoes] == [0, 1, 2]
+
+
 @pytest.mark.parametrize(
     ("body", "reason"),
     [
-        (encode_hello(2, INFO), "the board speaks version 2; this client speaks 1"),
+        (encode_hello(3, INFO), "the board speaks version 3; this client speaks 1 to 2"),
         (b"\x81\xa7version\x01", "HELLO's answer cannot be read: "),
     ],
 )

@@ -294,16 +294,21 @@ class Bus(Cycles):
             self._kept.clear()
             self._passing += message.duration
             deadline = monotonic() + self._patience()
+            paused = self._wire.paused
             try:
                 rest = self._send(rest)
                 while rest or not message.done:
                     writing = bool(rest) and self.link.by_descriptor
                     until = self.link.until(deadline)
                     if not await until_ready(self.link.fd, writing, until) and until == deadline:
-                        if not self.link.paused():
+                        before, paused = paused, self._wire.paused or self.link.paused()
+                        if not (paused or before):  # who goes on has time to answer, too
                             raise self._late(message)
                         deadline = monotonic() + self._patience()
+                    told = self._wire.paused
                     self._receive()
+                    if self._wire.paused != told:
+                        deadline = monotonic() + self._patience()
                     rest = self._send(rest)
             finally:
                 if rest:

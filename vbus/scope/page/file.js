@@ -3,7 +3,7 @@
 
 import { FrameReader } from "./frames.js";
 
-const PIECE = 1 << 20;
+const PIECE = 1 << 14;
 /** How long to read before the page may answer its user, and before it shows what was read (ms). */
 const TURN_MS = 24;
 const SHOW_MS = 400;
