@@ -6,7 +6,8 @@ from typing import Any
 from vbus.board.board import Board
 from vbus.errors import VbusError
 from vbus.scope.frames import ALL, NOW, SAMPLES, Column, frame
-from vbus.scope.lanes import LINE, NUMBER, Lane
+from vbus.scope.lane import Lane
+from vbus.scope.lanes import LINE, NUMBER
 from vbus.signals import Net, Observer
 
 
