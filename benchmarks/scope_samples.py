@@ -2,8 +2,8 @@
 """What it costs a board to record the samples of 16 axes for the scope's page:
 ``python benchmarks/scope_samples.py``.
 
-Three runs of the same board in turn: watched by nobody; asked by name for telemetry at each sample,
-by interpreted code; and recorded by :class:`vbus.scope.look.Look`. Frames are made every 50 ms, as a
+Three boards in turn: one watched by nobody; one asked by name for telemetry at each sample, by
+interpreted code; one recorded by :class:`vbus.scope.look.Look`. Frames are made every 50 ms, as a
 server makes them.
 """
 
@@ -101,11 +101,11 @@ def main() -> None:
         for watch, one in boards.items():
             took[watch].append(one.share(options.seconds))
     alone, asked, recorded = (statistics.median(shares) for shares in took.values())
-    print(f"{AXES} LM629s moving, a sample each 256 us, in real time: {alone * 100:.1f} % of a core")
-    for name, share in (("asked by name at each sample", asked), ("recorded in the core", recorded)):
+    print(f"{AXES} LM629s moving in real time, 256 us a sample: {alone * 100:.1f} % of a core")
+    for name, share in (("asked by name", asked), ("recorded in the core", recorded)):
         more = share - alone
-        print(f"{name:30} {more * 100:6.1f} % of a core more, {share / alone:5.1f} x")
-    print(f"recording costs {(recorded - alone) / (asked - alone):.2f} of asking; goal <= 15 % more")
+        print(f"{name:22} {more * 100:6.1f} % of a core more, {share / alone:5.1f} x")
+    print(f"recorded : asked = {(recorded - alone) / (asked - alone):.2f}; goal <= 15 % more")
 
 
 if __name__ == "__main__":
