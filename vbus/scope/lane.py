@@ -22,8 +22,9 @@ class Lane:
 
     Attributes:
         last: the latest value, as it was told; None before the first.
-        rows: instant and value; of packets begin, length, label, kind; of marks instant, object.
-        early: a value has been told that holds from before the one told before it.
+        rows: of packets begin, length, label, kind; of marks instant, object.
+        times: of values the instants (ps), as they were told; no tuples, which a collector counts.
+        values: as many values, in steps of the scale.
     """
 
     def __init__(
@@ -39,7 +40,9 @@ class Lane:
         self.scale: float = scale
         self.last: Number | None = None
         self.rows: list[tuple[Any, ...]] = []
-        self.early: bool = False
+        self.times: list[int] = []
+        self.values: list[Number] = []
+        self._early: bool = False
         self._latest: int = 0
 
     def note(self, when: int, value: Number) -> None:
@@ -47,9 +50,28 @@ class Lane:
         if value != self.last:
             self.last = value
             if when < self._latest:
-                self.early = True
+                self._early = True
             self._latest = when
-            self.rows.append((when, value if self.scale == 1.0 else round(value / self.scale)))
+            self.times.append(when)
+            self.values.append(value if self.scale == 1.0 else round(value / self.scale))
+
+    def take_values(self) -> tuple[list[int], list[Number]]:
+        """Return the instants, in their order, and values that nobody has taken yet."""
+        times, values = self.times, self.values
+        self.times, self.values = [], []
+        if self._early:  # some are known later than others that began after them
+            self._early = False
+            order = sorted(range(len(times)), key=times.__getitem__)
+            times = [times[place] for place in order]
+            values = [values[place] for place in order]
+        return times, values
+
+    def forget(self) -> None:
+        """Forget what nobody has taken, and take the next value whatever it is."""
+        self.rows.clear()
+        self.times.clear()
+        self.values.clear()
+        self.last = None
 
     def described(self) -> dict[str, Any]:
         """Return what a page is told of it."""

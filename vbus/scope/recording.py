@@ -25,7 +25,7 @@ from vbus.scope.frames import (
     texts,
 )  # fmt: skip
 from vbus.scope.lane import Lane
-from vbus.scope.lanes import MARK_LANE, PACKET_LANE, Lanes
+from vbus.scope.lanes import MARK_LANE, Lanes
 from vbus.scope.look import Look
 from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets, settings_for_decoders
@@ -204,10 +204,12 @@ class Recorder(BoardPackets):
         if words:
             frames.append(frame(WORDS, ALL, len(words), 0, texts(words)))
         for lane in self.lanes.all:
+            if lane.times:
+                frames += sample_frames(lane, column)
+            if not lane.rows:
+                continue
             rows, lane.rows = lane.rows, []
-            if lane.kind in (PACKET_LANE, MARK_LANE) or lane.early:
-                rows.sort(key=itemgetter(0))  # known later than others that began after them
-                lane.early = False
+            rows.sort(key=itemgetter(0))  # some are known later than others that began after them
             for place in range(0, len(rows), MOST_ROWS):
                 frames.append(_rows(lane, rows[place : place + MOST_ROWS], column))
         return [*frames, frame(NOW, ALL, 0, self.board.now)]
@@ -218,25 +220,33 @@ class Recorder(BoardPackets):
         The labels stay: those of later packets are counted from the first.
         """
         for lane in self.lanes.all:
-            lane.rows.clear()
-            lane.last = None
+            lane.forget()
+
+
+def sample_frames(lane: Lane, column: Columns) -> list[bytes]:
+    """Return the values of a lane that nobody has taken yet as frames."""
+    times, values = lane.take_values()
+    frames = []
+    for place in range(0, len(times), MOST_ROWS):
+        some = times[place : place + MOST_ROWS]
+        first = some[0]
+        columns = column([when - first for when in some]), column(values[place : place + MOST_ROWS])
+        frames.append(frame(SAMPLES, lane.number, len(some), first, *columns))
+    return frames
 
 
 def _rows(lane: Lane, rows: list[tuple[Any, ...]], column: Columns) -> bytes:
-    """Return some rows of a lane as a frame."""
+    """Return some packets or marks as a frame."""
     first = rows[0][0]
     begins, *others = zip(*rows, strict=True)
     columns = [column([begin - first for begin in begins])]
     if lane.kind == MARK_LANE:
         kind = MARKS
         columns.append(texts(others[0]))
-    elif lane.kind == PACKET_LANE:
+    else:
         kind = PACKETS
         lengths, labels, sorts, inner = others
         columns += [column(lengths), column(labels), kinds(sorts), texts(inner)]
-    else:
-        kind = SAMPLES
-        columns.append(column(others[0]))
     return frame(kind, lane.number, len(rows), first, *columns)
 
 

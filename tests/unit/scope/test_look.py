@@ -92,6 +92,10 @@ def test_values_for_lanes_are_those_that_telemetry_names(part: str) -> None:
     assert len(seen) > 50
 
 
+def rows_of(lane: Lane) -> list[tuple[int, float]]:
+    return list(zip(lane.times, lane.values, strict=True))
+
+
 def asked(part: str) -> dict[tuple[str | None, str], list[tuple[int, float]]]:
     """Return rows of the lanes of a board whose chip is asked for telemetry at each sample."""
     board = made(part)
@@ -100,7 +104,7 @@ def asked(part: str) -> dict[tuple[str | None, str], list[tuple[int, float]]]:
     give(board, part)
     rows = lanes.telemetry["x"], lanes.plants["x"]
     for lane in [lane for _, lane in rows[0]] + [lane for _, _, lane in rows[1]]:
-        lane.rows.clear()
+        lane.forget()
     while board.now < 200 * MS:
         told = chip.telemetry()
         for key, lane in rows[0]:
@@ -110,7 +114,7 @@ def asked(part: str) -> dict[tuple[str | None, str], list[tuple[int, float]]]:
             first = lane.last is None or due == NEVER
             lane.note(board.now if first else due, plant.telemetry()[key])
         board.run_until(due if due != NEVER else board.now + MS)
-    return {(lane.axis, lane.name): lane.rows for lane in lanes.all if lane.axis}
+    return {(lane.axis, lane.name): rows_of(lane) for lane in lanes.all if lane.axis}
 
 
 @pytest.mark.parametrize("part", ["LM629N-8", "MCP-1200", "MC1241A"])
@@ -120,7 +124,7 @@ def test_what_is_recorded_is_what_asking_at_each_sample_gives(part: str) -> None
     recorder = Recorder(board, edges=False)
     recorder.start()
     board.run_until(200 * MS - 1)
-    recorded = {(lane.axis, lane.name): lane.rows for lane in recorder.lanes.all if lane.axis}
+    recorded = {(lane.axis, lane.name): rows_of(lane) for lane in recorder.lanes.all if lane.axis}
     for name, rows in asked(part).items():
         assert recorded[name] == rows, name
     assert max(map(len, recorded.values())) > 100
@@ -154,7 +158,7 @@ def test_nothing_is_recorded_once_nobody_watches() -> None:
     recorder.stop()
     recorder.take(numbers)
     board.run_for(10 * MS)
-    assert not any(lane.rows for lane in recorder.lanes.all)
+    assert not any(lane.times for lane in recorder.lanes.all)
 
 
 class Warm(DcMotor):
@@ -170,10 +174,9 @@ def test_a_plant_with_lanes_of_its_own_is_asked_for_them_by_name() -> None:
     assert Warm().lane_values() == [0.0, 0.0, 12.5]
 
 
-def test_a_lane_knows_that_a_value_was_told_late() -> None:
+def test_values_that_were_told_late_stand_where_they_began() -> None:
     lane = Lane(0, None, "x", "x", "number")
-    for when, value in ((1, 5), (3, 6), (3, 7)):
+    for when, value in ((1, 5), (3, 6), (3, 7), (2, 8)):
         lane.note(when, value)
-    assert not lane.early
-    lane.note(2, 8)
-    assert lane.early
+    assert lane.take_values() == ([1, 2, 3, 3], [5, 8, 6, 7])
+    assert lane.take_values() == ([], [])
