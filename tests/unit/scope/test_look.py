@@ -161,16 +161,16 @@ def test_nothing_is_recorded_once_nobody_watches() -> None:
     assert not any(lane.times for lane in recorder.lanes.all)
 
 
-class Warm(DcMotor):
-    """A motor of somebody else's, with a lane more."""
-
-    LANES = (*DcMotor.LANES, LaneRow("heat", "heat", "K", "heat"))
-
-    def telemetry(self) -> dict[str, float]:
-        return {**super().telemetry(), "heat": 12.5}
-
-
+@pytest.mark.core("interpreted")
 def test_a_plant_with_lanes_of_its_own_is_asked_for_them_by_name() -> None:
+    class Warm(DcMotor):
+        """A motor with a lane more."""
+
+        LANES = (*DcMotor.LANES, LaneRow("heat", "heat", "K", "heat"))
+
+        def telemetry(self) -> dict[str, float]:
+            return {**super().telemetry(), "heat": 12.5}
+
     assert Warm().lane_values() == [0.0, 0.0, 12.5]
 
 
