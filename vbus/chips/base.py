@@ -256,6 +256,14 @@ class Chip:
         """Return what a live view shows of this chip, by name."""
         return {}
 
+    def lane_values(self) -> list[int | float]:
+        """Return what :meth:`telemetry` tells for the lanes of its family, without the names.
+
+        Equal to it: axis by axis, in the order of the family's rows, and last its ``"interrupt"``,
+        0 of a chip that tells of none. Empty: ask for telemetry.
+        """
+        return []
+
     def next_change(self) -> int:
         """Return an instant after now, not later than the next sample that changes telemetry (ps).
 

@@ -33,7 +33,7 @@ COMPILED: Final = (
     "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
     "protocols/port.py", "board/board.py", "board/circuit.py", "board/host_*.py",
     "board/strobe_*.py", "board/card_bus.py", "board/card_path.py",
-    "trace/journal/rows.py", "trace/journal/recorded_bus.py",
+    "trace/journal/rows.py", "trace/journal/recorded_bus.py", "scope/lane.py", "scope/look.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what works in every sample or bus cycle."""
 

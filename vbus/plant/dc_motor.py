@@ -129,6 +129,12 @@ class DcMotor(Shaft):
         """Return the current of the armature and what the shaft tells."""
         return {"current": self.current, **super().telemetry()}
 
+    def lane_values(self) -> list[float]:
+        """Return the same without the names."""
+        if self.LANES is not DcMotor.LANES:
+            return super().lane_values()
+        return [self.current, self._load]
+
     def mechanics(self) -> Mechanics:
         """Return the numbers as they are now; change them and give them to :meth:`refit`."""
         mechanics = super().mechanics()

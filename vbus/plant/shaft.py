@@ -138,6 +138,10 @@ class Shaft(EncodedPlant):
         """Return the torque of the load."""
         return {"load": self._load}
 
+    def lane_values(self) -> list[float]:
+        """Return the same without its name."""
+        return [self._load] if self.LANES is Shaft.LANES else super().lane_values()
+
     @property
     def period(self) -> float:
         """The length of a period in seconds; it is prepared for before the rest is loaded."""

@@ -8,6 +8,7 @@ import json
 import struct
 from array import array
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -34,7 +35,6 @@ TEXT: Final = 4
 
 _HEAD: Final = struct.Struct("<BBHIQ")
 _COLUMN: Final = struct.Struct("<B3xI")
-_INTEGER: Final = 1 << 31
 _EXACT: Final = 1 << 53
 """Integers below this are the same as doubles."""
 
@@ -66,7 +66,7 @@ def differences(values: Sequence[int]) -> Column:
 
 def numbers(values: Sequence[float]) -> Column:
     """Return numbers as they are: nothing to work out for a live page."""
-    if all(type(value) is int and -_INTEGER <= value < _INTEGER for value in values):
+    with suppress(TypeError, OverflowError):  # not a whole number; beyond 32 bits
         return INTEGERS, array("i", values).tobytes()
     return DOUBLES, array("d", values).tobytes()
 

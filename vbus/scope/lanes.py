@@ -1,19 +1,17 @@
 """The lanes of a board: what is drawn of it over time, and where each comes from."""
 
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 from vbus.board import plugins
 from vbus.board.board import Board
 from vbus.chips.base import Chip
 from vbus.plant.encoder import EncodedPlant
+from vbus.scope.lane import Lane
 from vbus.signals import LaneRow, Net, Plant
 from vbus.trace.wave.signals import nets_of
 from vbus.version import __version__
 
 FORMAT: Final = 1
-TICK: Final = 1
-"""Picoseconds of a tick: instants are as exact as the board's."""
 
 NUMBER: Final = "number"
 LINE: Final = "line"
@@ -27,49 +25,6 @@ MARK_TITLES: Final = {
     "bookmark": "bookmarks",
 }  # fmt: skip
 """Kinds of marks, each a lane of its own."""
-
-Number = int | float
-
-
-@dataclass(eq=False, slots=True)
-class Lane:
-    """One lane and the rows that nobody has taken yet.
-
-    Attributes:
-        number: its id.
-        axis: name of its axis, or None.
-        name: short name.
-        title: for people.
-        kind: :data:`NUMBER`, :data:`LINE`, ...
-        unit: what ``scale`` times a value is in.
-        scale: what a value is multiplied by.
-        last: the latest value, as it was told; None before the first.
-        rows: instant and value; of packets begin, length, label, kind; of marks instant, object.
-    """
-
-    number: int
-    axis: str | None
-    name: str
-    title: str
-    kind: str
-    unit: str = ""
-    scale: float = 1.0
-    last: Number | None = None
-    rows: list[tuple[Any, ...]] = field(default_factory=list)
-
-    def note(self, when: int, value: Number) -> None:
-        """Take a value that holds from ``when`` (ps) on."""
-        if value != self.last:
-            self.last = value
-            self.rows.append((when, value if self.scale == 1 else round(value / self.scale)))
-
-    def described(self) -> dict[str, Any]:
-        """Return what a page is told of it."""
-        return {
-            "id": self.number, "axis": self.axis, "name": self.name, "title": self.title,
-            "kind": self.kind, "unit": self.unit, "scale": self.scale, "tick": TICK,
-            "shape": "steps",
-        }  # fmt: skip
 
 
 class Lanes:

@@ -6,7 +6,8 @@ from typing import Any
 from vbus.board.board import Board
 from vbus.errors import VbusError
 from vbus.scope.frames import ALL, NOW, SAMPLES, Column, frame
-from vbus.scope.lanes import LINE, NUMBER, Lane
+from vbus.scope.lane import Lane
+from vbus.scope.lanes import LINE, NUMBER
 from vbus.signals import Net, Observer
 
 
@@ -84,16 +85,14 @@ class PinRecorder(Observer):
         """
         frames = []
         for _, lane in self._nets:
-            rows, lane.rows = lane.rows, []
-            if rows:
-                first = rows[0][0]
-                columns = column([when - first for when, _ in rows]), column([v for _, v in rows])
-                frames.append(frame(SAMPLES, lane.number, len(rows), first, *columns))
+            times, values = lane.take_values()
+            if times:
+                columns = column([when - times[0] for when in times]), column(values)
+                frames.append(frame(SAMPLES, lane.number, len(times), times[0], *columns))
         return [*frames, frame(NOW, ALL, 0, self._board.now)]
 
     def leave_out(self) -> None:
         """Forget what is new, and take down every level once more: there is no room for it."""
         for _, lane in self._nets:
-            lane.rows.clear()
-            lane.last = None
+            lane.forget()
         self._note_all()

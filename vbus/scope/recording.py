@@ -9,9 +9,6 @@ from operator import itemgetter
 from typing import Any, Final
 
 from vbus.board.board import Board
-from vbus.chips.base import Chip
-from vbus.kernel import END, MS, NEVER, SECOND
-from vbus.kernel.kernel import Timer
 from vbus.scope.frames import (
     ALL,
     CHIPS,
@@ -27,8 +24,9 @@ from vbus.scope.frames import (
     small,
     texts,
 )  # fmt: skip
-from vbus.scope.lanes import MARK_LANE, PACKET_LANE, Lane, Lanes
-from vbus.scope.registers import ChipRegisters
+from vbus.scope.lane import Lane
+from vbus.scope.lanes import MARK_LANE, Lanes
+from vbus.scope.look import Look
 from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.packets import IGNORED, STATUS, WHOLE, CommandPackets, Cycle, Packet
@@ -41,104 +39,10 @@ VIOLATED: Final = 4
 OTHER: Final = 5
 """Kinds of packets."""
 
-FIRST_REST: Final = MS
-LONGEST_REST: Final = SECOND
-"""How soon a chip that rests is looked at again: each time it still rests, twice as late."""
-
 MOST_ROWS: Final = 8192
 """Rows of a frame at most: a page reads one after the other, and can draw between them."""
 
 Columns = Callable[[Sequence[float]], Column]
-
-
-class _Look:
-    """Looks at one chip, its plants and its pins.
-
-    Args:
-        board: the board.
-        chip: the chip.
-        lanes: all lanes.
-        levels: the pins looked at, where their edges are not told.
-
-    Attributes:
-        registers: what is in the chip.
-    """
-
-    def __init__(
-        self, board: Board, chip: Chip, lanes: Lanes, levels: "list[tuple[Any, Lane]]"
-    ) -> None:
-        self._board: Board = board
-        self._chip: Chip = chip
-        self.registers: ChipRegisters = ChipRegisters(chip, lanes)
-        self._inside: bool = False
-        self._polled: tuple[int, int] | None = None
-        """What was read last, and where, if such a read does nothing to the chip."""
-        self._told: list[tuple[str, Lane]] = lanes.telemetry[chip.name]
-        self._plants: list[Any] = lanes.plants[chip.name]
-        self._levels: list[tuple[Any, Lane]] = levels
-        self._rest: int = 0
-        self._raised: bool = False
-        self.on_interrupt: Callable[[str], None] = lambda text: None
-        self.timer: Timer = board.kernel.onlooker(self.look)
-        self.ready: Timer = board.kernel.onlooker(self._look_inside)
-
-    def look(self) -> None:
-        """Take down what is new, and look again at the next sample."""
-        now: int = self._board.now
-        values = self._chip.telemetry()
-        for key, lane in self._told:
-            value = values.get(key)
-            if isinstance(value, int | float):
-                lane.note(now, value)
-        if self._inside:
-            self.registers.note(now, values)
-        due = self._chip.next_sample()
-        # The mechanics run one period ahead: what they tell holds when it is over.
-        ahead = now if due == NEVER else due
-        for plant, key, lane in self._plants:
-            lane.note(now if lane.last is None else ahead, plant.telemetry()[key])
-        for net, lane in self._levels:
-            lane.note(now, net.value)
-        raised = values.get("interrupt", 0) != 0
-        if raised and not self._raised:
-            self.on_interrupt(f"{self._chip.name}: interrupt")
-        self._raised = raised
-        self._rest = min(max(2 * self._rest, FIRST_REST), LONGEST_REST) if due == NEVER else 0
-        due = now + self._rest if due == NEVER else due
-        self.timer.at(due if due <= END else NEVER)
-
-    def look_inside(self, on: bool) -> None:
-        """Look at its registers from now on, or no longer."""
-        if on == self._inside:
-            return
-        self._inside = on
-        if on:
-            self._look_inside()
-        else:
-            self.ready.cancel()
-            self.registers.forget(self._board.now)
-
-    def _look_inside(self) -> None:
-        self.registers.look(self._board.now)
-
-    def meet(self, write: bool, address: int, data: int) -> None:
-        """A bus cycle has been: look at what it did, and again when the chip is ready."""
-        free = not write and address in self._chip.FREE_READS
-        polled, self._polled = self._polled, (address, data) if free else None
-        again = polled is not None and polled == self._polled
-        if not again:  # a poll that reads the same does nothing
-            self.wake()
-        if self._inside and not free:
-            self._look_inside()
-            ready = self._chip.ready_at()
-            if self._board.now < ready <= END:
-                self.ready.at(ready)
-
-    def wake(self) -> None:
-        """Something has touched the chip: one that rested may rest no more."""
-        if self._rest:
-            self._rest = 0
-            self.timer.at(self._board.now)
 
 
 class Recorder(BoardPackets):
@@ -166,11 +70,11 @@ class Recorder(BoardPackets):
         self._lag: Callable[[], int] = lag if lag is not None else int
         self._edges: bool = edges
         self._running: bool = False
-        self._looks: dict[str, _Look] = {}
+        self._looks: dict[str, Look] = {}
         for chip in board.chips:
             mine = {pin.net.name for pin in chip.pins.values()} if not edges else ()
             levels = [row for name, row in self.lanes.nets.items() if name in mine]
-            self._looks[chip.name] = look = _Look(board, chip, self.lanes, levels)
+            self._looks[chip.name] = look = Look(board, chip, self.lanes, levels)
             look.on_interrupt = self._interrupt
         self._labels: dict[tuple[str, str], int] = {}
         self._new: list[tuple[str, str]] = []
@@ -300,6 +204,10 @@ class Recorder(BoardPackets):
         if words:
             frames.append(frame(WORDS, ALL, len(words), 0, texts(words)))
         for lane in self.lanes.all:
+            if lane.times:
+                frames += sample_frames(lane, column)
+            if not lane.rows:
+                continue
             rows, lane.rows = lane.rows, []
             rows.sort(key=itemgetter(0))  # some are known later than others that began after them
             for place in range(0, len(rows), MOST_ROWS):
@@ -312,25 +220,33 @@ class Recorder(BoardPackets):
         The labels stay: those of later packets are counted from the first.
         """
         for lane in self.lanes.all:
-            lane.rows.clear()
-            lane.last = None
+            lane.forget()
+
+
+def sample_frames(lane: Lane, column: Columns) -> list[bytes]:
+    """Return the values of a lane that nobody has taken yet as frames."""
+    times, values = lane.take_values()
+    frames = []
+    for place in range(0, len(times), MOST_ROWS):
+        some = times[place : place + MOST_ROWS]
+        first = some[0]
+        columns = column([when - first for when in some]), column(values[place : place + MOST_ROWS])
+        frames.append(frame(SAMPLES, lane.number, len(some), first, *columns))
+    return frames
 
 
 def _rows(lane: Lane, rows: list[tuple[Any, ...]], column: Columns) -> bytes:
-    """Return some rows of a lane as a frame."""
+    """Return some packets or marks as a frame."""
     first = rows[0][0]
     begins, *others = zip(*rows, strict=True)
     columns = [column([begin - first for begin in begins])]
     if lane.kind == MARK_LANE:
         kind = MARKS
         columns.append(texts(others[0]))
-    elif lane.kind == PACKET_LANE:
+    else:
         kind = PACKETS
         lengths, labels, sorts, inner = others
         columns += [column(lengths), column(labels), kinds(sorts), texts(inner)]
-    else:
-        kind = SAMPLES
-        columns.append(column(others[0]))
     return frame(kind, lane.number, len(rows), first, *columns)
 
 

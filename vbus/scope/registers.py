@@ -13,7 +13,8 @@ from vbus.chips.base import Chip
 from vbus.chips.family import Family, InnerRegister
 from vbus.chips.tables import Bit, Register
 from vbus.kernel import MS
-from vbus.scope.lanes import Lane, Lanes
+from vbus.scope.lane import Lane
+from vbus.scope.lanes import Lanes
 from vbus.trace.decode import decoder_of
 from vbus.trace.packets import Decoder, RegisterPackets
 

@@ -154,10 +154,7 @@ class LM628(HostInterface):
             self._encoder_pins.look()
 
     def power_on(self, done: bool) -> None:
-        """Supply is up and /RST is released now: the reset runs, or has just ended if ``done``.
-
-        If something holds /RST low, the reset runs when it lets go.
-        """
+        """Supply is up: once /RST is let go the reset runs, or has just ended if ``done``."""
         now = self._when = self.kernel.now
         judge_clock(self, float(self.settings["clk_duty"]))
         self._encoder_pins.preset()
@@ -432,11 +429,14 @@ class LM628(HostInterface):
         """Return desired and real motion, filter and output, status and signals by name."""
         self.advance()
         return self.axis.telemetry() | {
-            "output": self.output.command,
-            "code": self.output.code(),
-            "status": self.status(),
+            "output": self.output.command, "code": self.output.code(), "status": self.status(),
             "interrupt": self._hi.level,
-        }
+        }  # fmt: skip
+
+    def lane_values(self) -> list[int | float]:
+        """Return what the lanes have of that."""
+        self.advance()
+        return [*self.axis.lane_values(), self.output.command, self._hi.level]
 
     def after_load(self) -> None:
         """Work out what is due."""

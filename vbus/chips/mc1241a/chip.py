@@ -387,6 +387,18 @@ class MC1241A(ChipSet):
             }
         return values
 
+    def lane_values(self) -> list[int | float]:
+        """Return what the lanes have of that."""
+        self.advance()
+        values: list[int | float] = []
+        for axis in self.axes:
+            values += [
+                axis.profile.target_position, axis.encoder.actual, axis.position_error,
+                axis.profile.velocity / (1 << 32),
+            ]  # fmt: skip
+        values.append(self.interrupts.axis + 1)
+        return values
+
     def next_change(self) -> int:
         """Return when anything happens inside."""
         self.advance()

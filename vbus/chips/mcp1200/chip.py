@@ -345,6 +345,16 @@ class MCP1200(HostInterface):
             "phase": registers.phase,
         }
 
+    def lane_values(self) -> list[int | float]:
+        """Return what the lanes have of that; this chip has no interrupt."""
+        self.advance()
+        axis = self.axis
+        registers = axis.registers
+        return [
+            registers.command_position, axis.counter.position(self.cycle_now()),
+            registers.position_error, registers.actual_velocity, round(axis.drive.level(), 4), 0,
+        ]  # fmt: skip
+
     def next_change(self) -> int:
         """Return when anything happens inside."""
         self.advance()
