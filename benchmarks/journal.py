@@ -1,4 +1,4 @@
-"""What a journal costs: time per bus cycle beside the same run without one, and bytes per cycle.
+"""What a journal costs: time per bus cycle beside the same run without one, its bytes, its replay.
 
 Each figure is the median of rounds in which both variants take turns, so that neighbours on the
 machine hit both alike.
@@ -18,7 +18,9 @@ from typing import BinaryIO
 from benchmarks.in_process import CHIPS, board, command
 from vbus.board.host_bus import HostBus
 from vbus.protocols.byte import ByteProtocol
+from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.replay import Replay
 
 CYCLES = 40_000
 ROUNDS = 9
@@ -87,6 +89,32 @@ def compare(chip: str, work: object, folder: Path) -> None:
     )
 
 
+def replayed(chip: str, work: object) -> None:
+    """Print what playing a journal again costs, beside recording it."""
+    recording, playing = [], []
+    for _ in range(ROUNDS):
+        file = io.BytesIO()
+        made = board(chip)
+        journal = Journal(made, file)
+        port = made.open_port("bench")
+        start = time.perf_counter_ns()
+        work(port, CHIPS[chip][2])  # type: ignore[operator]
+        recording.append(time.perf_counter_ns() - start)
+        journal.close()
+        file.seek(0)
+        reader = JournalReader(file)
+        replay = Replay(board(chip), reader, reader.header.families)
+        start = time.perf_counter_ns()
+        outcome = replay.run()
+        playing.append(time.perf_counter_ns() - start)
+        assert outcome.divergence is None
+    record, play = statistics.median(recording), statistics.median(playing)
+    print(
+        f"{chip:9} {work.__name__:7} {record / outcome.cycles:6.0f} ns a cycle recorded,"  # type: ignore[attr-defined]
+        f" {play / outcome.cycles:6.0f} ns replayed: {play / record:4.1f} x   goal <= 10 x"
+    )
+
+
 def messages(folder: Path, durable: str) -> float:
     """Return ns for a message of one read, with the journal settled as ``durable`` says."""
     made = board("LM629")
@@ -119,6 +147,10 @@ def main() -> None:
             compare(chip, polls, Path(folder))
         compare("LM629", moves, Path(folder))
         compare("MCP-1200", scatter, Path(folder))
+    for chip in CHIPS:
+        replayed(chip, polls)
+    replayed("LM629", moves)
+    replayed("MCP-1200", scatter)
 
 
 if __name__ == "__main__":

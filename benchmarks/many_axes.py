@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -132,16 +133,30 @@ def start_axes(folder: Path, count: int) -> None:
                 got += more
 
 
+def told(environment: dict[str, str]) -> dict[str, Any]:
+    """Return what the board that runs tells of itself."""
+    answer = subprocess.run(
+        [sys.executable, "-m", "vbus", "ls", "--json"],
+        env=environment, check=True, capture_output=True, text=True,
+    )  # fmt: skip
+    found: dict[str, Any] = json.loads(answer.stdout)[0]
+    return found
+
+
 def served(
-    count: int, turning: bool, seconds: float, chip: str = LM629, model: str = "dc_motor"
-) -> tuple[float, float]:
-    """Return the share of a core ``vbus run`` takes in real time, and its worst lag (ms)."""
+    count: int, turning: bool, seconds: float, chip: str = LM629, model: str = "dc_motor",
+    rate: str = "1",
+) -> tuple[float, float]:  # fmt: skip
+    """Return the share of a core ``vbus run`` takes in real time, and its worst lag (ms).
+
+    The share is computing for each second of chip time, also where that does not follow.
+    """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "many.toml"
         file.write_text(text(count, "realtime", chip, model) + hosts(count))
         environment = {**os.environ, "VBUS_RUNTIME": folder}
         server = subprocess.Popen(
-            [sys.executable, "-m", "vbus", "run", "--json", file],
+            [sys.executable, "-m", "vbus", "run", "--json", "--rate", rate, file],
             stdout=subprocess.PIPE, env=environment,
         )  # fmt: skip
         try:
@@ -150,14 +165,11 @@ def served(
             if turning:
                 start_axes(Path(folder), count)
             time.sleep(0.5)
-            begun, wall = cpu_seconds(server.pid), time.perf_counter()
+            begun, before = cpu_seconds(server.pid), told(environment)
             time.sleep(seconds)
-            share = (cpu_seconds(server.pid) - begun) / (time.perf_counter() - wall)
-            told = subprocess.run(
-                [sys.executable, "-m", "vbus", "ls", "--json"],
-                env=environment, check=True, capture_output=True, text=True,
-            )  # fmt: skip
-            lag = json.loads(told.stdout)[0]["worst_lag_ps"] / 1e9
+            computed, after = cpu_seconds(server.pid) - begun, told(environment)
+            share = computed * SECOND / (after["time_ps"] - before["time_ps"])
+            lag = after["worst_lag_ps"] / 1e9
         finally:
             server.terminate()
             server.wait()

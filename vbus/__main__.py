@@ -6,6 +6,11 @@ import sys
 def main() -> None:
     """Run the command line; Ctrl-C while it is still being imported ends it as later."""
     try:
+        if sys.argv[1:] in (["--version"], ["-V"]):
+            from vbus.tools.version_line import version_line
+
+            print(version_line())  # without the parser of the command line, which takes longer
+            return
         from vbus.tools.cli import main as run
     except KeyboardInterrupt:
         from vbus.tools.exit_codes import INTERRUPTED

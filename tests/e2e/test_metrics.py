@@ -104,6 +104,7 @@ def test_cycles_violations_sessions_bytes_and_times_are_told(url: str, runtime: 
         found["vbus_round_trip_seconds_count",] == found["vbus_round_trip_seconds_bucket", "+Inf"]
     )
     assert found["vbus_chip_time_seconds_total",] > 0
+    assert found["vbus_overload_ratio",] == 0
 
 
 def test_what_prometheus_asks_for_is_valid_open_metrics(url: str, runtime: Path) -> None:

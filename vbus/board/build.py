@@ -210,6 +210,8 @@ def _plant(section: PlantSection, seed: int) -> Plant:
 
 def card_of(file: BoardFile, host: HostSection) -> cards.Card | None:
     """Return the card a host of the file uses, with chips numbered as in the host's session."""
+    if not host.card:
+        return None
     reached = host.chips or tuple(chip.name for chip in file.chips)
     parts = {chip.name: chip.part for chip in file.chips}
     for card in file.cards:
@@ -245,9 +247,8 @@ def card_of(file: BoardFile, host: HostSection) -> cards.Card | None:
 
 def pin_map_of(file: BoardFile, name: str) -> pin_maps.PinMap | None:
     """Return the pin map called ``name``; None if there is none or nothing was named."""
-    everybody = tuple(chip.name for chip in file.chips)
     for section in file.pinmaps:
         if section.name == name:
-            meant = section.chips or everybody
+            meant = section.chips or tuple(chip.name for chip in file.chips)
             return pin_maps.PinMap(name, section.pins, section.low, section.high, meant)
     return None

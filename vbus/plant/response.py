@@ -124,7 +124,7 @@ class Motor:
         while halvings > 0:
             halvings -= 1
             step = step.twice()
-            if halvings < LEVELS:
+            if halvings <= LEVELS:
                 spans.append(step)
         spans = spans[-1 - LEVELS :]
         spans.reverse()

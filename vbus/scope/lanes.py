@@ -44,6 +44,7 @@ class Lanes:
         packets: lane of the packets by chip.
         marks: lanes of the marks by kind.
         lag: how late chip time is, of a board that runs in real time.
+        overload: how many times the machine would be enough for it; 0 while it keeps up.
     """
 
     def __init__(self, board: Board, strobes: bool, live: bool) -> None:
@@ -69,8 +70,10 @@ class Lanes:
         for kind, title in MARK_TITLES.items():
             self.marks[kind] = self._add(None, title, title, MARK_LANE)
         self.lag: Lane | None = None
+        self.overload: Lane | None = None
         if live and board.policy == "realtime":
             self.lag = self._add(None, "wall lag", "wall lag", NUMBER, "s", 1e-12)
+            self.overload = self._add(None, "overload", "overload", NUMBER, "x", 0.01)
 
     def _add_chip(self, chip: Chip) -> None:
         rows = plugins.family(chip.FAMILY).lanes

@@ -45,6 +45,10 @@ MOST_ROWS: Final = 8192
 Columns = Callable[[Sequence[float]], Column]
 
 
+def _in_time() -> tuple[int, float]:
+    return 0, 0.0
+
+
 class Recorder(BoardPackets):
     """Records every lane of a board from :meth:`start` to :meth:`stop`.
 
@@ -53,7 +57,7 @@ class Recorder(BoardPackets):
         edges: take every edge of its pins at its instant, which leaves traces in saved states; or
             else look at the levels when samples are made.
         strobes: record the lines of the host buses too; with ``edges`` alone.
-        lag: of a board that runs now: how late chip time is (ps).
+        late: of a board that runs now: how late chip time is (ps), and the overload.
     """
 
     def __init__(
@@ -61,13 +65,13 @@ class Recorder(BoardPackets):
         board: Board,
         edges: bool,
         strobes: bool = False,
-        lag: Callable[[], int] | None = None,
+        late: Callable[[], tuple[int, float]] | None = None,
     ) -> None:
         families = {chip.name: chip.FAMILY for chip in board.chips}
         super().__init__(families, self._packet, settings_for_decoders(board.chips))
         self.board: Board = board
-        self.lanes: Lanes = Lanes(board, strobes and edges, lag is not None)
-        self._lag: Callable[[], int] = lag if lag is not None else int
+        self.lanes: Lanes = Lanes(board, strobes and edges, late is not None)
+        self._late: Callable[[], tuple[int, float]] = late if late is not None else _in_time
         self._edges: bool = edges
         self._running: bool = False
         self._looks: dict[str, Look] = {}
@@ -189,8 +193,10 @@ class Recorder(BoardPackets):
         Args:
             column: how numbers are written.
         """
-        if self.lanes.lag is not None:
-            self.lanes.lag.note(self.board.now, self._lag() * 1e-12)
+        if self.lanes.lag is not None and self.lanes.overload is not None:
+            lag, overload = self._late()
+            self.lanes.lag.note(self.board.now, lag * 1e-12)
+            self.lanes.overload.note(self.board.now, overload)
         frames = []
         if not self._described:
             self._described = True

@@ -216,6 +216,11 @@ def _families(board: str, statistics: dict[str, Any]) -> Iterator[Metric]:
             [((), statistics["slipped_ps"] / 1e12)],
         ),
         (
+            GaugeMetricFamily, "vbus_overload_ratio",
+            "How many times the machine would be enough for what moves; 0 while it keeps up", (),
+            [((), statistics["overload"])],
+        ),
+        (
             GaugeMetricFamily, "vbus_worst_lag_seconds", "Largest lag since the start", (),
             [((), statistics["worst_lag_ps"] / 1e12)],
         ),

@@ -12,28 +12,25 @@ from typing import Final
 from vbus.board.board import Board
 from vbus.errors import TimeEndedError
 from vbus.kernel import END, MS, NEVER, SECOND
+from vbus.server.overload import Overload
 from vbus.server.pace import Pace, nothing
 from vbus.server.slices import SLICE_NS, Slices
 from vbus.server.statistics import LAG_PS, Histogram
+from vbus.server.ticks import Tick
 from vbus.transports.linux import TimerFd
 
 AHEAD: Final = 2 * MS
 """How far chip time may run ahead of the wall clock (ps)."""
-TICK: Final = 10 * MS
-"""How much chip time a lazy chip may owe before it is brought up to date (ps), at rate 1."""
-SHORTEST_TICK: Final = 5 * MS
-LONGEST_TICK: Final = 50 * MS
-RESTING_TICK: Final = 1_000 * MS
-"""The longest tick while nothing moves, nobody looks on and no host asks."""
-CHEAP_NS: Final = 50_000
-DEAR_NS: Final = 200_000
-RESTING_NS: Final = 20_000
-"""Bringing chips up to date that takes less or more than this is done less or more often: boards
-at rest are left alone, and no host waits long for what others owe."""
 STALL: Final = 100 * MS
 """A gap between two looks at the wall clock beyond which the machine has stalled (ps, rate 1)."""
 SLICE: Final = 10 * MS
 """Chip time computed in one go; between slices the event loop answers others."""
+PIECE_NS: Final = 1_000_000
+"""Wall time for which chips are brought up to date in one go in real time: hosts wait for it."""
+FREE_NS: Final = 1_000_000
+"""Wall time of a slice where nothing holds time back, as far as that can be known before."""
+FREE_SLICE: Final = SECOND
+"""Chip time of the longest of these."""
 LEASE: Final = 20 * MS
 """Chip time by which a host that is master of time may move it in one go; more is sliced."""
 DAY: Final = 24 * 3600 * SECOND
@@ -83,8 +80,9 @@ class Pacer(Pace):
         self._ps_per_ns: tuple[int, int] = (0, 1)
         self._scale: int = 1
         self._stalled: int = STALL
-        self._tick: int = TICK
-        self._longest: int = LONGEST_TICK
+        self._tick: Tick = Tick()
+        self.overload: Overload = Overload()
+        """How much more than the machine can follow moves on the board."""
         self._paced: bool = False
         self._last: int = END
         """Time is moved no further than this (ps); hosts may be ahead of it."""
@@ -126,8 +124,7 @@ class Pacer(Pace):
         # shrink with it.
         self._scale = max(1, self._ps_per_ns[0] // (1000 * self._ps_per_ns[1]))
         self._stalled = STALL * self._scale
-        self._tick = TICK * self._scale
-        self._longest = LONGEST_TICK * self._scale
+        self._tick.scale(self._scale)
         self._last = END - AHEAD if self._paced else END
 
     # -- time ---------------------------------------------------------------------------------
@@ -162,7 +159,7 @@ class Pacer(Pace):
             target = self._nearing(target)
         if target - kernel.now > self._stalled and target - self._asleep > self._stalled:
             return self._recover(target)
-        if self._slices.open:
+        if self._slices.open and target - self._slices.begun > self._stalled:
             return False  # more moves than the machine can follow: time waits for the chips
         board.limit = target + AHEAD
         if kernel.next_stop > target >= kernel.now:
@@ -265,7 +262,7 @@ class Pacer(Pace):
             self._note_lag(behind)
             board.limit = now + AHEAD
             return True
-        self._slices.run(now + SLICE)
+        self._slices.run(now + max(SLICE, self._tick.visit))
         board.limit = board.kernel.now + AHEAD
         self._note_lag(wall - board.kernel.now)
         return False
@@ -284,7 +281,8 @@ class Pacer(Pace):
         self._anchor_ns, self._anchor_ps = self.clock(), self.board.now
         self._slices.open = False
         self._asleep = 0
-        self._tick_at = self.board.now + self._tick
+        self.overload.begin()
+        self._tick_at = self.board.now + self._tick.span
         self._armed = NEVER
         self._hold()
         wakes, self._wakes = sorted(self._wakes), []
@@ -306,7 +304,7 @@ class Pacer(Pace):
             self._slice_soon()
         elif self.real:
             self._use_timer(loop)
-            self._tick_at = self.board.now + self._tick
+            self._tick_at = self.board.now + self._tick.span
             self.arm()
 
     def _use_timer(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -360,9 +358,9 @@ class Pacer(Pace):
 
     def touched(self) -> None:
         """A host has been served: an edge may be due earlier now."""
-        if self._tick > self._longest:
-            self._tick = TICK * self._scale
-            self._tick_at = min(self._tick_at, self.board.now + self._tick)
+        if self._tick.span > self._tick.longest:
+            self._tick.begin()
+            self._tick_at = min(self._tick_at, self.board.now + self._tick.span)
             self.arm()
         elif self.board.kernel.next_due < self._armed:
             self.arm()
@@ -380,24 +378,20 @@ class Pacer(Pace):
         # Not at `now`: hosts may have run ahead of the wall clock.
         self._wake(self.board.limit - AHEAD)
         if now >= self._tick_at or not there:
-            if self._slices.catch_up():
-                self._adapt_tick(self._slices.took)
-            else:
-                there = False
-            self._tick_at = now + (self._tick if there else 0)
+            slices = self._slices
+            self._tick_at = now
+            if slices.catch_up(PIECE_NS):
+                watched = bool(self.board.observers or self.board.listeners)
+                self._tick.adapt(slices.took, slices.moving, watched)
+                if there:
+                    self._tick_at = max(now, slices.begun + self._tick.span)
+        if self.bound == NEVER and self.overload.look(now, self.clock(), self._ps_per_ns):
+            self.report(f"board {self.board.name}: {self.overload}")
         self.arm()
 
     def _wake(self, now: int) -> None:
         while not self.halted and self._wakes and self._wakes[0][0] <= now:
             heapq.heappop(self._wakes)[2]()
-
-    def _adapt_tick(self, took: int) -> None:
-        if took < CHEAP_NS:
-            watched = self.board.observers or self.board.listeners
-            most = LONGEST_TICK if watched or took >= RESTING_NS else RESTING_TICK
-            self._tick = min(self._tick * 2, most * self._scale)
-        elif took > DEAR_NS:
-            self._tick = max(self._tick // 2, SHORTEST_TICK * self._scale)
 
     # -- where no wall clock holds time back ----------------------------------------------------
 
@@ -434,15 +428,17 @@ class Pacer(Pace):
             self.on_bound()
         if slices.catch_up():
             board.limit = self._within(board.now + LEASE)
-            if not self.free and there:
-                self._adapt_slice(ran + slices.took)
+            if self.free and not slices.moving:
+                self._slice = SLICE  # nobody has asked for a day of rest
+            elif there:
+                self._adapt_slice(ran + slices.took, FREE_NS if self.free else SLICE_NS)
             self._wake(board.now)
         if not self.halted and ((self.free and not self.over) or self._wakes):
             self._slice_soon()
 
-    def _adapt_slice(self, took: int) -> None:
+    def _adapt_slice(self, took: int, most: int) -> None:
         """A day of rest costs nothing, a second of a hundred moving axes does."""
-        if took < SLICE_NS // 4:
-            self._slice *= 2
-        elif took > SLICE_NS:
+        if took < most // 4:
+            self._slice = min(self._slice * 2, FREE_SLICE) if self.free else self._slice * 2
+        elif took > most:
             self._slice = max(self._slice // 2, SLICE)

@@ -175,7 +175,7 @@ class Server:
 
     def _watcher(self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd) -> Watcher:
         return Watcher(
-            loop, link, on_end, self.board, self.status(), lambda: self.pacer.lag, self.control,
+            loop, link, on_end, self.board, self.status(), self._late, self.control,
             self.steps, self.jump,
         )  # fmt: skip
 
@@ -270,6 +270,10 @@ class Server:
 
     # -- telling about itself -------------------------------------------------------------------
 
+    def _late(self) -> tuple[int, float]:
+        """Return how late chip time is (ps), and the overload."""
+        return self.pacer.lag, self.pacer.overload.times
+
     def status(self) -> bytes:
         """Return the statistics as JSON."""
         return json.dumps(self.statistics()).encode()
@@ -291,6 +295,8 @@ class Server:
             "lag_ps": self.pacer.lag,
             "worst_lag_ps": self.pacer.worst_lag,
             "slipped_ps": self.pacer.slipped,
+            "overload": self.pacer.overload.times,
+            "worst_overload": self.pacer.overload.worst,
             "chips": [
                 {
                     "name": chip.name,

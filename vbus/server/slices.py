@@ -33,7 +33,10 @@ class Slices:
         """Whether some chips have been brought up to date and others have not."""
         self.took: int = 0
         """Wall time of the round of chips under way, or of the one before (ns)."""
-        self._begun: int = 0
+        self.begun: int = 0
+        """Chip time at which that round began (ps)."""
+        self.moving: int = 0
+        """How many chips it brings up to date: those that do not rest."""
         self._awake: list[Chip] = []
         self._next: int = 0
         self._stretch: int = FIRST
@@ -55,27 +58,31 @@ class Slices:
             if now - began >= SLICE_NS:
                 return False
 
-    def catch_up(self) -> bool:
+    def catch_up(self, most: int = SLICE_NS) -> bool:
         """Bring lazy chips up to now, beginning where the last slice ended.
 
         Chips at rest are left alone: thousands of them cost next to nothing.
+
+        Args:
+            most: wall time after which the rest is left to the next slice (ns).
 
         Returns:
             Whether all chips have been brought up to where time was when the round began.
         """
         board, clock = self._board, self._clock
         if not self.open:
-            self.open, self.took, self._next, self._begun = True, 0, 0, board.now
+            self.open, self.took, self._next, self.begun = True, 0, 0, board.now
             self._awake = [chip for chip in board.chips if not chip.resting()]
+            self.moving = len(self._awake)
         chips = self._awake
         began = clock()
         while self._next < len(chips):
             chips[self._next].advance()
             self._next += 1
-            if clock() - began >= SLICE_NS and self._next < len(chips):
+            if clock() - began >= most and self._next < len(chips):
                 self.took += clock() - began
                 return False
         self.open = False
-        board.settled(self._begun)
+        board.settled(self.begun)
         self.took += clock() - began
         return True

@@ -96,7 +96,7 @@ class Watcher(Connection, Observer):
         on_end: called once when it is over.
         board: the board.
         status: what is sent first.
-        lag: how late chip time is (ps).
+        late: how late chip time is (ps), and the overload.
         control: what can be ordered of the board.
         steps: who makes its time stand still.
         jump: brings it back to an earlier instant.
@@ -109,7 +109,7 @@ class Watcher(Connection, Observer):
         on_end: OnEnd,
         board: Board,
         status: bytes,
-        lag: Callable[[], int],
+        late: Callable[[], tuple[int, float]],
         control: Control,
         steps: Steps,
         jump: Jump,
@@ -126,7 +126,7 @@ class Watcher(Connection, Observer):
         self._lost: int = 0
         self._timer: asyncio.TimerHandle | None = None
         self._wave: Wave | None = None
-        self._lag: Callable[[], int] = lag
+        self._late: Callable[[], tuple[int, float]] = late
         self._recorder: Recorder | None = None
         self._pins: PinRecorder | None = None
         self._until: PacketWatch | None = None
@@ -224,7 +224,7 @@ class Watcher(Connection, Observer):
         """Hold and watch it again; what is told begins anew there."""
         assert self._manual is not None
         self._manual.attach()
-        self._recorder = Recorder(self._board, edges=False, lag=self._lag)
+        self._recorder = Recorder(self._board, edges=False, late=self._late)
         self._answer({"scope": self._described(self._recorder)})
         self._recorder.start()
         self._recorder.look_inside(self._inside)
@@ -242,7 +242,7 @@ class Watcher(Connection, Observer):
             raise VbusError(refusal)
         self._board.unobserve(self)
         self._lines.clear()
-        self._recorder = Recorder(self._board, edges=False, lag=self._lag)
+        self._recorder = Recorder(self._board, edges=False, late=self._late)
         if control:
             self._manual = ManualHost(self._board, self._steps)
         told = self._described(self._recorder)

@@ -7,7 +7,6 @@ from typing import Any, Final
 
 import click
 
-from vbus.compiled import core
 from vbus.errors import (
     CaptureError,
     ConfigError,
@@ -17,6 +16,7 @@ from vbus.errors import (
     VbusError,
 )
 from vbus.tools import exit_codes
+from vbus.tools.version_line import version_line
 from vbus.version import __version__
 
 _COMMANDS: Final = {
@@ -107,7 +107,7 @@ class _Lazy(click.Group):
     context_settings={"help_option_names": ["-h", "--help"]},
     help="A virtual hardware bus server: motion-control chips, bit for bit, for real drivers.",
 )
-@click.version_option(__version__, "-V", "--version", message=f"vbus %(version)s ({core()} core)")
+@click.version_option(__version__, "-V", "--version", message=version_line())
 def cli() -> None:
     """Hold the subcommands."""
 

@@ -78,6 +78,8 @@ def _lines(board: dict[str, Any]) -> list[str]:
         f" lag {_seconds(board['lag_ps'])} (worst {_seconds(board['worst_lag_ps'])}),"
         f" {board['counters']['violations']} violations"
     ]
+    if board.get("worst_overload"):
+        lines.append(f"  {_overload(board['overload'], board['worst_overload'])}")
     if board.get("time_left_ps", DAY) < DAY:
         lines.append(f"  chip time ends in {_seconds(board['time_left_ps'])}")
     if "node" in board:
@@ -123,6 +125,15 @@ def _node_lines(node: dict[str, Any]) -> list[str]:
         f" {node['late_edges']} late edges (worst {_seconds(node['worst_late_ps'])}),"
         f" {node['late_orders']} late orders",
     ]
+
+
+def _overload(times: float, worst: float) -> str:
+    if not times:
+        return f"keeps up; was overloaded {worst:.2f} times"
+    return (
+        f"overloaded: chip time runs at {100 / times:.0f} % of its rate, {times:.2f} times this"
+        f" machine would be enough (worst {worst:.2f})"
+    )
 
 
 def _seconds(ps: int) -> str:

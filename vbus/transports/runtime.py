@@ -4,6 +4,7 @@ import errno
 import fcntl
 import os
 import stat
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -22,6 +23,9 @@ LONGEST_ADDRESS: Final = 107
 _PLANTED: Final = (
     "is no lock of vbus: it leads elsewhere, and would be overwritten there; remove it"
 )
+
+_HELD: Final[Counter[Path]] = Counter()
+"""How many names of a directory this process owns."""
 
 
 @contextmanager
@@ -65,6 +69,7 @@ class NameLock:
             self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             while self._fd < 0:
                 self._fd = self._locked(monotonic() + patience)
+            _HELD[self._path.parent] += 1
             os.ftruncate(self._fd, 0)
             os.write(self._fd, f"{os.getpid()}\n{board}".encode())
         except TransportError:
@@ -111,6 +116,7 @@ class NameLock:
             lock_of(self._path).unlink(missing_ok=True)
             os.close(self._fd)
             self._fd = -1
+            _HELD[self._path.parent] -= 1
 
 
 def _flock(fd: int) -> bool:
@@ -135,8 +141,11 @@ def mark_pause(url: str, paused: bool) -> None:
 def sweep(directory: Path) -> None:
     """Remove what killed processes have left in a directory: names of terminals, and sockets.
 
-    Sockets only in the runtime directory: elsewhere they may be another program's.
+    Sockets only in the runtime directory: elsewhere they may be another program's. It is done with
+    the first name a process takes there: a board of a thousand links looks once.
     """
+    if _HELD[directory] > 1:
+        return
     ours = runtime_directory().resolve() in (directory.resolve(), *directory.resolve().parents)
     for name in locked_names(directory):
         lock = NameLock(name)

@@ -158,6 +158,15 @@ def test_how_far_time_has_come_is_told_last(move: Seen, moved: bytes) -> None:
     assert axis["counts_per_rev"] == 2000
 
 
+def test_how_late_a_board_in_real_time_is_and_how_overloaded_are_lanes() -> None:
+    board = load_board_text(LM629.replace('"lockstep"', '"realtime"'))
+    recorder = Recorder(board, edges=False, late=lambda: (5 * 10**9, 1.5))
+    recorder.start()
+    seen = Seen(recorder.lanes.described(True), b"".join(recorder.take(small)))
+    assert [row[1] for row in seen.rows["wall lag"]] == [5 * 10**9]
+    assert [row[1] for row in seen.rows["overload"]] == [150]
+
+
 def test_what_was_taken_is_not_told_again_and_labels_go_on() -> None:
     board = load_board_text(LM629)
     recorder = Recorder(board, edges=False)

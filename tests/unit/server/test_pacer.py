@@ -13,7 +13,7 @@ from vbus.board.build import load_board_text
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.errors import TimeEndedError
 from vbus.kernel import END, MS, NEVER, SECOND, US
-from vbus.server.pacer import AHEAD, DAY, LEASE, SLICE, Pacer
+from vbus.server.pacer import AHEAD, DAY, FREE_NS, FREE_SLICE, LEASE, PIECE_NS, SLICE, Pacer
 from vbus.server.slices import SLICE_NS
 
 
@@ -239,15 +239,46 @@ def test_the_next_delay_starts_with_short_slices_again() -> None:
 
 
 def test_without_a_limit_of_rate_time_runs_by_itself_one_slice_at_a_time() -> None:
-    board, _, loop = laborious(cost_ns=0, rate=float("inf"), policy="realtime")
+    board, _, loop = laborious(cost_ns=FREE_NS // 2, rate=float("inf"), policy="realtime")
 
     for step in range(1, 6):
         assert loop.step()
         assert board.now == step * SLICE
 
 
+def slices(board: Board, loop: Loop, count: int) -> list[int]:
+    """Return how much chip time passes in each slice."""
+    found = []
+    for _ in range(count):
+        begun = board.now
+        assert loop.step()
+        found.append(board.now - begun)
+    return found
+
+
+def test_without_a_limit_of_rate_what_moves_cheaply_goes_on_in_longer_slices() -> None:
+    board, _, loop = laborious(cost_ns=FREE_NS // 4 - 1, rate=float("inf"), policy="realtime")
+    chip = board.chips[0]
+    assert isinstance(chip, Labour)
+
+    assert slices(board, loop, 8) == [SLICE << n for n in range(7)] + [FREE_SLICE]
+    chip.cost_ns = FREE_NS + 1
+    assert slices(board, loop, 3) == [FREE_SLICE, FREE_SLICE // 2, FREE_SLICE // 4]
+
+
+def test_without_a_limit_of_rate_a_board_at_rest_does_not_run_away() -> None:
+    board = Board("bench", "realtime", rate=float("inf"))
+    chip = board.add_chip(Idler, "t", "TOY", 8_000_000)
+    assert isinstance(chip, Idler)
+    chip.wall = WallClock()
+    loop: Any = Loop()
+    Pacer(board, clock=chip.wall).start(loop)
+
+    assert slices(board, loop, 50) == [SLICE] * 50
+
+
 def test_time_without_a_limit_of_rate_ends_and_the_board_with_it() -> None:
-    board, pacer, loop = laborious(cost_ns=0, rate=float("inf"), policy="realtime")
+    board, pacer, loop = laborious(cost_ns=FREE_NS // 2, rate=float("inf"), policy="realtime")
     ended: list[int] = []
     pacer.on_end = lambda: ended.append(board.now)
     board.run_until(END - 2 * SLICE)
@@ -450,6 +481,90 @@ def test_no_slice_takes_longer_than_its_time_and_one_chip(rate: float) -> None:
         assert wall.ns - begun <= SLICE_NS + cost + 1
 
     assert board.now > 4 * SLICE - 1, "and yet time goes on"
+
+
+def keep_up(pacer: Pacer, wall: WallClock, board: Board, duration: int) -> int:
+    """Serve for a while; return how long the longest wait for the event loop was (ns)."""
+    end, longest = wall.ns + duration // 1000, 0
+    while wall.ns < end:
+        wall.ns += max(1, (pacer._asleep - pacer.wall()) // 1000)
+        begun = wall.ns
+        pacer._woken()
+        longest = max(longest, wall.ns - begun)
+    return longest
+
+
+def test_many_chips_are_brought_up_to_date_in_pieces_while_time_runs_on() -> None:
+    """Long visits take less than many short ones; who waits for the event loop waits a piece."""
+    cost = 40_000
+    board, pacer, wall = many(1000, cost, "realtime")
+    pacer.arm()
+    told: list[str] = []
+    pacer.report = told.append
+
+    longest = keep_up(pacer, wall, board, 2 * SECOND)
+
+    assert longest <= PIECE_NS + cost
+    assert pacer.wall() - board.now <= 2 * PIECE_NS * 1000
+    assert pacer.worst_lag <= 2 * PIECE_NS * 1000
+    assert pacer._tick.span == 50 * MS, "40 us of 50 ms: 1000 chips take 80 %"
+    assert told == []
+    assert pacer.overload.worst == 0.0
+
+
+@pytest.mark.parametrize("stall", ["catch_up", "slip"])
+def test_more_than_the_machine_can_follow_is_told_once_with_how_much(stall: str) -> None:
+    class Dear(Labour):
+        """A chip that takes 60 us to compute a millisecond."""
+
+        last = 0
+        still = False
+
+        def resting(self) -> bool:
+            return self.still
+
+        def advance(self) -> None:
+            owed, self.last = self.kernel.now - self.last, int(self.kernel.now)
+            self.wall.ns += owed * 60 // 1_000_000
+
+    wall = WallClock()
+    board = Board("bench", "realtime")
+    for number in range(25):
+        chip = board.add_chip(Dear, f"t{number}", "TOY", 8_000_000)
+        assert isinstance(chip, Dear)
+        chip.wall = wall
+    pacer = Pacer(board, stall, wall)
+    pacer.arm()
+    told: list[str] = []
+    pacer.report = told.append
+
+    keep_up(pacer, wall, board, 20 * SECOND)
+
+    assert len(told) == 1
+    assert told[0].startswith("board bench: more moves than this machine can follow: chip time")
+    assert pacer.overload.times == pytest.approx(1.5, abs=0.05)
+    assert pacer.overload.worst < 1.8
+
+    # Half of them come to rest: what is owed is made up for, and nobody is overloaded.
+    for chip in board.chips[:13]:
+        chip.still = True  # type: ignore[attr-defined]
+    keep_up(pacer, wall, board, 40 * SECOND)
+
+    assert pacer.overload.times == 0.0
+    assert pacer.overload.worst > 1.4
+    assert len(told) == 1
+
+
+def test_a_stall_of_the_machine_is_no_overload() -> None:
+    board, pacer, wall = many(4, 1_000, "realtime")
+    pacer.arm()
+    for gap in (400, 900, 1500, 3000, 400, 400):
+        keep_up(pacer, wall, board, 5 * SECOND)
+        wall.ns += gap * 1_000_000
+    keep_up(pacer, wall, board, 5 * SECOND)
+
+    assert pacer.worst_lag >= 2 * SECOND
+    assert pacer.overload.worst == 0.0
 
 
 class Ticking(Labour):

@@ -1,6 +1,7 @@
 """Replays: the same again, and the first difference on both sides."""
 
 import io
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -28,9 +29,10 @@ from vbus.protocols.port import PortError
 from vbus.protocols.requests import LEASED, REQUESTS
 from vbus.server.recording import wave_of
 from vbus.signals import Observer
-from vbus.trace.journal.format import Entry
+from vbus.trace.journal.difference import Divergence
+from vbus.trace.journal.format import OPERATIONS, PORTS, Entry, JournalReader
 from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.replay import Divergence, Outcome, Replay
+from vbus.trace.journal.replay import Outcome, Replay
 from vbus.trace.packets import Cycle, Decoder, Packet
 
 MC1241A = """\
@@ -63,7 +65,40 @@ def played(data: bytes, *, without: int = -1, changed: dict[int, dict[str, Any]]
         for entry in entries
         if entry.number != without
     ]
-    return Replay(board, chosen, header.families).run()
+    outcome = Replay(board, chosen, header.families).run()
+    again = load_board_text(text) if text else board_of(header)
+    assert Replay(again, Stretches(chosen), header.families).run() == outcome
+    return outcome
+
+
+class Stretches(JournalReader):
+    """Entries, perhaps changed ones, as a reader gives them: equal bus cycles in a row at once."""
+
+    def __init__(self, entries: list[Entry]) -> None:
+        self.entries: dict[int, Entry] = {entry.number: entry for entry in entries}
+
+    def stretches(self) -> Iterator[tuple[int, int, int, int, Any, int]]:
+        row: tuple[int, int, int, int, Any] | None = None
+        last = times = 0
+        for entry in self.entries.values():
+            key = max(entry.port, 0) * PORTS + OPERATIONS.index(entry.op)
+            value: Any = None
+            if entry.op in ("read", "write") and not entry.error:
+                data = entry.args[1] if entry.op == "write" else entry.reply
+                value = entry.args[0] << 8 | data
+            now = entry.number, entry.when, entry.after - entry.when, key, value
+            if row and value is not None and now == (row[0] + times, last, *row[2:]):
+                times += 1
+            else:
+                if row:
+                    yield *row, times
+                row, times = now, 1
+            last = entry.after
+        if row:
+            yield *row, times
+
+    def entry(self, number: int, when: int, span: int, key: int, value: Any) -> Entry:
+        return self.entries[number]
 
 
 def difference(outcome: Outcome) -> Divergence:

@@ -15,9 +15,10 @@ from vbus.kernel import MS, NS, US
 from vbus.signals import Observer
 from vbus.trace.decode import BoardPackets
 from vbus.trace.findings.report import Report
+from vbus.trace.journal.difference import Divergence
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.replay import Divergence, Replay
+from vbus.trace.journal.replay import Replay
 from vbus.trace.journal.view import play
 from vbus.trace.packets import Packet
 

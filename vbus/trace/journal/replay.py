@@ -1,49 +1,32 @@
 """A journal played again: the same calls at the same instants, and the first difference."""
 
-import copy
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import zip_longest
-from operator import attrgetter
+from itertools import chain, zip_longest
 from typing import Any, Final
 
 from vbus.board.board import Board
-from vbus.signals import Observer, Violation
+from vbus.kernel import END
+from vbus.protocols.port import NotYet, PortError
 from vbus.trace.decode import decoder_of, settings_for_decoders
-from vbus.trace.journal.format import Entry
+from vbus.trace.journal.difference import Divergence, Findings, Side, difference_of
+from vbus.trace.journal.format import NOT_YET, PORTS, WRITE, Entry, JournalError, JournalReader
 from vbus.trace.journal.journal import end_of, version_of
 from vbus.trace.journal.player import Player
-from vbus.trace.journal.view import Sessions, violation_of
-from vbus.trace.packets import Cycle, Decoder, Packet
+from vbus.trace.journal.view import Sessions
+from vbus.trace.packets import PATIENCE, Cycle, Decoder
+
+Stretch = tuple[int, int, int, int, Any, int]
+"""What :meth:`~vbus.trace.journal.format.JournalReader.stretches` gives."""
 
 LOOKAHEAD: Final = 64
 """Entries played on beyond a difference, to decode the whole packet it stands in."""
-
-
-@dataclass(frozen=True, slots=True)
-class Divergence:
-    """The first place where a run differs from its journal.
-
-    Attributes:
-        entry: number of the entry.
-        when: instant (ps).
-        what: what differs: ``"reply"``, ``"instant"``, ``"violation"``, ``"missing"`` (happened
-            now, not in the journal), ``"unconsumed"`` (in the journal, did not happen) or
-            ``"state"``.
-        where: host, chip and call.
-        recorded: the journal's side, decoded.
-        now: the present side, decoded.
-        clause: clause of the specification it falls under, or "".
-    """
-
-    entry: int
-    when: int
-    what: str
-    where: str
-    recorded: str
-    now: str
-    clause: str = ""
+LOOKBACK: Final = 4096
+"""Stretches of equal bus cycles before a difference that are decoded, to find where its packet
+begins."""
+ENOUGH: Final = 2 * PATIENCE
+"""Equal cycles of a stretch that are decoded: no decoder tells one more from the one before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,94 +46,13 @@ class Outcome:
     ended: bool
 
 
-class _Findings(Observer):
-    """Violations by chip, and cycles that were ordered: what the journal has and what the run has.
-
-    Each is kept until it is matched.
-    """
-
-    def __init__(self) -> None:
-        self.recorded: dict[str, deque[tuple[int, Violation]]] = {}
-        self.found: dict[str, deque[tuple[int, Violation]]] = {}
-        self.entry: int = 0
-        self.ordered: deque[tuple[int, tuple[Any, ...]]] = deque()
-        """Bus cycles that came of orders, in the journal."""
-        self.made: deque[tuple[int, tuple[Any, ...]]] = deque()
-        """Those of the run."""
-
-    def outside(self, order: str, values: list[object]) -> None:
-        """Note a bus cycle of the run that came of an order."""
-        if order == "made":
-            self.made.append((self.entry, tuple(values)))
-
-    def violation(self, violation: Violation) -> None:
-        """Note one of the run."""
-        self.found.setdefault(violation.chip, deque()).append((self.entry, violation))
-
-    def expect(self, entry: Entry) -> None:
-        """Note one of the journal."""
-        violation = violation_of(entry)
-        self.recorded.setdefault(violation.chip, deque()).append((entry.number, violation))
-
-    def compare(self) -> Divergence | None:
-        """Match pairs; return the first that differ. A chip finds its own in their order."""
-        for chip, recorded in self.recorded.items():
-            found = self.found.get(chip)
-            while found and recorded:
-                number, was = recorded.popleft()
-                _, now = found.popleft()
-                if was != now:
-                    lines = line_of(was), line_of(now)
-                    return Divergence(number, was.when, "violation", chip, *lines, was.clause)
-        while self.ordered and self.made:
-            number, cycle = self.ordered.popleft()
-            _, again = self.made.popleft()
-            if cycle != again:
-                lines = cycle_line(cycle), cycle_line(again)
-                return Divergence(number, cycle[0], "reply", _orderer(cycle), *lines)
-        return None
-
-    def rest(self) -> Divergence | None:
-        """Return the earliest violation that stands on one side only."""
-        left = [
-            Divergence(number, v.when, "unconsumed", v.chip, line_of(v), "nothing", v.clause)
-            for queue in self.recorded.values()
-            for number, v in queue
-        ] + [
-            Divergence(number, v.when, "missing", v.chip, "nothing", line_of(v), v.clause)
-            for queue in self.found.values()
-            for number, v in queue
-        ]
-        for queue, what in ((self.ordered, "unconsumed"), (self.made, "missing")):
-            for number, cycle in queue:
-                sides = (cycle_line(cycle), "nothing")
-                was, now = sides if what == "unconsumed" else sides[::-1]
-                left.append(Divergence(number, cycle[0], what, _orderer(cycle), was, now))
-        return min(left, key=attrgetter("entry"), default=None)
-
-
-def cycle_line(cycle: tuple[Any, ...]) -> str:
-    """Return a bus cycle that came of an order in one line."""
-    when, _, _, write, address, data = cycle
-    return f"{'w' if write else 'r'} {address:X} {data:02X} at {when} ps"
-
-
-def _orderer(cycle: tuple[Any, ...]) -> str:
-    return f"{cycle[1]}, {cycle[2]}: ordered cycle"
-
-
-def line_of(violation: Violation) -> str:
-    """Return a violation in one line."""
-    v = violation
-    return f"{v.rule} at {v.when} ps, measured {v.measured}, limit {v.limit}: {v.detail}"
-
-
 class Replay:
     """Plays a journal on a board built from the same file.
 
     Args:
         board: the board, at instant 0, with no ports open.
-        entries: the journal's entries, in order.
+        entries: the journal's entries, in order; from a reader they are played a stretch of equal
+            bus cycles at a time.
         families: chip families by name of chip, for decoding.
         progress: called with the entries played, now and then.
     """
@@ -164,62 +66,160 @@ class Replay:
     ) -> None:
         self.board: Board = board
         settings = settings_for_decoders(board.chips)
-        self._entries: Iterator[Entry] = iter(entries)
+        self._reader: JournalReader | None = entries if isinstance(entries, JournalReader) else None
+        self._stretches: Iterator[Stretch] = iter(self._reader.stretches() if self._reader else ())
+        self._entries: Iterator[Entry] = iter(()) if self._reader else iter(entries)
+        """What follows, as entries."""
+        self._past: deque[tuple[str, bool, int, int, int, int, int]] = deque(maxlen=LOOKBACK)
+        """Bus cycles nobody has decoded yet: chips, whether written, address, byte, instant of the
+        first, what each took (ps), and how many."""
         self._decoders: dict[str, Decoder] = {
             name: decoder_of(family, settings.get(name, {})) for name, family in families.items()
         }
         self._progress: Callable[[int], None] | None = progress
         self._player: Player = Player(board)
         self._sessions: Sessions = Sessions()
-        self._findings: _Findings = _Findings()
+        self._findings: Findings = Findings()
         self._strobed: list[Entry] = []
         """Cycles of the journal that strobes made in the call that comes next."""
         self._found: list[tuple[Any, ...]] = []
         """Those of the run."""
         self._cycles: int = 0
         self._played: int = 0
+        self._ended: bool = False
         board.listen(self._findings)
 
     def run(self) -> Outcome:
         """Play everything, or up to the first difference."""
-        ended = False
-        for entry in self._entries:
-            if entry.number != self._played:
-                return self._stop(
-                    Divergence(
-                        self._played, entry.when, "missing", "the journal",
-                        f"entry {entry.number} stands where {self._played} belongs", "",
-                    )
-                )  # fmt: skip
-            self._played += 1
-            if self._progress is not None and not self._played & 0xFFF:
-                self._progress(self._played)
-            self._findings.entry = entry.number
-            if ended:
-                return self._stop(
-                    Divergence(entry.number, entry.when, "unconsumed", "the end", entry.op, "")
-                )
-            if entry.op == "violation":
-                self._findings.expect(entry)
-                continue
-            if entry.op == "made":
-                self._findings.ordered.append((entry.number, entry.args))
-                self._cycles += 1
-                continue
-            if entry.op == "fault":
-                continue
-            if entry.op == "cycle":
-                self._strobed.append(entry)
-                continue
-            difference = self._end(entry) if entry.op == "end" else self._entry(entry)
-            ended = entry.op == "end"
-            # What a chip found before this call comes before a difference in the call itself.
-            difference = self._findings.compare() or self._compare_strobed(entry) or difference
-            if difference is not None:
-                return self._stop(difference)
-        if not ended:
+        outcome = None
+        for stretch in self._stretches:
+            if self._whole(stretch):
+                outcome = self._again(stretch)
+            else:
+                mine = self._expand(stretch)
+                self._entries = chain(mine, self._others())
+                for entry in mine:
+                    outcome = self._take(entry)
+                    if outcome is not None:
+                        break
+            if outcome is not None:
+                return outcome
+        for entry in self._entries if self._reader is None else ():
+            outcome = self._take(entry)
+            if outcome is not None:
+                return outcome
+        if not self._ended:
             self.board.catch_up()
-        return Outcome(self._played, self._cycles, self._findings.compare(), ended)
+        return Outcome(self._played, self._cycles, self._findings.compare(), self._ended)
+
+    def _take(self, entry: Entry) -> Outcome | None:
+        """Play an entry; return what came of it all if it differs."""
+        if entry.number != self._played:
+            return self._stop(
+                Divergence(
+                    self._played, entry.when, "missing", "the journal",
+                    f"entry {entry.number} stands where {self._played} belongs", "",
+                )
+            )  # fmt: skip
+        self._played += 1
+        if self._progress is not None and not self._played & 0xFFF:
+            self._progress(self._played)
+        self._findings.entry = entry.number
+        if self._ended:
+            return self._stop(
+                Divergence(entry.number, entry.when, "unconsumed", "the end", entry.op, "")
+            )
+        if entry.op == "violation":
+            self._findings.expect(entry)
+        elif entry.op == "made":
+            self._findings.expect(entry)
+            self._cycles += 1
+        elif entry.op == "cycle":
+            self._strobed.append(entry)
+        elif entry.op != "fault":
+            self._ended = entry.op == "end"
+            return self._judge(entry, self._end(entry) if self._ended else self._entry(entry))
+        return None
+
+    def _judge(self, entry: Entry, difference: Divergence | None) -> Outcome | None:
+        """Return what came of it all if a call, or what was found in it, differs."""
+        # What a chip found before this call comes before a difference in the call itself.
+        difference = self._findings.compare() or self._compare_strobed(entry) or difference
+        return self._stop(difference) if difference is not None else None
+
+    # -- stretches of equal cycles ----------------------------------------------------------------
+
+    def _whole(self, stretch: Stretch) -> bool:
+        """Whether a stretch is of bus cycles, and nothing is left to be compared before them."""
+        number, when, _, key, value, _ = stretch
+        return (
+            type(value) is int
+            and key % PORTS <= WRITE
+            and key // PORTS in self._player.ports
+            and number == self._played
+            and when >= self.board.now
+            and not (self._ended or self._strobed or self._found or self._findings.expecting)
+        )
+
+    def _again(self, stretch: Stretch) -> Outcome | None:
+        """Make the cycles of a stretch; return what came of it all if one of them differs."""
+        number, when, span, key, value, times = stretch
+        board, findings, found = self.board, self._findings, self._found
+        session, write = key // PORTS, key % PORTS == WRITE
+        address, byte = value >> 8, value & 0xFF
+        port, kernel = self._player.ports[session], board.kernel
+        if when > kernel.now:
+            board.run_until(when)
+        board.limit = END
+        made, after, reply, error = 0, when, None, 0
+        try:
+            if write:
+                while made < times and not error:
+                    findings.entry = number + made
+                    after += span
+                    port.write(address, byte)
+                    made += 1
+                    if kernel.now != after or found:
+                        break
+            else:
+                while made < times:
+                    findings.entry = number + made
+                    after += span
+                    reply = port.read(address)
+                    made += 1
+                    if reply != byte or kernel.now != after or found:
+                        break
+        except NotYet:
+            made, reply, error = made + 1, None, NOT_YET
+        except PortError as refusal:
+            made, reply, error = made + 1, None, refusal.code
+        except ValueError as mistake:
+            op = "write" if write else "read"
+            raise JournalError(f"entry {number + made}, {op}: {mistake}") from mistake
+        chips = self._sessions.by_port[session].selected
+        differs = error or found or kernel.now != after or reply not in (None, byte)
+        same = made - 1 if differs else made
+        if same:
+            self._past.append((chips, write, address, byte, when + span, span, same))
+        self._cycles += same
+        before, self._played = self._played, number + made
+        if self._progress is not None and (before ^ self._played) >> 12:
+            self._progress(self._played & ~0xFFF)
+        if same == made:
+            return None
+        left = self._expand((number + same, when + same * span, span, key, value, times - same))
+        entry = next(left)
+        self._entries = chain(left, self._others())
+        return self._judge(entry, self._compare(entry, reply, error))
+
+    def _others(self) -> Iterator[Entry]:
+        return chain.from_iterable(self._expand(stretch) for stretch in self._stretches)
+
+    def _expand(self, stretch: Stretch) -> Iterator[Entry]:
+        assert self._reader is not None
+        number, when, span, key, value, times = stretch
+        for turn in range(times):
+            yield self._reader.entry(number + turn, when + turn * span, span, key, value)
 
     def _stop(self, difference: Divergence) -> Outcome:
         """Return ``difference``, unless a violation was missed before it."""
@@ -263,6 +263,10 @@ class Replay:
             )  # fmt: skip
         reply, error = self._call(entry)
         self._sessions.follow(entry)
+        return self._compare(entry, reply, error)
+
+    def _compare(self, entry: Entry, reply: Any, error: int) -> Divergence | None:
+        """Compare what came of a call with its entry."""
         same = _settled(entry.op, reply) == _settled(entry.op, entry.reply)
         same = same and error == entry.error
         if entry.op in ("read", "write") and not error and not entry.error:
@@ -271,7 +275,8 @@ class Replay:
                 return self._decoded(entry, reply)
             write = entry.op == "write"
             data = entry.args[1] if write else reply
-            self._feed(self._sessions.chip(entry), Cycle(entry.after, write, entry.args[0], data))
+            chips = self._sessions.chip(entry)
+            self._past.append((chips, write, entry.args[0], data, entry.after, 0, 1))
         if not same:
             return Divergence(
                 entry.number, entry.when, "reply", self._where(entry),
@@ -292,29 +297,35 @@ class Replay:
         for was, now in pairs:
             if was is not None and was.args == now:
                 self._cycles += 1
-                self._feed(now[0], Cycle(was.after, *now[1:]))
+                self._past.append((*now, was.after, 0, 1))
                 continue
+            self._decode_past()
             entry = was or call
             both = [was.args if was is not None else None, now]
             sides = [
                 self._side(args[0], cycle := Cycle(entry.after, *args[1:]), str(cycle))
                 if args is not None
-                else _Side(None, None, "nothing")
+                else Side(None, None, "nothing")
                 for args in both
             ]
             kind = "reply" if was and now else "unconsumed" if was else "missing"
             where = f"{self._sessions.host(call)}, {next(filter(None, both))[0]}: strobes"
-            return _difference(entry.number, entry.when, kind, where, sides)
+            return difference_of(entry.number, entry.when, kind, where, sides)
         return None
 
-    def _side(self, chips: str, cycle: Cycle, shown: str) -> "_Side":
+    def _side(self, chips: str, cycle: Cycle, shown: str) -> "Side":
         """Return one side of a difference in a cycle; its packet is that of the first chip."""
-        return _Side(self._decoders.get(chips.partition("+")[0]), cycle, shown)
+        return Side(self._decoders.get(chips.partition("+")[0]), cycle, shown)
 
-    def _feed(self, chips: str, cycle: Cycle) -> None:
-        for chip in chips.split("+"):
-            if chip in self._decoders:
-                self._decoders[chip].feed(cycle)
+    def _decode_past(self) -> None:
+        """Somebody wants to know what the cycles say: the packet of the next one may be open."""
+        for chips, write, address, data, after, span, times in self._past:
+            decoders = [self._decoders[one] for one in chips.split("+") if one in self._decoders]
+            for turn in range(max(0, times - ENOUGH), times):
+                cycle = Cycle(after + turn * span, write, address, data)
+                for decoder in decoders:
+                    decoder.feed(cycle)
+        self._past.clear()
 
     def _where(self, entry: Entry) -> str:
         asked = " ".join(f"{arg:X}" if isinstance(arg, int) else str(arg) for arg in entry.args)
@@ -332,6 +343,7 @@ class Replay:
 
     def _decoded(self, entry: Entry, reply: int) -> Divergence:
         """Play on until the packet with the difference is whole on both sides."""
+        self._decode_past()
         chips = self._sessions.chip(entry)
         sides = [
             self._side(chips, Cycle(entry.after, False, entry.args[0], data), f"{data:02X}H")
@@ -349,53 +361,7 @@ class Replay:
             for side, data in zip(sides, (following.reply, again), strict=True):
                 data = following.args[1] if write else data
                 side.feed(Cycle(following.after, write, following.args[0], data))
-        return _difference(entry.number, entry.after, "reply", self._where(entry), sides)
-
-
-class _Side:
-    """One side of a difference: a bus cycle, and the packet it turns out to be in.
-
-    Args:
-        decoder: of the chip, as it stood before the cycle; None if there is none.
-        cycle: the cycle; None if this side has none.
-        shown: what people are told of it.
-    """
-
-    def __init__(self, decoder: Decoder | None, cycle: Cycle | None, shown: str) -> None:
-        self._decoder: Decoder | None = copy.deepcopy(decoder)
-        self._cycle: Cycle | None = cycle
-        self._shown: str = shown
-        self.packet: Packet | None = None
-        if cycle is not None:
-            self.feed(cycle)
-
-    def known(self) -> bool:
-        """Tell whether nothing that follows can tell more of the packet."""
-        return self.packet is not None or self._decoder is None
-
-    def feed(self, cycle: Cycle) -> None:
-        """Take the cycle itself, or one that follows."""
-        self._take(self._decoder.feed(cycle) if self._decoder is not None else ())
-
-    def finish(self) -> None:
-        """Nothing follows: a packet that is still open is cut short."""
-        self._take(self._decoder.finish() if self._decoder is not None else ())
-
-    def _take(self, packets: Iterable[Packet]) -> None:
-        mine = (packet for packet in packets if self._cycle in packet.cycles)
-        self.packet = self.packet or next(mine, None)
-
-    def __str__(self) -> str:
-        return f"{self._shown} in {self.packet.text}" if self.packet is not None else self._shown
-
-
-def _difference(number: int, when: int, what: str, where: str, sides: list[_Side]) -> Divergence:
-    """Return the difference between two sides that nothing follows; see :class:`Divergence`."""
-    for side in sides:
-        side.finish()
-    clause = next((side.packet.clause for side in sides if side.packet is not None), "")
-    recorded, now = map(str, sides)
-    return Divergence(number, when, what, where, recorded, now, clause)
+        return difference_of(entry.number, entry.after, "reply", self._where(entry), sides)
 
 
 def _settled(op: str, reply: Any) -> Any:

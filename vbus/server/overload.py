@@ -1,0 +1,67 @@
+"""Whether the machine can follow what moves on a board in real time, and how much it lacks."""
+
+from typing import Final
+
+WINDOW_NS: Final = 1_000_000_000
+"""Wall time over which chip time is compared with it, at least."""
+LONGEST_NS: Final = 2_500_000_000
+"""A window that took longer has a stall of the machine in it, and tells nothing."""
+SHORT: Final = 0.98
+"""Part of the chip time that should have passed below which it is too little."""
+
+
+class Overload:
+    """Compares how far chip time has come with how far it should have.
+
+    A stall of the machine lies in one window, and is made up for in the next: only a board that is
+    short in two of them, one after the other, has too much to do.
+
+    Attributes:
+        times: how many times the machine that there is would be enough, by the latest windows; 0.0
+            while it keeps up.
+        worst: the most that was.
+    """
+
+    def __init__(self) -> None:
+        self.times: float = 0.0
+        self.worst: float = 0.0
+        self._begun_ns: int = -1
+        self._begun_ps: int = 0
+        self._before: float = 0.0
+
+    def begin(self) -> None:
+        """Time has been set, or made to stand: what was counted counts no longer."""
+        self._begun_ns = -1
+        self._before = self.times = 0.0
+
+    def __str__(self) -> str:
+        return (
+            f"more moves than this machine can follow: chip time runs at {100 / self.times:.0f} %"
+            f" of its rate, {self.times:.2f} times this machine would be enough; let less move,"
+            ' choose a lower rate, or see in "vbus doctor" what else the machine does and whether'
+            " the core is compiled"
+        )
+
+    def look(self, now: int, wall_ns: int, ps_per_ns: tuple[int, int]) -> bool:
+        """Take into account how far time has come; return whether an overload begins.
+
+        Args:
+            now: chip time (ps).
+            wall_ns: wall time (ns).
+            ps_per_ns: chip time that should pass with wall time, as a fraction.
+        """
+        took = wall_ns - self._begun_ns
+        if self._begun_ns >= 0 and took < WINDOW_NS:
+            return False
+        short, begins = 0.0, False
+        if self._begun_ns >= 0 and took <= LONGEST_NS:
+            due = took * ps_per_ns[0] / ps_per_ns[1]
+            came = now - self._begun_ps
+            if came < due * SHORT:
+                short = due / max(came, 1)
+            times = short if self._before else 0.0
+            begins = times > 0.0 and self.worst == 0.0
+            self.times = times
+            self.worst = max(self.worst, times)
+        self._begun_ns, self._begun_ps, self._before = wall_ns, now, short
+        return begins
