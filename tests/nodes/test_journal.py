@@ -105,3 +105,55 @@ def test_what_hosts_and_faults_did_to_nodes_is_replayed(
         assert outcome.divergence.what == "reply"
     finally:
         bench.close()
+
+
+def test_journals_of_nodes_give_one_waveform_however_many_processes(tmp_path: Path) -> None:
+    texts: list[bytes] = []
+    for groups, given in ((["abcd"], "dbca"), (["ac", "bd"], "abcd")):
+        folder = tmp_path / str(len(groups))
+        folder.mkdir()
+        bench = Bench(folder, FOUR + JAMMED)
+        try:
+            for process in [bench.start(nodes, "--journal", "run.vbj") for nodes in groups]:
+                assert ended(process)[0] == 0
+            names = [f"run.{node}.vbj" for node in given]
+            done = bench.vbus("wave", *names, "-o", "run.vcd")
+            assert done.returncode == 0, done.stdout
+            texts.append((folder / "run.vcd").read_bytes())
+            done = bench.vbus("wave", "run.b.vbj", "-o", "b.vcd")
+            assert done.returncode == 0, done.stdout
+            assert bench.vbus("wave", names[0], names[0], "-o", "no.vcd").returncode != 0
+            refused = bench.vbus("wave", *names, "-o", "no.vcd", "--trigger", "violation")
+            assert refused.returncode != 0
+            assert not (folder / "no.vcd").exists()
+            merged, alone = courses(folder / "run.vcd"), courses(folder / "b.vcd")
+            assert {path[0] for path in merged} == set("abcd")
+            assert {path[1:]: seen for path, seen in merged.items() if path[0] == "b"} == alone
+            assert any(len(seen) > 10 for seen in alone.values())
+        finally:
+            bench.close()
+    assert texts[0] == texts[1]
+
+
+def courses(path: Path) -> dict[tuple[str, ...], list[tuple[int, str]]]:
+    """Return the instants and values of every variable of a VCD file, by scopes and name."""
+    scopes: list[str] = []
+    found: dict[tuple[str, ...], list[tuple[int, str]]] = {}
+    of: dict[str, list[tuple[int, str]]] = {}
+    tick = -1
+    for line in path.read_text().splitlines():
+        words = line.split()
+        if line.startswith("$scope"):
+            scopes.append(words[2])
+        elif line.startswith("$upscope"):
+            scopes.pop()
+        elif line.startswith("$var"):
+            assert words[3] not in of
+            of[words[3]] = found[(*scopes, words[4])] = []
+        elif line.startswith("#"):
+            assert int(line[1:]) > tick
+            tick = int(line[1:])
+        elif tick >= 0 and not line.startswith("$"):
+            value, _, code = line.rpartition(" ") if line[0] in "brs" else (line[0], "", line[1:])
+            of[code].append((tick, value))
+    return found

@@ -4,8 +4,9 @@ import io
 import json
 import sys
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, nullcontext, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, TextIO
 
 import click
@@ -16,7 +17,7 @@ from vbus.tools.output import complain, duration, no_progress, show
 
 
 @click.command("wave")
-@click.argument("source")
+@click.argument("sources", metavar="SOURCE...", nargs=-1, required=True)
 @click.option("-o", "--output", required=True, metavar="FILE", help='The VCD file; "-": print.')
 @click.option("--profile", type=click.Choice(["full", "sigrok"]), default="full", show_default=True)
 @click.option("--signals", multiple=True, metavar="PATTERN", help='Signals, such as "x.*".')
@@ -27,13 +28,14 @@ from vbus.tools.output import complain, duration, no_progress, show
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: what was written where.")
 @no_progress
 def command(
-    source: str, output: str, profile: str, signals: tuple[str, ...], trigger: str, before: int,
-    length: int, sample: int, as_json: bool, no_progress: bool,
+    sources: tuple[str, ...], output: str, profile: str, signals: tuple[str, ...], trigger: str,
+    before: int, length: int, sample: int, as_json: bool, no_progress: bool,
 ) -> int:  # fmt: skip
     """Write a waveform.
 
     SOURCE is a journal, which is played again for it, or the name of a running board. Times are
-    chip time. Of a running board it is written until the duration is over, or Ctrl-C.
+    chip time. Of a running board it is written until the duration is over, or Ctrl-C. Journals of
+    several nodes of a machine give one file, with a scope for each node.
     """
     from vbus.board.sections import WaveSection
 
@@ -43,12 +45,16 @@ def command(
         name="", file=output, profile=profile, signals=signals, trigger=trigger, before=before,
         duration=length, sample=max(sample, 1),
     )  # fmt: skip
-    if Path(source).is_file():
-        code = _of_journal(Path(source), section, no_progress)
+    source = sources[0]
+    if len(sources) > 1:
+        code = _of_machine([Path(name) for name in sources], section, no_progress)
+    elif Path(source).is_file():
+        code = _played(Path(source), section, None, no_progress)
     else:
         code = _of_board(source, section)
     if as_json and code == exit_codes.OK:
-        show(True, {"source": source, "file": output, "bytes": Path(output).stat().st_size}, ())
+        name = source if len(sources) == 1 else list(sources)
+        show(True, {"source": name, "file": output, "bytes": Path(output).stat().st_size}, ())
     return code
 
 
@@ -66,7 +72,53 @@ def _output(name: str) -> Iterator[TextIO]:
                 file.close()
 
 
-def _of_journal(path: Path, section: Any, quiet: bool) -> int:
+def _of_machine(paths: list[Path], section: Any, quiet: bool) -> int:
+    """Write one file of the journals of several nodes, in the order of the nodes."""
+    from vbus.nodes.recorded import Recorded
+    from vbus.tools.journal_lines import opened
+    from vbus.trace.wave.merge import merge_waves
+    from vbus.trace.wave.signals import FULL
+
+    if section.trigger or section.before or section.duration or section.profile != FULL:
+        raise click.UsageError(
+            "--trigger, --before, --duration and --profile sigrok are for one journal: each node"
+            " has signals of its own; name the journal of the node that is meant"
+        )
+    nodes: dict[int, tuple[str, Path]] = {}
+    plans: set[str] = set()
+    for path in paths:
+        if not path.is_file():
+            raise VbusError(f"{path}: no such journal; a running board is recorded alone")
+        with opened(path) as reader:
+            recorded = Recorded(reader.header, str(path))
+        node, plan = recorded.node, recorded.plan
+        if node is None or plan is None:
+            raise VbusError(f"{path}: it is of a board without nodes; record it alone")
+        if node.rank in nodes:
+            raise VbusError(f"{path}: it is of node {node.name}, as {nodes[node.rank][1]} is")
+        nodes[node.rank] = node.name, path
+        plans.add(plan.digest)
+    if len(plans) > 1:
+        raise VbusError("these journals are of different machines; name those of one run")
+    with ExitStack() as stack:
+        waves: list[tuple[str, TextIO]] = []
+        for _, (name, path) in sorted(nodes.items()):
+            part = stack.enter_context(TemporaryFile("w+", encoding="ascii"))
+            code = _played(path, section, part, quiet or section.file == "-")
+            if code != exit_codes.OK:
+                return code
+            part.seek(0)
+            waves.append((name, part))
+        try:
+            with _output(section.file) as file:
+                merge_waves(waves, file)
+        except OSError as error:
+            raise VbusError(f"{section.file}: cannot be written: {error.strerror}") from error
+    return exit_codes.OK
+
+
+def _played(path: Path, section: Any, into: TextIO | None, quiet: bool) -> int:
+    """Play a journal and write its waveform into an open file, or into that of the section."""
     from vbus.server.recording import wave_of
     from vbus.tools.journal_lines import opened, progress, recorded_board
     from vbus.trace.journal.replay import Replay
@@ -74,7 +126,7 @@ def _of_journal(path: Path, section: Any, quiet: bool) -> int:
     with opened(path) as reader:
         board = recorded_board(path, reader.header)
         wave_of(board, section, io.StringIO(), complain)  # complains before a file is overwritten
-        with _output(section.file) as file:
+        with _output(section.file) if into is None else nullcontext(into) as file:
             wave = wave_of(board, section, file, complain)
             wave.start()
             with progress(path, reader, "replaying", quiet or file.isatty()) as entries:
