@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from itertools import product
 
 from vbus.board.card_bus import ADDRESS_LINES, CardBus
+from vbus.board.card_cycle import Cycle, NotFixed, Phase, Rest
+from vbus.board.card_edges import Steps, steps_of
 from vbus.board.card_timing import MOST_UNKNOWN, CardTiming, has_clock, outputs, pin_of
 from vbus.board.pin_maps import ADDRESS, DATA, READ, SELECT, WRITE, roles
 from vbus.chips.base import Chip
@@ -14,59 +15,6 @@ from vbus.glue import logic
 from vbus.glue.logic import Levels, Outcome
 from vbus.glue.part import Glue, GlueBlock
 from vbus.signals import HIGH, LOW, Net, Pin, Z
-
-
-class NotFixed(Exception):
-    """What a cycle comes to is not known beforehand; the text says why."""
-
-
-@dataclass(slots=True)
-class Rest:
-    """How the wires stand after a cycle at one address.
-
-    Attributes:
-        nets: the level of each wire.
-        pins: what is driven onto them.
-        blocks: what the glue has come to: levels, which are driven, and its inputs.
-        clocks: the inputs of registers and resets; while they are the same, none of them moves.
-    """
-
-    nets: list[tuple[Net, int]]
-    pins: list[tuple[Pin, int]]
-    blocks: list[tuple[GlueBlock, int, int, Levels]]
-    clocks: tuple[int, ...]
-
-
-@dataclass(slots=True)
-class Cycle:
-    """What a cycle comes to.
-
-    Attributes:
-        chips: those that are read or written, in the order of the board.
-        places: the address at each of them.
-        answer: what is read if no chip answers.
-        kept: data buses behind transceivers and what is left on each; -1: the byte of the cycle.
-        rest: how the wires stand afterwards; None: the cycle is played.
-        why: why it is played.
-    """
-
-    chips: list[Chip] = field(default_factory=list)
-    places: list[int] = field(default_factory=list)
-    answer: int = 0xFF
-    kept: list[tuple[Net, int]] = field(default_factory=list)
-    rest: Rest | None = None
-    why: str = ""
-
-
-@dataclass(slots=True)
-class _Phase:
-    """Levels in one part of a cycle: of nets and pins, by identity, and what each block gives."""
-
-    nets: dict[int, int]
-    pins: dict[int, int]
-    outcomes: list[tuple[Levels, Outcome]]
-    floating: set[int]
-    """Nets that nobody drives and nothing pulls: they keep what was there."""
 
 
 class Decoder:
@@ -98,10 +46,20 @@ class Decoder:
             chip for chip in chips
             if chip is not bus and any(id(pin.net) in self._moving for pin in chip.pins.values())
         ]  # fmt: skip
+        self.edged: list[Chip] = [chip for chip in self.behind if chip.on_levels is None]
+        heard = {id(pin.net) for chip in self.edged for pin in chip.bus_pins}
+        if self.edged:
+            heard.add(id(self._data))
         self._roles: dict[str, dict[str, str]] = {
             chip.name: {pin: r for pin, r in roles(chip).items() if r[0] != DATA}
             for chip in self.behind
         }
+        self.edge_nets: list[Net] = [
+            net for key, net in self._moving.items() if key in heard
+        ]  # fmt: skip
+        self._edge_pins: list[Pin] = [
+            pin for pin in self._driven.values() if id(pin.net) in heard
+        ]  # fmt: skip
         self.nets: list[Net] = []
         self.closed: bool = True
         self._find_nets(glue, chips)
@@ -111,6 +69,11 @@ class Decoder:
         self._timing: CardTiming = CardTiming(
             bus, self._moving, self._blocks, self._roles, self.behind
         )
+
+    @property
+    def blocks(self) -> list[GlueBlock]:
+        """The glue that cycles move, in order."""
+        return self._blocks
 
     def _find_blocks(self, glue: Glue) -> None:
         found: set[int] = set()
@@ -181,7 +144,7 @@ class Decoder:
             known = self._roles[chip.name]
             found += [
                 nets[id(pin.net)] for name, pin in chip.pins.items()
-                if id(pin.net) in nets and name not in known and pin is not chip.data_pin
+                if id(pin.net) in nets and name not in known and pin not in chip.bus_pins
             ]  # fmt: skip
         return tuple(found)
 
@@ -213,6 +176,14 @@ class Decoder:
                 raise NotFixed("the strobe goes through a delay")
             self._blind(block, now, before)
             self._blind(block, later, after)
+        if self.edged:
+            steps = self._steps(write, idle, under)
+            return Cycle(steps=steps, rest=self._rest(idle, clocks))
+        return self._levels_cycle(write, idle, under, clocks)
+
+    def _levels_cycle(
+        self, write: bool, idle: Phase, under: Phase, clocks: tuple[int, ...]
+    ) -> Cycle:
         for chip in self.behind:
             if self._selected(chip, idle, False) or self._selected(chip, idle, True):
                 raise NotFixed(f"{chip.name} is selected without a strobe")
@@ -241,10 +212,37 @@ class Decoder:
         else:
             answer = self._answer(reached, idle, under)
         kept = self._kept(reached, write, idle, under)
-        return Cycle(reached, places, answer, kept, self._rest(idle, clocks))
+        return Cycle(reached, places, answer, kept, rest=self._rest(idle, clocks))
+
+    def _steps(self, write: bool, idle: Phase, under: Phase) -> Steps:
+        """Return how the wires move to chips that want every edge."""
+        source = self._data
+        carrying: tuple[set[int], set[int]] = (set(), set())
+        for number, phase in enumerate((idle, under)):
+            for block, start, to in self._bridges(phase):
+                through = {id(pin) for pin in block.outputs if pin.net is to}
+                if write and start is self._data:
+                    carrying[number].update(through)
+                elif not write and number and to is self._data:
+                    if source is not self._data or any(
+                        phase.pins.get(id(pin), pin.level) != Z and id(pin) not in through
+                        for pin in self._data.pins
+                    ):
+                        raise NotFixed("two drive the data bus")
+                    if any(chip.bus_net is self._data for chip in self.edged):
+                        raise NotFixed("a chip before a transceiver sees what comes through it")
+                    source = start
+                elif to is not self._data and start is not self._data:
+                    raise NotFixed("data goes through two transceivers")
+            if write:
+                carrying[number].add(id(self._bus.data_pin))
+        for _, start, to in self._bridges(idle):
+            if not write and to is self._data and start is not self._data:
+                raise NotFixed("a transceiver drives the bus without a strobe")
+        return steps_of(self._bus, self._edge_pins, (idle.pins, under.pins), carrying, source)
 
     def _kept(
-        self, reached: list[Chip], write: bool, idle: _Phase, under: _Phase
+        self, reached: list[Chip], write: bool, idle: Phase, under: Phase
     ) -> list[tuple[Net, int]]:
         """Return what is left on data buses that are not pulled."""
         found: list[tuple[Net, int]] = []
@@ -261,7 +259,7 @@ class Decoder:
                 found.append((net, under.nets[key]))
         return found
 
-    def _phase(self, address: int, strobe: str, before: Mapping[int, int]) -> _Phase:
+    def _phase(self, address: int, strobe: str, before: Mapping[int, int]) -> Phase:
         """Return the levels while an address stands, and maybe a strobe is low."""
         bus = self._bus
         where = int(bus.settings["base"]) + address
@@ -301,7 +299,7 @@ class Decoder:
                     key for key, net in self._moving.items()
                     if net.rest == Z and all(pins.get(id(p), p.level) == Z for p in net.pins)
                 }  # fmt: skip
-                return _Phase(nets, pins, outcomes, floating)
+                return Phase(nets, pins, outcomes, floating)
         raise NotFixed("the glue does not settle")
 
     def _level(self, net: Net, pins: Mapping[int, int], before: Mapping[int, int]) -> int:
@@ -342,7 +340,7 @@ class Decoder:
 
     # -- chips ----------------------------------------------------------------------------------
 
-    def _pin(self, chip: Chip, name: str, phase: _Phase) -> int:
+    def _pin(self, chip: Chip, name: str, phase: Phase) -> int:
         net = chip.pins[name].net
         return phase.nets.get(id(net), net.value)
 
@@ -352,18 +350,18 @@ class Decoder:
     def _strobe(self, chip: Chip, write: bool) -> str:
         return pin_of(self._roles[chip.name], WRITE if write else READ)
 
-    def _selected(self, chip: Chip, phase: _Phase, write: bool) -> bool:
+    def _selected(self, chip: Chip, phase: Phase, write: bool) -> bool:
         wanted = (self._select(chip), self._strobe(chip, write))
         return all(self._pin(chip, name, phase) == LOW for name in wanted)
 
-    def _place(self, chip: Chip, phase: _Phase) -> int:
+    def _place(self, chip: Chip, phase: Phase) -> int:
         return sum(
             self._pin(chip, name, phase) << int(role[1:])
             for name, role in self._roles[chip.name].items()
             if role[0] == ADDRESS
         )
 
-    def _bridges(self, phase: _Phase) -> Iterator[tuple[GlueBlock, Net, Net]]:
+    def _bridges(self, phase: Phase) -> Iterator[tuple[GlueBlock, Net, Net]]:
         """Give the transceivers that are on: from which data bus, to which."""
         for block, (_, outcome) in zip(self._blocks, phase.outcomes, strict=True):
             if block.row.function is not logic.transceiver or not outcome[2]:
@@ -378,7 +376,7 @@ class Decoder:
                 raise NotFixed("data goes through a delay")
             yield (block, *(ends if outcome[2] == 0xFF00 else ends[::-1]))  # type: ignore[misc]
 
-    def _written(self, phase: _Phase) -> list[Net]:
+    def _written(self, phase: Phase) -> list[Net]:
         """Return the data buses behind transceivers that what is written reaches."""
         found = [self._data]
         for block, source, to in self._bridges(phase):
@@ -387,7 +385,7 @@ class Decoder:
                 found.append(to)
         return found
 
-    def _answer(self, reached: list[Chip], idle: _Phase, phase: _Phase) -> int:
+    def _answer(self, reached: list[Chip], idle: Phase, phase: Phase) -> int:
         """Return what is read if no chip answers; make sure that no more than one drives."""
         if len(reached) > 1:
             raise NotFixed("several chips answer")
@@ -411,13 +409,21 @@ class Decoder:
             raise NotFixed("what is read was left on a data bus that floats")
         return phase.nets[id(self._data)]
 
-    def _rest(self, idle: _Phase, clocks: tuple[int, ...]) -> Rest:
+    def _rest(self, idle: Phase, clocks: tuple[int, ...]) -> Rest:
         for net in self._moving.values():
             if self._fights(net, idle.pins):
                 raise NotFixed(f"two drive {net.name}")
         return Rest(
-            [(net, idle.nets[key]) for key, net in self._moving.items() if net.rest != Z],
-            [(pin, idle.pins[key]) for key, pin in self._driven.items()],
+            [
+                (net, idle.nets[key])
+                for key, net in self._moving.items()
+                if net.rest != Z and net not in self.edge_nets
+            ],
+            [
+                (pin, idle.pins[key])
+                for key, pin in self._driven.items()
+                if pin not in self._edge_pins
+            ],
             [
                 (block, outcome[1], outcome[2], now)
                 for block, (now, outcome) in zip(self._blocks, idle.outcomes, strict=True)

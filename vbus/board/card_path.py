@@ -10,7 +10,9 @@ from typing import ClassVar
 from mypy_extensions import i64
 
 from vbus.board.card_bus import SETUP, CardBus, CyclePath
-from vbus.board.card_decode import Cycle, Decoder, Rest
+from vbus.board.card_cycle import Cycle, Rest
+from vbus.board.card_decode import Decoder
+from vbus.board.card_edges import Edges, Steps
 from vbus.board.circuit import Circuit
 from vbus.board.host_pins import HostPins
 from vbus.chips.base import Chip
@@ -55,6 +57,10 @@ class CardPath(CyclePath):
         """How many cycles were played as strobes."""
         for net in self._decoder.nets:
             net.guard = self
+        self._edges: Edges = Edges(
+            board.kernel, board.player, bus, self._decoder.edged, self._decoder.edge_nets
+        )
+        self._edges.watch(self.touched)
         board.player.guards.append(self)
         bus.cycle_ps = self._lead + self._recovery
         board.kernel.settle()
@@ -77,6 +83,8 @@ class CardPath(CyclePath):
         cycle = self._begin(address, False, when)
         if cycle is None:
             return self._play(pins, False, address, 0, when)
+        if cycle.steps is not None:
+            return self._step(cycle, cycle.steps, False, address, 0, when)
         kernel = self._kernel
         if not cycle.chips:
             self._to(when)
@@ -99,12 +107,29 @@ class CardPath(CyclePath):
         if cycle is None:
             self._play(pins, True, address, data, when)
             return
+        if cycle.steps is not None:
+            self._step(cycle, cycle.steps, True, address, data, when)
+            return
         self._to(when)
         for number, chip in enumerate(cycle.chips):
             chip.judged = True
             chip.write(cycle.places[number], data)
         self._kernel.settle()
         self._end(cycle, address, data, when)
+
+    def _step(
+        self, cycle: Cycle, steps: Steps, write: bool, address: int, data: int, when: int
+    ) -> int:
+        """Run a cycle of which the chips want every edge; return the byte that is read."""
+        for block in self._decoder.blocks:
+            block.asleep = True
+        self._edges.judged()
+        self._owed = cycle.rest
+        self._edges.begin(steps, data)
+        data = self._edges.run(steps, write, data, when)
+        self._kernel.settle()
+        self._end(cycle, address, data, when)
+        return data
 
     def _to(self, when: int) -> None:
         kernel = self._kernel
@@ -224,6 +249,7 @@ class CardPath(CyclePath):
             pin.level = level
         for block, levels, driven, was in rest.blocks:
             block.follow(levels, driven, was)
+        self._edges.come_true(self._decoder.blocks)
         for chip in self._decoder.behind:
             chip.judged = True
             self._take_levels(chip)
@@ -241,5 +267,6 @@ class CardPath(CyclePath):
 
     def forget(self) -> None:
         """Another state has been loaded."""
+        self._edges.forget()
         self._owed = None
         self._moved = True

@@ -5,7 +5,7 @@ from itertools import product
 from typing import Final
 
 from vbus.board.card_bus import SETUP, CardBus
-from vbus.board.pin_maps import ADDRESS, READ, SELECT, WRITE
+from vbus.board.pin_maps import READ, WRITE
 from vbus.chips.base import Chip
 from vbus.glue import logic
 from vbus.glue.part import GlueBlock
@@ -64,13 +64,14 @@ class CardTiming:
 
     def refusal(self) -> str:
         """Say why cycles are played, whatever address: chips of another kind, slow glue."""
-        for chip in self._behind:
-            kinds = sorted(role for role in self._roles[chip.name].values() if role[0] != ADDRESS)
-            if chip.on_levels is None or kinds != sorted((SELECT, READ, WRITE)):
-                return f"{chip.name} wants the edges of its strobes"
         if any(block.row.holds for block in self._blocks):
             return "a reset follows the bus"
         wait = self._longest()
+        edged = [chip for chip in self._behind if chip.on_levels is None]
+        if edged:
+            if len(edged) < len(self._behind):
+                return f"{edged[0].name} wants the edges of its strobes, and others do not"
+            return f"{edged[0].name} wants the edges of its strobes after delays" if wait else ""
         for chip in self._behind:
             for write in (False, True):
                 edges = chip.strobes(write, 0, 0)

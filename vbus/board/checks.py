@@ -223,7 +223,7 @@ class _Checks:
     def _card(self, card: CardSection) -> None:
         path: Path = ("cards", card.name)
         if card.bus:
-            check_card_bus(card, self._known["chips"], self._source)
+            check_card_bus(card, self._known["chips"], self._file.glue, self._source)
         elif bool(card.ports) == bool(card.decode):
             self._source.fail(path, 'a card has either "decode" and "chips", or a list of "ports"')
         elif card.pins:

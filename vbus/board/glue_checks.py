@@ -1,10 +1,11 @@
 """What can be wrong with glue: names, open inputs, outputs that fight, loops."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from vbus.board.card_bus import ADDRESS_LINES, CardBus
 from vbus.board.card_interrupt import ACK, INT
 from vbus.board.glue_plan import plan_glue
+from vbus.board.glue_section import GlueSection
 from vbus.board.sections import BoardFile, CardSection
 from vbus.board.source import Source
 from vbus.chips.base import Chip
@@ -43,7 +44,9 @@ def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> No
     plan_glue(file, rows, source.fail)
 
 
-def check_card_bus(card: CardSection, chips: list[str], source: Source) -> None:
+def check_card_bus(
+    card: CardSection, chips: list[str], glue: Iterable[GlueSection], source: Source
+) -> None:
     """Check a card that has a bus: glue decodes it, not ``ports`` or ``decode``."""
     path = ("cards", card.name)
     for key, given in (
@@ -60,7 +63,11 @@ def check_card_bus(card: CardSection, chips: list[str], source: Source) -> None:
         source.fail(path, f'a chip is called "{card.name}" too; give the card another name')
     if card.memory:
         source.fail((*path, "memory"), "this bus is one of I/O ports; take memory out, or the bus")
-    if not card.pins:
+    data = f"{card.name}.D"
+    wired = any(
+        name.startswith(data) for part in glue for names in part.pins.values() for name in names
+    )
+    if not card.pins and not wired:
         source.fail(
             path,
             'its data bus is not wired; write "D0-D7" = "x.D0-D7" in [cards.NAME.pins], or the name'

@@ -233,23 +233,35 @@ class _Planner:
     ) -> None:
         """Wire eight pins at once: inputs wire by wire, outputs as one bundle."""
         for target in targets:
-            if not target.endswith(f".{DATA}"):
+            if not self._wires(target):
                 self._fail(where, f'found "{target}"; {name} together is wired to {DATA} of a chip')
+                del wired[name]
+                return
         if set(inside) & set(row.outputs):
             wide.append(name)
             return
         del wired[name]
         for number, pin in enumerate(inside):
-            wired[pin] = tuple(f"{target.rpartition('.')[0]}.D{number}" for target in targets[:1])
+            wired[pin] = tuple(
+                f"{target.rpartition('.')[0]}.{self._wires(target)[number]}"
+                for target in targets[:1]
+            )
+
+    def _wires(self, target: str) -> tuple[str, ...]:
+        """Return the wires of a data bus by its name: ``x.D0-D7`` as chips call it; none if not."""
+        known = target in self._rows or target in self._buses or target.endswith(f".{DATA}")
+        return bundled(target.rpartition(".")[2]) if known else ()
 
     def _tap(self, target: str) -> tuple[str, int] | None:
         """Return the bundle and the number of its wire, if the name is that of one wire."""
         owner, dot, wire = target.rpartition(".")
-        bundle = f"{owner}.{DATA}"
-        if dot and wire in bundled(DATA) and target not in self._rows:
-            bundle = self._buses.get(bundle, (bundle,))[0]
-            if bundle in self._rows:
-                return bundle, bundled(DATA).index(wire)
+        if not dot or target in self._rows:
+            return None
+        for name in (*self._buses, *self._rows):
+            bundle = self._buses.get(name, (name,))[0]
+            row, wires = self._rows.get(bundle), bundled(name.rpartition(".")[2])
+            if name.startswith(f"{owner}.") and wire in wires and row and row.direction == "io":
+                return bundle, wires.index(wire)
         return None
 
     # -- wires ----------------------------------------------------------------------------------

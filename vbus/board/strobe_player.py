@@ -47,7 +47,9 @@ class StrobePlayer:
         steps.sort(key=_offset_and_order)
         value = 0
         latched = False
-        for offset, _, pin, level in steps:
+        # What a computer's bus moves at one instant moves together; no decoder sees it half.
+        at_once = chips[0].CONNECTOR
+        for number, (offset, _, pin, level) in enumerate(steps):
             if offset >= 0 and not latched:
                 kernel.run_until(when)
                 for chip in chips:
@@ -61,7 +63,7 @@ class StrobePlayer:
             if when + offset > kernel.now:
                 kernel.run_until(when + offset)
             pin.drive(level)
-            if offset < 0:
+            if offset < 0 and not (at_once and steps[number + 1][0] == offset):
                 kernel.settle()
         kernel.settle()
         if self._tail and self._timer.due == NEVER:
@@ -79,6 +81,12 @@ class StrobePlayer:
                 chip.bus_net.value = chip.end_read()
         self._kernel.settle()
         return together(chips)
+
+    def leave(self, when: int, pin: Pin, level: int) -> None:
+        """Take over what is to happen to a pin after a cycle that was not played here."""
+        self._tail.append((when, pin, level))
+        if self._timer.due == NEVER:
+            self._timer.at(self._tail[0][0])
 
     def flush(self) -> None:
         """Run the queued hold edges now; every net has its true level then."""

@@ -33,7 +33,7 @@ class GlueBlock:
         "state", "levels", "driven", "queue: list[(i64, i64, i64), ...]",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_delay", "_kernel", "_timer", "inputs", "outputs", "row")
-    DERIVED: ClassVar[Names] = ("_was",)
+    DERIVED: ClassVar[Names] = ("_was", "asleep")
 
     def __init__(
         self, kernel: Kernel, row: Block, delay: int, inputs: list[Input], outputs: list[Pin]
@@ -49,6 +49,8 @@ class GlueBlock:
         self._kernel: Kernel = kernel
         self._delay: int = delay
         self._was: Levels = ()
+        self.asleep: bool = False
+        """Whether somebody else works out what it comes to, until :meth:`follow` is called."""
         self._timer = kernel.timer(self._due) if delay else None
 
     def _now(self) -> Levels:
@@ -69,6 +71,8 @@ class GlueBlock:
 
     def look(self) -> None:
         """Follow the inputs, if they have moved."""
+        if self.asleep:
+            return
         now = self._now()
         if now == self._was:
             return
@@ -109,10 +113,12 @@ class GlueBlock:
     def follow(self, levels: int, driven: int, was: Levels) -> None:
         """Take what its outputs and inputs have come to while nobody listened."""
         self.levels, self.driven, self._was = levels, driven, was
+        self.asleep = False
 
     def after_load(self) -> None:
         """The nets have been loaded: edges are counted from here."""
         self._was = self._now()
+        self.asleep = False
 
 
 class GluePart:

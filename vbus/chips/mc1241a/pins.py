@@ -35,6 +35,7 @@ class HostPins:
         "_command_at", "_data_at", "_data_before",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_chip", "_command", "_port", "_read", "_select", "_write")
+    DERIVED: ClassVar[Names] = ("_looked", "_seen")
 
     def __init__(self, chip: ChipSet, port: HostPort) -> None:
         self._chip: ChipSet = chip
@@ -47,6 +48,9 @@ class HostPins:
         chip.data_pin.on_heard = None
         chip.bus_net.watch(Watcher(chip.kernel, self._data_moved))
         chip.pins["~Reset"].net.watch(Watcher(chip.kernel, self._reset_moved))
+        # Lines may follow one another within a batch: each edge counts once.
+        self._looked: int = -1
+        self._seen: tuple[int, int, int, int] = (0, 0, 0, 0)
         self._driving: bool = False
         self._clashed: bool = False
         self._last_was_write: bool = False
@@ -77,27 +81,33 @@ class HostPins:
         self.find_nets()
         now = self._chip.kernel.now
         select, write, read = self._select.value, self._write.value, self._read.value
-        was_selected = self._select.before == LOW
-        was_writing = was_selected and self._write.before == LOW
-        was_reading = was_selected and self._read.before == LOW
+        command = self._command.value
+        old_select, old_write, old_read, old_command = (
+            self._seen if self._looked == self._chip.kernel.batch else
+            (self._select.before, self._write.before, self._read.before, self._command.before)
+        )  # fmt: skip
+        self._looked, self._seen = self._chip.kernel.batch, (select, write, read, command)
+        was_selected = old_select == LOW
+        was_writing = was_selected and old_write == LOW
+        was_reading = was_selected and old_read == LOW
         if was_writing and (select or write):
             self._end_write(now)
         if was_reading and (select or read):
             self._end_read(now)
-        if self._command.before != self._command.value:
+        if old_command != command:
             self._after_strobe("T9", now - self._strobe_ended)
             self._command_at = now
         if was_selected and select:
             self._released(now)
         if not was_selected and not select:
             self._select_fell = now
-        if self._write.before and not write:
+        if old_write and not write:
             self._write_fell = now
-        if self._read.before and not read:
+        if old_read and not read:
             self._read_fell = now
         if not select and not write and not read:
             self._clash()
-        elif not select and not read and not self._command.value and not self._driving:
+        elif not select and not read and not command and not self._driving:
             self._begin_read(now)
 
     def _end_write(self, now: int) -> None:
