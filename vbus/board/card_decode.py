@@ -177,6 +177,9 @@ class Decoder:
             self._blind(block, now, before)
             self._blind(block, later, after)
         if self.edged:
+            for chip in self.edged:
+                if write and chip.bus_net is not self._data and id(chip.bus_net) in under.floating:
+                    raise NotFixed(f"what was there stays on {chip.bus_net.name}")
             steps = self._steps(write, idle, under)
             return Cycle(steps=steps, rest=self._rest(idle, clocks))
         return self._levels_cycle(write, idle, under, clocks)

@@ -21,7 +21,12 @@ from vbus.state import Names
 CONTENTION: Final = Rule(
     "board.contention", "decision 9", "Two outputs on one net must not drive different levels."
 )
-RULES: Final = (CONTENTION,)
+OSCILLATION: Final = Rule(
+    "board.oscillation", "glue",
+    "Glue without a delay must come to rest: what follows the data bus at once must not decide who"
+    " drives it.",
+)  # fmt: skip
+RULES: Final = (CONTENTION, OSCILLATION)
 
 POLICIES: Final = ("realtime", "lockstep", "slaved")
 
@@ -92,7 +97,7 @@ class Circuit:
         """The instant up to which every chip has been brought (ps)."""
         self.chips: list[Chip] = []
         self._by_name: dict[str, Chip] = {}
-        self.glue: Glue = Glue(self.kernel)
+        self.glue: Glue = Glue(self.kernel, self._swing)
         """What stands between hosts and chips: the interrupts of cards, decoders, latches."""
         self.pins: list[Pin] = []
         """The chips' pins, and those of :attr:`glue`."""
@@ -366,6 +371,18 @@ class Circuit:
                 Violation(
                     self.kernel.now, net, CONTENTION.name, CONTENTION.clause, CONTENTION.severity,
                     0, 0, f"net {net}: outputs disagree ({fighters})",
+                )
+            )  # fmt: skip
+
+    def _swing(self, net: str) -> None:
+        """Glue and a chip move each other without end; ``net`` is one that they move."""
+        rule = OSCILLATION
+        if self.violation_policy.of(rule.name):
+            self.file_violation(
+                Violation(
+                    self.kernel.now, net, rule.name, rule.clause, rule.severity, 0, 0,
+                    f"net {net}: it moves what moves it, without end; give the glue a delay, or"
+                    " take the data bus out of what selects",
                 )
             )  # fmt: skip
 

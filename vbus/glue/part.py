@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import ClassVar
+from collections.abc import Callable, Iterable, Mapping
+from typing import ClassVar, Final
 
 from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
@@ -16,6 +16,9 @@ from vbus.state import Names
 
 Input = tuple[Pin, int]
 """Where an input is: a pin on its net, and the number of the wire if the net is a bundle."""
+
+MOST_TURNS: Final = 200
+"""How often glue follows in one go: more is a loop through a chip, which never settles."""
 
 
 class GlueBlock:
@@ -69,26 +72,27 @@ class GlueBlock:
         self.state, self.levels, self.driven = self.row.function(self._was, self._was, 0)
         self._drive(self.levels, self.driven)
 
-    def look(self) -> None:
-        """Follow the inputs, if they have moved."""
+    def look(self) -> bool:
+        """Follow the inputs, if they have moved; tell whether the outputs move with them."""
         if self.asleep:
-            return
+            return False
         now = self._now()
         if now == self._was:
-            return
+            return False
         was, self._was = self._was, now
         self.state, levels, driven = self.row.function(now, was, self.state)
         if levels == self.levels and driven == self.driven:
-            return
+            return False
         self.levels, self.driven = levels, driven
         asserts = self.row.holds and not now[0]
         if self._timer is None or asserts:
             self.queue.clear()
             self._drive(levels, driven)
-            return
+            return True
         self.queue.append((self._kernel.now + self._delay, levels, driven))
         if self._timer.due == NEVER:
             self._timer.at(self.queue[0][0])
+        return False
 
     def _due(self) -> None:
         while self.queue and self.queue[0][0] <= self._kernel.now:
@@ -178,12 +182,21 @@ class Glue:
 
     Whatever moves, blocks are looked at in an order in which none comes before one it follows: so
     glue without delays settles at once, and nobody sees what it goes through.
+
+    Args:
+        kernel: the board's time.
+        swings: is told a net that moves what moves it, without end: glue has ceased to follow.
     """
 
     STATE: ClassVar[Names] = ("parts: parts",)
-    WIRING: ClassVar[Names] = ("_blocks", "_watcher", "order")
+    WIRING: ClassVar[Names] = ("_blocks", "_kernel", "_swings", "_watcher", "order")
+    DERIVED: ClassVar[Names] = ("_batch", "_turns")
 
-    def __init__(self, kernel: Kernel) -> None:
+    def __init__(self, kernel: Kernel, swings: Callable[[str], None]) -> None:
+        self._kernel: Kernel = kernel
+        self._swings: Callable[[str], None] = swings
+        self._batch: int = -1
+        self._turns: int = 0
         self.parts: list[GluePart] = []
         self.order: list[tuple[str, int]] = []
         """Name of the part and number of the block, of all that follow one another, in order."""
@@ -243,8 +256,15 @@ class Glue:
         )]  # fmt: skip
 
     def _moved(self) -> None:
-        for block in self._blocks:
-            block.look()
+        if self._batch != self._kernel.batch:
+            self._batch = self._kernel.batch
+            self._turns = 0
+        self._turns += 1
+        if self._turns > MOST_TURNS:
+            return
+        moved = [block for block in self._blocks if block.look()]
+        if self._turns == MOST_TURNS and moved:
+            self._swings(moved[0].outputs[0].net.name)
 
 
 def bundled(name: str) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.snapshot import fork, restore, take
 from vbus.errors import ConfigError
+from vbus.glue.part import MOST_TURNS
 from vbus.kernel import MS, NS, US
 from vbus.signals import Observer
 
@@ -219,6 +220,19 @@ def test_a_loop_is_named_by_its_wires() -> None:
     told = mistakes(text)[0]
     assert "through u; put a register into it, or take one wire out" in told
     assert {"V", "W"} <= set(told.replace("->", " ").split())
+
+
+def test_a_wire_may_move_as_often_as_hosts_like_at_one_instant() -> None:
+    board = load_board_text(BOARD + '[glue.u]\npart = "74HC04"\n[glue.u.pins]\n1A = "x.HI"\n'
+                            '1Y = "y./RST"\n')  # fmt: skip
+    port = board.open_port("host")
+    begin = board.now
+    for number in range(MOST_TURNS):
+        for level in (0, 1):
+            pin(port, "x.HI", level)
+            assert board.find_pin("y./RST").net.value == 1 - level, number
+    assert board.now - begin < MOST_TURNS * US
+    assert not [v for v in board.violations if v.rule == "board.oscillation"]
 
 
 def test_a_register_in_the_loop_makes_it_a_divider() -> None:

@@ -233,6 +233,24 @@ def test_a_slow_decoder_is_late_at_the_chip_by_its_delay() -> None:
     assert [(when, level) for when, _, level in seen][:1] == [(fell, 0)]
 
 
+@pytest.mark.parametrize("enable", ["!Y1 & slot.D0", "Y1 | slot.D0"])
+@pytest.mark.parametrize("ready", [0, 4 * MS])
+def test_data_that_decide_who_drives_them_are_a_finding_and_no_hang(
+    enable: str, ready: int
+) -> None:
+    slot = Slot(WIRED.replace('"!y./CS" = "!Y1 | !Y2"', f'"!y./CS" = "{enable}"'))
+    slot.board.run_for(ready)
+    for address in (0x302, 0x303):
+        slot.inb(address)
+        slot.port.delay(US)
+    found, *_ = [v for v in slot.board.violations if v.rule == "board.oscillation"]
+    assert found.detail == (
+        "net y./CS: it moves what moves it, without end; give the glue a delay, or take the data"
+        " bus out of what selects"
+    )
+    assert slot.inb(STATUS) == (0x84 if ready else 0)  # the other chip is none the worse
+
+
 def mapped(text: str) -> tuple[list[str], list[str]]:
     file, source = read_board_text(text)
     board = build(file, source)

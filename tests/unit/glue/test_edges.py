@@ -83,7 +83,7 @@ def boards(draw: st.DrawFn) -> str:
     latched = draw(st.booleans())
     names = ["slot.A0", "slot.A1", "slot.A2", "slot.A3", "slot.AEN", "HALT2"]
     names += ["PAGE"] if latched else []
-    names += draw(st.sampled_from([[], SIDE[part], ["slot./IOR"], ["slot./IOW"]]))
+    names += draw(st.sampled_from([[], SIDE[part], ["slot./IOR"], ["slot./IOW"], ["slot.D0"]]))
     gates = ["", " | slot./IOR", " | slot./IOW", " | (slot./IOR & slot./IOW)"]
     rows = []
     for line in LINES[part]:

@@ -21,7 +21,8 @@ class Bench:
             PinRow(name, "in" if name not in row.outputs else row.blocks[0].kind)
             for name in row.pins
         )
-        self.glue: Glue = Glue(self.kernel)
+        self.swung: list[str] = []
+        self.glue: Glue = Glue(self.kernel, self.swung.append)
         self.part: GluePart = GluePart(self.kernel, "u1", rows, row.blocks, delay, {})
         self.outputs: tuple[str, ...] = row.outputs
         self.hands: dict[str, Pin] = {
@@ -281,7 +282,7 @@ def test_random_gates_settle_at_what_their_truth_tables_give(
     kernel = Kernel()
     nets = [Net(kernel, f"in{n}") for n in range(4)]
     hands = [net.solder("hand") for net in nets]
-    glue = Glue(kernel)
+    glue = Glue(kernel, print)
     # From the last gate to the first: the order of parts is not the one they follow one another in.
     made = []
     for place, (part, a, b) in enumerate(gates):
