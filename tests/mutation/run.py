@@ -44,7 +44,9 @@ from tests.mutation.records import Entry, Result
 HERE: Final = Path(__file__).resolve().parent
 TESTS: Final = ("tests/conformance", "tests/properties", "tests/reference", "tests/frozen",
                 "tests/unit", "tests/nodes/test_machine.py", "tests/nodes/test_orders.py",
-                "tests/nodes/test_board_file.py")  # fmt: skip
+                "tests/nodes/test_board_file.py", "tests/nodes/test_faults.py",
+                "tests/nodes/test_quiet_lines.py", "tests/nodes/test_recorded_host.py",
+                )  # fmt: skip
 LEFT_OUT: Final = (
     "tests/unit/native", "tests/unit/client", "tests/unit/transports",
     "tests/unit/test_clauses.py", "tests/unit/test_repeat.py",

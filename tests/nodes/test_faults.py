@@ -66,6 +66,16 @@ def test_links_and_chips_of_faults_are_those_of_their_node() -> None:
     assert len(build_nodes(file, source)[1].board.faults.all()) == 3
 
 
+def test_each_node_has_its_own_faults_whatever_nodes_are_called() -> None:
+    text = BOARD.replace("[nodes.a]", "[nodes.left]").replace("[nodes.b]", "[nodes.right]")
+    text = text.replace('node = "a"', 'node = "left"').replace('node = "b"', 'node = "right"')
+    for name in ("x", "y"):
+        text += f'[[faults]]\nfault = "jam"\ntarget = "{name}"\nwhen = "at 9 ms"\n'
+    file, _ = read_board_text(text)
+    found = {node: [one.target for one in part_of(file, node).faults] for node in ("left", "right")}
+    assert found == {"left": ["x"], "right": ["y"]}
+
+
 @pytest.mark.parametrize(
     ("fault", "target", "message"),
     [

@@ -15,7 +15,7 @@ from vbus.board.config import read_board_text
 from vbus.errors import NodeMismatchError, SnapshotError
 from vbus.kernel import END, NEVER, US
 from vbus.nodes.machine import Machine, conductor_of, trace_hash
-from vbus.nodes.messages import Message, Need, Report, decode, encode
+from vbus.nodes.messages import Mark, Message, Need, Report, decode, encode
 from vbus.nodes.plan import build_nodes, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.sync import Participant
@@ -463,3 +463,10 @@ def test_a_bad_state_of_a_node_is_named_and_changes_nothing(
     with pytest.raises(SnapshotError, match=re.escape(text)):
         node.load({**before, "number": 7, **change})
     assert state.differences(node.save(), before) == []
+
+
+def test_a_mark_that_claims_to_be_surer_than_sure_is_refused() -> None:
+    with pytest.raises(NodeMismatchError, match="an uncertainty of -1 ns"):
+        decode(encode(Mark(PLAN.digest, 0, 3, 1000, -1)), "a", len(PLAN.nodes), len(PLAN.wires))
+    sure = Mark(PLAN.digest, 0, 3, 1000, 0)
+    assert decode(encode(sure), "a", len(PLAN.nodes), len(PLAN.wires)) == sure

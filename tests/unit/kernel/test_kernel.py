@@ -53,6 +53,20 @@ def test_what_is_asked_for_soon_runs_after_its_cause_and_at_the_same_instant() -
     assert order == [("cause", 5), ("effect", 5)]
 
 
+def test_the_last_that_is_asked_for_at_an_instant_knows_it() -> None:
+    kernel = Kernel()
+    found: list[bool] = []
+
+    class Asking(Task):
+        def run(self) -> None:
+            found.append(kernel.last)
+
+    for _ in range(3):
+        kernel.soon(Asking())
+    kernel.settle()
+    assert found == [False, False, True]
+
+
 def test_setting_a_timer_again_forgets_the_earlier_setting() -> None:
     kernel = Kernel()
     fired: list[int] = []

@@ -217,3 +217,17 @@ def test_an_end_of_a_wire_tells_the_others_what_changes_and_nothing_else() -> No
     end.resolve()
     weak.release()
     assert outbox[2:] == [(0, 3, Z, False)]
+
+
+def test_a_wire_that_was_put_to_a_level_has_no_history() -> None:
+    kernel = Kernel()
+    net = Net(kernel, "D0-D7", rest=Z, width=8)
+    pin = net.solder("D0-D7")
+    kernel.run_until(70)
+    pin.drive(0x5A)
+    kernel.run_until(90)
+    pin.release()
+    assert net.history[1:] == (70, 90)
+    net.put(0x33)
+    assert net.value == 0x33
+    assert net.history == (0x33, 0, -1)  # nobody has let go of it
