@@ -303,3 +303,54 @@ def test_a_stuck_net_is_seen_by_cycles(watched: bool) -> None:
     net.bends.clear()
     net.resolve()
     assert slot.inb(0x300) & 1 == 0
+
+
+SLOW = """
+[glue.slow]
+part = "PLD"
+delay = "15 ns"
+
+[glue.slow.equations]
+"main./RD" = "slot./IOR"
+"""
+
+DELAYED = WIRED.replace('"/IOR" = "main./RD"\n', "") + SLOW
+SLOWLY_LATCHED = LATCHED.replace('"PLD"', '"PLD"\ndelay = "15 ns"').replace(" | slot./IOW", "")
+
+
+def made(wires: str, more: str = "") -> str:
+    first = "slot.A1 ^ PAGE" if "PAGE" in more else "slot.A1"
+    return CARD + wires + PLD.format(delay=0, x=first, y="!slot.A1", op="&") + more
+
+
+@pytest.mark.parametrize(
+    ("text", "write", "why"),
+    [
+        (DELAYED, False, "the strobe goes through a delay"),
+        (DELAYED, True, ""),
+        (made(BRIDGED), True, ""),
+        (made(BRIDGED.replace("245\"\n", "245\"\ndelay = \"15 ns\"\n")), True,
+         "data goes through a delay"),
+        (made(WIRES, LATCHED), False, ""),
+        (made(WIRES, SLOWLY_LATCHED), False,
+         "the clock GATE may glitch while addresses change"),
+    ],
+)  # fmt: skip
+def test_why_a_cycle_is_played(text: str, write: bool, why: str) -> None:
+    slot = Slot(text)
+    slot.board.run_for(4 * MS)
+    path = path_of(slot)
+    assert path.why(0, write) == why
+    played = path.played
+    slot.outb(0x300, 0) if write else slot.inb(0x300)
+    assert path.played - played == bool(why)
+
+
+def test_what_is_due_elsewhere_does_not_have_a_cycle_played_that_only_hosts_can_change() -> None:
+    slot = Slot(made(WIRES))
+    slot.board.run_for(4 * MS)
+    slot.inb(0x300)
+    slot.board.kernel.timer(lambda: None).at(slot.board.now + 700 * NS)
+    before = path_of(slot).played
+    slot.inb(0x300)
+    assert path_of(slot).played == before == 0
