@@ -1,5 +1,6 @@
 """The journal of one node, in one process: what hosts do to it and what reaches it."""
 
+from dataclasses import replace
 from io import BytesIO
 
 import pytest
@@ -8,13 +9,13 @@ from vbus.board.config import read_board_text
 from vbus.kernel import END, MS, US
 from vbus.nodes.machine import node_of
 from vbus.nodes.node import Node
-from vbus.nodes.orders import WRITE, Order
+from vbus.nodes.orders import READ, WRITE, Order
 from vbus.nodes.recorded import Recorded
 from vbus.nodes.recorded_host import RecordedNodeBus
 from vbus.protocols.port import NotYet
 from vbus.trace.journal.format import Entry, JournalReader
 from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.replay import Replay
+from vbus.trace.journal.replay import Divergence, Replay
 
 BOARD = """\
 [board]
@@ -107,3 +108,35 @@ def test_orders_from_beyond_are_replayed_for_whom_they_were_given() -> None:
     assert again is not None
     with pytest.raises(ValueError, match="no chip called 'z'"):
         again.replay("order", ("boss", 3 * MS, ["z"], WRITE, 0, 6, ""))
+
+
+def replayed_with(entries: list[Entry], data: bytes) -> Divergence | None:
+    """Return what a replay finds of these entries, numbered anew."""
+    header = JournalReader(BytesIO(data)).header
+    numbered = [replace(entry, number=number) for number, entry in enumerate(entries)]
+    end = numbered[-1]
+    numbered[-1] = replace(end, args=(end.number, *end.args[1:]))
+    return Replay(Recorded(header, "run").board, numbered, header.families).run().divergence
+
+
+def test_an_ordered_cycle_that_differs_is_told_with_both_cycles() -> None:
+    made = Journalled()
+    made.node.order("boss", Order(3 * MS, ("x",), WRITE, 0, 0x05))
+    made.node.order("boss", Order(4 * MS, ("x",), READ, 0))
+    made.port.delay(5 * MS)
+    entries = made.entries()
+    data = made.data.getvalue()
+    first, second = (n for n, entry in enumerate(entries) if entry.op == "made")
+    when, *rest, _ = entries[first].args
+    other = [*entries]
+    other[first] = replace(other[first], args=(when, *rest, 0x07))
+    found = replayed_with(other, data)
+    assert found is not None
+    assert (found.what, found.where) == ("reply", "boss, x: ordered cycle")
+    assert (found.recorded, found.now) == (
+        f"w 0 07 at {3 * MS} ps", f"w 0 05 at {3 * MS} ps",
+    )  # fmt: skip
+    found = replayed_with([*entries[:second], *entries[second + 1 :]], data)
+    assert found is not None
+    assert (found.what, found.when) == ("missing", 4 * MS)
+    assert (found.recorded, found.now[:4]) == ("nothing", "r 0 ")
