@@ -245,3 +245,34 @@ part = "PLD"
         assert found == [0x4A, 0x10]
         assert NOT_READY.name not in [v.rule for v in slot.board.violations]
         assert path_of(slot).played == (3 if watched else 0)
+
+
+def test_the_address_stands_after_a_cycle_that_has_moved_what_decides() -> None:
+    """HostRdy falls as the strobe of the write rises, and a gate follows it."""
+    text = (
+        HEAD.format(hold=130, strobe=500, **MC)
+        + """"D0-D7" = "main.D0-D7"
+"/IOW" = "main.~HostWrite"
+"/IOR" = "main.~HostRead"
+A0 = "main.HostCmd"
+
+[glue.pal]
+part = "PLD"
+
+[glue.pal.equations]
+"x.~HostSlct" = "slot.A1 | (slot./IOR & slot./IOW)"
+"y.~HostSlct" = "!slot.A1 | (slot./IOR & slot./IOW) | (slot.A3 & x.HostRdy)"
+"""
+    )
+    for watched in (False, True):
+        slot = Slot(text)
+        if watched:
+            slot.board.chip("slot").pins["/IOW"].net.observe(Observer())
+        for offset in (1, 5, 9):
+            slot.outb(0x300 + offset, 0x6C)
+            assert slot.board.find_pin("x.HostRdy").net.value == 0
+            stands = [slot.board.find_pin(f"slot.A{n}").net.value for n in range(4)]
+            assert stands == [offset >> n & 1 for n in range(4)], (watched, offset)
+            assert slot.board.find_pin("slot./IOW").net.value == 1
+            slot.port.delay(100 * US)
+            slot.board.run_for(US)
