@@ -114,6 +114,24 @@ def test_a_journal_plays_again_without_a_difference(moved: bytes) -> None:
     assert outcome.cycles > 100
 
 
+@pytest.mark.parametrize("mask", [0x80, 0x01])
+def test_one_poll_among_equal_ones_that_reads_otherwise_is_found(mask: int) -> None:
+    """Less than the journal has, and more; the polls after it read what they did."""
+
+    def polls(port: HostBus) -> None:
+        for _ in range(40):
+            port.read(0)
+
+    broken = (
+        f'{LM629}[[faults]]\nfault = "byte_flipped"\ntarget = "x"\nwhen = "cycle 17"\n'
+        f'until = "once"\nmask = {mask}\ncycles = "read"\n'
+    )
+    data = record(LM629, polls)
+    found = difference(played(data, text=broken))
+    seventeenth = [entry for entry in read(data)[1] if entry.op == "read"][16]
+    assert (found.what, found.entry) == ("reply", seventeenth.number)
+
+
 @pytest.mark.parametrize("policy", ["lockstep", "realtime"])
 def test_strobes_pins_and_time_play_again(policy: str) -> None:
     outcome = played(record(LM629.replace("lockstep", policy), strobed, lm629_move))
