@@ -85,7 +85,7 @@ def test_an_overload_is_told_on_stderr_once_by_ls_and_by_metrics(
     assert len(lines) == 1
     assert re.match(
         r"vbus: board hurried: more moves than this machine can follow: chip time runs at \d+ % of"
-        r" its rate, [\d.]+ times this machine would be enough; let less move, ",
+        r" its rate at best, [\d.]+ times this machine would be enough; let less move, ",
         lines[0],
     )
 

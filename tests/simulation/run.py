@@ -309,7 +309,8 @@ class Simulation:
                 self.recording.open(RecordSection(journal="journal", durable=self.durable))
             self.loop = SimulatedLoop(system)
             self.loop.set_exception_handler(self._raised)
-            pacer = Pacer(self.board, self.random.choice(("catch_up", "slip")), system.clock)
+            stall = self.random.choice(("catch_up", "slip"))
+            pacer = Pacer(self.board, stall, system.clock, system.clock)
             self.server = _Observed(
                 self, self.board, self.specs, report=self.reports.append, pacer=pacer,
                 settle=self.recording.settle,

@@ -54,6 +54,7 @@ class Pacer(Pace):
         stall: ``"catch_up"``: after a stall of the machine chip time catches up in slices;
             ``"slip"``: it goes on where it was.
         clock: wall time in ns; for tests.
+        spent: time of the processor in ns, of the thread that serves the board; for tests.
     """
 
     def __init__(
@@ -61,6 +62,7 @@ class Pacer(Pace):
         board: Board,
         stall: str = "catch_up",
         clock: Callable[[], int] = time.monotonic_ns,
+        spent: Callable[[], int] = time.thread_time_ns,
     ) -> None:
         if stall not in ("catch_up", "slip"):
             raise ValueError(f"stall = {stall!r}: allowed are catch_up, slip")
@@ -81,6 +83,7 @@ class Pacer(Pace):
         self._scale: int = 1
         self._stalled: int = STALL
         self._tick: Tick = Tick()
+        self._spent: Callable[[], int] = spent
         self.overload: Overload = Overload()
         """How much more than the machine can follow moves on the board."""
         self._paced: bool = False
@@ -385,8 +388,10 @@ class Pacer(Pace):
                 self._tick.adapt(slices.took, slices.moving, watched)
                 if there:
                     self._tick_at = max(now, slices.begun + self._tick.span)
-        if self.bound == NEVER and self.overload.look(now, self.clock(), self._ps_per_ns):
-            self.report(f"board {self.board.name}: {self.overload}")
+        if self.bound == NEVER:
+            wall = self.clock()
+            if self.overload.look(now, wall, self._spent, self._ps_per_ns):
+                self.report(f"board {self.board.name}: {self.overload}")
         self.arm()
 
     def _wake(self, now: int) -> None:

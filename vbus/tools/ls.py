@@ -131,8 +131,8 @@ def _overload(times: float, worst: float) -> str:
     if not times:
         return f"keeps up; was overloaded {worst:.2f} times"
     return (
-        f"overloaded: chip time runs at {100 / times:.0f} % of its rate, {times:.2f} times this"
-        f" machine would be enough (worst {worst:.2f})"
+        f"overloaded: chip time runs at {100 / times:.0f} % of its rate at best, {times:.2f} times"
+        f" this machine would be enough (worst {worst:.2f})"
     )
 
 

@@ -13,6 +13,7 @@ from vbus.board.build import load_board_text
 from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.errors import TimeEndedError
 from vbus.kernel import END, MS, NEVER, SECOND, US
+from vbus.server.overload import Overload
 from vbus.server.pacer import AHEAD, DAY, FREE_NS, FREE_SLICE, LEASE, PIECE_NS, SLICE, Pacer
 from vbus.server.slices import SLICE_NS
 
@@ -458,7 +459,7 @@ def many(count: int, cost_ns: int, policy: str, rate: float = 1.0) -> tuple[
         chip = board.add_chip(Labour, f"t{number}", "TOY", 8_000_000)
         assert isinstance(chip, Labour)
         chip.wall, chip.cost_ns = wall, cost_ns
-    return board, Pacer(board, clock=wall), wall
+    return board, Pacer(board, clock=wall, spent=wall), wall
 
 
 @pytest.mark.parametrize("rate", [1.0, float("inf")])
@@ -533,7 +534,7 @@ def test_more_than_the_machine_can_follow_is_told_once_with_how_much(stall: str)
         chip = board.add_chip(Dear, f"t{number}", "TOY", 8_000_000)
         assert isinstance(chip, Dear)
         chip.wall = wall
-    pacer = Pacer(board, stall, wall)
+    pacer = Pacer(board, stall, wall, wall)
     pacer.arm()
     told: list[str] = []
     pacer.report = told.append
@@ -553,6 +554,17 @@ def test_more_than_the_machine_can_follow_is_told_once_with_how_much(stall: str)
     assert pacer.overload.times == 0.0
     assert pacer.overload.worst > 1.4
     assert len(told) == 1
+
+
+@pytest.mark.parametrize(("share", "times"), [(0.5, 0.0), (0.75, 1.125)])
+def test_what_others_take_of_the_processor_is_no_overload(share: float, times: float) -> None:
+    """Chip time runs at two thirds of its rate, while the board has a share of the processor."""
+    overload, told = Overload(), []
+    for second in range(10):
+        now, wall = second * SECOND * 2 // 3, second * 10**9
+        told.append(overload.look(now, wall, lambda wall=wall: int(wall * share), (1000, 1)))
+    assert overload.times == pytest.approx(times)
+    assert sum(told) == (times > 0.0)
 
 
 def test_a_stall_of_the_machine_is_no_overload() -> None:
