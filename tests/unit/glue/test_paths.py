@@ -354,3 +354,47 @@ def test_what_is_due_elsewhere_does_not_have_a_cycle_played_that_only_hosts_can_
     before = path_of(slot).played
     slot.inb(0x300)
     assert path_of(slot).played == before == 0
+
+
+def test_a_bus_that_was_driven_until_the_strobe_fell_is_read_without_strobes() -> None:
+    """The transceiver turns round, nobody answers: the wires keep what it drove at first."""
+    answers = []
+    for watched in (False, True):
+        slot = Slot(made(BRIDGED))
+        slot.port.pin(slot.port.pin_number("strobes.HALT"), 0)
+        slot.board.run_for(4 * MS)
+        if watched:
+            slot.board.watch("x./CS", Observer())
+        else:
+            assert path_of(slot).why(0, write=False) == ""
+        answers.append((slot.inb(0x300), slot.inb(0x300)))
+        assert path_of(slot).played == 2 * watched
+    assert answers[0] == answers[1] == (0xFF, 0xFF)
+
+
+@pytest.mark.parametrize(("cycle", "played"), [(2 * US, 0), (650 * NS, 2), (300 * NS, 3)])
+def test_cycles_closer_than_the_bus_can_make_them_are_played(cycle: int, played: int) -> None:
+    """The lead of a cycle is 600 ns, and chips rest after it."""
+    slot = Slot(made(WIRES))
+    slot.board.run_for(4 * MS)
+    begun = slot.board.now
+    port = slot.board.open_port("fast", ["slot"], cycle)
+    assert [port.read(0) for _ in range(3)] == [0x84, 0x84, 0x84]
+    assert slot.board.now - begun == 3 * cycle
+    assert path_of(slot).played == played
+
+
+def test_the_address_stands_after_a_reset_that_has_moved_a_wire_of_the_decoder() -> None:
+    """RESET lets HI fall within its own cycle, and the other chip's select follows HI."""
+    text = CARD + WIRES + PLD.format(delay=0, x="slot.AEN", y="x.HI", op="|")
+    for watched in (False, True):
+        slot = Slot(text)
+        if watched:
+            slot.board.watch("slot./IOR", Observer())
+        slot.outb(0x307, 0x02)
+        assert slot.board.find_pin("x.HI").net.value == 1
+        slot.outb(0x300, 0x00)
+        assert slot.board.find_pin("x.HI").net.value == 0
+        assert [slot.board.find_pin(f"slot.A{n}").net.value for n in range(3)] == [0, 0, 0]
+        assert slot.board.find_pin("y./CS").net.value == 0
+        assert path_of(slot).played == 2 * watched
