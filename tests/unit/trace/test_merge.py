@@ -24,7 +24,7 @@ $end
 #70
 """
 RIGHT = """\
-$version vbus $end
+$version another $end
 $timescale 1 ps $end
 $scope module y $end
 $var real 64 ! place $end
@@ -83,3 +83,9 @@ def test_every_variable_has_an_identifier_of_its_own(count: int) -> None:
     assert [line for line in lines if line.startswith("1")] == [f"1{code}" for code in codes]
     assert max(map(len, codes)) == (1 if count <= 94 else 2 if count <= 94 * 95 else 3)
     assert lines[-1] == f"1{codes[-1]}"
+
+
+def test_nodes_of_which_nothing_is_known_have_no_instant() -> None:
+    nothing = "$timescale 1 ps $end\n$enddefinitions $end\n"
+    assert not [line for line in merged(("a", nothing), ("b", nothing)) if line.startswith("#")]
+    assert [line for line in merged(("a", f"{nothing}#5\n")) if line.startswith("#")] == ["#5"]
