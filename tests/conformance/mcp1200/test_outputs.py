@@ -4,7 +4,8 @@ import itertools
 
 import pytest
 
-from tests.conformance.mcp1200.conftest import Bench, Rail
+from tests.conformance.mcp1200.conftest import RESET_CLK, Bench, Rail
+from vbus.kernel import NEVER
 
 # Gains with which an error of n gives a motor command of 16 * n.
 UNIT = {"LEAD_ZERO": 0, "LEAD_POLE": 0, "LEAD_GAIN": 4}
@@ -407,3 +408,25 @@ def test_the_plant_feels_a_new_command_when_busy_ends() -> None:
 def test_the_figure_s_three_quarter_mark_is_4bh(chip: Bench) -> None:
     chip.write(0x09, 0x4B)
     assert duty(chip)[0] == 75
+
+
+@pytest.mark.spec("MCP-BUS-5", "MCP-RST-5")
+def test_what_is_ordered_is_waited_for_though_samples_move_no_pin() -> None:
+    chip = Bench().chip
+    assert chip.next_edge() == NEVER
+    chip.write(0x0F, 0x03)
+    assert chip.next_edge() == chip.clock.ps(4)
+    resetting = Bench(done=False).chip
+    assert resetting.next_edge() == resetting.clock.ps(RESET_CLK)
+
+
+@pytest.mark.spec("MCP-SMP-4")
+def test_idle_may_move_at_every_sample_of_control_mode_and_no_other(chip: Bench) -> None:
+    chip.control()
+    chip.samples()
+    assert chip.chip.next_edge() == NEVER
+    chip.watch("IDLE")
+    assert chip.chip.next_edge() <= chip.clock.ps(chip.sample_start())
+    chip.write(0x05, 0x01)
+    chip.samples()
+    assert chip.chip.next_edge() == NEVER

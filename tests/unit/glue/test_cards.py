@@ -139,6 +139,26 @@ def test_nobody_answers_where_the_decoder_selects_nobody() -> None:
     assert slot.port.card(0x310) is None
 
 
+def test_lines_that_a_bus_moves_together_are_never_seen_half_moved() -> None:
+    slot = Slot(
+        WIRED + '[glue.odd]\npart = "74HC86"\n[glue.odd.pins]\n'
+        '1A = "slot.A0"\n1B = "slot.A1"\n1Y = "x./IN"\n'
+    )
+    slot.inb(0x301)
+    levels: list[int] = []
+
+    class Edges(Observer):
+        def edge(self, when: int, net: str, level: int) -> None:
+            levels.append(level)
+
+    slot.board.find_pin("x./IN").net.observe(Edges())
+    slot.inb(0x302)
+    slot.inb(0x301)
+    assert levels == []
+    slot.inb(0x300)
+    assert levels == [0]
+
+
 def test_interrupts_of_both_chips_pull_one_line() -> None:
     board = Slot(WIRED).board
     line = board.nets["IRQ5"]

@@ -24,6 +24,7 @@ from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.sections import WaveSection
 from vbus.kernel import MS, US
+from vbus.protocols import codes
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.port import PortError
 from vbus.protocols.requests import LEASED, REQUESTS
@@ -171,6 +172,26 @@ def test_a_packet_is_that_of_the_command_that_was_written() -> None:
     entry = find(data, op="read", args=(1,))
     found = difference(played(data, changed={entry.number: {"reply": entry.reply ^ 1}}))
     assert found.now == f"{entry.reply:02X}H in RDSUM +0"
+
+
+@pytest.mark.core("interpreted")
+@pytest.mark.parametrize("good", range(4))
+def test_a_refusal_among_equal_cycles_is_found_at_the_one_that_is_refused(
+    good: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = record(LM629, lambda port: [port.read(0) for _ in range(6)])  # type: ignore[arg-type, return-value]
+    first = next(entry.number for entry in read(data)[1] if entry.op == "read")
+    whole, asked = HostBus.read, [0]
+
+    def refused(port: HostBus, address: int) -> int:
+        asked[0] += 1
+        if asked[0] > good:
+            asked[0] = 0
+            raise PortError(codes.BAD_AT, "refused")
+        return whole(port, address)
+
+    monkeypatch.setattr(HostBus, "read", refused)
+    assert difference(played(data)).entry == first + good
 
 
 def test_a_first_byte_that_differs_is_shown_in_its_whole_packet(moved: bytes) -> None:
