@@ -4,8 +4,6 @@ import pytest
 
 from vbus.chips.lm628.inner_registers import REGISTERS
 
-ROWS = {row.name: row for row in REGISTERS}
-
 
 @pytest.mark.spec("LM-TRJ-2")
 @pytest.mark.parametrize(
@@ -17,16 +15,17 @@ ROWS = {row.name: row for row in REGISTERS}
     ],
 )  # fmt: skip
 def test_what_has_a_fraction_has_sixteen_bits_of_it(name: str, unit: str) -> None:
-    row = ROWS[name]
+    (row,) = (row for row in REGISTERS if row.name == name)
     assert (row.fraction, row.unit) == (16, unit)
 
 
 @pytest.mark.spec("LM-TRJ-1")
 def test_the_control_word_keeps_its_bits_12_to_8() -> None:
-    fields = ROWS["trajectory control word"].fields
-    assert [bit.number for bit in fields] == [12, 11, 10, 9, 8]
+    (row,) = (row for row in REGISTERS if row.name == "trajectory control word")
+    assert [bit.number for bit in row.fields] == [12, 11, 10, 9, 8]
 
 
 @pytest.mark.spec("LM-CMD-17")
 def test_the_interrupt_mask_has_the_flags_that_raise_hi() -> None:
-    assert [bit.number for bit in ROWS["interrupt mask"].fields] == [6, 5, 4, 3, 2, 1]
+    (row,) = (row for row in REGISTERS if row.name == "interrupt mask")
+    assert [bit.number for bit in row.fields] == [6, 5, 4, 3, 2, 1]
