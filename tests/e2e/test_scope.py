@@ -323,10 +323,13 @@ def test_what_makes_no_sense_is_refused(folder: Path) -> None:
     (folder / "nodes.toml").write_text((folder / "bench.toml").read_text().replace(
         'plant = "motor"', 'plant = "motor"\nnode = "a"').replace("[record]", "").replace(
         f'journal = "{folder}/run.vbj"', "") + "[nodes.a]\n")  # fmt: skip
-    done = vbus("run", folder / "nodes.toml", "--scope")
+    done = vbus("run", folder / "nodes.toml", "--scope-control")
     assert done.returncode == 2
     told = " ".join(done.stderr.replace("│", " ").split())
-    assert "--scope: a board with nodes has no scope: each node has a time of its own" in told
+    assert "--scope-control is for boards without nodes: a node's time is that of all nodes" in told
+    done = vbus("scope", folder / "nodes.toml", "nobody")
+    assert done.returncode == 2
+    assert "nodes.toml is a journal and nobody is none" in " ".join(done.stderr.split())
 
 
 @pytest.mark.slow

@@ -5,11 +5,6 @@ from vbus.board.metrics_checks import metrics_address
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 
-OF_NODES = (
-    "a board with nodes has no scope: each node has a time of its own, and the page has one axis;"
-    " see a node with: vbus monitor BOARD.NODE"
-)
-
 
 def check_scope(file: BoardFile, source: Source) -> None:
     """Check ``[scope]``; mistakes go to ``source``."""
@@ -19,9 +14,6 @@ def check_scope(file: BoardFile, source: Source) -> None:
     if not scope.listen:
         return
     where = ("scope", "listen")
-    if file.nodes:
-        source.fail(where, f"{OF_NODES}; leave this out")
-        return
     try:
         host, port = metrics_address(scope.listen, remote=True)
     except ValueError as error:

@@ -1,7 +1,7 @@
 """Running nodes of a board in this process: their hosts' links, their time, what they leave."""
 
 import asyncio
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -187,15 +187,25 @@ def serve_nodes(
     options: NodeOptions,
     on_ready: Callable[[list[Server]], None] | None = None,
     report: Callable[[str], None] = print,
+    before: Callable[[], Awaitable[None]] | None = None,
 ) -> Outcome:
     """Run nodes until their scenario is over, or until SIGINT or SIGTERM.
+
+    Args:
+        file: the board.
+        source: its text.
+        options: which nodes, and how.
+        on_ready: is told their servers once all nodes have met.
+        report: takes sentences about what went wrong.
+        before: awaited when the nodes of this process can be watched, in virtual time before it
+            begins.
 
     Raises:
         ConfigError: the board or the scenario has mistakes.
         TransportError: a link cannot be opened.
         NodeError: another node has died, stalls, or runs another board; names it.
     """
-    run = _Run(file, source, options, report)
+    run = _Run(file, source, options, report, before)
 
     run_until_signal(partial(run.serve, on_ready=on_ready))
     return run.outcome()
@@ -210,6 +220,7 @@ class _Run:
         source: Source,
         options: NodeOptions,
         report: Callable[[str], None],
+        before: Callable[[], Awaitable[None]] | None,
     ) -> None:
         if options.connect and file.zenoh.connect:  # hosts come by the same routers
             zenoh = msgspec.structs.replace(file.zenoh, connect=options.connect)
@@ -217,6 +228,7 @@ class _Run:
         self._file: BoardFile = file
         self._options: NodeOptions = options
         self._report: Callable[[str], None] = report
+        self._before: Callable[[], Awaitable[None]] | None = before
         self._servers: list[Server] = []
         self._stop: asyncio.Event = asyncio.Event()
         plan = plan_of(file)
@@ -280,17 +292,15 @@ class _Run:
     async def _begin(self, ends: tuple[asyncio.Future[Any], ...]) -> bool:
         """Meet the other nodes and serve hosts; return whether that was done before an end came."""
         loop = asyncio.get_running_loop()
-        if not self._real:
-            self._serve_hosts(loop)
+        if not self._real and not await _first(self._serve_hosts(loop), ends):
+            return False
         if self._link is not None and not await _first(self._open(self._link), ends):
             return False
         self._records.start(loop)
         self._peers.start(loop)
         if not await _first(self._peers.agreed.wait(), ends):
             return False
-        if self._real:
-            self._serve_hosts(loop)
-        return True
+        return not self._real or await _first(self._serve_hosts(loop), ends)
 
     async def _open(self, link: NodeLink) -> None:
         names = [node.name for node in self._nodes]
@@ -301,7 +311,7 @@ class _Run:
             self._peers, listen, connect, network.security, network.remote, deadline, self._report
         )
 
-    def _serve_hosts(self, loop: asyncio.AbstractEventLoop) -> None:
+    async def _serve_hosts(self, loop: asyncio.AbstractEventLoop) -> None:
         metrics: tuple[str, int] | MetricsPort | None = metrics_of(self._file)
         for node in self._nodes:
             part = part_of(self._file, node.name)
@@ -319,6 +329,8 @@ class _Run:
             self._use_orders(node, server.control)
             self._servers.append(server)
             server.start(loop)
+        if self._before is not None:
+            await self._before()
 
     def _use_orders(self, node: Node, control: Control) -> None:
         """Leave of a board's orders those that a node can follow: faults happen in its own time."""

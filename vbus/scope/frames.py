@@ -33,7 +33,7 @@ DIFFERENCES: Final = 2
 BYTES: Final = 3
 TEXT: Final = 4
 
-_HEAD: Final = struct.Struct("<BBHIQ")
+HEAD: Final = struct.Struct("<BBHIQ")
 _COLUMN: Final = struct.Struct("<B3xI")
 _EXACT: Final = 1 << 53
 """Integers below this are the same as doubles."""
@@ -98,7 +98,7 @@ def frame(kind: int, lane: int, rows: int, first: int, *columns: Column) -> byte
         first: tick from which the ticks of its rows are counted.
         columns: what the functions of this module made.
     """
-    parts = [_HEAD.pack(kind, len(columns), lane, rows, first)]
+    parts = [HEAD.pack(kind, len(columns), lane, rows, first)]
     for type_, payload in columns:
         parts += [_COLUMN.pack(type_, len(payload)), payload, bytes(-len(payload) % 8)]
     return b"".join(parts)
@@ -125,18 +125,25 @@ def read(data: bytes) -> Iterator[Frame]:
     """Give the frames that stand one after the other."""
     place = 0
     while place < len(data):
-        kind, count, lane, _, first = _HEAD.unpack_from(data, place)
-        place += _HEAD.size
-        columns = []
-        for _ in range(count):
-            type_, size = _COLUMN.unpack_from(data, place)
-            place += _COLUMN.size
-            columns.append(_values(type_, data[place : place + size]))
-            place += size + -size % 8
-        yield Frame(kind, lane, first, columns)
+        kind, count, lane, _, first = HEAD.unpack_from(data, place)
+        place += HEAD.size
+        columns, place = columns_at(data, place, count)
+        yield Frame(kind, lane, first, [values_of(*column) for column in columns])
 
 
-def _values(type_: int, payload: bytes) -> list[Any]:
+def columns_at(data: bytes, place: int, count: int) -> tuple[list[Column], int]:
+    """Return the columns of a frame whose head ends at ``place``, and where they end."""
+    columns = []
+    for _ in range(count):
+        type_, size = _COLUMN.unpack_from(data, place)
+        place += _COLUMN.size
+        columns.append((type_, data[place : place + size]))
+        place += size + -size % 8
+    return columns, place
+
+
+def values_of(type_: int, payload: bytes) -> list[Any]:
+    """Return what a column holds."""
     if type_ == DIFFERENCES:
         return _summed(payload)
     if type_ == TEXT:

@@ -287,7 +287,7 @@ async def _run_beside(
         complain(f"metrics: {counted}")
     try:
         if scope.listen:
-            await show_board(server, scope, control)
+            await show_board(server.board.name, scope, control)
         code = await run_program(command, environment, note, True, stdout, watch)
         for _ in range(2):  # the first finds what processes have sent last, and it is carried out
             await asyncio.sleep(0)

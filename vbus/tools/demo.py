@@ -97,7 +97,7 @@ class _Run:
                 from vbus.tools.scope_process import show_board
 
                 scope = ScopeSection(listen=self._scope)
-                await show_board(self._server, scope, self._control)
+                await show_board(self._server.board.name, scope, self._control)
             process = await asyncio.create_subprocess_exec(
                 sys.executable, "-m", "vbus.tools.demos.host", self.name, self._link,
                 stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,

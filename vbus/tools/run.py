@@ -80,7 +80,6 @@ def command(
     nodes runs in this process as a whole, or with --node in as many processes as you like.
     """
     from vbus.board.config import read_board_file
-    from vbus.board.scope_checks import OF_NODES
     from vbus.server.priority import Priority
     from vbus.server.serving import paced, recorded, serve_read
     from vbus.tools.ready_lines import READY, lines_of
@@ -93,8 +92,11 @@ def command(
     scope = SCOPE_ADDRESS if scope_control and scope is None else scope
     if scope is not None and detach:
         raise click.UsageError("--scope is not for --detach; see: vbus scope NAME")
-    if scope is not None and file.nodes:
-        raise click.UsageError(f"--scope: {OF_NODES}")
+    if scope_control and file.nodes:
+        raise click.UsageError(
+            "--scope-control is for boards without nodes: a node's time is that of all nodes, so no"
+            " page can halt it; with --scope it can be seen"
+        )
     shown = recorded(file, {}, "", scope or "").scope
     if shown.listen and detach:
         complain("[scope] is left out of a run in the background; see: vbus scope NAME")
@@ -126,7 +128,8 @@ def command(
 
         given = {key: value for key, value in of_nodes.items() if value}
         file = paced(file, rate)
-        return run_nodes.run(file, source, NodeOptions(**given), as_json, wanted)
+        page = shown if scope is not None or run_nodes.is_first(file, of_nodes["nodes"]) else None
+        return run_nodes.run(file, source, NodeOptions(**given), as_json, wanted, page)
     for key, value in of_nodes.items():
         if value:
             option = "--node" if key == "nodes" else f"--{key}"

@@ -10,7 +10,7 @@ from vbus.tools.output import complain, show
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from vbus.board.sections import BoardFile
+    from vbus.board.sections import BoardFile, ScopeSection
     from vbus.board.source import Source
     from vbus.cluster.nodes import NodeOptions
     from vbus.nodes.node import Node
@@ -24,8 +24,17 @@ def run(
     options: "NodeOptions",
     as_json: bool,
     priority: "Priority",
+    scope: "ScopeSection | None" = None,
 ) -> int:
     """Run nodes of a board; return the exit code.
+
+    Args:
+        file: the board.
+        source: its text.
+        options: which nodes, and how.
+        as_json: print JSON when ready.
+        priority: what the process runs with.
+        scope: where the page is to be, with all nodes on this computer; None for none here.
 
     Raises:
         VbusError: what stops it; see :func:`~vbus.cluster.nodes.serve_nodes`.
@@ -40,7 +49,13 @@ def run(
         show(as_json, {"nodes": states}, [*lines, READY])
         priority.pin()
 
-    outcome = serve_nodes(file, source, options, ready, complain)
+    async def show_scope() -> None:
+        from vbus.tools.scope_process import show_board
+
+        if scope is not None and scope.listen:
+            await show_board(file.board.name, scope)
+
+    outcome = serve_nodes(file, source, options, ready, complain, show_scope)
     if outcome.over:
         now = max(node.board.now for node in outcome.nodes)
         end = f"the scenario is over at {now / 1e9:.6f} ms"
@@ -52,6 +67,11 @@ def run(
     if outcome.skew:
         click.echo(late_line(outcome.nodes))
     return exit_codes.OK
+
+
+def is_first(file: "BoardFile", names: "Sequence[str]") -> bool:
+    """Whether the first node of a board is among these; all are, if none is named."""
+    return bool(file.nodes) and (not names or file.nodes[0].name in names)
 
 
 def skew_line(skew: dict[str, int]) -> str:

@@ -7,12 +7,11 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing, suppress
 from functools import partial
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vbus.errors import TransportError, VbusError
+from vbus.errors import VbusError
 from vbus.tools import exit_codes
 from vbus.tools.output import SCOPE_ADDRESS, complain, duration, no_progress
 from vbus.tools.scope_process import start_scope
@@ -24,9 +23,9 @@ if TYPE_CHECKING:
     from vbus.scope.replayed import Recorded
     from vbus.scope.stream import Stream
     from vbus.tools.foxglove_lanes import FoxgloveServer
-    from vbus.tools.monitor import Feed
     from vbus.tools.scope_bookmarks import Bookmarks
     from vbus.tools.scope_control import Order
+    from vbus.tools.scope_feeds import Feeds
     from vbus.tools.scope_server import ScopeServer
 
     Server = ScopeServer | FoxgloveServer
@@ -37,7 +36,7 @@ LOOK_SECONDS: Final = 0.5
 
 
 @click.command("scope")
-@click.argument("source")
+@click.argument("sources", metavar="SOURCE...", nargs=-1, required=True)
 @click.option("-o", "--output", type=click.Path(path_type=Path),
               help="Write one HTML file; or an MCAP file, if its name ends in .mcap.")  # fmt: skip
 @click.option(
@@ -71,28 +70,40 @@ LOOK_SECONDS: Final = 0.5
 )  # fmt: skip
 @no_progress
 def command(
-    source: str, output: Path | None, control: bool, at: int | None, strobes: bool, listen: str,
-    remote: bool, certificate: Path | None, key: Path | None, foxglove: str | None,
+    sources: tuple[str, ...], output: Path | None, control: bool, at: int | None, strobes: bool,
+    listen: str, remote: bool, certificate: Path | None, key: Path | None, foxglove: str | None,
     sigrok: str | None, chip: str, pins: tuple[str, ...], stay: float | None, no_progress: bool,
 ) -> int:  # fmt: skip
     """See motion, bus and time of a board in a browser.
 
-    SOURCE is a journal, which is played again for it, or the name of a running board. Prints a link
-    that can be used once; with -o it writes a page that anybody can open, or an MCAP file. Ends
-    with Ctrl-C. With --control a journal goes on where it ends, or at --at, as a board of its own,
-    paused at first.
+    SOURCE is a journal, which is played again for it, or the name of a running board. Several, such
+    as the journals of all nodes of a machine, are shown on one time axis; the name of a machine
+    shows all of its nodes that run on this computer. Prints a link that can be used once; with -o
+    it writes a page that anybody can open, or an MCAP file. Ends with Ctrl-C. With --control a
+    journal goes on where it ends, or at --at, as a board of its own, paused at first.
     """
-    journal = Path(source).is_file()
+    source = sources[0]
+    journals = [Path(name) for name in sources if Path(name).is_file()]
+    journal = bool(journals)
+    others = [name for name in sources if not Path(name).is_file()]
+    if journal and others:
+        raise click.UsageError(
+            f"{journals[0]} is a journal and {others[0]} is none; show runs that are over, or"
+            " boards that run"
+        )
+    if len(sources) > 1 and (sigrok is not None or (journal and control)):
+        option = "--sigrok" if sigrok is not None else "--control"
+        raise click.UsageError(f"{option} is for one board, and these are {len(sources)}")
     if output is not None:
         if not journal:
             raise click.UsageError(f"-o is for journals, and {source} is none")
-        return _write(Path(source), output, strobes, no_progress)
+        return _write(journals, output, strobes, no_progress)
     if foxglove is not None:
         if journal:
             raise click.UsageError(f"--foxglove is for boards that run; of {source} write a file"
                                    " with -o FILE.mcap")  # fmt: skip
         place = Place(foxglove, remote, certificate, key, "--foxglove")
-        _serve_board(source, partial(_foxglove_of_board, place), stay=0)
+        _serve_boards(sources, partial(_foxglove_of_boards, place), stay=0)
         return exit_codes.OK
     if sigrok is not None:
         if journal:
@@ -114,12 +125,12 @@ def command(
     if at is not None:
         raise click.UsageError("--at is for a journal that goes on as a board, with --control")
     if journal:
-        return _serve_journal(Path(source), place, strobes, no_progress)
-    _serve_board(source, partial(_page_of_board, place, stay, control), stay, control)
+        return _serve_journals(journals, place, strobes, no_progress)
+    _serve_boards(sources, partial(_page_of_boards, place, stay, control), stay, control)
     return exit_codes.OK
 
 
-def _write(path: Path, output: Path, strobes: bool, quiet: bool) -> int:
+def _write(paths: Sequence[Path], output: Path, strobes: bool, quiet: bool) -> int:
     from vbus.tools.output import write_file
     from vbus.tools.scope_bookmarks import of_journal
 
@@ -127,10 +138,11 @@ def _write(path: Path, output: Path, strobes: bool, quiet: bool) -> int:
         from vbus.tools.foxglove_lanes import mcap_file as made
     else:
         from vbus.scope.page_file import one_file as made
-    recorded = recorded_of(path, strobes, quiet)
-    kept = {"bookmarks": of_journal(path).all}
-    write_file(output, made(recorded.description | kept, recorded.frames))
-    return recorded_code(recorded)
+    recorded = [recorded_of(path, strobes, quiet) for path in paths]
+    description, frames = together(recorded)
+    kept = {"bookmarks": of_journal(paths[0]).all}
+    write_file(output, made(description | kept, frames))
+    return max(map(recorded_code, recorded))
 
 
 class Place:
@@ -236,59 +248,76 @@ def recorded_of(path: Path, strobes: bool, quiet: bool) -> "Recorded":
     return recorded
 
 
+def together(parts: "Sequence[Recorded]") -> tuple[dict[str, Any], list[bytes]]:
+    """Return what a page is told of one run, or of several on one time axis."""
+    if len(parts) == 1:
+        return parts[0].description, parts[0].frames
+    from vbus.scope.merged import Merged
+
+    try:
+        merged = Merged([part.description for part in parts])
+    except ValueError as error:
+        raise VbusError(str(error)) from None
+    frames: list[bytes] = []
+    for number, part in enumerate(parts):
+        frames += [merged.take(number, frame) for frame in part.frames]
+    frames += [merged.end(number) for number in merged.by_end()]
+    return merged.description, [frame for frame in frames if frame]
+
+
 def recorded_code(recorded: "Recorded") -> int:
     """Return the exit code of what was played again: whether it ran as it was recorded."""
     return exit_codes.OK if recorded.outcome.divergence is None else exit_codes.FAILURE
 
 
-def _serve_journal(path: Path, place: Place, strobes: bool, quiet: bool) -> int:
+def _serve_journals(paths: Sequence[Path], place: Place, strobes: bool, quiet: bool) -> int:
     from vbus.scope.stream import Stream
     from vbus.server.loop import run_until_signal
     from vbus.tools.scope_bookmarks import of_journal
     from vbus.tools.scope_server import serve
 
-    recorded = recorded_of(path, strobes, quiet)
-    bookmarks = of_journal(path)
-    stream = Stream(recorded.description, most=None)
-    for part in recorded.frames:
+    recorded = [recorded_of(path, strobes, quiet) for path in paths]
+    description, frames = together(recorded)
+    bookmarks = of_journal(paths[0])
+    stream = Stream(description, most=None)
+    for part in frames:
         stream.add(part)
 
     async def show(stop: asyncio.Event) -> None:
         await serve(place.server(stream, bookmarks), stop.wait)
 
     run_until_signal(show)
-    return recorded_code(recorded)
+    return max(map(recorded_code, recorded))
 
 
-def _page_of_board(
-    place: Place,
-    stay: float | None,
-    control: bool,
-    feed: "Feed",
-    described: dict[str, Any],
-    at_end: ExitStack,
+def _page_of_boards(
+    place: Place, stay: float | None, control: bool, feeds: "Feeds", at_end: ExitStack
 ) -> "tuple[ScopeServer, Take]":
-    """Return what serves the page of a running board."""
+    """Return what serves the page of running boards."""
     from vbus.scope.clauses import clause_frame
     from vbus.scope.stream import Stream
     from vbus.tools.scope_bookmarks import journal_of, keep_with_journal, of_board
     from vbus.tools.scope_control import BoardOrders
     from vbus.tools.scope_fork import Forks
 
+    hellos = feeds.hellos
+
     def begun(told: dict[str, Any]) -> Stream:
         stream = Stream(told)
-        stream.add(clause_frame(chip["family"] for chip in feed.hello["chips"]))
+        stream.add(clause_frame(chip["family"] for told in hellos for chip in told["chips"]))
         return stream
 
     orders = None
     if control:
         forks = Forks(f"{place.host}:0")
         at_end.callback(forks.end)
-        orders = BoardOrders(feed, forks.open)
-    bookmarks = of_board(feed.hello["board"])
-    at_end.callback(keep_with_journal, bookmarks, journal_of(feed.hello), feed.hello)
-    server = place.server(begun(described), bookmarks, stay, orders.order if orders else None)
-    server.on_registers = partial(_look_inside, feed)
+        orders = BoardOrders(feeds, forks.open)
+    bookmarks = of_board(hellos[0]["board"])
+    for told in hellos:
+        at_end.callback(keep_with_journal, bookmarks, journal_of(told), told)
+    order = orders.order if orders else None
+    server = place.server(begun(feeds.description), bookmarks, stay, order)
+    server.on_registers = feeds.look_inside
 
     def take(message: bytes) -> None:
         if message[:1] != b"{":
@@ -305,38 +334,31 @@ def _page_of_board(
     return server, take
 
 
-def _foxglove_of_board(
-    place: Place, feed: "Feed", described: dict[str, Any], at_end: ExitStack
+def _foxglove_of_boards(
+    place: Place, feeds: "Feeds", at_end: ExitStack
 ) -> "tuple[FoxgloveServer, Take]":
-    """Return what serves a running board for Foxglove."""
-    server = place.foxglove_server(described)
+    """Return what serves running boards for Foxglove."""
+    server = place.foxglove_server(feeds.description)
     return server, server.add
 
 
-def _serve_board(
-    name: str,
-    made: "Callable[[Feed, dict[str, Any], ExitStack], tuple[Server, Take]]",
+def _serve_boards(
+    names: Sequence[str],
+    made: "Callable[[Feeds, ExitStack], tuple[Server, Take]]",
     stay: float | None,
     control: bool = False,
 ) -> None:
-    """Serve a running board by what is made of its feed and its description."""
+    """Serve running boards by what is made of what they tell."""
     from vbus.server.loop import run_until_signal
-    from vbus.tools.monitor import Feed
+    from vbus.tools.scope_feeds import Feeds, boards_of
 
-    with closing(Feed(name)) as feed:
-        feed.send(json.dumps({"scope": {"control": control}}).encode() + b"\n")
-        told = next((item for item in feed if item[0] in ("scope", "refused")), None)
-        if told is None:
-            raise TransportError(f'board "{name}" has stopped')
-        if told[0] == "refused":
-            raise VbusError(f"{name}: {told[1]}")
+    with closing(Feeds(boards_of(names), control)) as feeds:
 
         async def show(stop: asyncio.Event) -> None:
             with ExitStack() as at_end:
-                server, take = made(feed, told[1], at_end)
+                server, take = made(feeds, at_end)
                 ended = asyncio.Event()
-                loop = asyncio.get_running_loop()
-                Thread(target=_follow, args=(feed, loop, take, ended.set), daemon=True).start()
+                feeds.follow(asyncio.get_running_loop(), take, ended.set)
                 await server.start()
                 try:
                     await _over(server, stop, ended, stay)
@@ -360,24 +382,6 @@ def _serve_pins(board: str, chip: str, pins: Sequence[str], place: Place) -> Non
             await server.stop()
 
     run_until_signal(show)
-
-
-def _look_inside(feed: "Feed", on: bool) -> None:
-    with suppress(OSError):  # the board has gone
-        feed.send(json.dumps({"registers": on}).encode() + b"\n")
-
-
-def _follow(
-    feed: "Feed",
-    loop: asyncio.AbstractEventLoop,
-    take: Callable[[bytes], None],
-    ended: Callable[[], None],
-) -> None:
-    """Read what a board tells, in a thread of its own: a page is never what it waits for."""
-    with suppress(OSError, ValueError, RuntimeError):  # closed while it was read
-        for message in feed.messages():
-            loop.call_soon_threadsafe(take, message)
-        loop.call_soon_threadsafe(ended)
 
 
 async def _over(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 from vbus.board.settings import listed
 
 if TYPE_CHECKING:
-    from vbus.tools.monitor import Feed
+    from vbus.tools.scope_feeds import Feeds
 
 SECONDS: Final = 60.0
 """How long a board may take to carry out an order."""
@@ -50,13 +50,13 @@ class BoardOrders:
     """Orders of pages, in turn, over the connection at which a board is watched.
 
     Args:
-        feed: that connection.
+        feeds: has that connection.
         fork: opens a page of a copy of the board, from a journal up to an instant; returns its
             link.
     """
 
-    def __init__(self, feed: "Feed", fork: Callable[[Path, str], Awaitable[str]]) -> None:
-        self._feed: Feed = feed
+    def __init__(self, feeds: "Feeds", fork: Callable[[Path, str], Awaitable[str]]) -> None:
+        self._feeds: Feeds = feeds
         self._fork: Callable[[Path, str], Awaitable[str]] = fork
         self._waiting: deque[asyncio.Future[dict[str, Any]]] = deque()
 
@@ -71,7 +71,7 @@ class BoardOrders:
         future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
         self._waiting.append(future)
         try:
-            self._feed.send(json.dumps(request).encode() + b"\n")
+            self._feeds.send(json.dumps(request).encode() + b"\n")
             return await asyncio.wait_for(future, SECONDS)
         except (OSError, TimeoutError):
             return {"error": "the board does not answer: it has ended, or has no time"}

@@ -11,7 +11,6 @@ from vbus.errors import VbusError
 
 if TYPE_CHECKING:
     from vbus.board.sections import ScopeSection
-    from vbus.server.server import Server
 
 JOIN_SECONDS: Final = 30.0
 """How long a scope may take to join a board of the process that has started it."""
@@ -19,15 +18,20 @@ STAY_SECONDS: Final = 600.0
 """How long a scope that a run has started stays when the run has ended and no page is open."""
 
 
-async def show_board(server: "Server", scope: "ScopeSection", control: bool = False) -> None:
+async def show_board(board: str, scope: "ScopeSection", control: bool = False) -> None:
     """Start a scope for a board of this process, and return when it has said where, or has failed.
 
     It has joined by then: what the board does next is on the page.
 
+    Args:
+        board: its name, or that of the machine whose nodes are here.
+        scope: where the page is to be.
+        control: whether pages may do something to it.
+
     Raises:
         VbusError: it has not come.
     """
-    process = start_scope(server.board.name, scope, control, subprocess.PIPE)
+    process = start_scope(board, scope, control, subprocess.PIPE)
     said = asyncio.StreamReader()
     pipe, _ = await asyncio.get_running_loop().connect_read_pipe(
         lambda: asyncio.StreamReaderProtocol(said), process.stdout
