@@ -1,6 +1,7 @@
 """Running nodes of a board in this process: their hosts' links, their time, what they leave."""
 
 import asyncio
+import base64
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -20,17 +21,20 @@ from vbus.cluster.timebase import Timebase
 from vbus.errors import ConfigError, VbusError, read_errors, write_errors
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of
+from vbus.nodes.machine_snapshot import read, restore
 from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.trace import hash_of, merged
-from vbus.server.control import Control
+from vbus.server.control import Control, When
 from vbus.server.loop import run_until_signal
 from vbus.server.metrics import MetricsPort
 from vbus.server.readiness import tell_ready
 from vbus.server.server import Server
 from vbus.server.serving import links_of, metrics_of, network_of
 
+SAVE_NODE: Final = "snap.node"
+"""The order for a node's part of a snapshot of its machine."""
 LAST_WORDS: Final = 0.1
 """Seconds that a message to the other nodes may take before the link is closed."""
 
@@ -44,7 +48,8 @@ class NodeOptions:
         scenario: file of what hosts do at given instants.
         trace: file that takes what has happened on these nodes.
         snapshot: file that takes a snapshot of the node four times a second.
-        rejoin: snapshot to go on from.
+        rejoin: snapshot of this node to go on from.
+        start: snapshot of the machine to go on from.
         patience: seconds to wait for a lost node to rejoin.
         listen: endpoint to listen on, in place of the board file's.
         connect: endpoints to connect to, in place of the board file's.
@@ -55,6 +60,7 @@ class NodeOptions:
     trace: str = ""
     snapshot: str = ""
     rejoin: str = ""
+    start: str = ""
     patience: float = 0.0
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
@@ -140,6 +146,10 @@ def _conductors(
         with read_errors(options.rejoin):
             data = Path(options.rejoin).read_bytes()
         made[0].load(data)
+    if options.start:
+        with read_errors(options.start):
+            data = Path(options.start).read_bytes()
+        restore(made, read(data, options.start))
     return made
 
 
@@ -243,15 +253,17 @@ class _Run:
             self._link = NodeLink(plan.board, plan.nodes, [plan.rank(name) for name in names])
         group = Group(plan, self._link, report, options.patience)
         self._records: NodeRecords = NodeRecords(file, source, report)
-        if options.rejoin and self._records.wanted:
+        if (options.rejoin or options.start) and self._records.wanted:
             raise ConfigError(
                 f"{file.path}: what is recorded begins at power-on, so nothing can be recorded of a"
-                " node that goes on from a snapshot; leave it out with --rejoin"
+                " node that goes on from a snapshot; leave it out with"
+                f" {'--rejoin' if options.rejoin else '--from'}"
             )
         built = self._records.begin
         self._peers: Peers
+        self._conductors: dict[int, Conductor] = {}
         if self._real:
-            if options.snapshot or options.rejoin:
+            if options.snapshot or options.rejoin or options.start:
                 raise ConfigError("a snapshot is for virtual time; this board is realtime")
             trace = bool(options.trace)
             self._nodes = [node_of(file, source, name, scenario, trace, built) for name in names]
@@ -260,6 +272,7 @@ class _Run:
         else:
             conductors = _conductors(file, source, names, scenario, options, built)
             self._nodes = [conductor.node for conductor in conductors]
+            self._conductors = {conductor.node.rank: conductor for conductor in conductors}
             self._peers = Timebase(group, conductors, options.snapshot)
 
     async def serve(
@@ -337,8 +350,12 @@ class _Run:
         for name in control.orders:
             if not name.startswith(("fault.", "journal.")):
                 control.orders[name] = partial(_refuse, node.board.name)
-        control.late = frozenset(("fault.arm", "fault.clear"))
-        control.when = partial(self._peers.let_in, node.rank)
+        peers, rank = self._peers, node.rank
+        by_grant: When = lambda request, do: peers.let_in(rank, do)  # noqa: E731
+        at_round: When = lambda request, do: peers.at_round(rank, _round(request), do)  # noqa: E731
+        control.late = {"fault.arm": by_grant, "fault.clear": by_grant, SAVE_NODE: at_round}
+        if rank in self._conductors:
+            control.orders[SAVE_NODE] = partial(_save, self._conductors[rank])
 
     def _details(self, node: Node) -> dict[str, Any]:
         recording = self._records.of.get(node.rank)
@@ -360,6 +377,26 @@ class _Run:
         return Outcome(self._nodes, over, **self._peers.figures())
 
 
+def _round(request: dict[str, Any]) -> int:
+    number = request.get("round")
+    return number if isinstance(number, int) else -1
+
+
+def _save(conductor: Conductor, request: dict[str, Any]) -> dict[str, Any]:
+    """Return a node's part of a snapshot of the machine, at the end of a round."""
+    board = conductor.node.board
+    return {
+        "round": conductor.participant.round,
+        "when_ps": board.now,
+        "file": board.file,
+        "text": board.text,
+        "hosts": [
+            [port.label, [chip.name for chip in port.chips], port.cycle_ps] for port in board.ports
+        ],
+        "data": base64.b64encode(conductor.save()).decode(),
+    }
+
+
 def _refuse(name: str, request: dict[str, Any]) -> NoReturn:
     """Refuse an order that would leave the other nodes behind.
 
@@ -368,8 +405,8 @@ def _refuse(name: str, request: dict[str, Any]) -> NoReturn:
     """
     raise ValueError(
         f"{name} is a node: its time and state are those of all nodes, so it cannot be halted,"
-        " moved or saved alone; in virtual time vbus run --snapshot FILE keeps a node's state, to"
-        " rejoin"
+        " moved or saved alone; in virtual time vbus snap save with the name of the machine keeps"
+        " that of all nodes, and vbus run --snapshot FILE that of one, to rejoin"
     )
 
 

@@ -161,6 +161,17 @@ class Peers(Receiver):
         """
         do("")
 
+    def at_round(self, rank: int, number: int, do: Callable[[str], None]) -> None:
+        """Let something happen when a node of this process has ended a round.
+
+        Args:
+            rank: of the node.
+            number: of the round.
+            do: is called once: with "", or with the reason why it must not happen; in real time
+                there are no rounds.
+        """
+        do("a snapshot is for virtual time; this board is realtime")
+
     def figures(self) -> dict[str, Any]:
         """Return what was measured: keys of :class:`~vbus.cluster.nodes.Outcome`."""
         raise NotImplementedError

@@ -10,7 +10,7 @@ from vbus.board.sections import BoardFile
 from vbus.cluster.granted import GrantedPacer
 from vbus.cluster.peers import Group, Peers
 from vbus.errors import NodeError, NodeMismatchError
-from vbus.nodes.conductor import RUNS, Conductor
+from vbus.nodes.conductor import HOST, RUNS, Conductor
 from vbus.nodes.messages import Message, Need, Report
 from vbus.nodes.node import Node
 from vbus.server.pacer import Pacer
@@ -107,6 +107,7 @@ class Timebase(Peers):
             if report is not None:
                 self._share(conductor.node.rank, report)
                 self._keep_snapshot(conductor)
+                conductor.ended()
             moved = moved or report is not None or conductor.state == RUNS
         return moved
 
@@ -212,14 +213,41 @@ class Timebase(Peers):
 
         def give_up() -> None:
             outside.remove(now)
-            do(
-                f"node {self.plan.nodes[rank]} waits for the others, so nothing was changed; say it"
-                " again when all are here (vbus ls tells for whom it waits)"
-            )
+            do(self._gives_up(rank, "nothing was changed"))
 
         timer = asyncio.get_running_loop().call_later(LET_IN, give_up)
         outside.append(now)
         self.proceed()
+
+    def at_round(self, rank: int, number: int, do: Callable[[str], None]) -> None:
+        """Let something happen at the end of a round, at the same one on all nodes."""
+        conductor = self._mine[rank]
+        participant = conductor.participant
+        latest = participant.round if participant.reported else participant.round - 1
+        if number <= latest:
+            do(f"round {number} is past; node {conductor.node.name} has ended round {latest}")
+            return
+
+        def now(_: int) -> None:
+            timer.cancel()
+            do("")
+
+        def give_up() -> None:
+            conductor.at_round.remove(asked)
+            do(self._gives_up(rank, f"round {number} has not ended"))
+
+        asked = number, now
+        timer = asyncio.get_running_loop().call_later(LET_IN, give_up)
+        conductor.at_round.append(asked)
+        self.proceed()
+
+    def _gives_up(self, rank: int, what: str) -> str:
+        state = self._mine[rank].state
+        whom = "its host" if state == HOST else "the others"
+        return (
+            f"node {self.plan.nodes[rank]} waits for {whom}, so {what}; say it again when time runs"
+            " or all are here (vbus ls tells for whom it waits)"
+        )
 
     def figures(self) -> dict[str, Any]:
         """Return the rounds of this process, and how long one took (us of wall time)."""

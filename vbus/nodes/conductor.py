@@ -40,6 +40,8 @@ class Conductor:
         participant: this node's part in the agreement.
         until: see above.
         state: what the node does.
+        at_round: what is done at the end of a round, once the node has reported it: the first
+            round that will do, and the deed, which is given the round.
     """
 
     def __init__(self, node: Node, lookahead: int, digest: str, until: int) -> None:
@@ -52,6 +54,7 @@ class Conductor:
         self.outside: list[Callable[[], None]] = []
         """What comes from outside and is no call of a host, such as a fault: done as soon as no
         other node has been promised that nothing happens yet."""
+        self.at_round: list[tuple[int, Callable[[int], None]]] = []
         self._wanted: int = -2
 
     def begin(self) -> "Conductor":
@@ -112,7 +115,7 @@ class Conductor:
             self.state = HOST
             return None
         if participant.rested and self._wanted == self.wants():
-            if not participant.heard_of_round():
+            if not participant.heard_of_round() and not self.at_round:
                 self.state = RESTS
                 return None
         self.state = RUNS
@@ -139,6 +142,14 @@ class Conductor:
         self._wanted = self.wants()
         return self.participant.report(following, self._wanted, self.node.take_edges())
 
+    def ended(self) -> None:
+        """The report of this round has been shared: do what was asked for its end."""
+        number = self.participant.round
+        due = [deed for first, deed in self.at_round if first <= number]
+        self.at_round = [asked for asked in self.at_round if asked[0] > number]
+        for deed in due:
+            deed(number)
+
     # -- state --------------------------------------------------------------------------------
 
     def save(self) -> bytes:
@@ -164,6 +175,8 @@ class Conductor:
                 f" format {FORMAT}"
             )
         agreed = self.participant.check(participant)
+        if not self.participant.log:
+            self.node.check_scenario(node)
         self.node.load(node)
         agreed.apply()
         self.node.board.limit = self.participant.granted - 1

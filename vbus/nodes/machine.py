@@ -6,6 +6,8 @@ from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.nodes.conductor import RUNS, Conductor
 from vbus.nodes.host import NodeBus
+from vbus.nodes.machine_snapshot import MachineSnapshot, restore
+from vbus.nodes.messages import Report
 from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, build_node, plan_of
 from vbus.nodes.scenario import Scenario
@@ -92,10 +94,25 @@ class Machine:
         report = conductor.poll()
         if report is None:
             return conductor.state == RUNS
+        self._share(conductor, report)
+        conductor.ended()
+        return True
+
+    def load(self, snapshot: MachineSnapshot) -> None:
+        """Go on from a snapshot of the machine.
+
+        Raises:
+            SnapshotError: see :func:`~vbus.nodes.machine_snapshot.restore`.
+        """
+        restore(self.conductors, snapshot)
+        for conductor in self.conductors:
+            participant = conductor.participant
+            self._share(conductor, participant.log[participant.round])
+
+    def _share(self, conductor: Conductor, report: Report) -> None:
         for other in self.conductors:
             if other is not conductor:
                 other.participant.receive(report)
-        return True
 
     def trace_hash(self) -> str:
         """Return the SHA-256 (hex) over what happened on all nodes."""

@@ -7,6 +7,7 @@ from heapq import heappop, heappush
 from typing import Any, ClassVar
 
 from vbus.board.board import Board
+from vbus.errors import SnapshotError
 from vbus.kernel import Timer
 from vbus.nodes.orders import Order, Orders
 from vbus.nodes.trace import NodeTrace
@@ -217,6 +218,26 @@ class Node:
         """Return the whole state, with the trace so far."""
         return {"board": self.board.save(), **save(self)}
 
+    def check_scenario(self, saved: Any) -> None:
+        """Check that a node which has done nothing yet was given what :meth:`save` has.
+
+        Raises:
+            SnapshotError: it has another scenario, or only one of the two has one, or a trace.
+        """
+        fields = saved if isinstance(saved, dict) else {}
+        was = "the snapshot is of a run"
+        orders = fields.get("orders")
+        if isinstance(orders, tuple) and len(orders) != len(self.orders):
+            one = "out a scenario: leave --scenario out" if self.orders else " a scenario: give it"
+            raise SnapshotError(f"{was} with{one}")
+        if isinstance(orders, tuple) and not all(map(_goes_on, self.orders, orders)):
+            raise SnapshotError(
+                f"{was} with another scenario: what was still to come is not what this one has"
+            )
+        if (fields.get("trace") is None) != (self.trace is None):
+            one = "out a trace: leave --trace out" if self.trace else " a trace: give --trace FILE"
+            raise SnapshotError(f"{was} with{one}")
+
     def load(self, saved: Any) -> None:
         """Take back what :meth:`save` gave, on a node built from the same file.
 
@@ -230,3 +251,12 @@ class Node:
         loading = plan(self, fields, f"node {self.name}")
         self.board.load(board)
         loading.apply()
+
+
+def _goes_on(given: Orders, saved: Any) -> bool:
+    """Tell whether what has been given goes on as saved orders do."""
+    waiting = given.waiting
+    try:
+        return saved["_given"] == len(waiting) and {*waiting}.issuperset(saved["waiting"])
+    except (TypeError, LookupError):
+        return False

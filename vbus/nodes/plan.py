@@ -166,7 +166,9 @@ def build_node(file: BoardFile, source: Source, node: str) -> Node:
     """
     plan = plan_of(file)
     made = Node(plan.nodes, plan.rank(node), plan.wires)
-    made.begin(assemble(part_of(file, node), source, made.solder))
+    board = assemble(part_of(file, node), source, made.solder)
+    board.text, board.file = source.text, file.path
+    made.begin(board)
     return made
 
 

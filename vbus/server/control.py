@@ -23,6 +23,9 @@ from vbus.transports.base import Link
 Order = Callable[[dict[str, Any]], Any]
 """Is given a request; returns what JSON can hold, or raises ValueError or VbusError."""
 
+When = Callable[[dict[str, Any], Callable[[str], None]], None]
+"""Chooses when an order is carried out; see :attr:`Control.late`."""
+
 _CREDENTIALS: Final = struct.Struct("3i")
 
 log = logging.getLogger("vbus")
@@ -36,16 +39,14 @@ class Control:
 
     Attributes:
         orders: what can be ordered, by name.
-        late: names of orders that change the board: they are carried out by ``when``.
-        when: is given what carries an order out, and calls it once: with "", or with the reason
-            why the order is refused; at once, unless the board's time is not its own.
+        late: orders that are not carried out at once, by name: each is given the request and what
+            carries it out, and calls that once: with "", or with the reason why it is refused.
     """
 
     def __init__(self, before: Callable[[], object]) -> None:
         self._before: Callable[[], object] = before
         self.orders: dict[str, Order] = {}
-        self.late: frozenset[str] = frozenset()
-        self.when: Callable[[Callable[[str], None]], None] = _at_once
+        self.late: dict[str, When] = {}
 
     def take(
         self,
@@ -64,18 +65,20 @@ class Control:
         def do(refusal: str) -> None:
             reply({"error": refusal} if refusal else self.carry_out(line, own))
 
-        if self.late and self._name(line) in self.late:
-            self.when(do)
-        else:
+        request = self._request(line) if self.late else {}
+        when = self.late.get(str(request.get("do")))
+        if when is None:
             do("")
+        else:
+            when(request, do)
 
     @staticmethod
-    def _name(line: bytes) -> str:
+    def _request(line: bytes) -> dict[str, Any]:
         try:
             request = json.loads(line)
         except ValueError:
-            return ""
-        return str(request.get("do")) if isinstance(request, dict) else ""
+            return {}
+        return request if isinstance(request, dict) else {}
 
     def carry_out(self, line: bytes, own: Mapping[str, Order] | None = None) -> dict[str, Any]:
         """Carry out one request now; return the reply; see :meth:`take`."""
@@ -97,10 +100,6 @@ class Control:
         except Exception:
             log.exception("internal error while carrying out an order; the board goes on")
             return {"error": "internal error; the board's own messages say more"}
-
-
-def _at_once(do: Callable[[str], None]) -> None:
-    do("")
 
 
 def user_behind(fd: int) -> int:

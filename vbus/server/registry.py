@@ -118,14 +118,20 @@ def answers(board: str) -> bool:
 
 def _all_nodes_answer(board: str) -> bool:
     """Tell whether every node of a board of this name answers."""
-    here, wanted = set(), set()
-    for path in boards_directory().glob(f"{_safe(board)}.*.sock"):
+    here = nodes_of(board)
+    wanted = {name for node in here.values() for name in node["others"]}
+    return bool(here) and wanted <= {*here}
+
+
+def nodes_of(machine: str) -> dict[str, dict[str, Any]]:
+    """Return what each node on this computer of a machine tells of itself, by name."""
+    here = {}
+    for path in sorted(boards_directory().glob(f"{_safe(machine)}.*.sock")):
         with contextlib.suppress(TransportError):
             node = ask(path).get("node", {})
-            if node.get("board") == board:
-                here.add(node["node"])
-                wanted |= {node["node"], *node["others"]}
-    return bool(wanted) and here == wanted
+            if node.get("board") == machine:
+                here[str(node["node"])] = node
+    return here
 
 
 def order(board: str, do: str, **values: Any) -> Any:

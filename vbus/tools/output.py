@@ -73,6 +73,12 @@ class Line(str):
     value: dict[str, Any]
 
 
+def seconds(ps: int) -> str:
+    """Return an instant in seconds, with all its digits that tell."""
+    whole, fraction = divmod(ps, 10**12)
+    return f"{whole}.{fraction:012}".rstrip("0").rstrip(".") + " s"
+
+
 def json_line(line: str) -> str:
     """Return what a line says as one line of JSON."""
     return json.dumps(line.value if isinstance(line, Line) else {"text": line})

@@ -118,15 +118,13 @@ def command(
     record = {key: value for key, value in record.items() if value is not None}
     file = recorded(file, record, metrics or "")
     if file.nodes:
-        if start is not None:
-            raise click.UsageError(
-                f"--from is for boards without nodes; a node of {board} goes on from its own"
-                " snapshot: --node NAME --rejoin FILE"
-            )
+        if start is not None and of_nodes["rejoin"]:
+            raise click.UsageError("--from and --rejoin: a node goes on from one snapshot")
         from vbus.cluster.nodes import NodeOptions
         from vbus.tools import run_nodes
 
         given = {key: value for key, value in of_nodes.items() if value}
+        given |= {"start": start} if start is not None else {}
         file = paced(file, rate)
         page = shown if scope is not None or run_nodes.is_first(file, of_nodes["nodes"]) else None
         return run_nodes.run(file, source, NodeOptions(**given), as_json, wanted, page)

@@ -34,14 +34,12 @@ def boards_of(names: Sequence[str]) -> list[str]:
 
 
 def _nodes_of(machine: str) -> list[str]:
-    from vbus.server.registry import running
+    from vbus.server.registry import nodes_of
 
     end = time.monotonic() + NODES_SECONDS
     while True:
-        told = [board["node"] for board in running() if _machine_of(board) == machine]
-        here = [node["node"] for node in told]
-        wanted = sorted({node for each in told for node in (each["node"], *each["others"])})
-        missing = [node for node in wanted if node not in here]
+        here = nodes_of(machine)
+        missing = sorted({name for node in here.values() for name in node["others"]} - {*here})
         if not missing or time.monotonic() > end:
             break
         time.sleep(0.05)
@@ -51,10 +49,6 @@ def _nodes_of(machine: str) -> list[str]:
             f" {'runs' if len(missing) == 1 else 'run'} on another computer, or not yet"
         )
     return [f"{machine}.{node}" for node in here]
-
-
-def _machine_of(board: dict[str, Any]) -> str:
-    return str(board.get("node", {}).get("board", ""))
 
 
 class Feeds:

@@ -5,22 +5,18 @@ from pathlib import Path
 
 import click
 
+from vbus.errors import VbusError
 from vbus.tools import exit_codes
-from vbus.tools.output import reading, show, write_file
+from vbus.tools.output import reading, seconds, show, write_file
 
 
 @click.group("snap")
 def command() -> None:
     """Take snapshots of running boards, load them again, look into them.
 
-    BOARD is the name "vbus ls" shows. A snapshot goes on with "vbus run FILE --from SNAPSHOT" too.
+    BOARD is the name "vbus ls" shows, or that of a machine of nodes. A snapshot goes on with "vbus
+    run FILE --from SNAPSHOT" too, one of a machine only so, in any number of processes.
     """
-
-
-def seconds(ps: int) -> str:
-    """Return an instant in seconds, with all its digits that tell."""
-    whole, fraction = divmod(ps, 10**12)
-    return f"{whole}.{fraction:012}".rstrip("0").rstrip(".") + " s"
 
 
 @command.command("save")
@@ -28,9 +24,15 @@ def seconds(ps: int) -> str:
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
 def save(board: str, file: Path, as_json: bool) -> None:
-    """Write a snapshot of a running BOARD to FILE."""
-    from vbus.server.registry import order
+    """Write a snapshot of a running BOARD, or of all nodes of a machine, to FILE."""
+    from vbus.server.registry import nodes_of, order
 
+    nodes = nodes_of(board)
+    if nodes:
+        from vbus.tools.snap_machine import save_machine
+
+        save_machine(board, nodes, file, as_json)
+        return
     answer = order(board, "snap.save")
     data = base64.b64decode(answer["data"])
     write_file(file, data)
@@ -46,10 +48,16 @@ def save(board: str, file: Path, as_json: bool) -> None:
 def load(board: str, file: Path, as_json: bool) -> None:
     """Bring a running BOARD to the snapshot in FILE; hosts stay attached."""
     from vbus.board.snapshot import read
+    from vbus.nodes.machine_snapshot import is_machine
     from vbus.server.registry import order
 
     with reading(file) as opened:
         data = opened.read()
+    if is_machine(data):
+        raise VbusError(
+            f"{file}: a machine that runs is not brought back to a snapshot; stop it, and start it"
+            " there: vbus run FILE --from SNAPSHOT, with the same --node in each process"
+        )
     read(data, str(file))
     answer = order(board, "snap.load", data=base64.b64encode(data).decode())
     value = {"board": board, "file": str(file), "when_ps": answer["when_ps"]}
@@ -63,9 +71,16 @@ def load(board: str, file: Path, as_json: bool) -> None:
 def info(file: Path, as_json: bool, board_file: bool) -> None:
     """Say what a snapshot is of."""
     from vbus.board.snapshot import read
+    from vbus.nodes.machine_snapshot import is_machine
 
     with reading(file) as opened:
-        found = read(opened.read(), str(file))
+        data = opened.read()
+    if is_machine(data):
+        from vbus.tools.snap_machine import info_of_machine
+
+        info_of_machine(data, file, as_json, board_file)
+        return
+    found = read(data, str(file))
     if board_file:
         click.echo(found.text, nl=False)
         return
