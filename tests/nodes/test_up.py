@@ -110,6 +110,79 @@ def test_a_machine_of_processes_that_share_nodes_does_what_one_process_does(up: 
     assert up.vbus("trace", "all.trace").stdout.split()[0] == machine.trace_hash()
 
 
+def test_what_is_recorded_of_a_machine_is_asked_for_once(up: Up) -> None:
+    (up.folder / "four.txt").write_text(scenario())
+    asked = ("--journal", "run.vbj", "--wave", "run.vcd", "--report", "run.json")
+    process = up.start(
+        TWO, "--scenario", "four.txt", "--trace", "all.trace", *asked, "--metrics", "127.0.0.1:0"
+    )
+    assert process.wait(PATIENCE) == 0, up.said
+    files = sorted(path.name for path in up.folder.glob("run.*"))
+    assert files == [
+        *(f"run.{node}.{kind}" for node in "abcd" for kind in ("json", "vbj")), "run.vcd",
+    ]  # fmt: skip
+    assert len(re.findall(r"^  metrics http://127\.0\.0\.1:\d+/metrics$", up.said, re.M)) == 4
+    assert "  journal run.c.vbj: of a process that is killed" in up.said
+    journals = [f"run.{node}.vbj" for node in "abcd"]
+    done = up.vbus("replay", *journals)
+    hash_ = up.vbus("trace", "all.trace").stdout.split()[0]
+    assert hash_ in done.stdout, done
+    # One process that has all nodes leaves one file, too, and the same.
+    done = up.vbus("run", "four.toml", "--scenario", "four.txt", "--wave", "one.vcd")
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in up.folder.glob("one*")] == ["one.vcd"]
+    wave = (up.folder / "one.vcd").read_text()
+    assert wave == (up.folder / "run.vcd").read_text()
+    scopes = re.findall(r"^\$scope module (\w+) \$end$", wave, re.MULTILINE)
+    assert [scope for scope in scopes if len(scope) == 1 and scope in "abcd"] == [*"abcd"]
+
+
+def test_a_machine_goes_on_from_a_snapshot_and_is_shown_on_one_page(up: Up) -> None:
+    process = up.start(TWO)
+    up.until_ready()
+    done = up.vbus("snap", "save", "four", "four.snap")
+    assert done.returncode == 0, done.stderr
+    process.terminate()
+    assert process.wait(PATIENCE) == 0, up.said
+    process = up.start(TWO, "--from", "four.snap", "--scope")
+    up.until_ready()
+    found = re.search(r"^a\+c *\| scope: http://127\S+ +\(process (\d+)\)$", up.said, re.MULTILINE)
+    assert found, up.said
+    assert up.said.count("scope: ") == 1
+    os.kill(int(found[1]), signal.SIGTERM)
+    process.terminate()
+    assert process.wait(PATIENCE) == 0, up.said
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (
+            ("--metrics", "127.0.0.1:9100"),
+            'each of the 2 processes has its own; write "127.0.0.1:0',
+        ),
+        (("--scope", "--detach"), "--scope is not for --detach; see: vbus scope NAME"),
+        (("--write", "compose", "-o", "x", "--journal", "run.vbj"), "--journal is not for this"),
+        (
+            ("--write", "compose", "-o", "x", "--rate", "2"),
+            "--rate is not for this: --write starts",
+        ),
+    ],
+)
+def test_what_makes_no_sense_for_a_machine_is_refused(
+    up: Up, options: tuple[str, ...], said: str
+) -> None:
+    process = up.start(TWO, *options)
+    assert process.wait(PATIENCE) == 2
+    assert said in " ".join(up.said.split())
+
+
+def test_a_rate_in_virtual_time_is_refused_by_the_nodes(up: Up) -> None:
+    process = up.start(TWO, "--rate", "2")
+    assert process.wait(PATIENCE) == 3
+    assert "a rate makes sense in real time only; this board is lockstep" in up.said
+
+
 def test_a_node_that_is_killed_is_named_and_nothing_is_left(up: Up) -> None:
     process = up.start(TWO)
     pids = up.until_ready()

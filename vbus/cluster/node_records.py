@@ -10,16 +10,50 @@ import msgspec
 from vbus.board.host_bus import HostBus
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
-from vbus.errors import ConfigError
+from vbus.errors import ConfigError, VbusError, write_errors
 from vbus.nodes.node import Node
 from vbus.nodes.recorded_host import RecordedNodeBus
-from vbus.server.recording import ALONE, Recording
+from vbus.server.recording import ALONE, Recording, open_text
 from vbus.trace.journal.recorded_bus import RecordedBus
+from vbus.trace.wave.merge import merge_waves
+from vbus.trace.wave.signals import FULL
 
 
 def of_node(path: str, node: str) -> str:
     """Return the file of one node: ``run.left.vbj`` where ``run.vbj`` is asked for; "" stays."""
     return str(Path(path).with_suffix(f".{node}{Path(path).suffix}")) if path else ""
+
+
+def join_waves(file: BoardFile, report: Callable[[str], None]) -> None:
+    """Put one file, with a scope for each node, in the place of waveforms that have ended.
+
+    Those with a trigger or for sigrok stay apart, because each node has signals of its own.
+
+    Args:
+        file: the board file.
+        report: takes a sentence about each that stays apart because it cannot be written.
+    """
+    for wave in file.waves:
+        parts = {node.name: Path(of_node(wave.file, node.name)) for node in file.nodes}
+        if (
+            wave.trigger
+            or wave.profile != FULL
+            or not all(part.is_file() for part in parts.values())
+        ):
+            continue
+        try:
+            with write_errors(wave.file), ExitStack() as opened:
+                texts = [
+                    (name, opened.enter_context(part.open(encoding="ascii")))
+                    for name, part in parts.items()
+                ]
+                merge_waves(texts, opened.enter_context(open_text(wave.file)))
+        except VbusError as error:
+            files = ", ".join(map(str, parts.values()))
+            report(f"{error}; the waveform of each node is in a file of its own: {files}")
+            continue
+        for part in parts.values():
+            part.unlink()
 
 
 class NodeRecords:
@@ -78,5 +112,7 @@ class NodeRecords:
             recording.start(loop)
 
     def close(self) -> None:
-        """The nodes have stopped: end every recording."""
+        """The nodes have stopped: end every recording; of all nodes, join their waveforms."""
         self._opened.close()
+        if len(self.of) == len(self._file.nodes):
+            join_waves(self._file, self._report)

@@ -24,9 +24,14 @@ def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
     return rate
 
 
+rate_option = click.option(
+    "--rate", callback=_rate, help='Chip seconds per second of wall time, or "max".'
+)
+
+
 @click.command("run")
 @click.argument("board")
-@click.option("--rate", callback=_rate, help='Chip seconds per second of wall time, or "max".')
+@rate_option
 @record_options
 @click.option(
     "--durable", type=click.Choice(["process", "machine"]), help="What a journal survives, whole."

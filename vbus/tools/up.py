@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.tools import exit_codes
-from vbus.tools.output import complain, show, write_file
+from vbus.tools.output import complain, record_options, scope_option, show, write_file
+from vbus.tools.run import rate_option
 
 if TYPE_CHECKING:
     from vbus.board.sections import BoardFile
@@ -26,6 +27,10 @@ _SECONDS: Final = click.FloatRange(0, 86_400)
 @click.argument("machine")
 @click.option("--scenario", metavar="FILE", help="What hosts do at given instants.")
 @click.option("--trace", metavar="FILE", help="Write what happened on all nodes, merged.")
+@rate_option
+@record_options
+@click.option("--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save).")
+@scope_option
 @click.option(
     "--patience",
     type=_SECONDS,
@@ -68,6 +73,11 @@ def command(
     output: str | None,
     image: str | None,
     unpinned: bool,
+    rate: float | None,
+    start: str | None,
+    scope: str | None,
+    metrics: str | None,
+    **record: str | None,
 ) -> int:
     """Start a machine of nodes on this computer, and end it as one.
 
@@ -76,11 +86,17 @@ def command(
     shown with their names in front. Ctrl-C ends all of them; so does the end of one.
     """  # fmt: skip
     from vbus.board.config import read_board_file
+    from vbus.cluster.node_records import join_waves
     from vbus.cluster.processes import processes_of
+    from vbus.server.serving import recorded
 
     of_writing = {"--output": output, "--image": image, "--unpinned": unpinned}
+    passed = {
+        "--scenario": scenario, "--patience": patience or None, "--rate": rate, "--from": start,
+        "--metrics": metrics, **{f"--{name}": value for name, value in record.items()},
+    }  # fmt: skip
     running = {
-        "--scenario": scenario, "--trace": trace, "--patience": patience, "--router": router,
+        **passed, "--trace": trace, "--scope": scope, "--router": router,
         "--json": as_json, "--detach": detach,
     }  # fmt: skip
     for option, value in (running if write else of_writing).items():
@@ -95,6 +111,13 @@ def command(
         if write != "compose" and (image or unpinned):
             raise click.UsageError("--image and --unpinned are for --write compose")
         return _write(file, machine, write, Path(output), image or "", unpinned)
+    if scope is not None and detach:
+        raise click.UsageError("--scope is not for --detach; see: vbus scope NAME")
+    if metrics and len(processes) > 1 and not metrics.endswith(":0"):
+        raise click.UsageError(
+            f'--metrics: "{metrics}" is one page, and each of the {len(processes)} processes has'
+            f' its own; write "{metrics.rpartition(":")[0]}:0", and each says where its page is'
+        )
     if trace and not scenario:
         raise click.UsageError("--trace is for a machine with a --scenario, which ends by itself")
     if detach:
@@ -105,7 +128,11 @@ def command(
             return code
     with TemporaryDirectory(prefix="vbus-up-") as folder:
         run = _Run(file, machine, processes, router or "", as_json, Path(folder))
-        return run.carry_out(scenario, trace, patience, timeout)
+        given = [word for key, value in passed.items() if value for word in (key, str(value))]
+        code = run.carry_out(given, scope, trace, timeout)
+    if len(processes) > 1:
+        join_waves(recorded(file, {"wave": record["wave"]} if record["wave"] else {}, ""), complain)
+    return code
 
 
 class _Run:
@@ -131,18 +158,22 @@ class _Run:
         self._told: list[dict[str, Any]] = []
 
     def carry_out(
-        self, scenario: str | None, trace: str | None, patience: float, timeout: float
+        self, given: list[str], scope: str | None, trace: str | None, timeout: float
     ) -> int:
-        """Run it; return the exit code."""
+        """Run it; return the exit code.
+
+        Args:
+            given: options that all processes take.
+            scope: where its page is to be; None for none.
+            trace: file that takes the traces of all.
+            timeout: seconds that each may take to end.
+        """
         from vbus.server.readiness import tell_ready
         from vbus.tools.processes import ProcessDiedError, Processes
         from vbus.tools.ready_lines import READY
 
-        given = ["--json"]
-        if scenario:
-            given += ["--scenario", scenario]
-        if patience:
-            given += ["--patience", str(patience)]
+        ends = "--scenario" in given
+        given = ["--json", *given]
         for endpoint in self._meeting.connect:
             given += ["--connect", endpoint]
         names = [_label(process) for process in self._processes]
@@ -151,11 +182,11 @@ class _Run:
         done = False
 
         def may_end(child: "Child") -> bool:
-            return bool(scenario) and child.ready
+            return ends and child.ready
 
         with Processes(click.echo, timeout, width) as children:
             try:
-                if self._begin(children, given, bool(trace), may_end):
+                if self._begin(children, given, scope, bool(trace), may_end):
                     about = {"board": self._file.board.name, "meets": self._meeting.said}
                     show(self._json, {**about, "nodes": self._told}, [READY])
                     tell_ready()
@@ -176,10 +207,13 @@ class _Run:
         self,
         children: "Processes",
         given: list[str],
+        scope: str | None,
         trace: bool,
         may_end: Callable[["Child"], bool],
     ) -> bool:
         """Start the processes; return whether all are ready before somebody asks for the end."""
+        from vbus.tools.run_nodes import is_first
+
         if not self._json and self._meeting.said:
             click.echo(f"{self._file.board.name}: its nodes meet at {self._meeting.said}")
         if self._meeting.router:
@@ -191,6 +225,8 @@ class _Run:
                 return False
         for process in self._processes:
             command = [*_VBUS, "run", self._path, *given]
+            if scope is not None and is_first(self._file, process.nodes):
+                command += ["--scope", scope]
             for node in process.nodes:
                 command += ["--node", node]
             if trace:
@@ -210,6 +246,8 @@ class _Run:
 
     def _node_says(self, child: "Child", line: str) -> bool:
         """Take the line in which a process tells that its nodes are ready."""
+        from vbus.tools.ready_lines import lines_of
+
         if child.ready or not line.startswith('{"nodes":'):
             return False
         child.ready = True
@@ -217,9 +255,8 @@ class _Run:
             self._told.append(status)
             if not self._json:
                 click.echo(f"node {status['node']['node']}: ready, process {child.pid}")
-                for link in status["links"]:
-                    chips = ", ".join(link["chips"])
-                    click.echo(f"  link {link['url']}: {link['protocol']} protocol, to {chips}")
+                for line in lines_of(status)[1:]:
+                    click.echo(line)
         return True
 
     def _trace(self, process: "Process") -> Path:
