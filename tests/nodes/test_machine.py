@@ -15,7 +15,7 @@ from vbus.board.config import read_board_text
 from vbus.errors import NodeMismatchError, SnapshotError
 from vbus.kernel import END, NEVER, US
 from vbus.nodes.machine import Machine, conductor_of, trace_hash
-from vbus.nodes.messages import Mark, Message, Need, Report, decode, encode
+from vbus.nodes.messages import Mark, Message, Need, Report, Reports, decode, encode
 from vbus.nodes.plan import build_nodes, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.sync import Participant
@@ -389,23 +389,29 @@ def test_a_host_on_a_node_comes_to_the_end_of_time_and_is_refused_what_lies_beyo
         port.read(0)
 
 
-GOOD = encode(Report("1", 1, 3, 50, 60, -1, ((40, 1, 0, 0, 1, False),)))
+GOOD_REPORT = Report("1", 1, 3, 50, 60, -1, ((40, 1, 0, 0, 1, False),))
+GOOD = encode(GOOD_REPORT)
 
 
 @pytest.mark.parametrize(
     ("data", "message"),
     [
         (b"", "an empty message"),
-        (b"\x01" + GOOD[1:], "version 1; this vbus speaks version 2"),
+        (b"\x01" + GOOD[1:], "version 1; this vbus speaks version 3"),
         (GOOD[:-3], "bytes that are no message"),
-        (b"\x02\xc1\xff", "bytes that are no message"),
-        (b"\x02\x95\xa1\x95\xa1d\x01\x00\x02", "bytes that are no message"),  # no UTF-8
-        (b"\x02\x99" + GOOD[2:] + b"\x07", "bytes that are no message"),  # a ninth element
+        (b"\x03\xc1\xff", "bytes that are no message"),
+        (b"\x03\x95\xa1\x95\xa1d\x01\x00\x02", "bytes that are no message"),  # no UTF-8
+        (b"\x03\x99" + GOOD[2:] + b"\x07", "bytes that are no message"),  # a ninth element
         (encode(Report("1", 7, 0, 0, 0, -1, ())), "cannot be: node 7 of 4"),
         (encode(Report("1", 1, 0, 9, 5, -1, ())), "horizon 9, next event 5"),
         (encode(Report("1", 1, 0, 9, 9, -1, ((3, 1, 0, 9, 1, False),))), "on wire 9"),
         (encode(Report("1", 1, 0, 9, 9, -1, ((9, 1, 0, 0, 1, False),))), "an edge at 9 ps"),
-        (b"\x02" + b"\x91" * 5000, "bytes that are no message"),
+        (
+            encode(Reports("1", 1, 0, (GOOD_REPORT, Report("1", 2, 0, 9, 5, -1, ())))),
+            "horizon 9, next event 5",
+        ),
+        (encode(Reports("1", 1, 0, (Report("1", 4, 0, 0, 0, -1, ()),))), "node 4 of 4"),
+        (b"\x03" + b"\x91" * 5000, "bytes that are no message"),
         (bytes(17 << 20), "a message of 17825792 bytes"),
     ],
 )

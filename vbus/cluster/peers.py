@@ -10,7 +10,7 @@ from vbus.board.sections import BoardFile
 from vbus.cluster.node_link import NodeLink, Receiver
 from vbus.errors import NodeLostError, NodeMismatchError, VbusError
 from vbus.kernel import MS
-from vbus.nodes.messages import Alive, Message, decode, encode
+from vbus.nodes.messages import Alive, Message, Reports, decode, encode
 from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan
 from vbus.server.pacer import Pacer
@@ -214,7 +214,8 @@ class Peers(Receiver):
         other = self._peers[rank]
         try:
             message = decode(data, other.name, len(self.plan.nodes), len(self.plan.wires))
-            if message.node != rank:
+            reports = message.reports if isinstance(message, Reports) else ()
+            if message.node != rank or any(told.node in self._ranks for told in reports):
                 raise NodeMismatchError(
                     other.name, f"node {other.name} has sent a message in the name of another"
                 )

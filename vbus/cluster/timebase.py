@@ -11,7 +11,7 @@ from vbus.cluster.granted import GrantedPacer
 from vbus.cluster.peers import Group, Peers
 from vbus.errors import NodeError, NodeMismatchError
 from vbus.nodes.conductor import HOST, RUNS, Conductor
-from vbus.nodes.messages import Message, Need, Report
+from vbus.nodes.messages import Message, Need, Report, Reports
 from vbus.nodes.node import Node
 from vbus.server.pacer import Pacer
 
@@ -55,6 +55,8 @@ class Timebase(Peers):
         self._last_snapshot: float = 0.0
         self._scheduled: bool = False
         self._mine: dict[int, Conductor] = dict(zip(self._ranks, conductors, strict=True))
+        self._to_send: list[Report] = []
+        """Reports of this turn; they travel as one message."""
 
     # -- life -----------------------------------------------------------------------------------
 
@@ -68,6 +70,7 @@ class Timebase(Peers):
                 self._share(rank, conductor.participant.log[number])
             for other in self._peers:
                 self._ask(rank, other)
+        self._send_reports()
         self.proceed()
 
     def proceed(self) -> None:
@@ -109,6 +112,7 @@ class Timebase(Peers):
                 self._keep_snapshot(conductor)
                 conductor.ended()
             moved = moved or report is not None or conductor.state == RUNS
+        self._send_reports()
         return moved
 
     # -- messages -------------------------------------------------------------------------------
@@ -117,7 +121,16 @@ class Timebase(Peers):
         for other, conductor in self._mine.items():
             if other != rank:
                 conductor.participant.receive(report)
-        self.send(rank, report)
+        self._to_send.append(report)
+
+    def _send_reports(self) -> None:
+        if len(self._to_send) > 1:
+            first = self._to_send[0]
+            together = Reports(first.digest, first.node, first.round, tuple(self._to_send))
+            self.send(first.node, together)
+        elif self._to_send:
+            self.send(self._to_send[0].node, self._to_send[0])
+        self._to_send.clear()
 
     def _ask(self, rank: int, other: int) -> None:
         participant = self._mine[rank].participant
@@ -129,14 +142,21 @@ class Timebase(Peers):
             self._ask(mine, rank)
 
     def deliver(self, rank: int, message: Message) -> None:
-        """Take a report, or that reports are lacking."""
-        other = self._peers[rank]
+        """Take reports, or that reports are lacking."""
         if isinstance(message, Report):
-            for conductor in self.conductors:
-                conductor.participant.receive(message)
-            other.round = max(other.round, message.round)
+            self._take(message)
+        elif isinstance(message, Reports):
+            for report in message.reports:
+                self._take(report)
         elif isinstance(message, Need) and message.other in self._mine:
-            self._resend(message.other, other.name, message.round)
+            self._resend(message.other, self._peers[rank].name, message.round)
+
+    def _take(self, report: Report) -> None:
+        self._heard(report.node)
+        other = self._peers[report.node]
+        for conductor in self.conductors:
+            conductor.participant.receive(report)
+        other.round = max(other.round, report.round)
 
     def _resend(self, mine: int, name: str, first: int) -> None:
         """Node ``name`` lacks reports from round ``first`` on."""

@@ -8,7 +8,7 @@ from vbus.errors import NodeMismatchError
 from vbus.kernel import NEVER
 from vbus.nodes.node import Edge
 
-VERSION: Final = 2
+VERSION: Final = 3
 MOST_WIRES: Final = 1 << 16
 LARGEST: Final = 16 << 20
 """Longest message that is looked at (bytes)."""
@@ -42,6 +42,16 @@ class Report(NodeMessage, frozen=True, tag="r"):
     following: int
     until: int
     edges: tuple[Edge, ...]
+
+
+class Reports(NodeMessage, frozen=True, tag="s"):
+    """What nodes of one process have reported; ``node`` and ``round`` are those of the first.
+
+    Attributes:
+        reports: at least one of each.
+    """
+
+    reports: tuple[Report, ...]
 
 
 class Alive(NodeMessage, frozen=True, tag="a"):
@@ -118,7 +128,7 @@ class Mark(NodeMessage, frozen=True, tag="m"):
     uncertainty: int = 0
 
 
-Message = Report | Alive | Need | Ping | Pong | Edges | Mark
+Message = Report | Reports | Alive | Need | Ping | Pong | Edges | Mark
 
 _encoder: Final = msgspec.msgpack.Encoder()
 _decoder: Final = msgspec.msgpack.Decoder(Message)
@@ -171,6 +181,9 @@ def _wrong(message: Message, nodes: int, wires: int) -> str:
         return f"an uncertainty of {message.uncertainty} ns"
     if isinstance(message, Edges):
         return _wrong_edges(message.node, message.edges, wires, NEVER)
+    if isinstance(message, Reports):
+        wrong = (_wrong(report, nodes, wires) for report in message.reports)
+        return next(filter(None, wrong), "")
     if isinstance(message, Report):
         if not 0 <= message.horizon <= message.following <= NEVER:
             return f"horizon {message.horizon}, next event {message.following}"
