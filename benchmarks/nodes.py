@@ -3,7 +3,8 @@
     python benchmarks/nodes.py [--nodes 2,4,8] [--soak SECONDS]
 
 Virtual time: nodes in one process (no network), then as many processes joined by Zenoh over
-loopback, each with one LM629 whose interrupt line goes to the next node. A raw Zenoh ping-pong
+loopback, each with one LM629 whose interrupt line goes to the next node, and where the time of a
+round goes in the slowest of them. A raw Zenoh ping-pong
 beside it shows what a message costs here. Real time: the same in processes that follow the wall
 clock for 0.6 s.
 Ends within 15 s for 2, 4 and 8 nodes. With --soak the nodes follow the wall clock for so long
@@ -177,6 +178,13 @@ def main() -> None:
                 f" {seconds / rounds * 1e6:.0f} us a round in one"
                 f" process, {max(state['us_per_round'] for state in states):.0f} us in"
                 f" {nodes} processes"
+            )
+            where = max(states, key=lambda state: state["us_per_round"])
+            spent = {key: where[f"us_{key}"] for key in ("computing", "sending")}
+            waiting = max(where["us_per_round"] - sum(spent.values()), 0.0)
+            print(
+                f"  of that {spent['computing']:.0f} us computing, {spent['sending']:.0f} us"
+                f" sending, {waiting:.0f} us until the others' reports are here"
             )
             print(
                 f"{nodes} nodes, real time: skew p50 {skew['p50_ns'] / 1000:.0f} us, p99"

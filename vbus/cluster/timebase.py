@@ -51,6 +51,8 @@ class Timebase(Peers):
         self.rounds: int = 0
         self._began: float = -1.0
         self._ended: float = 0.0
+        self._computed: float = 0.0
+        self._sent: float = 0.0
         self._snapshot: str = snapshot
         self._last_snapshot: float = 0.0
         self._scheduled: bool = False
@@ -99,7 +101,9 @@ class Timebase(Peers):
         moved = False
         for conductor in self.conductors:
             before = conductor.participant.round
+            started = self._clock()
             report = conductor.poll()
+            self._computed += self._clock() - started
             if conductor.participant.round != before:
                 self.rounds += 1
                 self._ended = self._clock()
@@ -124,6 +128,7 @@ class Timebase(Peers):
         self._to_send.append(report)
 
     def _send_reports(self) -> None:
+        started = self._clock()
         if len(self._to_send) > 1:
             first = self._to_send[0]
             together = Reports(first.digest, first.node, first.round, tuple(self._to_send))
@@ -131,6 +136,7 @@ class Timebase(Peers):
         elif self._to_send:
             self.send(self._to_send[0].node, self._to_send[0])
         self._to_send.clear()
+        self._sent += self._clock() - started
 
     def _ask(self, rank: int, other: int) -> None:
         participant = self._mine[rank].participant
@@ -270,11 +276,20 @@ class Timebase(Peers):
         )
 
     def figures(self) -> dict[str, Any]:
-        """Return the rounds of this process, and how long one took (us of wall time)."""
+        """Return the rounds of this process, and how long one took (us of wall time).
+
+        Of that, how long its nodes and motors took, and how long reports took to be sent; the rest
+        is what comes from others, and waiting for it.
+        """
         rounds = self.rounds // max(len(self.conductors), 1)
         spent = (self._ended - self._began) * 1e6
         us_per_round = spent / (rounds - 1) if rounds > 1 else 0.0
-        return {"timing": {"rounds": rounds, "us_per_round": us_per_round}}
+        each = 1e6 / max(rounds, 1)
+        timing = {
+            "rounds": rounds, "us_per_round": us_per_round,
+            "us_computing": self._computed * each, "us_sending": self._sent * each,
+        }  # fmt: skip
+        return {"timing": timing}
 
     def details(self, rank: int) -> dict[str, Any]:
         """Return how far a node is, and whom it waits for."""
