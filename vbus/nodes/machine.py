@@ -68,12 +68,19 @@ class Machine:
         file: the board file, with nodes.
         source: takes its mistakes.
         scenario: what hosts do.
+        built: is given each node before anything happens to it.
     """
 
-    def __init__(self, file: BoardFile, source: Source, scenario: Scenario | None = None) -> None:
+    def __init__(
+        self,
+        file: BoardFile,
+        source: Source,
+        scenario: Scenario | None = None,
+        built: Callable[[Node], None] | None = None,
+    ) -> None:
         self.plan: Plan = plan_of(file)
         self.conductors: list[Conductor] = [
-            conductor_of(file, source, node, scenario) for node in self.plan.nodes
+            conductor_of(file, source, node, scenario, built=built) for node in self.plan.nodes
         ]
 
     @property

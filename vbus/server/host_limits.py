@@ -200,6 +200,7 @@ class Watch(BoardPackets):
         board = self._board
         return (
             len(board.ports) <= 1
+            and board.beyond is None  # else other nodes may change it
             and not board.disturbed
             and board.kernel.next_due == NEVER
             and all(chip.resting() for chip in board.chips)

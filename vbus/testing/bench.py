@@ -1,6 +1,5 @@
 """What the plug-in keeps for one test: its boards, what they saw, and what to tell if it fails."""
 
-import io
 import re
 import shlex
 from collections import Counter
@@ -8,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TextIO, TypeVar
+from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, pin_map_of
@@ -19,21 +18,19 @@ from vbus.protocols.quantities import format_instant
 from vbus.runtime import private_runtime
 from vbus.server.server import LinkSpec
 from vbus.testing.boards import board_text, default_part, for_test
-from vbus.testing.clock import BoardClock
 from vbus.testing.interrupt import Interrupt
 from vbus.testing.judge import CHOICES, FAIL, Judge, Judged, by_rule
-from vbus.testing.limits import BUDGET, UNBOUNDED, Limits, Watch, budget_of
+from vbus.testing.limits import BUDGET, UNBOUNDED, Limits, budget_of
 from vbus.testing.serving import ServedBoard
+from vbus.testing.tested_board import TestedBoard
 from vbus.testing.tolerance import NEAR, tolerance_of
 from vbus.testing.variant import Variant
-from vbus.trace.journal.format import JournalReader
-from vbus.trace.journal.journal import Journal
 from vbus.trace.runs.difference import Tolerance
 
 if TYPE_CHECKING:
+    from vbus.testing.machine import TestedMachine
     from vbus.trace.coverage.coverage import CoverageObserver
 
-_T = TypeVar("_T")
 KEYWORDS: Final = ("board", "plant", "clock", "seed", "rate", "strict")
 """What may be said of a board: keywords of the marker, and of :meth:`Bench.make`."""
 _NO_VARIANT: Final = Variant()
@@ -50,89 +47,6 @@ class FailureReport:
 
     lines: list[str] = field(default_factory=list)
     properties: list[tuple[str, str]] = field(default_factory=list)
-
-
-class TestedBoard:
-    """One board of a test with what observes it.
-
-    Args:
-        board: the board.
-        file: its board file as it runs here.
-        source: the same as text.
-        strict: whether a breach of a datasheet fails the test.
-        budget: what its hosts may take.
-        covered: whether what they exercise is counted.
-    """
-
-    def __init__(
-        self,
-        board: Board,
-        file: BoardFile,
-        source: Source,
-        strict: bool,
-        budget: Limits,
-        covered: bool = False,
-    ) -> None:
-        self.board = board
-        self.file = file
-        self.source = source
-        self.strict = strict
-        self.budget = budget
-        self._bytes = io.BytesIO()
-        self._journal = Journal(board, self._bytes, source.text, file.path)
-        self.watch = Watch(board, budget, times=True)
-        self.coverage: CoverageObserver | None = None
-        if covered:
-            from vbus.testing.suite_coverage import coverage_observer
-
-            self.coverage = coverage_observer(board)
-        self.judged: Judged | None = None
-        self.served: ServedBoard | None = None
-        self.address: str = ""
-        self._wave: Any = None
-        self._wave_text: TextIO = io.StringIO()
-        self.clock = BoardClock(board, self.call, self.watch.excused)
-        board.waits = self.clock.wait_until
-
-    def call(self, what: Callable[[], _T]) -> _T:
-        """Do something to the board while no host does."""
-        return what() if self.served is None else self.served.call(what)
-
-    def record_wave(self) -> None:
-        """Record a waveform from now on."""
-        from vbus.trace.wave.wave import Wave
-
-        self._wave = Wave(self.board, self._wave_text)
-        self._wave.start()
-
-    def journal(self) -> bytes:
-        """End the journal and return it."""
-        self.call(self._journal.close)
-        return self._bytes.getvalue()
-
-    def page(self) -> bytes:
-        """Return what the journal holds as one page for a browser."""
-        from vbus.scope.page_file import one_file
-        from vbus.scope.replayed import replayed
-
-        reader = JournalReader(io.BytesIO(self.journal()))
-        board = build(self.file, self.source)
-        recorded = replayed(board, reader, reader.header.families)
-        return one_file(recorded.description, recorded.frames)
-
-    def wave(self) -> str:
-        """End the waveform and return it; "" if there is none."""
-        if self._wave is None:
-            return ""
-        self.call(self._wave.stop)
-        text = self._wave_text.getvalue()  # type: ignore[attr-defined]
-        self._wave = None
-        return str(text)
-
-    def faults(self) -> list[Any]:
-        """Return every fault that was armed on the board."""
-        # A board that never had one is not given any: that would be part of its state.
-        return self.call(self.board.faults.all) if self.board.broken else []
 
 
 class Bench:
@@ -191,6 +105,7 @@ class Bench:
         self._stack = ExitStack()
         self._failure: FailureReport | None = None
         self._main: TestedBoard | None = None
+        self._machine: TestedMachine | None = None
         self._interrupt: Interrupt | None = None
         self._covered = covered
         self._scope = scope
@@ -211,6 +126,27 @@ class Bench:
         return self._make(board, {**self._keywords, **keywords}, _NO_VARIANT)
 
     def _make(self, board: str | Path, given: dict[str, Any], variant: Variant) -> TestedBoard:
+        file, source, strict, budget = self._read(board, given, variant)
+        if file.nodes:
+            raise VbusError(
+                f'{file.path}: this board has nodes: take the fixture "vbus_machine", which has all'
+                " of them"
+            )
+        built = build(file, source)
+        built.run_for(variant.start)
+        made = TestedBoard(built, file, source, strict, budget, self._covered)
+        return self._take(made)
+
+    def _take(self, made: TestedBoard) -> TestedBoard:
+        if self._waves != "never":
+            made.record_wave()
+        self.boards.append(made)
+        return made
+
+    def _read(
+        self, board: str | Path, given: dict[str, Any], variant: Variant
+    ) -> tuple[BoardFile, Source, bool, Limits]:
+        """Return a board file as this test runs it, its text, whether it is strict, its budget."""
         asked = board or given.get("board") or default_part()
         text, name = board_text(asked, self.folders, given.get("plant", ""), given.get("clock", ""))
         text = variant.of_board(text, name)
@@ -220,16 +156,27 @@ class Bench:
         strict = bool(given.get("strict", self._strict))
         seed = given.get("seed", self._seed) if variant.seed is None else variant.seed
         file, source = variant.of_specimen(*for_test(text, name, seed, rate, strict))
-        built = build(file, source)
-        built.run_for(variant.start)
         budget = self.budget
         if rate is not None and budget.chip_time == BUDGET.chip_time:  # it passes by itself
             budget = replace(budget, chip_time=UNBOUNDED)
-        made = TestedBoard(built, file, source, strict, budget, self._covered)
-        if self._waves != "never":
-            made.record_wave()
-        self.boards.append(made)
-        return made
+        return file, source, strict, budget
+
+    def machine(self) -> "TestedMachine":
+        """Return the machine of the test's marker, built when first asked for.
+
+        Raises:
+            VbusError: the board has no nodes, is in real time, or makes no sense.
+        """
+        from vbus.testing.machine import TestedMachine
+
+        if self._machine is None:
+            read = self._read("", self._keywords, self.variant)
+            self._machine = TestedMachine(*read, self._covered)
+            self._stack.callback(self._machine.close)
+            for tested in self._machine.tested:
+                self._take(tested)
+            self._machine.advance(self.variant.start)
+        return self._machine
 
     def main(self, otherwise: str = "") -> TestedBoard:
         """Return the test's board, built when first asked for.

@@ -9,6 +9,7 @@ from vbus.chips.base import Chip
 from vbus.client.bus import Bus
 from vbus.errors import VbusError
 from vbus.signals import Plant
+from vbus.testing.around_chip import host_of, plants_of
 from vbus.testing.bench import Bench
 from vbus.testing.boards import typical_part
 from vbus.testing.clock import BoardClock
@@ -71,7 +72,5 @@ def chip_bench(bench: Bench, start: str) -> ChipBench:
         raise VbusError(f'board "{board.name}" has no {part} or kin; it has {have}')
     board.run_until(max(board.now, chip.ready_at() + bench.variant.start))
     bus = connect_in_process(board)
-    client, calls = family.object("host"), family.object("calls")
-    host = client(bus, chip.name) if client else calls(bus.chip(chip.name)) if calls else None
-    plants = tuple(plant for axis, plant in board.axes.items() if axis.startswith(f"{chip.name}."))
-    return ChipBench(board, chip, plants, bus, host, tested.clock)
+    plants = plants_of(board, chip)
+    return ChipBench(board, chip, plants, bus, host_of(chip, bus), tested.clock)

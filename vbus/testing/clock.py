@@ -46,7 +46,7 @@ class BoardClock:
         Raises:
             VbusError: time is the wall clock's, or frozen; or the duration is negative.
         """
-        length = _ps(duration)
+        length = ps_of(duration)
         if length < 0:
             raise VbusError(f"advance by {duration}: time does not run backwards")
         self._move(lambda: self.board.run_for(length))
@@ -57,7 +57,7 @@ class BoardClock:
         Raises:
             VbusError: time is the wall clock's, or frozen; or that instant is over.
         """
-        when = _ps(instant)
+        when = ps_of(instant)
         if when < self.now:
             raise VbusError(
                 f"run_until {format_instant(when)}: it is {format_instant(self.now)} already"
@@ -75,7 +75,7 @@ class BoardClock:
             VbusError: it makes no sense on this board, or has not come to hold in time; or time
                 is the wall clock's, or frozen.
         """
-        length = _ps(within)
+        length = ps_of(within)
         self._move(lambda: wait_until(self.board, condition, length))
         return self.now
 
@@ -122,7 +122,12 @@ class BoardClock:
             )
 
 
-def _ps(quantity: int | str) -> int:
+def ps_of(quantity: int | str) -> int:
+    """Return a duration or an instant in ps.
+
+    Raises:
+        VbusError: it is no text with a unit.
+    """
     try:
         return picoseconds(quantity)
     except ValueError as error:

@@ -12,9 +12,10 @@ from typing import Final
 
 from vbus.errors import VbusError
 from vbus.kernel import SECOND
-from vbus.testing.bench import Bench, TestedBoard
+from vbus.testing.bench import Bench
 from vbus.testing.limits import UNBOUNDED, Limits
 from vbus.testing.programs import Outcome, run_program
+from vbus.testing.tested_board import TestedBoard
 
 _SOURCES: Final = (".c", ".cpp", ".cc", ".cxx")
 

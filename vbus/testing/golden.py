@@ -10,7 +10,7 @@ from typing import Final
 
 from vbus.errors import VbusError, read_errors, write_errors
 from vbus.protocols.quantities import format_instant, parse_duration
-from vbus.testing.bench import TestedBoard
+from vbus.testing.tested_board import TestedBoard
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.runs.difference import (
     Tolerance,

@@ -5,6 +5,7 @@ from typing import Final
 
 from vbus.board.board import Board
 from vbus.board.cards import Card
+from vbus.board.host_bus import HostBus
 from vbus.client.bus import Bus
 from vbus.client.link import Link
 from vbus.client.message import Message
@@ -12,6 +13,27 @@ from vbus.errors import TransportError
 from vbus.kernel import NEVER
 from vbus.protocols.byte import ByteProtocol
 from vbus.testing.limits import Watch
+
+
+class Turn:
+    """What has to be done around a host's calls: on one board, nothing but letting time pass.
+
+    Args:
+        board: the board.
+    """
+
+    def __init__(self, board: Board) -> None:
+        self.board: Final = board
+
+    def begin(self) -> None:
+        """The host is about to act."""
+
+    def let_pass(self, port: HostBus) -> None:
+        """Let time pass as far as a host that is held waits for."""
+        self.board.run_until(max(port.hold_until, self.board.now))
+
+    def end(self, port: HostBus) -> None:
+        """The host has done what it wanted to."""
 
 
 class InProcessLink(Link):
@@ -26,6 +48,7 @@ class InProcessLink(Link):
         chips: names of the chips it reaches; all if empty.
         cycle_ps: what a whole bus cycle costs; 0 is the default of the time policy.
         card: address decoding of a plug-in card.
+        turn: what is done around its calls; None for a board that has no nodes beside it.
     """
 
     by_descriptor = False
@@ -37,26 +60,31 @@ class InProcessLink(Link):
         chips: tuple[str, ...] = (),
         cycle_ps: int = 0,
         card: Card | None = None,
+        turn: Turn | None = None,
     ) -> None:
         # Always readable: whatever a call waits for is here when it looks.
         super().__init__(f"board {board.name}", os.eventfd(1, os.EFD_NONBLOCK | os.EFD_CLOEXEC))
-        self._board: Final = board
+        self._turn: Final = turn or Turn(board)
         self._port = board.open_port(label, chips or None, cycle_ps, card)
         self._protocol = ByteProtocol(self._port)
 
     def write(self, data: memoryview) -> int:
         """Carry out what the bytes ask for."""
         port, protocol = self._port, self._protocol
-        protocol.receive(bytes(data))
-        while port.held:
-            if port.hold_until == NEVER:
-                raise TransportError(
-                    f"{self.where}: this waits for another host of the same process to end its"
-                    " claim, which cannot happen meanwhile"
-                )
-            self._board.run_until(max(port.hold_until, self._board.now))
-            if port.go_on():
-                protocol.resume()
+        self._turn.begin()
+        try:
+            protocol.receive(bytes(data))
+            while port.held:
+                if port.hold_until == NEVER:
+                    raise TransportError(
+                        f"{self.where}: this waits for another host of the same process to end its"
+                        " claim, which cannot happen meanwhile"
+                    )
+                self._turn.let_pass(port)
+                if port.go_on():
+                    protocol.resume()
+        finally:
+            self._turn.end(port)
         return len(data)
 
     def read(self) -> bytes:
@@ -96,13 +124,15 @@ class InProcessBus(Bus):
             watch.check()
 
 
-def connect_in_process(board: Board, label: str = "host", chips: tuple[str, ...] = ()) -> Bus:
+def connect_in_process(
+    board: Board, label: str = "host", chips: tuple[str, ...] = (), turn: Turn | None = None
+) -> Bus:
     """Return a client's bus on a board of this process, with HELLO done.
 
     It is what :func:`vbus.client.connect` returns, so a driver written on that runs unchanged.
     """
     watches = [one for one in board.observers if isinstance(one, Watch)]
-    bus = InProcessBus(InProcessLink(board, label, chips), watches)
+    bus = InProcessBus(InProcessLink(board, label, chips, turn=turn), watches)
     try:
         bus.hello()
     except BaseException:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from vbus.testing.chips import ChipBench
     from vbus.testing.clock import BoardClock
     from vbus.testing.execute import Execute
+    from vbus.testing.machine import TestedMachine
     from vbus.testing.suite_coverage import SuiteCoverage
     from vbus.testing.triggers import Triggers
 
@@ -221,6 +222,12 @@ def vbus_bench(
 def vbus_board(vbus_bench: "Bench") -> "Board":
     """The board of ``@pytest.mark.vbus``; without a marker, an LM629 with a motor."""
     return vbus_bench.main().board
+
+
+@pytest.fixture
+def vbus_machine(vbus_bench: "Bench") -> "TestedMachine":
+    """The machine of ``@pytest.mark.vbus``: a board with nodes, all of them in this process."""
+    return vbus_bench.machine()
 
 
 @pytest.fixture

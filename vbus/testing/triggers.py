@@ -12,8 +12,8 @@ from vbus.errors import VbusError
 from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant, picoseconds
 from vbus.signals import Observer
-from vbus.testing.bench import TestedBoard
 from vbus.testing.clock import WITHIN
+from vbus.testing.tested_board import TestedBoard
 from vbus.trace.decode import BoardPackets, decoder_of
 from vbus.trace.packets import Packet
 from vbus.trace.until import PacketWatch, not_met

@@ -1,0 +1,287 @@
+"""A machine of nodes in a test: all nodes in one process, its hosts in the test's own turn."""
+
+from contextlib import ExitStack
+from typing import Any, Final
+
+from vbus.board.board import Board
+from vbus.board.host_bus import HostBus
+from vbus.board.sections import BoardFile
+from vbus.board.source import Source
+from vbus.chips.base import Chip
+from vbus.client.bus import Bus
+from vbus.errors import ConfigError, VbusError
+from vbus.kernel import END
+from vbus.nodes.conductor import Conductor
+from vbus.nodes.host import NodeBus
+from vbus.nodes.machine import Machine
+from vbus.nodes.node import Node
+from vbus.nodes.recorded_host import RecordedNodeBus
+from vbus.protocols.quantities import format_instant
+from vbus.signals import Plant
+from vbus.testing.around_chip import host_of, plants_of
+from vbus.testing.clock import ps_of
+from vbus.testing.in_process import Turn, connect_in_process
+from vbus.testing.limits import Limits
+from vbus.testing.tested_board import TestedBoard
+
+
+class NodeChip:
+    """A chip of a machine; looking at it brings its node to where the test is.
+
+    Args:
+        machine: the machine.
+        node: its node.
+        chip: the chip.
+        bus: of its host.
+
+    Attributes:
+        node: name of its node.
+        bus: a client's bus, as :func:`vbus.connect` returns it.
+        host: the family's client over that bus, or the calls made from its tables; None if it
+            has neither.
+    """
+
+    def __init__(self, machine: "TestedMachine", node: str, chip: Chip, bus: Bus) -> None:
+        self._machine: Final = machine
+        self._chip: Final = chip
+        self.node: Final = node
+        self.bus: Final = bus
+        self.host: Any = host_of(chip, bus)
+
+    def __repr__(self) -> str:
+        return f'<{self._chip.part} {self._chip.name} on node "{self.node}">'
+
+    @property
+    def board(self) -> Board:
+        """The board of the node."""
+        return self._machine.board(self.node)
+
+    @property
+    def chip(self) -> Chip:
+        """The chip."""
+        return self.board.chip(self._chip.name)
+
+    @property
+    def plants(self) -> tuple[Plant, ...]:
+        """The mechanics behind it, axis by axis."""
+        return plants_of(self.board, self._chip)
+
+    @property
+    def plant(self) -> Plant:
+        """The mechanics of the first axis."""
+        return self.plants[0]
+
+
+class TestedMachine:
+    """The nodes of a machine, each with a board, and one virtual time for all of them.
+
+    The test is one program: what it does on one node comes after what it did on another. Time
+    passes as far as its hosts, and :meth:`advance`, let it; a node that is not looked at may lag,
+    and is brought to :attr:`now` by whatever asks for its board, its chips or a host.
+
+    Args:
+        file: the board file as it runs here.
+        source: the same as text.
+        strict: whether a breach of a datasheet fails the test.
+        budget: what the hosts of each node may take.
+        covered: whether what they exercise is counted.
+
+    Attributes:
+        now: chip time (ps).
+        tested: what observes each node, in the order of the file.
+
+    Raises:
+        ConfigError: the board has no nodes, or is in real time.
+    """
+
+    __test__ = False
+
+    def __init__(
+        self, file: BoardFile, source: Source, strict: bool, budget: Limits, covered: bool = False
+    ) -> None:
+        if not file.nodes:
+            raise ConfigError(
+                f'{file.path}: this board has no nodes: take the fixture "vbus_board"'
+            )
+        if file.board.time == "realtime":
+            raise ConfigError(
+                f"{file.path}: nodes in real time follow the wall clock in processes of their own;"
+                " a test has them in virtual time: leave rate out"
+            )
+        self.now: int = 0
+        self.tested: list[TestedBoard] = []
+
+        def watch(node: Node) -> None:
+            board = node.board
+            port = RecordedNodeBus
+            self.tested.append(TestedBoard(board, file, source, strict, budget, covered, port))
+
+        self._machine: Final = Machine(file, source, built=watch)
+        self._hosts: Final = ExitStack()
+
+    # -- looking ------------------------------------------------------------------------------
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Names of the nodes, in the order of the file."""
+        return self._machine.plan.nodes
+
+    def board(self, node: str) -> Board:
+        """Return the board of a node, as it is now.
+
+        Raises:
+            VbusError: there is no such node.
+        """
+        if node not in self.nodes:
+            raise VbusError(f'the machine has no node "{node}"; it has {", ".join(self.nodes)}')
+        board = self.brought(self._machine.conductors[self.nodes.index(node)])
+        board.catch_up()
+        return board
+
+    def chip(self, name: str) -> NodeChip:
+        """Return a chip out of its reset, with a host of its own, and with what it moves.
+
+        Raises:
+            VbusError: there is no such chip.
+        """
+        conductor, chip = self._find(name)
+        self.run_until(max(self.now, chip.ready_at()))
+        return NodeChip(self, conductor.node.name, chip, self.connect(name))
+
+    def connect(self, *chips: str, label: str = "host") -> Bus:
+        """Return a client's bus at the node of these chips, as :func:`vbus.connect` returns it.
+
+        Raises:
+            VbusError: there is no such chip, or they are on several nodes.
+        """
+        found = [self._find(name)[0] for name in chips]
+        if not found:
+            raise VbusError("connect: to which chips? name at least one")
+        if any(conductor is not found[0] for conductor in found):
+            raise VbusError(f"a host is at one node, and {', '.join(chips)} are on several")
+        turn = _Turn(self, found[0])
+        bus = connect_in_process(self.brought(found[0]), label, chips, turn)
+        self._hosts.callback(bus.close)
+        return bus
+
+    def trace(self) -> None:
+        """Note what happens on all nodes from now on: before anything has happened.
+
+        Raises:
+            VbusError: something has happened.
+        """
+        if self.now:
+            raise VbusError(f"trace: it is {format_instant(self.now)} already; ask for it first")
+        for node in self._machine.nodes:
+            node.start_trace()
+
+    def trace_hash(self) -> str:
+        """Return the SHA-256 (hex) over what has happened on all nodes, as ``vbus trace`` has it.
+
+        Raises:
+            VbusError: nobody has asked for a :meth:`trace`.
+        """
+        for conductor in self._machine.conductors:
+            self.brought(conductor)
+        try:
+            return self._machine.trace_hash()
+        except ValueError as error:
+            raise VbusError(str(error)) from None
+
+    def _find(self, name: str) -> tuple[Conductor, Chip]:
+        for conductor in self._machine.conductors:
+            for chip in conductor.node.board.chips:
+                if chip.name == name:
+                    return conductor, chip
+        have = (c.name for node in self._machine.nodes for c in node.board.chips)
+        raise VbusError(f'the machine has no chip "{name}"; it has {", ".join(have)}')
+
+    # -- time ---------------------------------------------------------------------------------
+
+    def advance(self, duration: int | str) -> None:
+        """Let ``duration`` (ps, or a text with a unit) pass on all nodes.
+
+        Raises:
+            VbusError: it is negative.
+        """
+        length = ps_of(duration)
+        if length < 0:
+            raise VbusError(f"advance by {duration}: time does not run backwards")
+        self.run_until(self.now + length)
+
+    def run_until(self, instant: int | str) -> None:
+        """Let time pass to ``instant`` on all nodes, inclusive of what happens at it.
+
+        Raises:
+            VbusError: that instant is over, or beyond the end of time.
+        """
+        when = ps_of(instant)
+        if when < self.now:
+            said = f"it is {format_instant(self.now)} already"
+            raise VbusError(f"run_until {format_instant(when)}: {said}")
+        if when > END:
+            raise VbusError(f"run_until {format_instant(when)}: time ends at {END} ps")
+        with ExitStack() as excused:
+            for tested in self.tested:
+                excused.enter_context(tested.watch.excused())
+            self.now = when
+            for conductor in self._machine.conductors:
+                self.brought(conductor)
+
+    def brought(self, conductor: Conductor) -> Board:
+        """Bring a node to now, and no further; return its board."""
+        board = conductor.node.board
+        if board.now < self.now:
+            for one in self._machine.conductors:
+                one.until = max(one.until, self.now)
+            while conductor.participant.granted <= self.now:
+                self.step(conductor)
+            conductor.node.run_before(self.now + 1)
+        return board
+
+    def step(self, conductor: Conductor) -> None:
+        """Do one thing that brings the next grant of a node nearer.
+
+        Raises:
+            VbusError: somebody else holds its time.
+        """
+        seen = set()
+        while not self._machine.poll(conductor):
+            # Who has not ended the round is behind, or waits for somebody further behind.
+            seen.add(conductor)
+            missing = conductor.participant.missing()
+            others = [self._machine.conductors[rank] for rank in missing]
+            behind = [other for other in others if other not in seen]
+            if not behind:
+                raise VbusError(
+                    f"node {conductor.node.name} {conductor.state}: a port that was opened on its"
+                    " board holds its time; take a host from connect() in its place"
+                )
+            conductor = behind[0]
+
+    def close(self) -> None:
+        """End the hosts."""
+        self._hosts.close()
+
+
+class _Turn(Turn):
+    """A host of a machine acts: after all that was done before, and for as long as it takes."""
+
+    def __init__(self, machine: TestedMachine, conductor: Conductor) -> None:
+        super().__init__(conductor.node.board)
+        self._machine: Final = machine
+        self._conductor: Final = conductor
+
+    def begin(self) -> None:
+        """Bring its node to where the test is."""
+        self._machine.brought(self._conductor)
+
+    def let_pass(self, port: HostBus) -> None:
+        """Let all nodes do what the next grant needs."""
+        self._machine.step(self._conductor)
+
+    def end(self, port: HostBus) -> None:
+        """The test goes on from here, maybe elsewhere: time waits no longer for this host."""
+        if isinstance(port, NodeBus):
+            port.uses_time = False
+        self._machine.now = max(self._machine.now, self.board.now)

@@ -1,0 +1,113 @@
+"""One board of a test, with what observes it."""
+
+import io
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+
+from vbus.board.board import Board
+from vbus.board.build import build
+from vbus.board.host_bus import HostBus
+from vbus.board.sections import BoardFile
+from vbus.board.source import Source
+from vbus.testing.clock import BoardClock
+from vbus.testing.judge import Judged
+from vbus.testing.limits import Limits, Watch
+from vbus.testing.serving import ServedBoard
+from vbus.trace.journal.format import JournalReader
+from vbus.trace.journal.journal import Journal
+from vbus.trace.journal.recorded_bus import RecordedBus
+
+if TYPE_CHECKING:
+    from vbus.trace.coverage.coverage import CoverageObserver
+
+_T = TypeVar("_T")
+
+
+class TestedBoard:
+    """One board of a test with what observes it.
+
+    Args:
+        board: the board.
+        file: its board file as it runs here.
+        source: the same as text.
+        strict: whether a breach of a datasheet fails the test.
+        budget: what its hosts may take.
+        covered: whether what they exercise is counted.
+        port: makes the ports of its hosts.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        file: BoardFile,
+        source: Source,
+        strict: bool,
+        budget: Limits,
+        covered: bool = False,
+        port: Callable[..., HostBus] = RecordedBus,
+    ) -> None:
+        self.board = board
+        self.file = file
+        self.source = source
+        self.strict = strict
+        self.budget = budget
+        self._bytes = io.BytesIO()
+        self._journal = Journal(board, self._bytes, source.text, file.path, port=port)
+        self.watch = Watch(board, budget, times=True)
+        self.coverage: CoverageObserver | None = None
+        if covered:
+            from vbus.testing.suite_coverage import coverage_observer
+
+            self.coverage = coverage_observer(board)
+        self.judged: Judged | None = None
+        self.served: ServedBoard | None = None
+        self.address: str = ""
+        self._wave: Any = None
+        self._wave_text: TextIO = io.StringIO()
+        self.clock = BoardClock(board, self.call, self.watch.excused)
+        board.waits = self.clock.wait_until
+
+    def call(self, what: Callable[[], _T]) -> _T:
+        """Do something to the board while no host does."""
+        return what() if self.served is None else self.served.call(what)
+
+    def record_wave(self) -> None:
+        """Record a waveform from now on."""
+        from vbus.trace.wave.wave import Wave
+
+        self._wave = Wave(self.board, self._wave_text)
+        self._wave.start()
+
+    def journal(self) -> bytes:
+        """End the journal and return it."""
+        self.call(self._journal.close)
+        return self._bytes.getvalue()
+
+    def page(self) -> bytes:
+        """Return what the journal holds as one page for a browser."""
+        from vbus.scope.page_file import one_file
+        from vbus.scope.replayed import replayed
+
+        reader = JournalReader(io.BytesIO(self.journal()))
+        if self.file.nodes:
+            from vbus.nodes.recorded import Recorded
+
+            board = Recorded(reader.header, self.file.path).board
+        else:
+            board = build(self.file, self.source)
+        recorded = replayed(board, reader, reader.header.families)
+        return one_file(recorded.description, recorded.frames)
+
+    def wave(self) -> str:
+        """End the waveform and return it; "" if there is none."""
+        if self._wave is None:
+            return ""
+        self.call(self._wave.stop)
+        text = self._wave_text.getvalue()  # type: ignore[attr-defined]
+        self._wave = None
+        return str(text)
+
+    def faults(self) -> list[Any]:
+        """Return every fault that was armed on the board."""
+        # A board that never had one is not given any: that would be part of its state.
+        return self.call(self.board.faults.all) if self.board.broken else []
