@@ -24,6 +24,8 @@ from vbus.errors import VbusError
 from vbus.faults.trigger import read_when
 from vbus.kernel import US
 from vbus.network import envelope
+from vbus.nodes.machine_snapshot import MAGIC as MACHINE_SNAPSHOT
+from vbus.nodes.machine_snapshot import read as read_machine_snapshot
 from vbus.nodes.messages import decode as decode_message
 from vbus.nodes.node import Node
 from vbus.nodes.scenario import read_scenario
@@ -143,6 +145,13 @@ def snapshot(data: bytes) -> None:
     read_snapshot(data)
 
 
+def machine_snapshot(data: bytes) -> None:
+    """Inputs that begin with 1 have a checksum made to fit."""
+    if data[:1] == b"\x01":
+        data = MACHINE_SNAPSHOT + hashlib.sha256(data[1:]).digest() + data[1:]
+    read_machine_snapshot(data)
+
+
 def _capture(read: Callable[[io.BytesIO, str], Capture], data: bytes) -> None:
     for _ in islice(read(io.BytesIO(data), "capture").samples, MOST_SAMPLES):
         pass
@@ -220,7 +229,8 @@ TARGETS: Final[dict[str, Callable[[bytes], None]]] = {
     for target in (
         byte_protocol, text_protocol, terminal_protocol, serial_line_protocol, framed_protocol,
         board_file, scenario,
-        journal, snapshot, capture_csv, capture_sr, capture_vcd, fault, conditions, wave_trigger,
+        journal, snapshot, machine_snapshot, capture_csv, capture_sr, capture_vcd, fault,
+        conditions, wave_trigger,
         suppressions, hello, node_message, node_order, numbered_message,
     )
 }  # fmt: skip
