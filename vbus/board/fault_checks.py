@@ -5,7 +5,7 @@ from vbus.board.sections import BoardFile, FaultSection
 from vbus.board.settings import listed
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
-from vbus.faults.row import LINK, Fault
+from vbus.faults.row import LINK, WIRE, Fault
 from vbus.faults.table import faults
 from vbus.faults.trigger import When, read_until, read_when
 
@@ -23,8 +23,10 @@ def check_fault(section: FaultSection, fault: Fault, source: Source, path: Path)
         source.fail((*path, "until"), str(error))
 
 
-def home_of(file: BoardFile, section: FaultSection) -> tuple[str, str]:
-    """Return the node a fault of a board with nodes is on, and its target as that node has it.
+def homes_of(file: BoardFile, section: FaultSection) -> dict[str, str]:
+    """Return the nodes a fault of a board with nodes is on, and its target as each has it.
+
+    A fault of a wire is at every end of it.
 
     Raises:
         ValueError: there is no such target, or it must be named because several would do.
@@ -37,7 +39,16 @@ def home_of(file: BoardFile, section: FaultSection) -> tuple[str, str]:
             raise ValueError(f'there is no link "{section.target or "host0"}": count the [[hosts]]')
         nodes = [homes[(host.chips or tuple(homes))[0]] for host in file.hosts]
         place = int(number)
-        return nodes[place], f"host{nodes[:place].count(nodes[place])}"
+        return {nodes[place]: f"host{nodes[:place].count(nodes[place])}"}
+    if fault.target == WIRE:
+        wires = {net.name: net for net in file.nets if net.delay}
+        if section.target not in wires and (section.target or len(wires) != 1):
+            known = f"; there are {listed(wires)}" if wires else ""
+            raise ValueError(
+                f'{fault.name}: there is no wire "{section.target}" between nodes{known}'
+            )
+        net = wires[section.target or next(iter(wires))]
+        return {homes[pin.partition(".")[0]]: net.name for pin in net.pins}
     chip = section.target.partition(".")[0]
     if not chip:
         fits = [
@@ -47,7 +58,7 @@ def home_of(file: BoardFile, section: FaultSection) -> tuple[str, str]:
         ]
         if len(fits) != 1:
             raise ValueError(f"{fault.name}: say on which target; there are {listed(homes)}")
-        return homes[fits[0]], fits[0]
+        return {homes[fits[0]]: fits[0]}
     if chip not in homes:
         raise ValueError(f'{fault.name}: there is no chip "{chip}"; there are {listed(homes)}')
-    return homes[chip], section.target
+    return {homes[chip]: section.target}

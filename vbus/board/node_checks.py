@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from vbus.addresses import refused_endpoint
-from vbus.board.fault_checks import home_of
+from vbus.board.fault_checks import homes_of
 from vbus.board.sections import BoardFile
 from vbus.board.settings import NAME_FORM, listed, suggestion
 from vbus.board.source import Source
@@ -133,6 +133,6 @@ class NodeChecks:
     def _faults(self) -> None:
         for fault in self._file.faults:
             try:
-                home_of(self._file, fault)
+                homes_of(self._file, fault)
             except (ValueError, LookupError) as error:
                 self._source.fail(("faults", fault.place, "target"), str(error))

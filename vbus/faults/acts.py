@@ -8,10 +8,12 @@ from vbus.faults.armed import ACTING, Armed, LinkActs
 from vbus.faults.axis import AxisFaults
 from vbus.faults.bus import BusFault, Later
 from vbus.faults.clock import CLOCKS, ClockFaults
-from vbus.faults.row import AXIS, LASTS, LINK, ONCE
+from vbus.faults.row import AXIS, LASTS, LINK, ONCE, WIRE
 from vbus.faults.upsets import upsets_of
+from vbus.faults.wire import WireFault
 from vbus.kernel.clock import Course
 from vbus.options import Value
+from vbus.signals.wire import WireEnd
 from vbus.state import Names
 
 AxisRow = tuple[str, bool, int, list[tuple[int, int]]]
@@ -20,7 +22,7 @@ which count each fault has begun."""
 
 
 class Acts:
-    """Begins and ends faults on axes, chips, buses and links.
+    """Begins and ends faults on axes, chips, buses, wires and links.
 
     Args:
         board: the board.
@@ -29,6 +31,7 @@ class Acts:
 
     Attributes:
         buses: what is wrong with buses now, by number of fault.
+        wires: the same of wires.
         links: does the faults of links; None where nobody serves the board.
     """
 
@@ -37,7 +40,7 @@ class Acts:
         "axes: list[(str, bool, i64, list[(i64, i64), ...]), ...]",
     )
     WIRING: ClassVar[Names] = ("_armed", "_board", "_later", "links")
-    DERIVED: ClassVar[Names] = ("_axes", "_clocks", "buses")
+    DERIVED: ClassVar[Names] = ("_axes", "_clocks", "buses", "wires")
 
     def __init__(self, board: Circuit, later: Later, armed: dict[int, Armed]) -> None:
         self._board: Circuit = board
@@ -46,6 +49,7 @@ class Acts:
         self._axes: dict[str, AxisFaults] = {}
         self._clocks: dict[str, ClockFaults] = {}
         self.buses: dict[int, BusFault] = {}
+        self.wires: dict[int, WireFault] = {}
         self.links: LinkActs | None = None
 
     def axis(self, place: str) -> AxisFaults:
@@ -81,6 +85,9 @@ class Acts:
                 raise ValueError("no link is served: this board runs without a server")
             once = armed.until.kind == ONCE
             return self.links.begin(armed.number, armed.name, armed.target, once)
+        if fault.target == WIRE:
+            wire = self.wires[armed.number] = self._wire(armed)
+            return wire.begin()
         chip = self._board.chip(armed.target)
         if fault.family == "bus":
             bus = BusFault(chip, armed.name, armed.values, self._later)
@@ -98,6 +105,10 @@ class Acts:
         elif fault.target == LINK:
             if self.links is not None:
                 self.links.end(armed.number)
+        elif fault.target == WIRE:
+            wire = self.wires.pop(armed.number, None)
+            if wire is not None:
+                wire.end()
         elif fault.family == "bus":
             bus = self.buses.pop(armed.number, None)
             if bus is not None:
@@ -107,6 +118,11 @@ class Acts:
         elif fault.acts == LASTS:
             upsets_of(self._board.chip(armed.target)).end(armed.name, armed.values)
         return ""
+
+    def _wire(self, armed: Armed) -> WireFault:
+        end = self._board.nets[armed.target]
+        assert isinstance(end, WireEnd)
+        return WireFault(end, self._board.kernel, armed.name, armed.values)
 
     # -- state --------------------------------------------------------------------------------
 
@@ -177,6 +193,11 @@ class Acts:
             for row in upsets.FAULTS:
                 on = any(one.name == row.name and one.target == chip.name for one in acting)
                 upsets.restore(row.name, on)
+        for wire in self.wires.values():
+            wire.leave()
+        self.wires = {one.number: self._wire(one) for one in acting if one.fault.target == WIRE}
+        for wire in self.wires.values():
+            wire.begin(again=True)
         for one in acting:
             if one.fault.family == "bus":
                 bus = BusFault(self._board.chip(one.target), one.name, one.values, self._later)

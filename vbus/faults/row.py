@@ -11,6 +11,8 @@ CHIP: Final = "chip"
 """Targets a chip: ``"x"``."""
 LINK: Final = "link"
 """Targets a host's link: ``"host0"``, in the order of the board file."""
+WIRE: Final = "wire"
+"""Targets a wire between nodes at the end where it is armed: ``"BRAKE"``."""
 
 ONCE: Final = "once"
 """Begins and is over at once: a jump, a reset."""
@@ -26,10 +28,10 @@ class Fault:
 
     Attributes:
         name: what it is armed by.
-        family: ``"mechanics"``, ``"encoder"``, ``"switches"``, ``"chip"``, ``"bus"`` or
-            ``"transport"``.
+        family: ``"mechanics"``, ``"encoder"``, ``"switches"``, ``"chip"``, ``"bus"``, ``"wire"``
+            or ``"transport"``.
         title: one line saying what it does.
-        target: :data:`AXIS`, :data:`CHIP` or :data:`LINK`.
+        target: :data:`AXIS`, :data:`CHIP`, :data:`LINK` or :data:`WIRE`.
         acts: :data:`ONCE`, :data:`LASTS` or :data:`COUNTED`.
         parameters: its settings.
         families: chip families it exists for; all if empty.

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Final
 
 from vbus.board import plugins
-from vbus.faults.row import AXIS, CHIP, COUNTED, LASTS, LINK, ONCE, Fault
+from vbus.faults.row import AXIS, CHIP, COUNTED, LASTS, LINK, ONCE, WIRE, Fault
 from vbus.faults.upsets import Upsets
 from vbus.options import Option
 
@@ -96,6 +96,20 @@ BUS: Final = (
           (Option("data", "count", 0, "with this byte", low=0, high=255),)),
 )  # fmt: skip
 
+WIRES: Final = (
+    Fault("wire_late", "wire", "Edges of other nodes come later than the wire's delay.", WIRE,
+          LASTS, (Option("by", "s", 1_000_000_000, "by how much", low=1, high=10**12),)),
+    Fault("wire_lost", "wire", "Edges of other nodes do not come.", WIRE, LASTS),
+    Fault("wire_doubled", "wire", "Each edge of another node comes, goes, and comes again.", WIRE,
+          LASTS,
+          (Option("gap", "s", 10_000_000, "from one to the next", low=1, high=10**12),)),
+    Fault("wire_reordered", "wire", "Of each two edges the second comes before the first.", WIRE,
+          LASTS,
+          (Option("gap", "s", 10_000_000, "from one to the other", low=1, high=10**12),)),
+    Fault("wire_cut", "wire", "The wire is cut: nobody on other nodes drives it here.", WIRE,
+          LASTS),
+)  # fmt: skip
+
 TRANSPORT: Final = (
     Fault("answers_late", "transport", "Answers wait, then all come at once.", LINK, LASTS),
     Fault("answer_lost", "transport", "The request is carried out, its answer is lost.", LINK,
@@ -123,5 +137,14 @@ def faults() -> dict[str, Fault]:
             parameters = tuple(dict.fromkeys((*other.parameters, *row.parameters)))
             chips[row.name] = replace(other, parameters=parameters, families=named)
     switches = (replace(row, families=limited) for row in SWITCHES)
-    rows = (*MECHANICS, *ENCODER, *switches, *chips.values(), *CHIP_FAULTS, *BUS, *TRANSPORT)
+    rows = (
+        *MECHANICS,
+        *ENCODER,
+        *switches,
+        *chips.values(),
+        *CHIP_FAULTS,
+        *BUS,
+        *WIRES,
+        *TRANSPORT,
+    )
     return {row.name: row for row in rows}

@@ -4,8 +4,9 @@ from vbus.board import plugins
 from vbus.board.circuit import Circuit
 from vbus.board.settings import listed
 from vbus.chips.base import Chip
-from vbus.faults.row import CHIP, LINK, Fault
+from vbus.faults.row import CHIP, LINK, WIRE, Fault
 from vbus.plant.shaft import Shaft
+from vbus.signals.wire import WireEnd
 
 
 def find_target(board: Circuit, fault: Fault, target: str) -> str:
@@ -21,6 +22,8 @@ def find_target(board: Circuit, fault: Fault, target: str) -> str:
                 f'{fault.name} target "{target}": write "host0" for the first [[hosts]]'
             )
         return name
+    if fault.target == WIRE:
+        return _wire(board, fault, target)
     chip_name, _, number = target.partition(".")
     if not chip_name:
         fits = [chip for chip in board.chips if fault.exists_for(chip.FAMILY)]
@@ -40,6 +43,16 @@ def find_target(board: Circuit, fault: Fault, target: str) -> str:
             raise ValueError(f"{fault.name}: the bus of a {chip.part} is not known here")
         return chip.name
     return _axis(board, fault, chip, number or "1")
+
+
+def _wire(board: Circuit, fault: Fault, target: str) -> str:
+    wires = [name for name, net in board.nets.items() if isinstance(net, WireEnd)]
+    if not wires:
+        raise ValueError(f"{fault.name} is for wires between nodes, and none ends here")
+    if target not in wires and (target or len(wires) > 1):
+        known = f"there is no wire {target} here" if target else "say on which wire"
+        raise ValueError(f"{fault.name}: {known}; there are {listed(wires)}")
+    return target or wires[0]
 
 
 def _axis(board: Circuit, fault: Fault, chip: Chip, number: str) -> str:

@@ -62,7 +62,7 @@ class ConditionWatch(Watch):
         for name, wanted in self.condition.commands:
             of = board.chip(name) if name else chip
             if of is None:
-                raise ValueError(f'when = "{text}": a fault of a link has no command')
+                raise ValueError(f'when = "{text}": a fault of a link or a wire has no command')
             self._writes.append((of.name, wanted, write_of(of, wanted)))
 
     def timer(self) -> Timer:

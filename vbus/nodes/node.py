@@ -54,8 +54,9 @@ class Node:
     STATE: ClassVar[Names] = (
         "number", "_arrivals: heap[(i64, i64, i64, i64, i64, bool)]",
         "drives: list[(i64, i64, i64, bool), ...]", "wire_ends: parts", "orders: parts",
-        "trace: part | None",
+        "trace: part | None", "_held: heap[(i64, i64, i64, i64, i64, bool)]", "_holds",
     )  # fmt: skip
+    STATE_VERSION: ClassVar[int] = 2
     WIRING: ClassVar[Names] = ("_timer", "board", "ends", "name", "names", "rank", "wires")
     DERIVED: ClassVar[Names] = ("_drives", "late", "worst_late")
 
@@ -75,6 +76,9 @@ class Node:
         self.trace: NodeTrace | None = None
         self._drives: list[Drive] = []
         self._arrivals: list[tuple[int, int, int, int, int, bool]] = []
+        self._held: list[tuple[int, int, int, int, int, bool]] = []
+        """What faults let come later: instant, running number, wire, node, level, weak."""
+        self._holds: int = 0
 
     # -- building -----------------------------------------------------------------------------
 
@@ -129,8 +133,7 @@ class Node:
                 self.worst_late = max(self.worst_late, now - when)
                 when = now
             heappush(self._arrivals, (when, node, number, wire, level, weak))
-        if self._arrivals:
-            self._timer.at(self._arrivals[0][0])
+        self._wait()
 
     # -- orders -------------------------------------------------------------------------------
 
@@ -180,9 +183,22 @@ class Node:
         arrivals = self._arrivals
         while arrivals and arrivals[0][0] <= now:
             _, node, _, wire, level, weak = heappop(arrivals)
+            end = self.ends[wire]
+            for later, shown, pulls in end.come(node, level, weak):
+                if later:
+                    heappush(self._held, (now + later, self._holds, wire, node, shown, pulls))
+                    self._holds += 1
+                else:
+                    end.arrive(node, shown, pulls)
+        while self._held and self._held[0][0] <= now:
+            _, _, wire, node, level, weak = heappop(self._held)
             self.ends[wire].arrive(node, level, weak)
-        if arrivals:
-            self._timer.at(arrivals[0][0])
+        self._wait()
+
+    def _wait(self) -> None:
+        due = [queue[0][0] for queue in (self._arrivals, self._held) if queue]
+        if due:
+            self._timer.at(min(due))
 
     def take_edges(self) -> list[Edge]:
         """Return and forget the edges sent since the last call."""
@@ -217,6 +233,10 @@ class Node:
     def save(self) -> Saved:
         """Return the whole state, with the trace so far."""
         return {"board": self.board.save(), **save(self)}
+
+    def migrate(self, version: int, saved: Saved) -> Saved:
+        """Return the fields of a state in which nothing could be wrong with wires."""
+        return {**saved, "_held": (), "_holds": 0}
 
     def check_scenario(self, saved: Any) -> None:
         """Check that a node which has done nothing yet was given what :meth:`save` has.

@@ -9,7 +9,7 @@ import msgspec
 
 from vbus.board import plugins
 from vbus.board.build import assemble, rest_of
-from vbus.board.fault_checks import home_of
+from vbus.board.fault_checks import homes_of
 from vbus.board.sections import BoardFile, ChipSection, FaultSection
 from vbus.board.source import Source
 from vbus.chips.base import Chip
@@ -153,8 +153,8 @@ def part_of(file: BoardFile, node: str) -> BoardFile:
 def _faults(file: BoardFile, node: str) -> Iterator[FaultSection]:
     """Give the faults of one node, with their targets as the node has them."""
     for fault in file.faults:
-        home, target = home_of(file, fault)
-        if home == node:
+        target = homes_of(file, fault).get(node)
+        if target is not None:
             yield msgspec.structs.replace(fault, target=target)
 
 

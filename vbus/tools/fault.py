@@ -59,7 +59,7 @@ def _table(faults: "Iterable[Fault]") -> Iterator[str]:
 @click.argument("board")
 @click.argument("fault")
 @click.argument("parameters", nargs=-1, metavar="[NAME=VALUE]...")
-@click.option("--target", default="", help='Chip "x", axis "x.2" or link "host0".')
+@click.option("--target", default="", help='Chip "x", axis "x.2", link "host0" or a wire.')
 @click.option("--when", help='"at 5 ms", "cycle 12", "position 1000", "command LTRJ", '
               '"edge x./RST low" or "rate 10 Hz"; now if not given.')  # fmt: skip
 @click.option("--until", help='"once", "for 5 ms" or "cleared".')

@@ -3,6 +3,9 @@
 from vbus.faults.table import faults
 
 NUMBERS = {
+    ("wire_late", "by"): (10**9, 1, 10**12),
+    ("wire_doubled", "gap"): (10**7, 1, 10**12),
+    ("wire_reordered", "gap"): (10**7, 1, 10**12),
     ("slip", "share"): (0.5, 0.0, 1.0),
     ("load_step", "torque"): (0.02, None, None),
     ("friction", "coulomb"): (0.01, 0.0, None),

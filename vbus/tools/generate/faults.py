@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from vbus.faults.row import AXIS, COUNTED, LINK, ONCE, Fault
+from vbus.faults.row import AXIS, COUNTED, LINK, ONCE, WIRE, Fault
 from vbus.faults.table import faults as known_faults
 from vbus.tools.generate.board_file import option_table
 from vbus.tools.generate.markdown import filled, table
@@ -36,6 +36,8 @@ def _rows(family: list[Fault]) -> list[str]:
 def _for(fault: Fault) -> str:
     if fault.target == LINK:
         return "links"
+    if fault.target == WIRE:
+        return "wires between nodes"
     if fault.families:
         return ", ".join(fault.families)
     if fault.shaft:
