@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
+import msgpack
 import msgspec
 import pytest
 from click.testing import CliRunner
@@ -340,6 +341,15 @@ def test_it_goes_on_with_what_it_was_taken_with_only() -> None:
         another = Machine(file, source, read_scenario(other, "s", pins, US))
         with pytest.raises(SnapshotError, match=r"^the snapshot is of a run with another scenario"):
             another.load(snapshot)
+    part = snapshot.part("a")
+    form, name, agreed, node = msgpack.unpackb(part.state, use_list=False, strict_map_key=False)
+    for change in ({"waiting": 7}, {"waiting": ({},)}, {"_given": None}):
+        orders = ({**node["orders"][0], **change},)
+        state = msgpack.packb((form, name, agreed, {**node, "orders": orders}))
+        forged = msgspec.structs.replace(part, state=state)
+        nodes = (forged, *snapshot.nodes[1:])
+        with pytest.raises(SnapshotError, match=r"^the snapshot is of a run with another scenario"):
+            machine().load(msgspec.structs.replace(snapshot, nodes=nodes))
     resting = snapshot_of(bare, 1)
     with pytest.raises(
         SnapshotError, match=r"^the snapshot is of a run without a scenario: leave --scenario out$"

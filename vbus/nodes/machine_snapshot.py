@@ -144,7 +144,7 @@ def read(data: bytes, name: str = "the snapshot") -> MachineSnapshot:
     if hashlib.sha256(body).digest() != data[len(MAGIC) : start]:
         raise SnapshotError(f"{name}: cut short or damaged: its checksum does not fit")
     try:
-        version = msgpack.unpackb(body, use_list=False, strict_map_key=False)[0]
+        version = msgpack.unpackb(body)[0]
         if version != VERSION:
             raise SnapshotError(f"{name}: format {version}; this vbus reads format {VERSION}")
         return msgspec.msgpack.decode(body, type=MachineSnapshot)
