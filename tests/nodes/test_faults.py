@@ -54,6 +54,14 @@ def test_a_fault_of_the_board_file_gives_one_hash_in_one_process_and_in_two(benc
     assert bench.merged(["ac", "bd"]) == run(FOUR + JAMMED).trace_hash()
 
 
+def test_a_fault_without_a_target_is_on_the_only_node_that_can_have_it() -> None:
+    file, source = read_board_text(FOUR + '[[faults]]\nfault = "ready_stuck"\nwhen = "at 1 ms"\n')
+    armed = [node.board.faults.all() for node in build_nodes(file, source)]
+    assert [[one.target for one in node] for node in armed] == [[], [], [], ["p"]]
+    with pytest.raises(BoardFileError, match='there is no link "hosts": count the'):
+        read_board_text(FOUR + '[[faults]]\nfault = "link_dead"\ntarget = "hosts"\n')
+
+
 def test_links_and_chips_of_faults_are_those_of_their_node() -> None:
     text = BOARD + "".join(
         f'[[faults]]\nfault = "{name}"\ntarget = "{target}"\nwhen = "at 9 ms"\n'

@@ -118,6 +118,7 @@ def test_a_fault_is_at_the_end_where_it_is_armed_and_cleared() -> None:
     armed = right.board.faults.arm("wire_cut")  # the only wire
     assert str(armed.target) == "BRAKE"
     assert not left.board.faults.all()
+    assert right.ends[0].latest == {0: (Z, False)}
     right.accept([(0, 0, 0, 0, LOW, False)])
     right.run_before(2 * MS)
     end = right.ends[0]
@@ -194,6 +195,7 @@ def test_a_node_saved_before_there_were_such_faults_is_loaded() -> None:
     node.run_before(2 * MS)
     saved = node.save()
     old = {key: saved[key] for key in saved if key not in ("STATE_VERSION", "_held", "_holds")}
+    assert (saved["STATE_VERSION"], saved["wire_ends"][0]["STATE_VERSION"]) == (2, 2)
     old["wire_ends"] = tuple(
         {key: end[key] for key in end if key not in ("STATE_VERSION", "come_so_far", "kept_back")}
         for end in saved["wire_ends"]
