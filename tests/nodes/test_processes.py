@@ -7,39 +7,17 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from zenoh import CongestionControl
 
-from tests.nodes.four_chips import BOARD, scenario
+from tests.nodes.four_chips import BOARD
 from tests.nodes.processes import Bench, ended
-from vbus.board.config import read_board_text
-from vbus.kernel import US
 from vbus.network.session import open_session
-from vbus.nodes.machine import Machine
-from vbus.nodes.plan import pins_of
-from vbus.nodes.scenario import read_scenario
 
 SEEDS = 20 if os.environ.get("VBUS_ALL_SEEDS") == "1" else 3
 NODES = "abcd"
-
-
-@pytest.fixture(scope="module")
-def reference() -> str:
-    """The hash of a run in a single process, without any network."""
-    file, source = read_board_text(BOARD)
-    machine = Machine(file, source, read_scenario(scenario(), "s", pins_of(file), US))
-    machine.run()
-    return machine.trace_hash()
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(tmp_path)
-    yield made
-    made.close()
 
 
 @pytest.mark.parametrize("groups", [["abcd"], ["ac", "bd"], ["a", "b", "c", "d"]])

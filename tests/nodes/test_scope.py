@@ -4,39 +4,16 @@ import os
 import re
 import signal
 import subprocess
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from tests.e2e.test_scope import link_in, seen_by_a_page
-from tests.nodes.four_chips import BOARD, scenario
 from tests.nodes.processes import Bench, ended
 from tests.unit.scope.decoded import Seen, of_page
-from vbus.board.config import read_board_text
-from vbus.kernel import MS, US
-from vbus.nodes.machine import Machine
-from vbus.nodes.plan import pins_of
-from vbus.nodes.scenario import read_scenario
+from vbus.kernel import MS
 
 END = 20 * MS
 LANES = ("x.real", "x.desired", "y.desired", "m.real", "p.1.real", "p.1.desired")
-
-
-@pytest.fixture(scope="module")
-def reference() -> str:
-    """The hash of a run that nobody looks at."""
-    file, source = read_board_text(BOARD)
-    machine = Machine(file, source, read_scenario(scenario(), "s", pins_of(file), US))
-    machine.run()
-    return machine.trace_hash()
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(tmp_path)
-    yield made
-    made.close()
 
 
 def scope_of(process: "subprocess.Popen[str]") -> tuple[str, int]:

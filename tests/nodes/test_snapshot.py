@@ -4,7 +4,6 @@ import hashlib
 import json
 import random
 import threading
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -68,22 +67,6 @@ transport = "unix:$VBUS_RUNTIME/x.sock"
 chips = ["x"]
 awaited = true
 """
-
-
-@pytest.fixture(scope="module")
-def reference() -> str:
-    """The hash of a run of which no snapshot is taken."""
-    file, source = read_board_text(BOARD)
-    machine = Machine(file, source, read_scenario(scenario(), "s", pins_of(file), US))
-    machine.run()
-    return machine.trace_hash()
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(tmp_path)
-    yield made
-    made.close()
 
 
 def saved(bench: Bench, groups: list[str], monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -301,7 +284,7 @@ def snapshot_of(made: Machine, number: int) -> MachineSnapshot:
     """Run to the end; return the snapshot at the end of a round."""
     parts = {}
 
-    def keep(conductor: Conductor, _: int) -> None:
+    def keep(conductor: Conductor) -> None:
         board = conductor.node.board
         hosts = [
             HostThere(p.label, tuple(c.name for c in p.chips), p.cycle_ps) for p in board.ports

@@ -43,10 +43,11 @@ def homes_of(file: BoardFile, section: FaultSection) -> dict[str, str]:
     if fault.target == WIRE:
         wires = {net.name: net for net in file.nets if net.delay}
         if section.target not in wires and (section.target or len(wires) != 1):
+            said = f'there is no wire "{section.target}" between nodes'
+            if wires and not section.target:
+                said = "say on which wire"
             known = f"; there are {listed(wires)}" if wires else ""
-            raise ValueError(
-                f'{fault.name}: there is no wire "{section.target}" between nodes{known}'
-            )
+            raise ValueError(f"{fault.name}: {said}{known}")
         net = wires[section.target or next(iter(wires))]
         return {homes[pin.partition(".")[0]]: net.name for pin in net.pins}
     chip = section.target.partition(".")[0]

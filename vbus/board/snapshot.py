@@ -16,6 +16,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.loading import prepare
+from vbus.board.sealed import seal, unseal
 from vbus.errors import SnapshotError
 from vbus.kernel import END, MS, NEVER
 from vbus.protocols.base import Protocol
@@ -309,7 +310,7 @@ def write(snapshot: Snapshot) -> bytes:
             snapshot.state, snapshot.counters, snapshot.digest,
         )
     )  # fmt: skip
-    return MAGIC + hashlib.sha256(body).digest() + body
+    return seal(MAGIC, body)
 
 
 def read(data: bytes, name: str = "the snapshot") -> Snapshot:
@@ -322,12 +323,7 @@ def read(data: bytes, name: str = "the snapshot") -> Snapshot:
     Raises:
         SnapshotError: it is none, was cut short or damaged, or is of a later version.
     """
-    if not data.startswith(MAGIC):
-        raise SnapshotError(f"{name}: this is no snapshot of vbus")
-    start = len(MAGIC) + 32
-    body = data[start:]
-    if hashlib.sha256(body).digest() != data[len(MAGIC) : start]:
-        raise SnapshotError(f"{name}: cut short or damaged: its checksum does not fit")
+    body = unseal(MAGIC, data, name, "snapshot of vbus")
     try:
         content = msgpack.unpackb(body, use_list=False, strict_map_key=False)
         version = content[0]

@@ -26,7 +26,7 @@ from vbus.nodes.node import Node
 from vbus.nodes.plan import Plan, part_of, pins_of, plan_of
 from vbus.nodes.scenario import Scenario, read_scenario
 from vbus.nodes.trace import hash_of, merged
-from vbus.server.control import Control, When
+from vbus.server.control import Control
 from vbus.server.loop import run_until_signal
 from vbus.server.metrics import MetricsPort
 from vbus.server.readiness import tell_ready
@@ -351,8 +351,14 @@ class _Run:
             if not name.startswith(("fault.", "journal.")):
                 control.orders[name] = partial(_refuse, node.board.name)
         peers, rank = self._peers, node.rank
-        by_grant: When = lambda request, do: peers.let_in(rank, do)  # noqa: E731
-        at_round: When = lambda request, do: peers.at_round(rank, _round(request), do)  # noqa: E731
+
+        def by_grant(request: dict[str, Any], do: Callable[[str], None]) -> None:
+            peers.let_in(rank, do)
+
+        def at_round(request: dict[str, Any], do: Callable[[str], None]) -> None:
+            number = request.get("round")
+            peers.at_round(rank, number if isinstance(number, int) else 0, do)
+
         control.late = {"fault.arm": by_grant, "fault.clear": by_grant, SAVE_NODE: at_round}
         if rank in self._conductors:
             control.orders[SAVE_NODE] = partial(_save, self._conductors[rank])
@@ -375,11 +381,6 @@ class _Run:
         """Return what has come of it."""
         over = self._peers.finished.is_set() and bool(self._options.scenario)
         return Outcome(self._nodes, over, **self._peers.figures())
-
-
-def _round(request: dict[str, Any]) -> int:
-    number = request.get("round")
-    return number if isinstance(number, int) else -1
 
 
 def _save(conductor: Conductor, request: dict[str, Any]) -> dict[str, Any]:

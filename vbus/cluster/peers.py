@@ -162,7 +162,7 @@ class Peers(Receiver):
         do("")
 
     def at_round(self, rank: int, number: int, do: Callable[[str], None]) -> None:
-        """Let something happen when a node of this process has ended a round.
+        """Let something happen when a node of this process has ended a round, or a later one.
 
         Args:
             rank: of the node.

@@ -4,7 +4,7 @@ import asyncio
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from vbus.board.sections import BoardFile
 from vbus.cluster.granted import GrantedPacer
@@ -23,6 +23,9 @@ LET_IN: Final = 10.0
 """Seconds that an order from outside waits for other nodes."""
 SNAPSHOT_EVERY: Final = 0.25
 """Seconds between two snapshots."""
+
+
+_T = TypeVar("_T")
 
 
 class Timebase(Peers):
@@ -128,13 +131,14 @@ class Timebase(Peers):
         self._to_send.append(report)
 
     def _send_reports(self) -> None:
+        if not self._to_send:
+            return
         started = self._clock()
-        if len(self._to_send) > 1:
-            first = self._to_send[0]
-            together = Reports(first.digest, first.node, first.round, tuple(self._to_send))
-            self.send(first.node, together)
-        elif self._to_send:
-            self.send(self._to_send[0].node, self._to_send[0])
+        first, *others = self._to_send
+        message: Message = first
+        if others:
+            message = Reports(first.digest, first.node, first.round, (first, *others))
+        self.send(first.node, message)
         self._to_send.clear()
         self._sent += self._clock() - started
 
@@ -153,12 +157,12 @@ class Timebase(Peers):
             self._take(message)
         elif isinstance(message, Reports):
             for report in message.reports:
+                self._heard(report.node)
                 self._take(report)
         elif isinstance(message, Need) and message.other in self._mine:
             self._resend(message.other, self._peers[rank].name, message.round)
 
     def _take(self, report: Report) -> None:
-        self._heard(report.node)
         other = self._peers[report.node]
         for conductor in self.conductors:
             conductor.participant.receive(report)
@@ -232,48 +236,48 @@ class Timebase(Peers):
     def let_in(self, rank: int, do: Callable[[str], None]) -> None:
         """Let something happen as soon as no other node relies on that it does not."""
         outside = self._mine[rank].outside
+        self._ask_for(rank, outside, lambda now: now, "nothing was changed", do)
+
+    def at_round(self, rank: int, number: int, do: Callable[[str], None]) -> None:
+        """Let something happen at the end of a round, or of the next if that one is past."""
+        at_round = self._mine[rank].at_round
+        what = f"round {number} has not ended"
+        self._ask_for(rank, at_round, lambda now: (number, now), what, do)
+
+    def _ask_for(
+        self,
+        rank: int,
+        asked: list[_T],
+        entry_of: Callable[[Callable[[], None]], _T],
+        what: str,
+        do: Callable[[str], None],
+    ) -> None:
+        """Have something done by a node's conductor, or refused when it does not come to that.
+
+        Args:
+            rank: of the node.
+            asked: what the conductor has been asked for.
+            entry_of: makes of a deed what stands there.
+            what: has not come about if it is refused.
+            do: see :meth:`let_in`.
+        """
 
         def now() -> None:
             timer.cancel()
             do("")
 
         def give_up() -> None:
-            outside.remove(now)
-            do(self._gives_up(rank, "nothing was changed"))
+            asked.remove(entry)
+            whom = "its host" if self._mine[rank].state == HOST else "the others"
+            do(
+                f"node {self.plan.nodes[rank]} waits for {whom}, so {what}; say it again when time"
+                " runs or all are here (vbus ls tells for whom it waits)"
+            )
 
+        entry = entry_of(now)
         timer = asyncio.get_running_loop().call_later(LET_IN, give_up)
-        outside.append(now)
+        asked.append(entry)
         self.proceed()
-
-    def at_round(self, rank: int, number: int, do: Callable[[str], None]) -> None:
-        """Let something happen at the end of a round, at the same one on all nodes."""
-        conductor = self._mine[rank]
-        participant = conductor.participant
-        latest = participant.round if participant.reported else participant.round - 1
-        if number <= latest:
-            do(f"round {number} is past; node {conductor.node.name} has ended round {latest}")
-            return
-
-        def now(_: int) -> None:
-            timer.cancel()
-            do("")
-
-        def give_up() -> None:
-            conductor.at_round.remove(asked)
-            do(self._gives_up(rank, f"round {number} has not ended"))
-
-        asked = number, now
-        timer = asyncio.get_running_loop().call_later(LET_IN, give_up)
-        conductor.at_round.append(asked)
-        self.proceed()
-
-    def _gives_up(self, rank: int, what: str) -> str:
-        state = self._mine[rank].state
-        whom = "its host" if state == HOST else "the others"
-        return (
-            f"node {self.plan.nodes[rank]} waits for {whom}, so {what}; say it again when time runs"
-            " or all are here (vbus ls tells for whom it waits)"
-        )
 
     def figures(self) -> dict[str, Any]:
         """Return the rounds of this process, and how long one took (us of wall time).

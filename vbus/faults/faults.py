@@ -198,11 +198,11 @@ class Faults:
 
     def _prepare(self, armed: Armed) -> None:
         """Check that the trigger fits the board, before anything is changed."""
-        when, chip = armed.when, self._chip_of(armed)
+        when, chip, of = armed.when, self._chip_of(armed), armed.fault.target
         if when.kind in (EDGE, CONDITION):
             armed.watcher = self._watch(armed)
         if when.kind in (COMMAND, POSITION) and chip is None:
-            raise ValueError(f'when = "{when.text}": a {armed.fault.target} has no {when.kind}')
+            raise ValueError(f'when = "{when.text}": a fault of a {of} has no {when.kind}')
         if when.kind == COMMAND and chip is not None:
             armed.writes = write_of(chip, when.name)
         if when.kind == POSITION:

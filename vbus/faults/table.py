@@ -138,13 +138,6 @@ def faults() -> dict[str, Fault]:
             chips[row.name] = replace(other, parameters=parameters, families=named)
     switches = (replace(row, families=limited) for row in SWITCHES)
     rows = (
-        *MECHANICS,
-        *ENCODER,
-        *switches,
-        *chips.values(),
-        *CHIP_FAULTS,
-        *BUS,
-        *WIRES,
-        *TRANSPORT,
-    )
+        *MECHANICS, *ENCODER, *switches, *chips.values(), *CHIP_FAULTS, *BUS, *WIRES, *TRANSPORT,
+    )  # fmt: skip
     return {row.name: row for row in rows}

@@ -41,7 +41,7 @@ class Conductor:
         until: see above.
         state: what the node does.
         at_round: what is done at the end of a round, once the node has reported it: the first
-            round that will do, and the deed, which is given the round.
+            round that will do, and the deed.
     """
 
     def __init__(self, node: Node, lookahead: int, digest: str, until: int) -> None:
@@ -54,7 +54,7 @@ class Conductor:
         self.outside: list[Callable[[], None]] = []
         """What comes from outside and is no call of a host, such as a fault: done as soon as no
         other node has been promised that nothing happens yet."""
-        self.at_round: list[tuple[int, Callable[[int], None]]] = []
+        self.at_round: list[tuple[int, Callable[[], None]]] = []
         self._wanted: int = -2
 
     def begin(self) -> "Conductor":
@@ -144,11 +144,9 @@ class Conductor:
 
     def ended(self) -> None:
         """The report of this round has been shared: do what was asked for its end."""
-        number = self.participant.round
-        due = [deed for first, deed in self.at_round if first <= number]
-        self.at_round = [asked for asked in self.at_round if asked[0] > number]
-        for deed in due:
-            deed(number)
+        for asked in [one for one in self.at_round if one[0] <= self.participant.round]:
+            self.at_round.remove(asked)
+            asked[1]()
 
     # -- state --------------------------------------------------------------------------------
 

@@ -4,13 +4,13 @@ At the end of a round each node has told the others all it has sent, so nothing 
 them. Nodes that have each loaded their own part go on together, in any number of processes.
 """
 
-import hashlib
 from collections.abc import Sequence
 from typing import Annotated, Final
 
 import msgpack
 import msgspec
 
+from vbus.board.sealed import seal, unseal
 from vbus.errors import SnapshotError
 from vbus.kernel import NEVER
 from vbus.nodes.conductor import Conductor
@@ -123,8 +123,7 @@ def is_machine(data: bytes) -> bool:
 
 def write(snapshot: MachineSnapshot) -> bytes:
     """Return a snapshot as the content of a file."""
-    body = msgspec.msgpack.encode(snapshot)
-    return MAGIC + hashlib.sha256(body).digest() + body
+    return seal(MAGIC, msgspec.msgpack.encode(snapshot))
 
 
 def read(data: bytes, name: str = "the snapshot") -> MachineSnapshot:
@@ -137,16 +136,12 @@ def read(data: bytes, name: str = "the snapshot") -> MachineSnapshot:
     Raises:
         SnapshotError: it is none, was cut short or damaged, or is of a later version.
     """
-    if not is_machine(data):
-        raise SnapshotError(f"{name}: this is no snapshot of a machine of nodes")
-    start = len(MAGIC) + 32
-    body = data[start:]
-    if hashlib.sha256(body).digest() != data[len(MAGIC) : start]:
-        raise SnapshotError(f"{name}: cut short or damaged: its checksum does not fit")
+    body = unseal(MAGIC, data, name, "snapshot of a machine of nodes")
     try:
-        version = msgpack.unpackb(body)[0]
+        content = msgpack.unpackb(body)
+        version = content[0]
         if version != VERSION:
             raise SnapshotError(f"{name}: format {version}; this vbus reads format {VERSION}")
-        return msgspec.msgpack.decode(body, type=MachineSnapshot)
+        return msgspec.convert(content, MachineSnapshot, builtin_types=(bytes,))
     except (ValueError, TypeError, LookupError, RecursionError) as error:
         raise SnapshotError(f"{name}: its content makes no sense: {error}") from error

@@ -48,7 +48,7 @@ class Reports(NodeMessage, frozen=True, tag="s"):
     """What nodes of one process have reported; ``node`` and ``round`` are those of the first.
 
     Attributes:
-        reports: at least one of each.
+        reports: in the order in which they were made.
     """
 
     reports: tuple[Report, ...]

@@ -4,7 +4,7 @@ import contextlib
 import json
 import socket
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from time import monotonic
 from typing import Any, Final
@@ -119,8 +119,7 @@ def answers(board: str) -> bool:
 def _all_nodes_answer(board: str) -> bool:
     """Tell whether every node of a board of this name answers."""
     here = nodes_of(board)
-    wanted = {name for node in here.values() for name in node["others"]}
-    return bool(here) and wanted <= {*here}
+    return bool(here) and not missing_of(here)
 
 
 def nodes_of(machine: str) -> dict[str, dict[str, Any]]:
@@ -132,6 +131,11 @@ def nodes_of(machine: str) -> dict[str, dict[str, Any]]:
             if node.get("board") == machine:
                 here[str(node["node"])] = node
     return here
+
+
+def missing_of(nodes: Mapping[str, dict[str, Any]]) -> list[str]:
+    """Return which nodes of a machine are not among these that :func:`nodes_of` has found."""
+    return sorted({name for node in nodes.values() for name in node["others"]} - {*nodes})
 
 
 def order(board: str, do: str, **values: Any) -> Any:

@@ -46,9 +46,7 @@ class BoardClock:
         Raises:
             VbusError: time is the wall clock's, or frozen; or the duration is negative.
         """
-        length = ps_of(duration)
-        if length < 0:
-            raise VbusError(f"advance by {duration}: time does not run backwards")
+        length = span_of(duration)
         self._move(lambda: self.board.run_for(length))
 
     def run_until(self, instant: int | str) -> None:
@@ -57,11 +55,7 @@ class BoardClock:
         Raises:
             VbusError: time is the wall clock's, or frozen; or that instant is over.
         """
-        when = ps_of(instant)
-        if when < self.now:
-            raise VbusError(
-                f"run_until {format_instant(when)}: it is {format_instant(self.now)} already"
-            )
+        when = coming(instant, self.now)
         self._move(lambda: self.board.run_until(when))
 
     def wait_until(self, condition: str, within: int | str = WITHIN) -> int:
@@ -132,3 +126,27 @@ def ps_of(quantity: int | str) -> int:
         return picoseconds(quantity)
     except ValueError as error:
         raise VbusError(str(error)) from None
+
+
+def span_of(duration: int | str) -> int:
+    """Return how far time is to advance (ps).
+
+    Raises:
+        VbusError: it is no duration, or negative.
+    """
+    length = ps_of(duration)
+    if length < 0:
+        raise VbusError(f"advance by {duration}: time does not run backwards")
+    return length
+
+
+def coming(instant: int | str, now: int) -> int:
+    """Return the instant to which time is to run (ps).
+
+    Raises:
+        VbusError: it is none, or over.
+    """
+    when = ps_of(instant)
+    if when < now:
+        raise VbusError(f"run_until {format_instant(when)}: it is {format_instant(now)} already")
+    return when

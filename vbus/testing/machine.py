@@ -1,7 +1,7 @@
 """A machine of nodes in a test: all nodes in one process, its hosts in the test's own turn."""
 
 from contextlib import ExitStack
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
@@ -19,7 +19,7 @@ from vbus.nodes.recorded_host import RecordedNodeBus
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Plant
 from vbus.testing.around_chip import host_of, plants_of
-from vbus.testing.clock import ps_of
+from vbus.testing.clock import coming, span_of
 from vbus.testing.in_process import Turn, connect_in_process
 from vbus.testing.limits import Limits
 from vbus.testing.tested_board import TestedBoard
@@ -115,6 +115,7 @@ class TestedMachine:
             board = node.board
             port = RecordedNodeBus
             self.tested.append(TestedBoard(board, file, source, strict, budget, covered, port))
+            board.waits = _refuse
 
         self._machine: Final = Machine(file, source, built=watch)
         self._hosts: Final = ExitStack()
@@ -204,10 +205,7 @@ class TestedMachine:
         Raises:
             VbusError: it is negative.
         """
-        length = ps_of(duration)
-        if length < 0:
-            raise VbusError(f"advance by {duration}: time does not run backwards")
-        self.run_until(self.now + length)
+        self.run_until(self.now + span_of(duration))
 
     def run_until(self, instant: int | str) -> None:
         """Let time pass to ``instant`` on all nodes, inclusive of what happens at it.
@@ -215,10 +213,7 @@ class TestedMachine:
         Raises:
             VbusError: that instant is over, or beyond the end of time.
         """
-        when = ps_of(instant)
-        if when < self.now:
-            said = f"it is {format_instant(self.now)} already"
-            raise VbusError(f"run_until {format_instant(when)}: {said}")
+        when = coming(instant, self.now)
         if when > END:
             raise VbusError(f"run_until {format_instant(when)}: time ends at {END} ps")
         with ExitStack() as excused:
@@ -262,6 +257,18 @@ class TestedMachine:
     def close(self) -> None:
         """End the hosts."""
         self._hosts.close()
+
+
+def _refuse(condition: str, within: int | str) -> NoReturn:
+    """Refuse to let time pass on one node.
+
+    Raises:
+        VbusError: always.
+    """
+    raise VbusError(
+        f'wait_until "{condition}": the time of a node is that of all nodes; advance() the machine'
+        " and look"
+    )
 
 
 class _Turn(Turn):

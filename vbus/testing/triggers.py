@@ -10,9 +10,9 @@ from vbus.board.settings import listed, suggestion
 from vbus.conditions.names import Names
 from vbus.errors import VbusError
 from vbus.kernel import MS
-from vbus.protocols.quantities import format_instant, picoseconds
+from vbus.protocols.quantities import format_instant
 from vbus.signals import Observer
-from vbus.testing.clock import WITHIN
+from vbus.testing.clock import WITHIN, ps_of
 from vbus.testing.tested_board import TestedBoard
 from vbus.trace.decode import BoardPackets, decoder_of
 from vbus.trace.packets import Packet
@@ -53,7 +53,7 @@ class Triggers:
         Raises:
             VbusError: it is over.
         """
-        when = _ps(instant)
+        when = ps_of(instant)
 
         def arm(future: asyncio.Future[int]) -> Callable[[], None]:
             if when < self._board.now:
@@ -152,7 +152,7 @@ class Triggers:
 
         def arm(future: asyncio.Future[int]) -> Callable[[], None]:
             board = self._board
-            begun, length = board.now, _ps(within)
+            begun, length = board.now, ps_of(within)
             watch = PacketWatch(condition, board, met=lambda: self._come(future, board.now))
             timer = board.kernel.onlooker(lambda: self._fail(future, not_met(watch, begun, length)))
             timer.at(begun + length)
@@ -204,7 +204,7 @@ class Triggers:
         now = self._board.now
         sentence = f"{what} has not come within {within} of chip time, since {format_instant(now)}"
         timer = self._board.kernel.onlooker(lambda: self._fail(future, sentence))
-        timer.at(now + _ps(within))
+        timer.at(now + ps_of(within))
         return timer.cancel
 
     # -- in the loop of the test ----------------------------------------------------------------
@@ -269,10 +269,3 @@ class _Edge(Observer):
         """Tell of it, if it is what is waited for."""
         if self._level in (None, level):
             self._come(when)
-
-
-def _ps(quantity: int | str) -> int:
-    try:
-        return picoseconds(quantity)
-    except ValueError as error:
-        raise VbusError(str(error)) from None

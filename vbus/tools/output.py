@@ -49,6 +49,37 @@ def scope_options(verb: Callable[..., int]) -> Callable[..., int]:
     return scope_option(verb)
 
 
+def refuse_detached(scope: str | None, detach: bool) -> None:
+    """Refuse a scope beside a run in the background.
+
+    Raises:
+        click.UsageError: both are asked for.
+    """
+    if scope is not None and detach:
+        raise click.UsageError("--scope is not for --detach; see: vbus scope NAME")
+
+
+def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
+    """Return the rate as a number."""
+    if value is None or value == "max":
+        return None if value is None else float("inf")
+    try:
+        rate = float(value)
+    except ValueError:
+        rate = 0.0
+    if not 0.001 <= rate < float("inf"):
+        raise click.BadParameter(f'"{value}" is no rate; write a number from 0.001 up, or "max"')
+    return rate
+
+
+rate_option = click.option(
+    "--rate", callback=_rate, help='Chip seconds per second of wall time, or "max".'
+)
+from_option = click.option(
+    "--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save)."
+)
+
+
 def duration(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
     """Return what an option gives as a duration in ps; None stays None."""
     from vbus.protocols.quantities import parse_duration

@@ -5,28 +5,19 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vbus.tools import exit_codes
-from vbus.tools.output import SCOPE_ADDRESS, complain, record_options, scope_options, show
+from vbus.tools.output import (
+    SCOPE_ADDRESS,
+    complain,
+    from_option,
+    rate_option,
+    record_options,
+    refuse_detached,
+    scope_options,
+    show,
+)
 
 if TYPE_CHECKING:
     from vbus.server.server import Server
-
-
-def _rate(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
-    """Return the rate as a number."""
-    if value is None or value == "max":
-        return None if value is None else float("inf")
-    try:
-        rate = float(value)
-    except ValueError:
-        rate = 0.0
-    if not 0.001 <= rate < float("inf"):
-        raise click.BadParameter(f'"{value}" is no rate; write a number from 0.001 up, or "max"')
-    return rate
-
-
-rate_option = click.option(
-    "--rate", callback=_rate, help='Chip seconds per second of wall time, or "max".'
-)
 
 
 @click.command("run")
@@ -37,7 +28,7 @@ rate_option = click.option(
     "--durable", type=click.Choice(["process", "machine"]), help="What a journal survives, whole."
 )
 @scope_options
-@click.option("--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save).")
+@from_option
 @click.option(
     "--priority",
     metavar="CLASS",
@@ -95,8 +86,7 @@ def command(
         raise click.BadParameter(str(error), param_hint="--priority") from None
     file, source = read_board_file(board)
     scope = SCOPE_ADDRESS if scope_control and scope is None else scope
-    if scope is not None and detach:
-        raise click.UsageError("--scope is not for --detach; see: vbus scope NAME")
+    refuse_detached(scope, detach)
     if scope_control and file.nodes:
         raise click.UsageError(
             "--scope-control is for boards without nodes: a node's time is that of all nodes, so no"

@@ -34,12 +34,12 @@ def boards_of(names: Sequence[str]) -> list[str]:
 
 
 def _nodes_of(machine: str) -> list[str]:
-    from vbus.server.registry import nodes_of
+    from vbus.server.registry import missing_of, nodes_of
 
     end = time.monotonic() + NODES_SECONDS
     while True:
         here = nodes_of(machine)
-        missing = sorted({name for node in here.values() for name in node["others"]} - {*here})
+        missing = missing_of(here)
         if not missing or time.monotonic() > end:
             break
         time.sleep(0.05)

@@ -9,7 +9,7 @@ from typing import Any, Final
 import click
 
 from vbus.errors import VbusError
-from vbus.nodes.machine_snapshot import HostThere, MachineSnapshot, NodePart, read, write
+from vbus.nodes.machine_snapshot import VERSION, HostThere, MachineSnapshot, NodePart, read, write
 from vbus.tools.output import seconds, show, write_file
 from vbus.version import __version__
 
@@ -25,7 +25,9 @@ def save_machine(
     Raises:
         VbusError: a node is not here, refuses, or waits.
     """
-    missing = sorted({name for node in nodes.values() for name in node["others"]} - {*nodes})
+    from vbus.server.registry import missing_of
+
+    missing = missing_of(nodes)
     if missing:
         raise VbusError(
             f"{machine}: {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} not on this"
@@ -41,7 +43,7 @@ def save_machine(
         for name, part in taken.items()
     )  # fmt: skip
     snapshot = MachineSnapshot(
-        1, machine, first["file"], first["text"], __version__, first["round"], parts
+        VERSION, machine, first["file"], first["text"], __version__, first["round"], parts
     )
     data = write(snapshot)
     write_file(file, data)
@@ -56,28 +58,21 @@ def save_machine(
 
 
 def _taken(machine: str, nodes: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Have all nodes saved at the end of one round that is still to come."""
-    from vbus.server.registry import nodes_of
+    """Have all nodes saved at the end of one round that is still to come.
 
-    refused: VbusError | None = None
+    Raises:
+        VbusError: a node refuses, or rounds have passed too fast for all to be asked in time.
+    """
+    latest = max(node.get("round", -1) for node in nodes.values())
     with ThreadPoolExecutor(len(nodes)) as asking:
         for ahead in AHEAD:
-            number = max(node.get("round", -1) for node in nodes.values()) + ahead
-            asked = {name: asking.submit(_ask, machine, name, number) for name in nodes}
-            found = {}
-            refused = None
-            for name, answer in asked.items():
-                try:
-                    found[name] = answer.result()
-                except VbusError as error:
-                    refused = error
-                    if " is past; " not in str(error):
-                        raise
-            if refused is None:
+            asked = {name: asking.submit(_ask, machine, name, latest + ahead) for name in nodes}
+            found = {name: answer.result() for name, answer in asked.items()}
+            rounds = {part["round"] for part in found.values()}
+            if len(rounds) == 1:
                 return found
-            nodes = nodes_of(machine) or nodes
-    assert refused is not None
-    raise refused
+            latest = max(rounds)
+    raise VbusError(f"{machine}: its rounds pass faster than all its nodes can be asked; try again")
 
 
 def _ask(machine: str, node: str, number: int) -> dict[str, Any]:

@@ -10,8 +10,16 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vbus.tools import exit_codes
-from vbus.tools.output import complain, record_options, scope_option, show, write_file
-from vbus.tools.run import rate_option
+from vbus.tools.output import (
+    complain,
+    from_option,
+    rate_option,
+    record_options,
+    refuse_detached,
+    scope_option,
+    show,
+    write_file,
+)
 
 if TYPE_CHECKING:
     from vbus.board.sections import BoardFile
@@ -29,7 +37,7 @@ _SECONDS: Final = click.FloatRange(0, 86_400)
 @click.option("--trace", metavar="FILE", help="Write what happened on all nodes, merged.")
 @rate_option
 @record_options
-@click.option("--from", "start", metavar="FILE", help="Go on from a snapshot (vbus snap save).")
+@from_option
 @scope_option
 @click.option(
     "--patience",
@@ -111,8 +119,7 @@ def command(
         if write != "compose" and (image or unpinned):
             raise click.UsageError("--image and --unpinned are for --write compose")
         return _write(file, machine, write, Path(output), image or "", unpinned)
-    if scope is not None and detach:
-        raise click.UsageError("--scope is not for --detach; see: vbus scope NAME")
+    refuse_detached(scope, detach)
     if metrics and len(processes) > 1 and not metrics.endswith(":0"):
         raise click.UsageError(
             f'--metrics: "{metrics}" is one page, and each of the {len(processes)} processes has'

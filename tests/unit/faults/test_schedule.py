@@ -299,7 +299,7 @@ def test_a_command_to_the_only_chip_begins_a_fault_of_a_link() -> None:
     board.run_for(0)
     assert [(e.when, e.name) for e in board.faults.log] == [(board.now, "link_closed")]
     board = build(extra='[chips.y]\npart = "MCP-1200"\nclock = "20 MHz"\nplant = "none"\n')
-    with pytest.raises(ValueError, match='when = "command DFH": a link has no command'):
+    with pytest.raises(ValueError, match='when = "command DFH": a fault of a link has no command'):
         board.faults.arm("link_closed", when="command DFH")
 
 

@@ -169,6 +169,7 @@ def test_what_makes_no_sense_is_refused_in_words() -> None:
         (lambda: machine.advance(-1), "advance by -1: time does not run backwards"),
         (lambda: machine.advance("1 parsec"), "parsec"),
         (machine.trace_hash, "no trace is running"),
+        (lambda: machine.board("left").wait_until("x.HI == 1"), "time of a node is that of all"),
         (lambda: machine.run_until(1 << 63), "time ends at"),
     ):
         with pytest.raises(VbusError) as caught:

@@ -1,0 +1,30 @@
+"""The four-chip machine: the hash of a run without any network, and a folder to run it in."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.nodes.four_chips import BOARD, scenario
+from tests.nodes.processes import Bench
+from vbus.board.config import read_board_text
+from vbus.kernel import US
+from vbus.nodes.machine import Machine
+from vbus.nodes.plan import pins_of
+from vbus.nodes.scenario import read_scenario
+
+
+@pytest.fixture(scope="module")
+def reference() -> str:
+    """The hash of a run in a single process, without any network."""
+    file, source = read_board_text(BOARD)
+    machine = Machine(file, source, read_scenario(scenario(), "s", pins_of(file), US))
+    machine.run()
+    return machine.trace_hash()
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path)
+    yield made
+    made.close()
