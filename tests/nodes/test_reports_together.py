@@ -99,3 +99,19 @@ def test_a_report_in_the_name_of_who_hears_it_is_told_and_ignored() -> None:
     asyncio.run(hear())
     assert base.failure is None
     assert said == ["node c has sent a message in the name of another"]
+
+
+def test_every_node_of_a_message_has_been_heard_of() -> None:
+    conductors = [conductor_of(FILE, SOURCE, node) for node in "ab"]
+    base = Timebase(Group(PLAN), conductors)
+
+    async def hear() -> dict[str, str]:
+        base.start(asyncio.get_running_loop())
+        reports = tuple(Report(PLAN.digest, rank, 0, 0, 0, -1, ()) for rank in (2, 3))
+        base.received(2, encode(Reports(PLAN.digest, 2, 0, reports)))
+        others: dict[str, str] = base.status(0)["others"]
+        base.stop()
+        return others
+
+    others = asyncio.run(hear())
+    assert (others["c"], others["d"]) == ("here", "here")

@@ -5,6 +5,7 @@ import json
 import random
 import threading
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import msgpack
@@ -16,10 +17,11 @@ from hypothesis import strategies as st
 
 from tests.nodes.four_chips import BOARD, scenario
 from tests.nodes.processes import Bench, ended
+from tests.nodes.test_hosts import BOARD as BOARD_WITH_HOSTS
 from vbus.board.config import read_board_text
 from vbus.client import connect
 from vbus.client.lm628 import Lm628
-from vbus.errors import SnapshotError
+from vbus.errors import SnapshotError, VbusError
 from vbus.kernel import MS, US
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import Machine
@@ -34,39 +36,10 @@ from vbus.nodes.machine_snapshot import (
 from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
 from vbus.tools.snap import save
+from vbus.tools.snap_machine import save_machine
 
-HOSTS = """\
-[board]
-name = "four"
-time = "lockstep"
-power_on = "done"
-
-[nodes.a]
-[nodes.b]
-
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "x"
-node = "a"
-
-[chips.y]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-node = "b"
-
-[plants.x]
-model = "dc_motor"
-
-[nets]
-"BRAKE" = { pins = ["x.HI", "y./RST"], delay = "1 ms" }
-
-[[hosts]]
-transport = "unix:$VBUS_RUNTIME/x.sock"
-chips = ["x"]
-awaited = true
-"""
+HOSTS = BOARD_WITH_HOSTS.replace('chips = ["y"]\nawaited = true', 'chips = ["y"]')
+"""Time waits for the host of x alone."""
 
 
 def saved(bench: Bench, groups: list[str], monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -367,3 +340,37 @@ def test_a_file_that_is_damaged_or_of_another_format_is_refused() -> None:
     lesser = msgspec.structs.replace(snapshot, nodes=snapshot.nodes[:3])
     with pytest.raises(SnapshotError, match=r"^the snapshot has no node d$"):
         machine().load(lesser)
+
+
+@pytest.mark.parametrize("until_together", [0, 1, 3, 4])
+def test_nodes_that_were_asked_too_late_for_one_round_are_asked_for_a_later_one(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, until_together: int
+) -> None:
+    asked: list[tuple[str, int]] = []
+
+    def order(board: str, do: str, **values: int) -> dict[str, object]:
+        number = values["round"]
+        asked.append((board, number))
+        late = board == "m.b" and len({n for _, n in asked}) <= until_together
+        return {
+            "round": number + 7 * late, "when_ps": 5, "file": "f", "text": "t", "hosts": [],
+            "data": "",
+        }  # fmt: skip
+
+    monkeypatch.setattr("vbus.server.registry.order", order)
+    nodes = {name: {"round": 10, "others": {}} for name in "ab"}
+    file = tmp_path / "m.snap"
+    if until_together < 4:
+        save_machine("m", nodes, file, True)
+        found = read(file.read_bytes())
+        numbers = list(dict.fromkeys(number for _, number in asked))
+        assert len(numbers) == until_together + 1
+        assert numbers[0] == 12
+        assert all(later > before + 7 for before, later in pairwise(numbers))
+        assert (found.round, [part.node for part in found.nodes]) == (numbers[-1], ["a", "b"])
+    else:
+        with pytest.raises(
+            VbusError, match=r"^m: its rounds pass faster than all its nodes can be"
+        ):
+            save_machine("m", nodes, file, True)
+        assert not file.exists()
