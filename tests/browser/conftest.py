@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from tests.browser.recordings import PAGE, Recording
+from tests.waiting import until
 
 ALL = os.environ.get("VBUS_REQUIRE_ALL") == "1"
 ADDRESS = "http://scope.test/"
@@ -94,6 +95,16 @@ def new_page(browser: Any) -> Iterator[Open]:
     assert mistakes == []
 
 
+def until_drawn(page: Any) -> None:
+    """Wait until a recording is on its page.
+
+    It is asked from here: the page's policy lets no text be evaluated by the page itself, as
+    wait_for_function() does where the first look is too early.
+    """
+    drawn = "window.scope && scope.state.read > 0 && scope.state.frames > 1"
+    until(lambda: page.evaluate(drawn), page.content)
+
+
 @pytest.fixture
 def open_recording(new_page: Open) -> Open:
     """Return what opens a recording in a page of its own."""
@@ -102,7 +113,7 @@ def open_recording(new_page: Open) -> Open:
         page = new_page(**options)
         serve(page, recording if isinstance(recording, str) else recording.page())
         page.goto(ADDRESS)
-        page.wait_for_function("window.scope && scope.state.read > 0 && scope.state.frames > 1")
+        until_drawn(page)
         return page
 
     return make

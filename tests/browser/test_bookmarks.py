@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.conftest import ADDRESS, Open, keeps_out
+from tests.browser.conftest import ADDRESS, Open, keeps_out, until_drawn
 from tests.browser.recordings import COMMAND, MS, Recording
 from tests.browser.test_live import Board
 from tests.browser.test_page import drawn, place, saved, state
@@ -79,7 +79,7 @@ def test_the_page_is_saved_anew_with_them(page: Any, new_page: Open, tmp_path: P
     (tmp_path / "saved.html").write_text(again, encoding="utf-8")
     other = new_page()
     other.goto((tmp_path / "saved.html").as_uri())
-    other.wait_for_function("window.scope && scope.state.read > 0 && scope.state.frames > 1")
+    until_drawn(other)
     assert sorted(row[2] for row in listed(other)) == sorted([HERE["text"], "</script> & more"])
     assert other.evaluate("scope.lane('x bus').rows") == 2
     other.locator("#marks-table .body .row").first.click()

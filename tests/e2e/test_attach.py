@@ -155,14 +155,15 @@ def test_a_host_is_told_that_the_board_has_gone_and_its_links_come_back_with_it(
     with ExitStack() as opened:
         with served(toy_board(), FAR["unix"]) as server:
             here = opened.enter_context(attached(link_of(server), PTY, UNIX))
-            claiming = opened.enter_context(connect(FAR["unix"].transport))
-            with claiming.claim():
-                host = opened.enter_context(socket_to(runtime / "near.sock"))
-                host.sendall(ECHO.pack(1) + CLAIM)
-                assert host.recv(2) == b"E\x01"
-                fd = open_raw(runtime / "near")
-                os.write(fd, ECHO.pack(2))
-                assert read_exactly(fd, 2) == b"E\x02"
+            holder = opened.enter_context(socket_to(runtime / "far.sock"))
+            holder.sendall(CLAIM)  # and it holds it until the board has gone
+            assert holder.recv(2) == b"C\x01"
+            host = opened.enter_context(socket_to(runtime / "near.sock"))
+            host.sendall(ECHO.pack(1) + CLAIM)
+            assert host.recv(2) == b"E\x01"
+            fd = open_raw(runtime / "near")
+            os.write(fd, ECHO.pack(2))
+            assert read_exactly(fd, 2) == b"E\x02"
         assert host.recv(9) == b""  # as from a board that stops
         assert select.select([fd], [], [], 60)[0]
         with pytest.raises(OSError, match="Input/output error"):
