@@ -48,7 +48,7 @@ class Board(Circuit):
     WIRING: ClassVar[Names] = (
         "_by_name", "_fights", "_trace", "axes", "beyond", "buses", "clock_step", "file", "limit",
         "listeners", "name", "nets", "observers", "pins", "plants", "player", "policy", "port_type",
-        "rate", "seed", "sliced", "text", "violation_policy", "waits",
+        "rate", "seed", "sliced", "text", "through", "violation_policy", "waits",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
         "_counters", "_faults", "_pin_nets", "caught", "disturbed", "hosts", "reads", "violations",
@@ -207,6 +207,8 @@ class Board(Circuit):
         """Return the whole state: time, chips with their plants, nets, pins, hosts, faults."""
         self.catch_up()
         saved: Saved = {**save(self), "parts": tuple(self.parts)}
+        if self.through is not None and self.through.remembers():
+            saved["through"] = save(self.through)
         if self._faults is not None and self._faults.all():
             saved["faults"] = save(self._faults)
         return saved
@@ -223,6 +225,8 @@ class Board(Circuit):
         """Find out which pins disagree."""
         for net in self.pin_nets:
             net.after_load()
+        if self.through is not None:
+            self.through.after_load()
 
     def state_hash(self, version: int = STATE_HASH) -> str:
         """Return the SHA-256 (hex) over :meth:`save`; version 1 is that of the first version."""

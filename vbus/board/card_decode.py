@@ -39,9 +39,10 @@ class Decoder:
         }
         self._blocks: list[GlueBlock] = []
         self._find_blocks(glue)
+        # In the order in which strobes reach them: what is on the bus itself comes before glue.
         self._driven: dict[int, Pin] = {
-            id(pin): pin for block in self._blocks for pin in block.outputs
-        } | {id(pin): pin for name, pin in bus.pins.items() if name not in ("AEN", "RESET")}
+            id(pin): pin for name, pin in bus.pins.items() if name not in ("AEN", "RESET")
+        } | {id(pin): pin for block in self._blocks for pin in block.outputs}
         self.behind: list[Chip] = [
             chip for chip in chips
             if chip is not bus and any(id(pin.net) in self._moving for pin in chip.pins.values())
@@ -177,7 +178,13 @@ class Decoder:
             self._blind(block, now, before)
             self._blind(block, later, after)
         if self.edged:
+            if not self.closed:
+                raise NotFixed("an output of a chip decides, and it may move in a cycle")
             for chip in self.edged:
+                if write and LOW in (
+                    self._pin(chip, self._strobe(chip, False), phase) for phase in (idle, under)
+                ):
+                    raise NotFixed(f"{chip.name} is strobed the other way")
                 if write and chip.bus_net is not self._data and id(chip.bus_net) in under.floating:
                     raise NotFixed(f"what was there stays on {chip.bus_net.name}")
             steps = self._steps(write, idle, under)

@@ -98,6 +98,7 @@ class CardPath(CyclePath):
             self._to(when)
             data = chip.end_read()
         kernel.settle()
+        self._tell(cycle, False, data, when)
         self._end(cycle, address, data, when)
         return data
 
@@ -115,7 +116,14 @@ class CardPath(CyclePath):
             chip.judged = True
             chip.write(cycle.places[number], data)
         self._kernel.settle()
+        self._tell(cycle, True, data, when)
         self._end(cycle, address, data, when)
+
+    def _tell(self, cycle: Cycle, write: bool, data: int, when: int) -> None:
+        """Tell of the cycles that were made at chips."""
+        through = self._board.through
+        if through is not None and cycle.chips and through.listened():
+            through.reached(when, cycle.chips, cycle.places, write, data)
 
     def _step(
         self, cycle: Cycle, steps: Steps, write: bool, address: int, data: int, when: int

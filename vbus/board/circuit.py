@@ -6,6 +6,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.board.glue_cycles import GlueCycles
 from vbus.board.interrupt_check import check_interrupts
 from vbus.board.strobe_player import StrobePlayer
 from vbus.chips.base import Chip
@@ -99,6 +100,8 @@ class Circuit:
         self._by_name: dict[str, Chip] = {}
         self.glue: Glue = Glue(self.kernel, self._swing)
         """What stands between hosts and chips: the interrupts of cards, decoders, latches."""
+        self.through: GlueCycles | None = None
+        """Sees the cycles at chips behind it; None: no chip is."""
         self.pins: list[Pin] = []
         """The chips' pins, and those of :attr:`glue`."""
         self._pin_nets: list[Net] = []
@@ -225,6 +228,8 @@ class Circuit:
         for chip in self.chips:
             chip.power_on(done)
         self.glue.start()
+        through = GlueCycles(self.kernel, self.chips, self.glue)
+        self.through = through if through.chips else None
 
     # -- looking up ---------------------------------------------------------------------------
 

@@ -230,6 +230,7 @@ class HostBus(HostPort):
         when = clock.begin(selection.cycle)
         chip = selection.chip
         if selection.path is not None:
+            self.strobes.goes_through_glue()
             data = selection.path.read(self.pins, address, when)
         elif chip is None:
             data = self._read_together(address, when)
@@ -257,6 +258,7 @@ class HostBus(HostPort):
         if not selected:
             self.clock.run_until(when)
             return self.selection.floating()
+        self.strobes.passes_glue_by()
         data = self.board.player.play(selected, self.pins, False, address, 0, when)
         self.board.meet(self.label, selected)
         return data
@@ -266,6 +268,7 @@ class HostBus(HostPort):
         board, selection, clock = self.board, self.selection, self.clock
         when = clock.begin(selection.cycle)
         if selection.path is not None:
+            self.strobes.goes_through_glue()
             selection.path.write(self.pins, address, data, when)
         elif self._kernel.observed and selection.observed():
             board.player.play(selection.selected, self.pins, True, address, data, when)
@@ -324,18 +327,16 @@ class HostBus(HostPort):
             chip.judged = self.clock.timed
 
     def _data_chip(self) -> Chip:
-        if self.selection.selected:
-            return self.selection.selected[0]
-        if self.chips:
-            return self.chips[0]
+        known = self.selection.selected or self.chips
+        if known:
+            return known[0]
         raise PortError(codes.NO_SUCH, "this session has no chip")
 
     def drive(self, data: int) -> None:
         """Drive D0-D7 of the selected chips' bus."""
         self._arrive()
         self._judge()
-        chip = self._data_chip()
-        self.pins.of(chip.data_pin).drive(data & 0xFF)
+        self.pins.of(self._data_chip().data_pin).drive(data & 0xFF)
         self._kernel.settle()
 
     def release(self) -> None:
@@ -354,15 +355,14 @@ class HostBus(HostPort):
         """Drive side pin ``number`` to 0 or 1; 2 lets go."""
         self._arrive()
         self._judge()
+        self.strobes.goes_through_glue()
         self.pins.set_side(number, level)
 
     def getpin(self, number: int) -> int:
         """Return the level of side pin ``number``."""
         side = self.pins.side(number)
         self._arrive()
-        for chip in self.chips:
-            chip.advance()
-        self._kernel.settle()
+        self.pins.output_word()  # what lazy chips drive
         return side.net.value
 
     # -- time ---------------------------------------------------------------------------------
@@ -425,6 +425,7 @@ class HostBus(HostPort):
             self.strobes.before()
             self.pins.unsolder()
             self.strobes.after()
+            self.strobes.passes_glue_by()
         finally:  # whatever happens on the board: others may wait for the claim
             self.unclaim()
             if self in self._hosts.ports:

@@ -33,7 +33,11 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
         fields = from_tuple(board, saved) if isinstance(saved, tuple) else dict(saved)
         fields.pop("parts")
         fields.pop("faults", None)
+        through = fields.pop("through", None)
         loading = plan(board, fields, "the state")
+        seen = None
+        if through is not None and board.through is not None:
+            seen = plan(board.through, through, "the state: through")
     except SnapshotError:
         if unwrap is not None:
             unwrap()
@@ -44,6 +48,8 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
     def go() -> None:
         try:
             _load(board, loading, fields["wires"], breaking)
+            if seen is not None:
+                seen.apply()
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             # A part of somebody else's, which checks nothing before.
             if before is not None:

@@ -5,8 +5,8 @@ from typing import ClassVar, Final
 
 from vbus.board import plugins
 from vbus.board.circuit import Circuit
+from vbus.board.glue_cycles import BusLines, CycleTeller
 from vbus.chips.base import Chip
-from vbus.signals import Net
 from vbus.state import Names
 from vbus.trace.bus_watch import BusWatch
 
@@ -17,11 +17,12 @@ Found = Callable[[int, str, bool, int, int], None]
 """Takes a bus cycle: instant (ps), names of the chips, write, address, byte."""
 
 
-class StrobeWatch:
+class StrobeWatch(CycleTeller):
     """Sees a host's strobes as bus cycles; cycles played by the board itself are not seen here.
 
     A cycle is told after the chip has acted on the edge that ends it. Chips of families whose bus
-    nobody has described are passed over.
+    nobody has described are passed over, and so are those behind glue: what comes to these is seen
+    there, and told here.
 
     Args:
         board: the board, whose observers are told.
@@ -38,17 +39,31 @@ class StrobeWatch:
         """Takes each cycle too, before the observers: for a journal."""
         self._board: Circuit = board
         self._label: str = label
-        self._rows: list[_Row] = []
+        self._rows: list[BusLines] = []
+        through = board.through.chips if board.through is not None else ()
         for chip in chips:
+            if chip in through:
+                continue
             follow = plugins.family(chip.FAMILY).load("bus", BusWatch)
             if follow is not None:
-                self._rows.append(_Row(chip, follow()))
+                self._rows.append(BusLines(chip, follow()))
         self._cycles: int = 0
         self._noted: bool = False
 
+    def goes_through_glue(self) -> None:
+        """What comes to chips through glue from now on comes of this host."""
+        if self._board.through is not None:
+            self._board.through.by = self
+
+    def passes_glue_by(self) -> None:
+        """This host moves what is behind the glue, or has gone."""
+        if self._board.through is not None:
+            self._board.through.by = None
+
     def before(self) -> None:
         """Lines are about to move: note how they stand, if anybody wants to know."""
-        if self.found is None and not self._board.observers:
+        self.goes_through_glue()
+        if not self.wanted():
             return
         self._noted = True
         for row in self._rows:
@@ -76,16 +91,21 @@ class StrobeWatch:
                     key = (cycle.address, cycle.data)
                     writes[key] = f"{writes[key]}+{name}" if key in writes else name
                 else:
-                    self._tell(now, name, False, cycle.address, cycle.data)
+                    self.tell(now, name, False, cycle.address, cycle.data)
         for (address, data), names in writes.items():
-            self._tell(now, names, True, address, data)
+            self.tell(now, names, True, address, data)
 
     @property
     def watches(self) -> list[BusWatch]:
         """What follows the bus of each chip."""
         return [row.watch for row in self._rows]
 
-    def _tell(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
+    def wanted(self) -> bool:
+        """Tell whether anybody wants to know of cycles."""
+        return self.found is not None or bool(self._board.observers)
+
+    def tell(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
+        """Tell of a cycle: the journal, then the observers."""
         if self.found is not None:
             self.found(when, chip, write, address, data)
         for observer in self._board.observers:
@@ -93,22 +113,3 @@ class StrobeWatch:
         self._cycles += 1
         if self._cycles % SETTLE_EVERY == 0:
             self._board.catch_up()
-
-
-class _Row:
-    """One chip: its control lines, and how they stood."""
-
-    DERIVED: ClassVar[Names] = ("*",)
-
-    def __init__(self, chip: Chip, watch: BusWatch) -> None:
-        self.chip: Chip = chip
-        self.watch: BusWatch = watch
-        self.levels: tuple[int, ...] = ()
-        self.data: int = 0
-        self._nets: list[Net] = []
-
-    def look(self) -> tuple[int, ...]:
-        """Return the levels of the control lines."""
-        if not self._nets:
-            self._nets = [self.chip.pins[name].net for name in self.watch.PINS]
-        return tuple([net.value for net in self._nets])

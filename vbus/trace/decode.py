@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from vbus.board import plugins
+from vbus.board.card_bus import CardBus
 from vbus.chips.base import Chip
 from vbus.options import Value
 from vbus.signals import Observer, Violation
@@ -31,8 +32,32 @@ class PlainPackets(Decoder):
         """Tell of nothing that is open."""
 
 
+class CardPackets(PlainPackets):
+    """For the connector of a card: each cycle with its address on the computer's bus."""
+
+    SETTINGS = ("base", "stride")
+
+    def __init__(self) -> None:
+        self._base: int = 0
+        self._stride: int = 1
+
+    def configure(self, settings: Mapping[str, object]) -> None:
+        """Take where the card is."""
+        base, stride = settings.get("base", 0), settings.get("stride", 1)
+        self._base = base if isinstance(base, int) else 0
+        self._stride = stride if isinstance(stride, int) else 1
+
+    def take(self, cycle: Cycle) -> list[Packet]:
+        """Show the cycle."""
+        way = "write" if cycle.write else "read"
+        where = self._base + cycle.address * self._stride
+        return [Packet(UNKNOWN, f"{way} {where:X}H", f"{cycle.data:02X}H", "", (cycle,))]
+
+
 def decoder_class(family: str) -> type[Decoder] | None:
     """Return what reads the bus of chips of ``family``; None if it is not known."""
+    if family == CardBus.FAMILY:
+        return CardPackets
     return plugins.family(family).load("packets", Decoder)
 
 
@@ -54,7 +79,8 @@ def settings_for_decoders(chips: Iterable[Chip]) -> dict[str, dict[str, Value]]:
     for chip in chips:
         names = (decoder_class(chip.FAMILY) or PlainPackets).SETTINGS
         if names:
-            found[chip.name] = {name: chip.settings[name] for name in names}
+            given = chip.settings
+            found[chip.name] = {name: given[name] for name in names if name in given}
     return found
 
 

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import msgspec
 
+from vbus.board.card_bus import CardBus
 from vbus.board.settings import suggestion
 from vbus.errors import VbusError
 from vbus.signals import Violation
@@ -209,7 +210,8 @@ class CoverageObserver(BoardPackets):
         settings: Mapping[str, Settings] = NO_SETTINGS,
     ) -> None:
         super().__init__(families, self._packet, settings)
-        self.coverage: Coverage = Coverage([run], {family: {} for family in families.values()})
+        chips = [family for family in families.values() if family != CardBus.FAMILY]
+        self.coverage: Coverage = Coverage([run], {family: {} for family in chips})
         self._families: dict[str, str] = families
         self._rules: dict[str, Key] = {
             item.name: item.key

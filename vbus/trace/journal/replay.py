@@ -302,8 +302,13 @@ class Replay:
             self._decode_past()
             entry = was or call
             both = [was.args if was is not None else None, now]
+            elsewhere = was is not None and now is not None and was.args[0] != now[0]
             sides = [
-                self._side(args[0], cycle := Cycle(entry.after, *args[1:]), str(cycle))
+                self._side(
+                    args[0],
+                    cycle := Cycle(entry.after, *args[1:]),
+                    f"{args[0]} {cycle}" if elsewhere else str(cycle),
+                )
                 if args is not None
                 else Side(None, None, "nothing")
                 for args in both

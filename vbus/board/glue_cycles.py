@@ -1,0 +1,147 @@
+"""Bus cycles that reach chips through glue or a card's bus, told as those of any other host."""
+
+from collections.abc import Iterable
+from typing import ClassVar
+
+from vbus.board import plugins
+from vbus.chips.base import Chip
+from vbus.glue.part import Glue
+from vbus.kernel import Kernel
+from vbus.signals import Net, Watcher
+from vbus.state import Names
+from vbus.trace.bus_watch import BusWatch
+
+
+class CycleTeller:
+    """A host, as far as cycles are told that come of what it does."""
+
+    WIRING: ClassVar[Names] = ("*",)
+
+    def wanted(self) -> bool:
+        """Tell whether anybody wants to know of them."""
+        raise NotImplementedError
+
+    def tell(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
+        """Tell of a cycle: instant (ps), names of the chips, direction, address, byte."""
+        raise NotImplementedError
+
+
+class GlueCycles:
+    """Sees the cycles at chips of which glue or a connector drives a strobe or the select.
+
+    Hosts move lines before the glue, or a card's bus; what comes of that at a chip is a cycle of
+    the host that moved something last. Chips written at one instant are written together. Cycles
+    of families whose bus nobody has described are not seen.
+
+    Args:
+        kernel: the board's time.
+        chips: all chips of the board, with all their wires.
+        glue: its glue.
+
+    Attributes:
+        chips: those chips.
+        by: who moves something now; None: a host that reaches the chips themselves.
+    """
+
+    STATE: ClassVar[Names] = ("watches: parts",)
+    WIRING: ClassVar[Names] = ("_kernel", "by", "chips", "rows")
+
+    def __init__(self, kernel: Kernel, chips: Iterable[Chip], glue: Glue) -> None:
+        self._kernel: Kernel = kernel
+        self.by: CycleTeller | None = None
+        self.rows: list[BusLines] = []
+        chips = list(chips)
+        connectors = {id(pin.net) for chip in chips if chip.CONNECTOR for pin in chip.pins.values()}
+        decoded = glue.behind(chips)
+        self.chips: list[Chip] = [
+            chip for chip in chips
+            if not chip.CONNECTOR
+            and (
+                chip in decoded
+                or any(id(p.net) in connectors for p in chip.bus_pins if p is not chip.data_pin)
+            )
+        ]  # fmt: skip
+        watcher = Watcher(kernel, self._moved)
+        for chip in self.chips:
+            follow = plugins.family(chip.FAMILY).load("bus", BusWatch)
+            if follow is None:
+                continue
+            row = BusLines(chip, follow())
+            row.levels = row.look()
+            self.rows.append(row)
+            for net in row.nets:
+                if watcher not in net.watchers:
+                    net.watch(watcher)
+
+    @property
+    def watches(self) -> list[BusWatch]:
+        """What follows the bus of each chip."""
+        return [row.watch for row in self.rows]
+
+    def remembers(self) -> bool:
+        """Tell whether earlier edges decide about cycles to come: a latched address, say."""
+        return any(row.watch.save() for row in self.rows)
+
+    def after_load(self) -> None:
+        """The nets have been loaded: edges are counted from here."""
+        for row in self.rows:
+            row.levels = row.look()
+
+    def listened(self) -> bool:
+        """Tell whether anybody wants to know of what the present host does."""
+        return self.by is not None and self.by.wanted()
+
+    def reached(
+        self, when: int, chips: list[Chip], places: list[int], write: bool, data: int
+    ) -> None:
+        """Tell of a cycle that was made at chips without moving their lines."""
+        assert self.by is not None
+        told: dict[int, list[str]] = {}
+        for chip, place in zip(chips, places, strict=True):
+            told.setdefault(place, []).append(chip.name)
+        for place, names in told.items():
+            self.by.tell(when, "+".join(names), write, place, data)
+
+    def _moved(self) -> None:
+        now = self._kernel.now
+        by = self.by if self.listened() else None
+        writes: dict[tuple[int, int], list[str]] = {}
+        for row in self.rows:
+            before, row.levels = row.levels, row.look()
+            if before == row.levels:
+                continue
+            data = row.chip.bus_net.before
+            for cycle in row.watch.edges(now, before, row.levels, data, data):
+                if by is None:
+                    continue
+                if cycle.write:
+                    writes.setdefault((cycle.address, cycle.data), []).append(row.chip.name)
+                else:
+                    by.tell(now, row.chip.name, False, cycle.address, cycle.data)
+        for (address, data), names in writes.items():
+            if by is not None:
+                by.tell(now, "+".join(names), True, address, data)
+
+
+class BusLines:
+    """The control lines of one chip, and how they stood."""
+
+    DERIVED: ClassVar[Names] = ("*",)
+
+    def __init__(self, chip: Chip, watch: BusWatch) -> None:
+        self.chip: Chip = chip
+        self.watch: BusWatch = watch
+        self.levels: tuple[int, ...] = ()
+        self.data: int = 0
+        self._nets: list[Net] = []
+
+    @property
+    def nets(self) -> list[Net]:
+        """The control lines, in the order of the watch."""
+        if not self._nets:
+            self._nets = [self.chip.pins[name].net for name in self.watch.PINS]
+        return self._nets
+
+    def look(self) -> tuple[int, ...]:
+        """Return the levels of the control lines."""
+        return tuple([net.value for net in self.nets])
