@@ -13,6 +13,8 @@ from vbus.signals import HIGH, LOW, Guard, Z
 from vbus.state import Names
 
 ISA: Final = "ISA"
+CONNECTOR: Final = "card"
+"""What stands in the place of a chip family where a connector is told of."""
 CLOCK: Final = 8_333_333
 SETUP: Final = 100 * NS
 HOLD: Final = 30 * NS
@@ -48,7 +50,7 @@ class CardBus(Chip):
     :class:`~vbus.board.card_path.CardPath`.
     """
 
-    FAMILY = "card"
+    FAMILY = CONNECTOR
     CONNECTOR = True
     ADDRESS_BITS = 8
     AXES = 0

@@ -5,7 +5,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from vbus.board import plugins
-from vbus.board.card_bus import CardBus
+from vbus.board.card_bus import CONNECTOR
 from vbus.chips.base import Chip
 from vbus.options import Value
 from vbus.signals import Observer, Violation
@@ -56,7 +56,7 @@ class CardPackets(PlainPackets):
 
 def decoder_class(family: str) -> type[Decoder] | None:
     """Return what reads the bus of chips of ``family``; None if it is not known."""
-    if family == CardBus.FAMILY:
+    if family == CONNECTOR:
         return CardPackets
     return plugins.family(family).load("packets", Decoder)
 

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import msgspec
 
-from vbus.board.card_bus import CardBus
+from vbus.board.card_bus import CONNECTOR
 from vbus.board.settings import suggestion
 from vbus.errors import VbusError
 from vbus.signals import Violation
@@ -210,7 +210,7 @@ class CoverageObserver(BoardPackets):
         settings: Mapping[str, Settings] = NO_SETTINGS,
     ) -> None:
         super().__init__(families, self._packet, settings)
-        chips = [family for family in families.values() if family != CardBus.FAMILY]
+        chips = [family for family in families.values() if family != CONNECTOR]
         self.coverage: Coverage = Coverage([run], {family: {} for family in chips})
         self._families: dict[str, str] = families
         self._rules: dict[str, Key] = {
