@@ -11,11 +11,11 @@ from vbus.board.board import Board
 from vbus.board.card_bus import CLOCK, CardBus
 from vbus.board.card_interrupt import ACK, INT, add_interrupt
 from vbus.board.card_path import CardPath
+from vbus.board.card_section import SIGNALS
 from vbus.board.config import read_board_file, read_board_text
 from vbus.board.glue_plan import plan_glue
 from vbus.board.sections import (
     RESTS,
-    SIGNALS,
     BoardFile,
     HostSection,
     NetSection,
@@ -125,7 +125,9 @@ def _card_buses(board: Board, file: BoardFile) -> None:
     chips = tuple(board.chips)
     for card in file.cards:
         if card.bus:
-            settings = {"base": card.base, "strobe": card.strobe, "hold": card.hold}
+            settings: dict[str, Value] = {
+                option.name: getattr(card, option.name) for option in CardBus.OPTIONS
+            }
             made = board.add_chip(CardBus, card.name, card.bus, CLOCK, settings)
             assert isinstance(made, CardBus)
             made.chips = chips
@@ -154,7 +156,7 @@ def _glue(board: Board, file: BoardFile, source: Source) -> list[NetSection]:
         for pin, level in part.tied.items():
             tied = Net(board.kernel, f"{part.name}.{pin}", rest=level)
             borrowed[pin] = tied.solder(pin), 0
-        board.add_glue(part.name, part.pin_rows, part.blocks, borrowed, part.delay)
+        board.add_glue(part.name, part.pin_rows, part.blocks, borrowed, part.delay, part.inner)
     board.glue.order = plan.order
     return plan.nets
 

@@ -1,25 +1,22 @@
 """A card's bus connector: whole cycles at addresses of the card become strobes on its lines."""
 
+from collections.abc import Callable
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
+from vbus.board.card_buses import BUSES, DATA, LATCH, BusRow
 from vbus.board.host_pins import HostPins
 from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
-from vbus.kernel import NEVER, NS
-from vbus.options import Option
-from vbus.signals import HIGH, LOW, Guard, Z
+from vbus.kernel import NEVER, Clock, Kernel
+from vbus.options import Option, Settings
+from vbus.signals import HIGH, LOW, Guard, Pin, Policy, Violation, Z
 from vbus.state import Names
 
-ISA: Final = "ISA"
 CONNECTOR: Final = "card"
 """What stands in the place of a chip family where a connector is told of."""
 CLOCK: Final = 8_333_333
-SETUP: Final = 100 * NS
-HOLD: Final = 30 * NS
-FLOATING: Final = 0xFF
-ADDRESS_LINES: Final = 16
 MOST: Final = 256
 """Addresses of one card: requests carry eight bits."""
 
@@ -41,35 +38,82 @@ class CyclePath(Guard):
 
 
 class CardBus(Chip):
-    """What a card has of the computer's bus: A0 to A15, D0-D7, /IOR, /IOW, AEN and RESET.
+    """What a card has of the computer's bus, such as A0 to A19, D0-D7, /IOR and /IOW of ISA.
 
-    It answers nothing by itself: address ``n`` of a cycle is the card's base and n on the address
-    lines, and the byte read is what stands on D0-D7 as ``/IOR`` rises. Address and data are there
-    before the strobe falls and after it rises. Cycles are strobes on wires that glue and chips
-    listen to; where what comes of them is known beforehand, they are made at the chips: see
+    It answers nothing by itself: address ``n`` of a cycle is the card's base and n strides on the
+    address lines, and the byte read is what stands on D0-D7 as the strobe rises. Address and data
+    are there before the strobe falls and after it rises. Cycles are strobes on wires that glue and
+    chips listen to; where what comes of them is known beforehand, they are made at the chips: see
     :class:`~vbus.board.card_path.CardPath`.
+
+    Attributes:
+        row: which bus it is.
+        read_strobe: the strobe of its reads.
+        write_strobe: that of its writes.
+        moving: the lines that its cycles may move.
     """
 
     FAMILY = CONNECTOR
     CONNECTOR = True
     ADDRESS_BITS = 8
     AXES = 0
-    PARTS = (ISA,)
-    PINS = (
-        *(PinRow(f"A{n}", "in", rest=LOW, title="address") for n in range(ADDRESS_LINES)),
-        PinRow("/IOR", "in", strobe=True, title="a read is under way while it is low"),
-        PinRow("/IOW", "in", strobe=True, title="a write is under way while it is low"),
-        PinRow("D0-D7", "io", rest=FLOATING, width=8, title="data, pulled high"),
-        PinRow("AEN", "in", rest=LOW, title="high while addresses are those of DMA"),
-        PinRow("RESET", "in", rest=LOW, title="reset of the whole bus, active high"),
-    )
+    PARTS = tuple(BUSES)
     OPTIONS = (
-        Option("base", "count", 0, "address of the card's first port", low=0, high=0xFFFF),
-        Option("strobe", "s", 500 * NS, "how long a strobe is low", low=1),
-        Option("hold", "s", HOLD, "how long written data stays after the strobe", low=0),
+        Option("base", "count", 0, "address of the card's first port", low=0, high=0xFFFFFF),
+        Option("stride", "count", 1, "distance between ports that are neighbours", low=1),
+        Option("memory", "flag", False, "whether its addresses are memory"),
+        Option("setup", "s", 0, "how long address and data stand before it; 0: as usual", low=0),
+        Option("strobe", "s", 0, "how long a strobe is low; 0: as usual", low=0),
+        Option("wait_states", "count", 0, "bus clocks by which strobes are longer", low=0),
+        Option("hold", "s", 0, "how long written data stays; 0: as usual", low=0),
     )
     STATE: ClassVar[Names] = ("free_at: i64",)
-    WIRING: ClassVar[Names] = ("chips", "path")
+    WIRING: ClassVar[Names] = (
+        "address_pins", "chips", "hold_ps", "low_ps", "moving", "path", "read_strobe", "row",
+        "setup_ps", "write_strobe",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        name: str,
+        part: str,
+        kernel: Kernel,
+        clock: Clock,
+        settings: Settings | None = None,
+        policy: Policy | None = None,
+        file: Callable[[Violation], None] | None = None,
+    ) -> None:
+        self.row: BusRow = BUSES[part]
+        super().__init__(name, part, kernel, clock, settings, policy, file)
+        row, given = self.row, self.settings
+        strobes = row.memory if given["memory"] or not row.ports else row.ports
+        self.read_strobe, self.write_strobe = strobes
+        self.address_pins: list[Pin] = [self.pins[line] for line in row.address]
+        self.moving: dict[str, Pin] = {
+            line: pin for line, pin in self.pins.items()
+            if line not in row.steady and (line not in row.strobes or line in strobes)
+        }  # fmt: skip
+        self.low_ps: int = (int(given["strobe"]) or row.strobe) + int(
+            given["wait_states"]
+        ) * row.wait
+        """How long a strobe is low (ps)."""
+        self.setup_ps: int = int(given["setup"]) or row.setup
+        """How long address and data stand before it (ps)."""
+        self.hold_ps: int = int(given["hold"]) or row.hold
+        """How long written data stays after it (ps)."""
+
+    def pins_of(self, part: str) -> tuple[PinRow, ...]:
+        """Return the lines of a bus."""
+        return BUSES[part].pins
+
+    def where(self, address: int) -> int:
+        """Return what the address lines carry in a cycle at ``address``."""
+        return int(self.settings["base"]) + address * int(self.settings["stride"])
+
+    @property
+    def latches(self) -> bool:
+        """Whether anything is wired to the address latch enable: D0-D7 carry the address then."""
+        return self.row.latched and len(self.pins[LATCH].net.pins) > 1
 
     chips: tuple[Chip, ...] = ()
     """The chips of the board, which show what they drive when somebody looks."""
@@ -105,14 +149,23 @@ class CardBus(Chip):
 
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
         """Return the edges of a whole cycle."""
-        low = int(self.settings["strobe"])
-        where = int(self.settings["base"]) + address
-        strobe = "/IOW" if write else "/IOR"
-        edges = [(-low - SETUP, f"A{n}", where >> n & 1) for n in range(ADDRESS_LINES)]
-        edges += [(-low - SETUP, name, HIGH) for name in ("/IOR", "/IOW")]
+        low, setup, where, row = self.low_ps, self.setup_ps, self.where(address), self.row
+        begin = -low - setup
+        strobe = self.write_strobe if write else self.read_strobe
+        edges = [(begin, line, where >> n & 1) for n, line in enumerate(row.address)]
+        edges += [(begin, name, HIGH) for name in (self.read_strobe, self.write_strobe)]
+        stands = begin
+        if self.latches:
+            stands = -low - setup // 4
+            edges += [
+                (begin, DATA, where & 0xFF), (begin, LATCH, HIGH),
+                (-low - setup // 2, LATCH, LOW),
+            ]  # fmt: skip
+            if not write:
+                edges.append((stands, DATA, Z))
         if write:
-            edges.append((-low - SETUP, "D0-D7", data))
+            edges.append((stands, DATA, data))
         edges += [(-low, strobe, LOW), (0, strobe, HIGH)]
         if write:
-            edges.append((int(self.settings["hold"]), "D0-D7", Z))
+            edges.append((self.hold_ps, DATA, Z))
         return edges

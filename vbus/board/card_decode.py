@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import product
 
-from vbus.board.card_bus import ADDRESS_LINES, CardBus
+from vbus.board.card_bus import CardBus
+from vbus.board.card_buses import LATCH
 from vbus.board.card_cycle import Cycle, NotFixed, Phase, Rest
 from vbus.board.card_edges import Steps, steps_of
 from vbus.board.card_timing import MOST_UNKNOWN, CardTiming, has_clock, outputs, pin_of
@@ -34,15 +35,13 @@ class Decoder:
     def __init__(self, bus: CardBus, glue: Glue, chips: list[Chip]) -> None:
         self._bus: CardBus = bus
         self._data: Net = bus.bus_net
-        self._moving: dict[int, Net] = {
-            id(pin.net): pin.net for name, pin in bus.pins.items() if name not in ("AEN", "RESET")
-        }
+        self._moving: dict[int, Net] = {id(pin.net): pin.net for pin in bus.moving.values()}
         self._blocks: list[GlueBlock] = []
         self._find_blocks(glue)
         # In the order in which strobes reach them: what is on the bus itself comes before glue.
-        self._driven: dict[int, Pin] = {
-            id(pin): pin for name, pin in bus.pins.items() if name not in ("AEN", "RESET")
-        } | {id(pin): pin for block in self._blocks for pin in block.outputs}
+        self._driven: dict[int, Pin] = {id(pin): pin for pin in bus.moving.values()} | {
+            id(pin): pin for block in self._blocks for pin in block.outputs
+        }
         self.behind: list[Chip] = [
             chip for chip in chips
             if chip is not bus and any(id(pin.net) in self._moving for pin in chip.pins.values())
@@ -163,7 +162,9 @@ class Decoder:
 
     def _cycle(self, address: int, write: bool) -> Cycle:
         idle = self._phase(address, "", {})
-        under = self._phase(address, "/IOW" if write else "/IOR", idle.nets)
+        under = self._phase(
+            address, self._bus.write_strobe if write else self._bus.read_strobe, idle.nets
+        )
         for net in self._moving.values():
             if id(net) in idle.floating and (net.width == 1 or net is self._data):
                 raise NotFixed(f"nobody drives {net.name}")
@@ -272,9 +273,11 @@ class Decoder:
     def _phase(self, address: int, strobe: str, before: Mapping[int, int]) -> Phase:
         """Return the levels while an address stands, and maybe a strobe is low."""
         bus = self._bus
-        where = int(bus.settings["base"]) + address
-        pins = {id(bus.pins[f"A{n}"]): where >> n & 1 for n in range(ADDRESS_LINES)}
-        pins |= {id(bus.pins[name]): HIGH for name in ("/IOR", "/IOW")}
+        where = bus.where(address)
+        pins = {id(pin): where >> n & 1 for n, pin in enumerate(bus.address_pins)}
+        pins |= {id(bus.pins[name]): HIGH for name in (bus.read_strobe, bus.write_strobe)}
+        if bus.row.latched:
+            pins[id(bus.pins[LATCH])] = LOW
         pins[id(bus.data_pin)] = Z
         if strobe:
             pins[id(bus.pins[strobe])] = LOW

@@ -92,8 +92,8 @@ class Edges:
         self._kernel: Kernel = kernel
         self._player: StrobePlayer = player
         self._bus: CardBus = bus
-        self._low: int = int(bus.settings["strobe"])
-        self._hold: int = int(bus.settings["hold"])
+        self._low: int = bus.low_ps
+        self._hold: int = bus.hold_ps
         self.chips: list[Chip] = chips
         self.nets: list[Net] = nets
         self.moving: bool = False

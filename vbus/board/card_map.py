@@ -6,9 +6,11 @@ from itertools import groupby
 
 from vbus.board.board import Board
 from vbus.board.build import card_of
-from vbus.board.card_bus import ADDRESS_LINES, CardBus
+from vbus.board.card_bus import CardBus
+from vbus.board.card_section import CardSection
+from vbus.board.card_timing import has_clock
 from vbus.board.pin_maps import ADDRESS, READ, SELECT, WRITE, roles
-from vbus.board.sections import BoardFile, CardSection
+from vbus.board.sections import BoardFile
 from vbus.chips.base import Chip
 from vbus.kernel import NS
 from vbus.signals import HIGH, LOW, Pin, Z
@@ -79,10 +81,13 @@ def remarks(file: BoardFile, board: Board, found: list[Answer]) -> Iterator[str]
         reached = {one.partition(".")[0] for a in mine for one in (*a.reads, *a.writes)}
         for chip in board.glue.behind(board.chips):
             if chip.bus_net is bus.bus_net and chip.name not in reached:
+                last = card.base + (card.size - 1) * card.stride
+                select = [chip.pins[p].net for p, role in roles(chip).items() if role == SELECT]
+                kept = any(map(has_clock, board.glue.leading_to(select)))
+                as_they_stand = " as the registers stand after power-on" if kept else ""
                 yield (
                     f'[cards.{card.name}]: chip "{chip.name}" is never selected at'
-                    f" {card.base:X}H to {card.base + card.size - 1:X}H; look at what drives its"
-                    " select"
+                    f" {card.base:X}H to {last:X}H{as_they_stand}; look at what drives its select"
                 )
 
 
@@ -111,22 +116,22 @@ def _tried(file: BoardFile, card: CardSection, board: Board) -> Iterator[Answer]
     chips = [chip for chip in board.chips if chip is not bus]
     known = {chip.name: roles(chip) for chip in chips}
     board.run_for(wait)
-    for address in range(card.base, card.base + card.size):
-        for line in range(ADDRESS_LINES):
-            hands[f"A{line}"].drive(address >> line & 1)
+    for address in range(card.base, card.base + card.size * card.stride, card.stride):
+        for line, name in enumerate(bus.row.address):
+            hands[name].drive(address >> line & 1)
         answers = []
         for write in (False, True):
             who: dict[str, None] = {}
             for data in (0xFF, 0x00) if write else (Z,):
                 hands["D0-D7"].drive(data)
                 before = _held(board)
-                _strobe(board, hands["/IOW" if write else "/IOR"], LOW, wait)
+                _strobe(board, hands[bus.write_strobe if write else bus.read_strobe], LOW, wait)
                 for chip in chips:
                     if _selected(chip, known[chip.name], write):
                         who[f"{chip.name}.{_address(chip, known[chip.name]):X}"] = None
                 if not write:
                     who |= dict.fromkeys(_drivers(board, bus))
-                _strobe(board, hands["/IOW" if write else "/IOR"], HIGH, wait)
+                _strobe(board, hands[bus.write_strobe if write else bus.read_strobe], HIGH, wait)
                 if write:
                     after = _held(board)
                     who |= {name: None for name in after if after[name] != before[name]}

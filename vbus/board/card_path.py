@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from mypy_extensions import i64
 
-from vbus.board.card_bus import SETUP, CardBus, CyclePath
+from vbus.board.card_bus import CardBus, CyclePath
 from vbus.board.card_cycle import Cycle, Rest
 from vbus.board.card_decode import Decoder
 from vbus.board.card_edges import Edges, Steps
@@ -37,9 +37,9 @@ class CardPath(CyclePath):
         self._board: Circuit = board
         self._kernel = board.kernel
         self._bus: CardBus = bus
-        self._low: int = int(bus.settings["strobe"])
-        self._lead: int = self._low + SETUP
-        self._hold: int = int(bus.settings["hold"])
+        self._low: int = bus.low_ps
+        self._lead: int = self._low + bus.setup_ps
+        self._hold: int = bus.hold_ps
         self._decoder: Decoder = Decoder(bus, board.glue, board.chips)
         self._recovery: int = max([self._hold, *(c.cycle_ps for c in self._decoder.behind)])
         self._closed: bool = self._decoder.closed
@@ -191,12 +191,12 @@ class CardPath(CyclePath):
             self._owed = cycle.rest
             return
         # The cycle itself has moved a wire that decides: the address stands as ever.
-        where = int(self._bus.settings["base"]) + address
-        for name, pin in self._bus.pins.items():
-            if name in ("/IOR", "/IOW"):
-                pin.drive(HIGH)
-            elif name[0] == "A" and name != "AEN":
-                pin.drive(where >> int(name[1:]) & 1)
+        bus = self._bus
+        where = bus.where(address)
+        for strobe in (bus.read_strobe, bus.write_strobe):
+            bus.pins[strobe].drive(HIGH)
+        for line, pin in enumerate(bus.address_pins):
+            pin.drive(where >> line & 1)
         self._kernel.settle()
 
     def _play(self, pins: HostPins, write: bool, address: int, data: int, when: int) -> int:
@@ -234,11 +234,9 @@ class CardPath(CyclePath):
 
     def _idle(self) -> bool:
         """Whether no strobe is low and nobody drives the data bus."""
-        pins = self._bus.pins
-        return (
-            pins["/IOR"].net.value == 1 and pins["/IOW"].net.value == 1
-            and not self._bus.bus_net.driven
-        )  # fmt: skip
+        bus = self._bus
+        strobes = (bus.pins[bus.read_strobe], bus.pins[bus.write_strobe])
+        return all(pin.net.value == HIGH for pin in strobes) and not bus.bus_net.driven
 
     def touched(self) -> None:
         """A pin on one of the wires moves, or somebody begins to listen."""

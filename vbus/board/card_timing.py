@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from itertools import product
 from typing import Final
 
-from vbus.board.card_bus import SETUP, CardBus
+from vbus.board.card_bus import CardBus
 from vbus.board.pin_maps import READ, WRITE
 from vbus.chips.base import Chip
 from vbus.glue import logic
@@ -66,6 +66,8 @@ class CardTiming:
         """Say why cycles are played, whatever address: chips of another kind, slow glue."""
         if any(block.row.holds for block in self._blocks):
             return "a reset follows the bus"
+        if self._bus.latches:
+            return "the address comes on D0-D7 first"
         wait = self._longest()
         edged = [chip for chip in self._behind if chip.on_levels is None]
         if edged:
@@ -77,12 +79,12 @@ class CardTiming:
                 edges = chip.strobes(write, 0, 0)
                 strobe = pin_of(self._roles[chip.name], WRITE if write else READ)
                 fall = next(offset for offset, pin, _ in edges if pin == strobe)
-                if SETUP - wait < fall - edges[0][0]:
+                if self._bus.setup_ps - wait < fall - edges[0][0]:
                     return f"the glue takes {wait} ps, so that {chip.name} has no set-up time left"
-                if -fall > int(self._bus.settings["strobe"]):
+                if -fall > self._bus.low_ps:
                     return f"the strobe is shorter than {chip.name} needs it"
                 data = [offset for offset, pin, _ in edges if pin == chip.data_pin.name]
-                if write and data and data[-1] > int(self._bus.settings["hold"]):
+                if write and data and data[-1] > self._bus.hold_ps:
                     return f"written data is not held as long as {chip.name} needs it"
         return self._glitch() if wait else ""
 
@@ -100,7 +102,7 @@ class CardTiming:
     def _glitch(self) -> str:
         """Say whether an address that changes could reach a clock or a strobe through delays."""
         known: dict[int, int | None] = dict.fromkeys(self._moving)
-        for name in ("/IOR", "/IOW"):
+        for name in (self._bus.read_strobe, self._bus.write_strobe):
             known[id(self._bus.pins[name].net)] = HIGH
         for block in self._blocks:
             for pin, level in zip(block.outputs, self._ternary(block, known), strict=True):

@@ -3,13 +3,14 @@
 from collections.abc import Hashable
 
 from vbus.board import cards, circuit, plugins
-from vbus.board.glue_checks import check_card_bus, check_glue
+from vbus.board.card_section import ACCESSES, CardSection
+from vbus.board.glue_checks import check_card_bus, check_card_without_bus, check_glue
 from vbus.board.metrics_checks import check_metrics
 from vbus.board.network_checks import NETWORK_SCHEME, check_network
 from vbus.board.node_checks import NodeChecks
 from vbus.board.pin_map_checks import PinMapChecks
 from vbus.board.scope_checks import check_scope
-from vbus.board.sections import ACCESSES, NO_PLANT, BoardFile, CardSection, ChipSection
+from vbus.board.sections import NO_PLANT, BoardFile, ChipSection
 from vbus.board.serial_checks import check_serial
 from vbus.board.settings import listed, quoted, rule_hint, rule_names, suggestion
 from vbus.board.source import Source
@@ -224,10 +225,8 @@ class _Checks:
         path: Path = ("cards", card.name)
         if card.bus:
             check_card_bus(card, self._known["chips"], self._file.glue, self._source)
-        elif bool(card.ports) == bool(card.decode):
-            self._source.fail(path, 'a card has either "decode" and "chips", or a list of "ports"')
-        elif card.pins:
-            self._source.fail((*path, "pins"), 'pins are those of a bus; write bus = "ISA"')
+        else:
+            check_card_without_bus(card, self._source)
         for place, name in enumerate(card.chips):
             if self._exists((*path, "chips", place), "chips", name) and name in self._parts:
                 self._decode(card, (*path, "decode"), self._parts[name])

@@ -154,9 +154,10 @@ class Circuit:
         blocks: Iterable[Block],
         borrowed: Mapping[str, Input],
         delay: int = 0,
+        inner: tuple[PinRow, ...] = (),
     ) -> GluePart:
         """Put a part of glue on the board; see :class:`~vbus.glue.part.GluePart`."""
-        made = GluePart(self.kernel, name, pin_rows, blocks, delay, borrowed)
+        made = GluePart(self.kernel, name, pin_rows, blocks, delay, borrowed, inner)
         self.glue.add(made)
         for pin in made.pins.values():
             self.pins.append(pin)

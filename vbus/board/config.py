@@ -9,6 +9,7 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from vbus.board import checks, plugins, sections
+from vbus.board.card_section import NO_PORT, CardPortSection, CardRegisterSection, CardSection
 from vbus.board.fault_checks import check_fault
 from vbus.board.glue_section import GlueSection
 from vbus.board.network_checks import check_zenoh
@@ -152,17 +153,17 @@ class _Reader:
         self._source.fail(path, f"found {quoted(value)}; this is a table of keys")
         return None
 
-    def _named(self, kind: str) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Give the tables ``[kind.NAME]`` whose name may stand in ``"name.pin"``."""
-        section = self._table((kind,), self._data) or {}
+    def _named(self, path: Path, tables: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Give the tables ``[KIND.NAME]`` whose name may stand in ``"name.pin"``."""
+        section = self._table(path, tables) or {}
         for name in section:
             if not NAME_FORM.fullmatch(name):
                 self._source.fail(
-                    (kind, name),
+                    (*path, name),
                     "a name begins with a letter and goes on with letters, digits, - and _",
                 )
                 continue
-            table = self._table((kind, name), section)
+            table = self._table((*path, name), section)
             if table is not None:
                 yield name, table
 
@@ -235,7 +236,7 @@ class _Reader:
         self, kind: str, read: Callable[[str, dict[str, Any]], _Section | None]
     ) -> tuple[_Section, ...]:
         """Return what could be read of the tables ``[kind.NAME]``."""
-        found = [read(name, table) for name, table in self._named(kind)]
+        found = [read(name, table) for name, table in self._named((kind,), self._data)]
         return tuple(one for one in found if one is not None)
 
     def _plain(self, kind: str, section: type[_Section]) -> tuple[_Section, ...]:
@@ -361,23 +362,34 @@ class _Reader:
                 if pins is not None:
                     yield sections.NetSection(name=name, pins=pins)
 
-    def _card(self, name: str, table: dict[str, Any]) -> sections.CardSection | None:
+    def _card(self, name: str, table: dict[str, Any]) -> CardSection | None:
         path = ("cards", name)
         rows = table.get("ports", [])
-        ports = self._array(sections.CardPortSection, (*path, "ports"), rows)
-        known = tuple(port or sections.NO_PORT for port in ports)
-        pins = self._wires(path, table)
+        ports = self._array(CardPortSection, (*path, "ports"), rows)
+        known = tuple(port or NO_PORT for port in ports)
+        pins, selects = self._wires(path, table), self._wires(path, table, "selects")
+        registers = [
+            self._register((*path, "registers", one), one, keys)
+            for one, keys in self._named((*path, "registers"), table)
+        ]
         read = self._keys(
-            sections.CardSection, table, path, (), ("ports", "pins"), name=name, ports=known,
-            pins=pins or {},
+            CardSection, table, path, (), ("ports", "pins", "selects", "registers"), name=name,
+            ports=known, pins=pins or {}, selects=selects or {},
+            registers=tuple(one for one in registers if one is not None),
         )  # fmt: skip
         return read if isinstance(rows, list) and pins is not None else None
 
-    def _wires(self, path: Path, table: dict[str, Any]) -> dict[str, tuple[str, ...]] | None:
-        """Read the table ``pins``: names by name; one needs no list."""
-        pins = self._table((*path, "pins"), table) or {}
+    def _register(self, path: Path, name: str, table: dict[str, Any]) -> CardRegisterSection | None:
+        pins = self._wires(path, table) or {}
+        return self._keys(CardRegisterSection, table, path, (), ("pins",), name=name, pins=pins)
+
+    def _wires(
+        self, path: Path, table: dict[str, Any], key: str = "pins"
+    ) -> dict[str, tuple[str, ...]] | None:
+        """Read a table of names by name; one needs no list."""
+        pins = self._table((*path, key), table) or {}
         wires = {
-            bit: self._names((*path, "pins", bit), [value] if isinstance(value, str) else value)
+            bit: self._names((*path, key, bit), [value] if isinstance(value, str) else value)
             for bit, value in pins.items()
         }
         whole = {bit: targets for bit, targets in wires.items() if targets is not None}

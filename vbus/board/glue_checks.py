@@ -2,12 +2,15 @@
 
 from collections.abc import Iterable, Mapping
 
-from vbus.board.card_bus import ADDRESS_LINES, CardBus
+from vbus.board.card_buses import BUSES
 from vbus.board.card_interrupt import ACK, INT
+from vbus.board.card_parts import names_of
+from vbus.board.card_section import CardSection
 from vbus.board.glue_plan import plan_glue
 from vbus.board.glue_section import GlueSection
-from vbus.board.sections import BoardFile, CardSection
+from vbus.board.sections import BoardFile
 from vbus.board.source import Source
+from vbus.board.toml_lines import Path
 from vbus.chips.base import Chip
 
 
@@ -26,15 +29,17 @@ def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> No
             rows |= {f"{card.name}.{row.name}": row for row in (INT, ACK)}
             taken.setdefault(card.name, f"the interrupt of [cards.{card.name}]")
         if card.bus:
-            rows |= {f"{card.name}.{row.name}": row for row in CardBus.PINS}
+            rows |= {f"{card.name}.{row.name}": row for row in BUSES[card.bus].pins}
             taken.setdefault(card.name, f"[cards.{card.name}]")
     taken |= {bus.name: f"[buses.{bus.name}]" for bus in file.buses}
-    for section in file.glue:
-        if section.name in taken:
+    named: list[tuple[Path, str]] = [(("glue", part.name), part.name) for part in file.glue]
+    named += [place for card in file.cards if card.bus for place in names_of(card)]
+    for path, name in named:
+        if name in taken:
             source.fail(
-                ("glue", section.name),
-                f"{taken[section.name]} has this name too, and pins of its own; choose another",
+                path, f"{taken[name]} has this name too, and pins of its own; choose another"
             )
+        taken[name] = f"[{'.'.join(map(str, path))}]"
     if file.nodes:
         source.fail(
             ("glue",) if file.glue else ("cards",),
@@ -44,6 +49,17 @@ def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> No
     plan_glue(file, rows, source.fail)
 
 
+def check_card_without_bus(card: CardSection, source: Source) -> None:
+    """Check a card of which a table decodes the addresses."""
+    path: Path = ("cards", card.name)
+    if bool(card.ports) == bool(card.decode):
+        source.fail(path, 'a card has either "decode" and "chips", or a list of "ports"')
+    usual = CardSection(name="")
+    for key in ("pins", "selects", "registers", "size", "setup", "strobe", "wait_states", "hold"):
+        if getattr(card, key) != getattr(usual, key):
+            source.fail((*path, key), f'"{key}" is for a card with a bus; write bus = "ISA"')
+
+
 def check_card_bus(
     card: CardSection, chips: list[str], glue: Iterable[GlueSection], source: Source
 ) -> None:
@@ -51,23 +67,30 @@ def check_card_bus(
     path = ("cards", card.name)
     for key, given in (
         ("ports", bool(card.ports)), ("decode", bool(card.decode)), ("chips", bool(card.chips)),
-        ("block", bool(card.block)), ("stride", card.stride != 1),
+        ("block", bool(card.block)),
     ):  # fmt: skip
         if given:
             source.fail(
                 (*path, key), f'"{key}" is for cards without a bus; here glue decodes the addresses'
             )
-    if card.base + card.size > 1 << ADDRESS_LINES:
-        source.fail((*path, "base"), f"found {card.base}; addresses of this bus end at 65535")
+    bus = BUSES[card.bus]
+    last = card.base + (card.size - 1) * card.stride
+    if last >= 1 << bus.lines:
+        source.fail(
+            (*path, "base"),
+            f"the card ends at {last:X}H; addresses of this bus end at {(1 << bus.lines) - 1:X}H",
+        )
+    if bus.ports and not card.memory and last > 0xFFFF:
+        source.fail((*path, "base"), f"the card ends at {last:X}H; I/O ports end at FFFFH")
+    if not bus.ports and not card.memory:
+        source.fail(path, f'a bus "{card.bus}" has memory alone; write memory = true')
     if card.name in chips:
         source.fail(path, f'a chip is called "{card.name}" too; give the card another name')
-    if card.memory:
-        source.fail((*path, "memory"), "this bus is one of I/O ports; take memory out, or the bus")
     data = f"{card.name}.D"
     wired = any(
         name.startswith(data) for part in glue for names in part.pins.values() for name in names
     )
-    if not card.pins and not wired:
+    if not card.pins and not wired and not card.registers:
         source.fail(
             path,
             'its data bus is not wired; write "D0-D7" = "x.D0-D7" in [cards.NAME.pins], or the name'

@@ -27,6 +27,7 @@ class Planned:
         blocks: those that are used.
         taps: inputs that are one wire of a bundle: the pin, and the number of the wire.
         tied: inputs with a fixed level.
+        inner: wires inside it.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Planned:
     blocks: tuple[Block, ...]
     taps: Mapping[str, tuple[str, int]]
     tied: Mapping[str, int]
+    inner: tuple[PinRow, ...] = ()
 
 
 def order_of(parts: list[Planned], root: Callable[[str], str], fail: Fail) -> list[Place]:

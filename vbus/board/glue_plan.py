@@ -5,12 +5,13 @@ a line of a bus (``"main./RD"``), one wire of D0-D7 (``"x.D3"``, at inputs only)
 own name, in ``[nets]`` or not.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final
 
-from vbus.board.card_bus import CardBus
+from vbus.board.card_buses import BUSES, DATA
+from vbus.board.card_parts import CardPart, names_of, parts_of
+from vbus.board.card_section import CardSection
 from vbus.board.equations import read
 from vbus.board.glue_order import Fail, Place, Planned, order_of
 from vbus.board.glue_section import GlueSection
@@ -22,8 +23,6 @@ from vbus.conditions.lexer import ConditionError
 from vbus.glue.part import bundled
 from vbus.glue.table import PARTS, PLD, Block, GlueRow
 from vbus.signals import HIGH, LOW
-
-DATA: Final = "D0-D7"
 
 
 @dataclass(slots=True)
@@ -60,6 +59,7 @@ class _Planner:
         self._rows: dict[str, PinRow] = dict(pins)
         self._fail: Fail = fail
         self._glue: set[str] = {section.name for section in file.glue}
+        self._glue |= {name for card in file.cards if card.bus for _, name in names_of(card)}
         self._cards: set[str] = {card.name for card in file.cards if card.bus}
         self._plan: GluePlan = GluePlan()
         self._inner: set[str] = set()
@@ -87,17 +87,28 @@ class _Planner:
             row = self._row(section)
             if row is not None:
                 wiring.append((section, self._part(section, row)))
+        parts = [part for card in self._file.cards if card.bus for part in self._card_parts(card)]
         for card in self._file.cards:
-            known = [row.name for row in CardBus.PINS]
+            known = [row.name for row in BUSES[card.bus].pins] if card.bus else []
             for pin in card.pins:
                 if card.bus and pin not in known:
                     self._no_pin(_card_pin(card.name, pin), pin, known, "pin")
             self._wire(card.name, card.pins, partial(_card_pin, card.name))
+        for part in parts:
+            self._wire(part.name, part.wires, partial(_card_part_pin, part))
         for section, pins in wiring:
             self._wire(section.name, pins, partial(_place, section))
         self._nets()
         self._plan.order = order_of(self._plan.parts, self._root, self._fail)
         return self._plan
+
+    def _card_parts(self, card: CardSection) -> Iterator[CardPart]:
+        for part in parts_of(card, self._fail):
+            self._rows |= {f"{part.name}.{row.name}": row for row in part.rows}
+            self._plan.parts.append(
+                Planned(part.name, 0, part.rows, part.blocks, part.taps, part.tied, part.inner)
+            )
+            yield part
 
     # -- one part -------------------------------------------------------------------------------
 
@@ -377,6 +388,11 @@ class _Planner:
 def _card_pin(card: str, pin: str) -> Path:
     """Return where the file says what a pin of a card is wired to."""
     return ("cards", card, "pins", pin)
+
+
+def _card_part_pin(part: CardPart, pin: str) -> Path:
+    """Return where the file says what a pin of a card's part is wired to."""
+    return (*part.path, pin) if pin != DATA else part.path[:-1]
 
 
 def _place(section: GlueSection, pin: str) -> Path:

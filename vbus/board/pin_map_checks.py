@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 
 from vbus.board.card_interrupt import ACK, INT
+from vbus.board.card_section import CardSection
 from vbus.board.pin_maps import PORT_BIT, PinMap, below, missing, roles, targets, wires
-from vbus.board.sections import BoardFile, CardSection, HostSection, PinMapSection
+from vbus.board.sections import BoardFile, HostSection, PinMapSection
 from vbus.board.settings import listed, quoted, suggestion
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path

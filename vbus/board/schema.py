@@ -10,6 +10,7 @@ from typing import Any, Final
 from msgspec import Struct
 
 from vbus.board import plugins, sections, units
+from vbus.board.card_section import CardPortSection, CardRegisterSection, CardSection
 from vbus.board.glue_section import GlueSection
 from vbus.board.section import NAMES, rows
 from vbus.board.settings import allowed
@@ -48,9 +49,11 @@ def schema() -> Schema:
         "buses": _by_name(_object(sections.BusSection)),
         "cards": _by_name(
             _object(
-                sections.CardSection,
-                ports={"type": "array", "items": _object(sections.CardPortSection)},
+                CardSection,
+                ports={"type": "array", "items": _object(CardPortSection)},
                 pins=_pins(),
+                selects=_pins(),
+                registers=_by_name(_object(CardRegisterSection, pins=_pins())),
             )
         ),
         "pinmaps": _by_name(_object(sections.PinMapSection, pins=_pins())),

@@ -6,6 +6,7 @@ These declarations are what the reader checks against, what its messages list, a
 
 from typing import Annotated, Final
 
+from vbus.board.card_section import CardSection
 from vbus.board.glue_section import GlueSection
 from vbus.board.section import NAMES, Section
 from vbus.board.section import key as _key
@@ -15,10 +16,6 @@ from vbus.protocols.serial_line import FRAMES, USUAL_FRAME
 TIMES: Final = ("realtime", "lockstep", "slaved")
 LEVELS: Final = ("off", "warn", "strict")
 RESTS: Final = ("low", "high", "keep")
-SENSES: Final = ("level", "edge")
-ACCESSES: Final = ("read", "write", "either")
-SIGNALS: Final = {"SIGHUP": 1, "SIGUSR1": 10, "SIGUSR2": 12, "SIGALRM": 14, "SIGIO": 29}
-"""Signals that may stand for an interrupt, with their numbers on Linux for x86."""
 
 NO_PLANT: Final = "none"
 """In place of a plant's name: nothing is behind the axis, or nets drive its encoder inputs."""
@@ -141,104 +138,6 @@ class BusSection(Section, frozen=True, kw_only=True):
 
     name: str
     chips: Annotated[tuple[str, ...], _key(NAMES, "chips of one family")]
-
-
-class CardPortSection(Section, frozen=True, kw_only=True):
-    """One row of a card's ``ports``: what answers at an offset."""
-
-    offset: Annotated[int, _key("count", "distance from the base, in strides", low=0)]
-    chip: Annotated[str, _key("text", "the chip that answers")]
-    address: Annotated[int, _key("count", "address at that chip", low=0)]
-
-
-NO_PORT: Final = CardPortSection(offset=0, chip="", address=0)
-"""Stands for a row that could not be read, so that the others keep their places."""
-
-
-class CardSection(Section, frozen=True, kw_only=True):
-    """``[cards.NAME]``: which card address reaches which address of which chip."""
-
-    name: str
-    base: Annotated[int, _key("count", "address of the card's first port", low=0)] = 0
-    stride: Annotated[int, _key("count", "distance between neighbouring ports", low=1)] = 1
-    decode: Annotated[str, _key("text", "a decode circuit known by name, in place of ports")] = ""
-    chips: Annotated[
-        tuple[str, ...], _key(NAMES, "the chips behind the decode circuit, one block each")
-    ] = ()
-    block: Annotated[
-        int, _key("count", "ports from one chip's block to the next; 0: the circuit's own", low=0)
-    ] = 0
-    memory: Annotated[
-        bool, _key("flag", "its addresses are memory, not I/O ports (for programs: vbus exec)")
-    ] = False
-    fixed: Annotated[
-        int,
-        _key(
-            "count",
-            "where a program expects the memory page of its first port without mapping it; 0:"
-            " nowhere",
-            low=0,
-        ),
-    ] = 0
-    big_endian: Annotated[
-        bool,
-        _key("flag", "in wide accesses the byte at the lowest address is the most significant"),
-    ] = False
-    interrupt: Annotated[
-        str,
-        _key(
-            "text",
-            'output that interrupts the program, as "chip.pin"; several with spaces: wired-OR',
-        ),
-    ] = ""
-    signal: Annotated[
-        str, _key("choice", "signal an interrupt sends to the program", tuple(SIGNALS))
-    ] = ""
-    sense: Annotated[
-        str,
-        _key(
-            "choice", "whether the interrupt stands while its line does, or an edge counts", SENSES
-        ),
-    ] = "level"
-    acknowledge: Annotated[
-        str,
-        _key(
-            "choice",
-            "access that clears the interrupt's flip-flop; without one the card has no flip-flop",
-            ACCESSES,
-        ),
-    ] = ""
-    acknowledge_at: Annotated[
-        int, _key("count", "where: distance from the base, in strides", low=0)
-    ] = 0
-    line: Annotated[
-        str, _key("text", "name of an interrupt line that cards share; they pull it low together")
-    ] = ""
-    bus: Annotated[
-        str, _key("choice", "its connector, wired by pins, in place of ports and decode", ("ISA",))
-    ] = ""
-    size: Annotated[int, _key("count", "addresses of a card with a bus", low=1, high=256)] = 16
-    strobe: Annotated[int, _key("s", "how long the strobe of a cycle on its bus is low", low=1)] = (
-        500_000
-    )
-    hold: Annotated[int, _key("s", "how long written data stays after the strobe", low=0)] = 30_000
-    ports: tuple[CardPortSection, ...] = ()
-    pins: dict[str, tuple[str, ...]] = {}
-
-    @property
-    def has_circuit(self) -> bool:
-        """Whether its interrupt is more than the outputs themselves."""
-        return bool(self.acknowledge or self.line)
-
-    @property
-    def decoded(self) -> tuple[str, ...]:
-        """The chips behind its addresses."""
-        return (*self.chips, *(port.chip for port in self.ports))
-
-    @property
-    def interrupting(self) -> tuple[str, ...]:
-        """The chips that interrupt."""
-        return tuple(output.partition(".")[0] for output in self.interrupt.split())
 
 
 class PinMapSection(Section, frozen=True, kw_only=True):

@@ -6,7 +6,7 @@ first output lowest, and which of them it drives. What moves together with a clo
 for it: registers take what was there before.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 Levels = tuple[int, ...]
@@ -188,6 +188,85 @@ def supervisor(now: Levels, was: Levels, state: int) -> Outcome:
 def jumper(now: Levels, was: Levels, state: int) -> Outcome:
     """It pulls low."""
     return state, 0, ALL
+
+
+def selected(where: frozenset[int], lines: int, active: Levels) -> Function:
+    """Address lines, lowest first, and further inputs: one output each, where the address is one.
+
+    Args:
+        where: the addresses, for which every output is at its level of ``active``.
+        lines: how many address lines there are; what follows them must be low.
+        active: the levels.
+    """
+    on = number(active)
+
+    def function(now: Levels, was: Levels, state: int) -> Outcome:
+        hit = number(now[:lines]) in where and not any(now[lines:])
+        return state, on if hit else ~on, ALL
+
+    return function
+
+
+def strobed(where: frozenset[int], lines: int) -> Function:
+    """Read and write strobe (low), address lines, and inputs that must be low: both strobes again.
+
+    The outputs are low only at these addresses.
+    """
+
+    def function(now: Levels, was: Levels, state: int) -> Outcome:
+        hit = number(now[2 : 2 + lines]) in where and not any(now[2 + lines :])
+        return state, number(now[:2]) if hit else 3, ALL
+
+    return function
+
+
+def stored(values: Mapping[int, int]) -> Function:
+    """An enable (low), address lines: the byte at the address."""
+
+    def function(now: Levels, was: Levels, state: int) -> Outcome:
+        return state, values.get(number(now[1:]), 0xFF), 0 if now[0] else ALL
+
+    return function
+
+
+def card_latch(reset: int) -> Function:
+    """RESET, write strobe (low), eight data lines: eight outputs that keep what is written.
+
+    The state is what it holds, exclusive or what it holds after a reset.
+    """
+
+    def function(now: Levels, was: Levels, state: int) -> Outcome:
+        if now[0]:
+            state = 0
+        elif now[1] > was[1]:
+            state = number(was[2:10]) ^ reset
+        return state, state ^ reset, ALL
+
+    return function
+
+
+def pending(level: bool) -> Function:
+    """RESET, write strobe (low), eight data lines, eight inputs: which inputs have been high.
+
+    A written 1 clears; what comes at that instant stays.
+    """
+
+    def function(now: Levels, was: Levels, state: int) -> Outcome:
+        high, before = number(now[10:18]), number(was[10:18])
+        if now[0]:
+            state = 0
+        elif now[1] > was[1]:
+            state &= ~number(was[2:10])
+        if not now[0]:
+            state |= high if level else high & ~before
+        return state, state, ALL
+
+    return function
+
+
+def enabled(now: Levels, was: Levels, state: int) -> Outcome:
+    """Eight bits and eight enables: whether one that is enabled is set."""
+    return state, int(bool(number(now[:8]) & number(now[8:]))), ALL
 
 
 def card_interrupt(active: Levels, latched: bool, edge: bool) -> Function:

@@ -135,6 +135,7 @@ class GluePart:
         blocks: what it does.
         delay: how long its outputs take to follow (ps).
         borrowed: inputs that have no pin of the part: pins of others, or wires of a bundle.
+        inner: wires inside it, between its blocks.
     """
 
     STATE: ClassVar[Names] = ("blocks: parts",)
@@ -148,11 +149,12 @@ class GluePart:
         blocks: Iterable[Block],
         delay: int,
         borrowed: Mapping[str, Input],
+        inner: tuple[PinRow, ...] = (),
     ) -> None:
         self.name: str = name
         self.pin_rows: tuple[PinRow, ...] = pin_rows
         self.pins: dict[str, Pin] = {}
-        for row in pin_rows:
+        for row in (*pin_rows, *inner):
             net = Net(kernel, f"{name}.{row.name}", rest=row.rest, width=row.width)
             self.pins[row.name] = net.solder(row.name, open_drain=row.direction == "od")
         self.blocks: list[GlueBlock] = []
@@ -247,6 +249,17 @@ class Glue:
                         found.add(part.name)
                         known |= part.ends(outward)
         return [part for part in self.parts if part.name in found]
+
+    def leading_to(self, nets: Iterable[Net]) -> list[GlueBlock]:
+        """Return the blocks that decide about the levels of some nets."""
+        waiting, found = list(nets), dict[int, GlueBlock]()
+        while waiting:
+            net = waiting.pop()
+            for block in self._blocks:
+                if id(block) not in found and any(pin.net is net for pin in block.outputs):
+                    found[id(block)] = block
+                    waiting += [pin.net for pin, _ in block.inputs]
+        return list(found.values())
 
     def behind(self, chips: Iterable[Chip]) -> list[Chip]:
         """Return the chips of which glue drives a strobe or the select."""

@@ -336,10 +336,11 @@ def test_a_journal_of_cycles_through_glue_is_replayed_to_the_bit() -> None:
     ("old", "new", "message"),
     [
         ('bus = "ISA"', 'bus = "VME"', 'found "VME"; allowed are "ISA"'),
-        ('bus = "ISA"', 'bus = "ISA"\nstride = 2', '"stride" is for cards without a bus; here'),
-        ('bus = "ISA"', 'bus = "ISA"\nmemory = true', "this bus is one of I/O ports; take memory"),
-        ("base = 0x300", "base = 0xFFF8", "addresses of this bus end at 65535"),
-        ('A0 = "main./PS"', 'A16 = "main./PS"', 'there is no pin "A16"; did you mean "A6"?'),
+        ('bus = "ISA"', 'bus = "ISA"\nblock = 2', '"block" is for cards without a bus; here'),
+        ('bus = "ISA"', 'bus = "SRAM"', 'a bus "SRAM" has memory alone; write memory = true'),
+        ("base = 0x300", "base = 0xFFF8", "the card ends at 10007H; I/O ports end at FFFFH"),
+        ("base = 0x300", "base = 0xFFFF8\nmemory = true", "addresses of this bus end at FFFFFH"),
+        ('A0 = "main./PS"', 'A20 = "main./PS"', 'there is no pin "A20"; did you mean "A2"?'),
         ('A0 = "main./PS"', 'A0 = "main./XS"', 'there is no pin "main./XS"; did you mean "main.'),
     ],
 )  # fmt: skip

@@ -6,6 +6,8 @@ from typing import Final
 from msgspec import Struct
 
 from vbus.board import plugins, sections, units
+from vbus.board.card_buses import BUSES, DATA
+from vbus.board.card_section import CardPortSection, CardRegisterSection, CardSection
 from vbus.board.cards import decodes
 from vbus.board.glue_section import GlueSection
 from vbus.board.section import NAMES, rows
@@ -23,8 +25,9 @@ _SECTIONS: Final[dict[str, type[Struct]]] = {
     "glue": GlueSection,
     "nodes": sections.NodeSection,
     "buses": sections.BusSection,
-    "cards": sections.CardSection,
-    "ports": sections.CardPortSection,
+    "cards": CardSection,
+    "ports": CardPortSection,
+    "registers": CardRegisterSection,
     "pinmaps": sections.PinMapSection,
     "hosts": sections.HostSection,
     "record": sections.RecordSection,
@@ -39,7 +42,7 @@ _SECTIONS: Final[dict[str, type[Struct]]] = {
 def board_file() -> str:
     """Return the board-file page with its tables up to date."""
     tables = {name: option_table(rows(section)) for name, section in _SECTIONS.items()}
-    tables |= {"glue-parts": _glue_parts()}
+    tables |= {"glue-parts": _glue_parts(), "card-buses": _card_buses()}
     tables |= {"units": _units(), "parts": _parts(), "models": _models()}
     return filled("board-file", tables)
 
@@ -56,6 +59,22 @@ def _glue_parts() -> list[str]:
         for row in PARTS.values()
     )
     return table(("part", "what it is", "inputs", "outputs"), listed)
+
+
+def _card_buses() -> list[str]:
+    """Return a table of the buses of cards, with their usual times."""
+    listed = (
+        (
+            f"`{row.bus}`",
+            row.title,
+            " ".join(f"`{name}`" for name in (f"A0-A{row.lines - 1}", *row.strobes, DATA)),
+            " ".join(f"`{pin.name}`" for pin in row.others) or "–",
+            *(units.show(time, "s") for time in (row.setup, row.strobe, row.hold, row.wait)),
+        )
+        for row in BUSES.values()
+    )
+    heads = ("bus", "what it is", "lines", "further lines", "setup", "strobe", "hold", "wait state")
+    return table(heads, listed)
 
 
 def option_table(options: Iterable[Option]) -> list[str]:
