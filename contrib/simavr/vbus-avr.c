@@ -237,6 +237,9 @@ static uint8_t read_pin(avr_t *avr, avr_io_addr_t address, void *param)
 {
     struct port *port = param;
 
+    pin_decoder_look(&sim.link.pins, port->number);
+    if (sim.link.error != 0)
+        failed(sim.link.error);
     avr->data[address] = (uint8_t)pin_decoder_input(&sim.link.pins, port->number);
     return avr->data[address];
 }
@@ -293,7 +296,7 @@ static int missing_port(void)
         /* The sources of a chip lie one behind the other. */
         const struct pin_source *all = &sim.link.pins.chips[chip].select;
 
-        for (line = 0; line < 4 + 8 + 8; line++)
+        for (line = 0; line < 4 + 8 + 8 + 8; line++)
             if (all[line].kind == 1 && sim.ports[all[line].port].port == NULL)
                 return all[line].port;
     }
@@ -301,6 +304,10 @@ static int missing_port(void)
         if (sim.link.pins.sides[line].source.kind == 1
             && sim.ports[sim.link.pins.sides[line].source.port].port == NULL)
             return sim.link.pins.sides[line].source.port;
+    for (line = 0; line < sim.link.pins.line_count; line++)
+        if (sim.link.pins.lines[line].source.kind == 1
+            && sim.ports[sim.link.pins.lines[line].source.port].port == NULL)
+            return sim.link.pins.lines[line].source.port;
     for (line = 0; line < sim.link.pins.output_count; line++)
         if (sim.ports[sim.link.pins.outputs[line].source.port].port == NULL)
             return sim.link.pins.outputs[line].source.port;
@@ -830,8 +837,9 @@ int main(int argc, char **argv)
     seconds = (double)(end.tv_sec - sim.began.tv_sec)
               + (double)(end.tv_nsec - sim.began.tv_nsec) / 1e9;
     if (stats)
-        fprintf(stderr, "vbus-avr: %llu cycles, %llu bus cycles, %.3f s, %.2f x real time\n",
-                (unsigned long long)sim.avr->cycle, (unsigned long long)sim.link.cycles, seconds,
+        fprintf(stderr, "vbus-avr: %llu cycles, %llu %s, %.3f s, %.2f x real time\n",
+                (unsigned long long)sim.avr->cycle, (unsigned long long)sim.link.cycles,
+                sim.link.pins.line_count > 0 ? "moves of strobes" : "bus cycles", seconds,
                 (double)sim.avr->cycle / (double)sim.frequency / seconds);
     return sim.code;
 }

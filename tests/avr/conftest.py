@@ -28,9 +28,11 @@ def tools() -> None:
         pytest.skip(reason)
 
 
-def compile_avr(output: Path, *sources: Path, mmcu: str = "atmega328p") -> Path:
+def compile_avr(
+    output: Path, *sources: Path, mmcu: str = "atmega328p", frequency: int = 16_000_000
+) -> Path:
     """Compile firmware with every warning an error."""
-    command = ["avr-gcc", f"-mmcu={mmcu}", "-DF_CPU=16000000UL", "-Os", "-std=gnu99", "-Wall"]
+    command = ["avr-gcc", f"-mmcu={mmcu}", f"-DF_CPU={frequency}UL", "-Os", "-std=gnu99", "-Wall"]
     folders = {source.parent for source in sources} | {EXAMPLES / "lm629_c"}
     done = subprocess.run(
         [*command, "-Wextra", "-Werror", *(f"-I{folder}" for folder in sorted(folders)),

@@ -57,9 +57,10 @@ class _Checks:
         self._nets()
         for card in self._file.cards:
             self._card(card)
-        if self._file.glue or any(card.bus for card in self._file.cards):
-            check_glue(self._file, self._parts, self._source)
-        self._pin_maps = PinMapChecks(self._parts, self._known["chips"], self._file, self._source)
+        ends = check_glue(self._file, self._parts, self._source)
+        self._pin_maps = PinMapChecks(
+            self._parts, self._known["chips"], self._file, ends, self._source
+        )
         for section in self._file.pinmaps:
             self._pin_maps.check(section)
         self._hosts()

@@ -5,7 +5,7 @@ from vbus.board.sections import BoardFile, FaultSection
 from vbus.board.settings import listed
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
-from vbus.faults.row import LINK, WIRE, Fault
+from vbus.faults.row import LINK, NET, PART, WIRE, Fault
 from vbus.faults.table import faults
 from vbus.faults.trigger import When, read_until, read_when
 
@@ -50,6 +50,11 @@ def homes_of(file: BoardFile, section: FaultSection) -> dict[str, str]:
             raise ValueError(f"{fault.name}: {said}{known}")
         net = wires[section.target or next(iter(wires))]
         return {homes[pin.partition(".")[0]]: net.name for pin in net.pins}
+    if fault.target == PART:
+        raise ValueError(f"{fault.name}: a board with nodes has no glue")
+    for net in file.nets:
+        if fault.target == NET and net.name == section.target:
+            return {homes[pin.partition(".")[0]]: net.name for pin in net.pins}
     chip = section.target.partition(".")[0]
     if not chip:
         fits = [

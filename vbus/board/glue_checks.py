@@ -1,6 +1,8 @@
 """What can be wrong with glue: names, open inputs, outputs that fight, loops."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final
 
 from vbus.board.card_buses import BUSES
 from vbus.board.card_interrupt import ACK, INT
@@ -14,14 +16,32 @@ from vbus.board.toml_lines import Path
 from vbus.chips.base import Chip
 
 
-def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> None:
-    """Check the glue of a board file.
+@dataclass(frozen=True, slots=True)
+class GlueEnds:
+    """Where glue ends, for those who wire a microcontroller to it.
+
+    Attributes:
+        pins: the pins of each part that a host can reach, by the part's name.
+        driven: the pins of chips, ``"x./CS"``, that glue or a card's connector drives.
+    """
+
+    pins: Mapping[str, tuple[str, ...]]
+    driven: frozenset[str]
+
+
+NO_GLUE: Final = GlueEnds({}, frozenset())
+
+
+def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> GlueEnds:
+    """Check the glue of a board file; return where it ends.
 
     Args:
         file: the board file.
         chips: a specimen of each chip that could be read.
         source: takes the mistakes.
     """
+    if not (file.glue or any(card.bus for card in file.cards)):
+        return NO_GLUE
     rows = {f"{name}.{row.name}": row for name, chip in chips.items() for row in chip.pin_rows}
     taken = {name: f"[chips.{name}]" for name in chips}
     for card in file.cards:
@@ -45,8 +65,24 @@ def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> No
             ("glue",) if file.glue else ("cards",),
             "glue and cards with a bus are for boards without nodes; take it out, or the nodes",
         )
-        return
-    plan_glue(file, rows, source.fail)
+        return NO_GLUE
+    plan = plan_glue(file, rows, source.fail)
+    parts = {part.name: {row.name: row for row in part.pin_rows} for part in plan.parts}
+    buses = {card.name for card in file.cards if card.bus}
+    driven: set[str] = set()
+    for pin, net in plan.wires.items():
+        owner, _, name = pin.partition(".")
+        row = parts.get(owner, {}).get(name)
+        if owner in buses or (row is not None and row.direction != "in"):
+            driven.add(net)
+    return GlueEnds(
+        {name: tuple(row.name for row in own.values() if row.width == 1)
+         for name, own in parts.items()},
+        frozenset(
+            pin for pin, net in plan.wires.items()
+            if net in driven and pin.partition(".")[0] in chips
+        ),
+    )  # fmt: skip
 
 
 def check_card_without_bus(card: CardSection, source: Source) -> None:

@@ -19,7 +19,7 @@ class GlueSection(Section, frozen=True, kw_only=True):
     low: Annotated[tuple[str, ...], _key(NAMES, "its inputs that are tied to ground")] = ()
     high: Annotated[tuple[str, ...], _key(NAMES, "its inputs that are tied to the supply")] = ()
     hosts: Annotated[
-        tuple[str, ...], _key(NAMES, 'its inputs that hosts drive, as side pins "NAME.pin"')
+        tuple[str, ...], _key(NAMES, 'its pins that hosts drive or see, as side pins "NAME.pin"')
     ] = ()
     pins: dict[str, tuple[str, ...]] = {}
     equations: dict[str, str] = {}

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 from vbus.board.card_interrupt import ACK, INT
 from vbus.board.card_section import CardSection
-from vbus.board.pin_maps import PORT_BIT, PinMap, below, missing, roles, targets, wires
+from vbus.board.glue_checks import GlueEnds
+from vbus.board.pin_maps import DATA_WIRES, PORT_BIT, PinMap, below, missing, roles, targets, wires
 from vbus.board.sections import BoardFile, HostSection, PinMapSection
 from vbus.board.settings import listed, quoted, suggestion
 from vbus.board.source import Source
@@ -19,21 +20,28 @@ class PinMapChecks:
         chips: a specimen of each chip that could be read.
         known: the name of every chip, those included that could not be read.
         file: the board file: its cards, and which hosts have one beside a pin map.
+        ends: where its glue ends.
         source: takes the mistakes.
     """
 
     def __init__(
-        self, chips: Mapping[str, Chip], known: list[str], file: BoardFile, source: Source
+        self,
+        chips: Mapping[str, Chip],
+        known: list[str],
+        file: BoardFile,
+        ends: GlueEnds,
+        source: Source,
     ) -> None:
         self._chips: Mapping[str, Chip] = chips
         self._known: list[str] = known
         self._source: Source = source
+        self._driven: frozenset[str] = ends.driven
         self._cards: dict[str, CardSection] = {card.name: card for card in file.cards}
-        self._interrupts: dict[str, tuple[str, ...]] = {
+        self._others: dict[str, tuple[str, ...]] = {
             card.name: (INT.name, ACK.name) if card.acknowledge else (INT.name,)
             for card in file.cards
             if card.has_circuit
-        }
+        } | dict(ends.pins)
         self._by_card: dict[str, set[str]] = {}
         """The chips that hosts with a pin map reach by a card, by the name of the map."""
         for host in file.hosts:
@@ -90,7 +98,11 @@ class PinMapChecks:
 
     def _pin(self, path: Path, name: str, meant: tuple[str, ...]) -> None:
         chip, dot, pin = name.partition(".")
-        if chip in self._interrupts and pin in self._interrupts[chip]:
+        if chip in self._others and chip not in self._chips:
+            there = self._others[chip]
+            if pin not in there:
+                hint = suggestion(pin, there)
+                self._fail(path, f'"{chip}" has no pin "{pin}"; {hint}it has {listed(there)}')
             return
         if dot:
             if self._chip(path, chip) and chip in self._chips:
@@ -118,7 +130,7 @@ class PinMapChecks:
 
     def _wires(self, path: Path, pin_map: PinMap) -> None:
         wired: dict[str, dict[str, str]] = {}
-        for wire in wires(pin_map, self._chips, self._interrupts):
+        for wire in wires(pin_map, self._chips, self._others):
             mine = wired.setdefault(wire.chip, {})
             other = mine.setdefault(wire.pin, wire.source)
             if other != wire.source:
@@ -131,7 +143,14 @@ class PinMapChecks:
         for chip, mine in wired.items():
             if chip not in self._chips:
                 continue
-            lacking = missing(self._chips[chip], mine)
+            driven = [name for name in roles(self._chips[chip]) if self._by_glue(chip, name)]
+            for name in driven:
+                if name in mine and name not in DATA_WIRES:
+                    self._fail(
+                        path,
+                        f'"{chip}.{name}" is driven by glue; wire the port bit to the glue',
+                    )
+            lacking = missing(self._chips[chip], [*mine, *driven])
             if chip in by_card:
                 own = [name for name in roles(self._chips[chip]) if name in mine]
                 if own:
@@ -146,6 +165,11 @@ class PinMapChecks:
                     ' bit, or tie it with "low" or "high"',
                 )
 
+    def _by_glue(self, chip: str, pin: str) -> bool:
+        """Whether glue or a card's connector drives a pin, or the data bus it is a wire of."""
+        whole = self._chips[chip].data_pin.name if pin in DATA_WIRES else pin
+        return f"{chip}.{whole}" in self._driven
+
     def host(
         self, path: Path, host: HostSection, section: PinMapSection, reached: list[str]
     ) -> None:
@@ -158,9 +182,11 @@ class PinMapChecks:
             )
         meant = section.chips or tuple(self._known)
         pin_map = PinMap(section.name, section.pins, section.low, section.high, meant)
-        found = wires(pin_map, self._chips, self._interrupts)
+        found = wires(pin_map, self._chips, self._others)
         for chip in dict.fromkeys(wire.chip for wire in found):
-            if chip in self._interrupts and set(self._cards[chip].interrupting) & set(reached):
+            if chip not in self._chips and (
+                chip not in self._cards or set(self._cards[chip].interrupting) & set(reached)
+            ):
                 continue
             if chip not in reached:
                 self._fail(

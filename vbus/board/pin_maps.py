@@ -21,6 +21,8 @@ DATA_WIRES: Final = tuple(f"D{number}" for number in range(8))
 """Names of the single wires of D0-D7."""
 
 SELECT, READ, WRITE, LATCH, ADDRESS, DATA, SIDE, OUTPUT = "srwladpo"
+LINE, BUS = "cb"
+"""A control line, and a wire of a data bus, of a chip whose strobes go through glue."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,24 +158,42 @@ def wiring(pin_map: PinMap | None, chips: list[Chip], glue: list[GluePart], pins
     It is a list of ``ROLE=SOURCE`` separated by spaces. The role is a letter of :func:`roles`
     with the number of the chip in the session in front of it, such as ``0r`` or ``1a0``; ``p3`` is
     side pin 3 (PIN), ``o2`` output line 2. See :class:`Wire` for the source.
+
+    Cycles of a chip with glue before its strobes or select are not worked out by the host: it moves
+    control lines, ``c3`` (LINES), and the data bus of that chip, ``0b0`` to ``0b7`` (DRIVE and
+    RELEASE, SAMPLE).
     """
     if pin_map is None:
         return ""
     by_name = {chip.name: chip for chip in chips}
     others = {part.name: part for part in glue}
+    driven = set().union(*(part.ends(outputs=True) for part in glue))
+    decoded = {
+        chip.name for chip in chips
+        if any(id(pin.net) in driven for pin in chip.bus_pins if pin is not chip.data_pin)
+    }  # fmt: skip
+    buses: dict[int, int] = {}
+    for number, chip in enumerate(chips):
+        buses.setdefault(id(chip.bus_net), number)
     entries: dict[str, None] = {}
     roles_of = {chip.name: roles(chip) for chip in chips}
     for wire in wires(pin_map, by_name, {name: one.pins for name, one in others.items()}):
         role = roles_of.get(wire.chip, {}).get(wire.pin)
-        if role is not None:
+        if role is not None and wire.chip not in decoded:
             entries[f"{chips.index(by_name[wire.chip])}{role}={wire.source}"] = None
+            continue
+        if role is not None and role[0] == DATA:
+            entries[f"{buses[id(by_name[wire.chip].bus_net)]}{BUS}{role[1:]}={wire.source}"] = None
             continue
         if wire.chip in others and wire.pin in others[wire.chip].pins:
             pin, rows = others[wire.chip].pins[wire.pin], others[wire.chip].pin_rows
         else:
             pin, rows = by_name[wire.chip].pins[wire.pin], by_name[wire.chip].pin_rows
-        is_input = next(row for row in rows if row.name == wire.pin).direction == "in"
+        row = next(row for row in rows if row.name == wire.pin)
+        is_input = row.direction == "in"
         kind, known = (SIDE, pins.sides) if is_input else (OUTPUT, pins.outputs)
+        if row.strobe:
+            kind, known = LINE, pins.lines
         for number, other in enumerate(known):
             if other.net is pin.net:
                 entries[f"{kind}{number}={wire.source}"] = None

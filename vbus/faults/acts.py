@@ -1,13 +1,14 @@
 """What the faults that act do, by what they act on."""
 
 from collections.abc import Callable, Collection
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from vbus.board.circuit import Circuit
 from vbus.faults.armed import ACTING, Armed, LinkActs
 from vbus.faults.axis import AxisFaults
 from vbus.faults.bus import BusFault, Later
 from vbus.faults.clock import CLOCKS, ClockFaults
+from vbus.faults.glue import Placed, glue_fault
 from vbus.faults.row import AXIS, LASTS, LINK, ONCE, WIRE
 from vbus.faults.upsets import upsets_of
 from vbus.faults.wire import WireFault
@@ -21,6 +22,10 @@ AxisRow = tuple[str, bool, int, list[tuple[int, int]]]
 which count each fault has begun."""
 
 
+_PLACED: Final = ("wire", "glue")
+"""Families of faults that are about one wire or one part."""
+
+
 class Acts:
     """Begins and ends faults on axes, chips, buses, wires and links.
 
@@ -31,7 +36,7 @@ class Acts:
 
     Attributes:
         buses: what is wrong with buses now, by number of fault.
-        wires: the same of wires.
+        wires: the same of wires and parts of glue.
         links: does the faults of links; None where nobody serves the board.
     """
 
@@ -49,7 +54,7 @@ class Acts:
         self._axes: dict[str, AxisFaults] = {}
         self._clocks: dict[str, ClockFaults] = {}
         self.buses: dict[int, BusFault] = {}
-        self.wires: dict[int, WireFault] = {}
+        self.wires: dict[int, Placed] = {}
         self.links: LinkActs | None = None
 
     def axis(self, place: str) -> AxisFaults:
@@ -85,7 +90,7 @@ class Acts:
                 raise ValueError("no link is served: this board runs without a server")
             once = armed.until.kind == ONCE
             return self.links.begin(armed.number, armed.name, armed.target, once)
-        if fault.target == WIRE:
+        if fault.family in _PLACED:
             wire = self.wires[armed.number] = self._wire(armed)
             return wire.begin()
         chip = self._board.chip(armed.target)
@@ -105,7 +110,7 @@ class Acts:
         elif fault.target == LINK:
             if self.links is not None:
                 self.links.end(armed.number)
-        elif fault.target == WIRE:
+        elif fault.family in _PLACED:
             wire = self.wires.pop(armed.number, None)
             if wire is not None:
                 wire.end()
@@ -119,7 +124,9 @@ class Acts:
             upsets_of(self._board.chip(armed.target)).end(armed.name, armed.values)
         return ""
 
-    def _wire(self, armed: Armed) -> WireFault:
+    def _wire(self, armed: Armed) -> Placed:
+        if armed.fault.target != WIRE:
+            return glue_fault(self._board, armed.name, armed.target, armed.values)
         end = self._board.nets[armed.target]
         assert isinstance(end, WireEnd)
         return WireFault(end, self._board.kernel, armed.name, armed.values)
@@ -195,7 +202,7 @@ class Acts:
                 upsets.restore(row.name, on)
         for wire in self.wires.values():
             wire.leave()
-        self.wires = {one.number: self._wire(one) for one in acting if one.fault.target == WIRE}
+        self.wires = {one.number: self._wire(one) for one in acting if one.fault.family in _PLACED}
         for wire in self.wires.values():
             wire.begin(again=True)
         for one in acting:

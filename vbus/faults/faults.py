@@ -12,7 +12,7 @@ from vbus.chips.base import Chip
 from vbus.faults.acts import Acts
 from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence, LinkActs
 from vbus.faults.parameters import check_parameters
-from vbus.faults.row import AXIS, LASTS, LINK, ONCE, WIRE, Fault
+from vbus.faults.row import AXIS, LASTS, LINK, ONCE, Fault
 from vbus.faults.state import RECORD, Record, armed_of, record
 from vbus.faults.table import faults
 from vbus.faults.targets import find_target
@@ -190,7 +190,7 @@ class Faults:
         return known[name]
 
     def _chip_of(self, armed: Armed) -> Chip | None:
-        if armed.fault.target in (LINK, WIRE):
+        if not armed.fault.of_chip:
             return self._board.chips[0] if len(self._board.chips) == 1 else None
         return self._board.chip(armed.target.partition(".")[0])
 

@@ -14,6 +14,11 @@ LINK: Final = "link"
 WIRE: Final = "wire"
 """Targets a wire between nodes at the end where it is armed: ``"BRAKE"``."""
 
+NET: Final = "net"
+"""Targets a wire of the board, by its name or that of a pin on it: ``"IRQ"``, ``"x./CS"``."""
+PART: Final = "part"
+"""Targets a part of glue: ``"u1"``."""
+
 ONCE: Final = "once"
 """Begins and is over at once: a jump, a reset."""
 LASTS: Final = "lasts"
@@ -28,10 +33,11 @@ class Fault:
 
     Attributes:
         name: what it is armed by.
-        family: ``"mechanics"``, ``"encoder"``, ``"switches"``, ``"chip"``, ``"bus"``, ``"wire"``
-            or ``"transport"``.
+        family: ``"mechanics"``, ``"encoder"``, ``"switches"``, ``"chip"``, ``"bus"``, ``"glue"``,
+            ``"wire"`` or ``"transport"``.
         title: one line saying what it does.
-        target: :data:`AXIS`, :data:`CHIP`, :data:`LINK` or :data:`WIRE`.
+        target: :data:`AXIS`, :data:`CHIP`, :data:`LINK`, :data:`WIRE`, :data:`NET` or
+            :data:`PART`.
         acts: :data:`ONCE`, :data:`LASTS` or :data:`COUNTED`.
         parameters: its settings.
         families: chip families it exists for; all if empty.
@@ -46,6 +52,11 @@ class Fault:
     parameters: tuple[Option, ...] = ()
     families: tuple[str, ...] = ()
     shaft: bool = False
+
+    @property
+    def of_chip(self) -> bool:
+        """Whether it is about a chip or an axis of one."""
+        return self.target in (AXIS, CHIP)
 
     def exists_for(self, family: str) -> bool:
         """Whether chips of ``family`` can have it."""

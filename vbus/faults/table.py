@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Final
 
 from vbus.board import plugins
-from vbus.faults.row import AXIS, CHIP, COUNTED, LASTS, LINK, ONCE, WIRE, Fault
+from vbus.faults.row import AXIS, CHIP, COUNTED, LASTS, LINK, NET, ONCE, PART, WIRE, Fault
 from vbus.faults.upsets import Upsets
 from vbus.options import Option
 
@@ -96,6 +96,13 @@ BUS: Final = (
           (Option("data", "count", 0, "with this byte", low=0, high=255),)),
 )  # fmt: skip
 
+GLUE: Final = (
+    Fault("net_stuck", "glue", "A wire is shorted to ground or to the supply.", NET, LASTS,
+          (_LEVEL,)),
+    Fault("part_slow", "glue", "The outputs of a part of glue follow later.", PART, LASTS,
+          (Option("by", "s", 100_000, "by how much", low=1, high=10**12),)),
+)  # fmt: skip
+
 WIRES: Final = (
     Fault("wire_late", "wire", "Edges of other nodes come later than the wire's delay.", WIRE,
           LASTS, (Option("by", "s", 1_000_000_000, "by how much", low=1, high=10**12),)),
@@ -138,6 +145,7 @@ def faults() -> dict[str, Fault]:
             chips[row.name] = replace(other, parameters=parameters, families=named)
     switches = (replace(row, families=limited) for row in SWITCHES)
     rows = (
-        *MECHANICS, *ENCODER, *switches, *chips.values(), *CHIP_FAULTS, *BUS, *WIRES, *TRANSPORT,
+        *MECHANICS, *ENCODER, *switches, *chips.values(), *CHIP_FAULTS, *BUS, *GLUE, *WIRES,
+        *TRANSPORT,
     )  # fmt: skip
     return {row.name: row for row in rows}

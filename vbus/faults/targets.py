@@ -2,9 +2,10 @@
 
 from vbus.board import plugins
 from vbus.board.circuit import Circuit
-from vbus.board.settings import listed
+from vbus.board.settings import listed, suggestion
 from vbus.chips.base import Chip
-from vbus.faults.row import CHIP, LINK, WIRE, Fault
+from vbus.faults.glue import net_of
+from vbus.faults.row import CHIP, LINK, NET, PART, WIRE, Fault
 from vbus.plant.shaft import Shaft
 from vbus.signals.wire import WireEnd
 
@@ -24,6 +25,10 @@ def find_target(board: Circuit, fault: Fault, target: str) -> str:
         return name
     if fault.target == WIRE:
         return _wire(board, fault, target)
+    if fault.target == NET:
+        return _net(board, fault, target)
+    if fault.target == PART:
+        return _part(board, fault, target)
     chip_name, _, number = target.partition(".")
     if not chip_name:
         fits = [chip for chip in board.chips if fault.exists_for(chip.FAMILY)]
@@ -53,6 +58,30 @@ def _wire(board: Circuit, fault: Fault, target: str) -> str:
         known = f"there is no wire {target} here" if target else "say on which wire"
         raise ValueError(f"{fault.name}: {known}; there are {listed(wires)}")
     return target or wires[0]
+
+
+def _net(board: Circuit, fault: Fault, target: str) -> str:
+    named = [name for name, net in board.nets.items() if net.width == 1]
+    known = f' the wires with names are {listed(named)}; a pin such as "u1.1Y" means its wire'
+    if not target:
+        raise ValueError(f"{fault.name}: say on which wire;{known}")
+    try:
+        net = net_of(board, target)
+    except ValueError as error:
+        raise ValueError(f"{fault.name}: {error};{known}") from None
+    if net.width > 1:
+        raise ValueError(f"{fault.name}: {target} is a bundle; bit_stuck breaks one of its wires")
+    return target
+
+
+def _part(board: Circuit, fault: Fault, target: str) -> str:
+    parts = [part.name for part in board.glue.parts]
+    if target not in parts:
+        said = f'there is no part of glue "{target}"' if target else "say on which part of glue"
+        raise ValueError(
+            f"{fault.name}: {said}; {suggestion(target, parts)}there are {listed(parts)}"
+        )
+    return target
 
 
 def _axis(board: Circuit, fault: Fault, chip: Chip, number: str) -> str:

@@ -51,6 +51,7 @@ class GlueBlock:
         """Levels, and which are driven, that are on their way to the outputs, by instant."""
         self._kernel: Kernel = kernel
         self._delay: int = delay
+        """How long its outputs take to follow (ps); a fault may have made it longer."""
         self._was: Levels = ()
         self.asleep: bool = False
         """Whether somebody else works out what it comes to, until :meth:`follow` is called."""
@@ -85,14 +86,23 @@ class GlueBlock:
             return False
         self.levels, self.driven = levels, driven
         asserts = self.row.holds and not now[0]
-        if self._timer is None or asserts:
+        if self._timer is None or not self._delay or asserts:
             self.queue.clear()
             self._drive(levels, driven)
             return True
-        self.queue.append((self._kernel.now + self._delay, levels, driven))
+        due = self._kernel.now + self._delay
+        self.queue.append((max(due, self.queue[-1][0]) if self.queue else due, levels, driven))
         if self._timer.due == NEVER:
             self._timer.at(self.queue[0][0])
         return False
+
+    def slow(self, by: int) -> None:
+        """Let its outputs follow so much later than they do (ps); negative: earlier."""
+        self._delay += by
+        if self._timer is None:
+            self._timer = self._kernel.timer(self._due, saved=False)
+        if self.queue and self._timer.due == NEVER:
+            self._timer.at(self.queue[0][0])
 
     def _due(self) -> None:
         while self.queue and self.queue[0][0] <= self._kernel.now:

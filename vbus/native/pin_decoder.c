@@ -41,7 +41,8 @@ static struct pin_source *add(struct pin_side *list, unsigned *count, unsigned m
     return &side->source;
 }
 
-/* Find where an entry such as "0r", "1a0", "p3" or "o2" goes; return what follows it, or NULL. */
+/* Find where an entry such as "0r", "1a0", "p3", "o2", "c1" or "0b7" goes; return what follows it,
+ * or NULL. */
 static const char *read_role(struct pin_decoder *decoder, const char *text, struct pin_source **place)
 {
     char *end;
@@ -49,10 +50,16 @@ static const char *read_role(struct pin_decoder *decoder, const char *text, stru
     long number;
     struct pin_chip *chip;
 
-    if (role == 'p' || role == 'o') {
+    if (role == 'p' || role == 'o' || role == 'c') {
+        long most = role == 'p' ? 256 : role == 'o' ? PIN_OUTPUTS : PIN_LINES;
+
         number = strtol(text + 1, &end, 10);
-        if (end == text + 1 || number < 0 || number >= (role == 'p' ? 256 : PIN_OUTPUTS))
+        if (end == text + 1 || number < 0 || number >= most)
             return NULL;
+        if (role == 'c') {
+            *place = add(decoder->lines, &decoder->line_count, PIN_LINES, number);
+            return end;
+        }
         *place = role == 'p' ? add(decoder->sides, &decoder->side_count, PIN_SIDES, number)
                              : add(decoder->outputs, &decoder->output_count, PIN_OUTPUTS, number);
         return end;
@@ -66,17 +73,23 @@ static const char *read_role(struct pin_decoder *decoder, const char *text, stru
     role = *end++;
     *place = role == 's' ? &chip->select : role == 'r' ? &chip->read : role == 'w' ? &chip->write
              : role == 'l' ? &chip->latch : NULL;
-    if ((role == 'a' || role == 'd') && *end >= '0' && *end <= '7')
-        *place = (role == 'a' ? chip->address : chip->data) + (*end++ - '0');
+    if ((role == 'a' || role == 'd' || role == 'b') && *end >= '0' && *end <= '7') {
+        chip->behind |= role == 'b';
+        *place = (role == 'a' ? chip->address : role == 'd' ? chip->data : chip->bus)
+                 + (*end++ - '0');
+    }
     return end;
 }
 
 int pin_decoder_init(struct pin_decoder *decoder, const char *wiring)
 {
     const char *text = wiring;
+    unsigned turn;
 
     memset(decoder, 0, sizeof *decoder);
     memset(decoder->external, 0xFF, sizeof decoder->external);
+    for (turn = 0; turn < PIN_CHIPS; turn++)
+        decoder->chips[turn].driving = PIN_FLOATS;
     while (*text != '\0') {
         struct pin_source *place = NULL;
         const char *next = read_role(decoder, text, &place);
@@ -182,7 +195,68 @@ void pin_decoder_outputs(struct pin_decoder *decoder, unsigned long word)
         show(decoder, &decoder->outputs[turn].source, word >> decoder->outputs[turn].number & 1);
 }
 
+void pin_decoder_look(struct pin_decoder *decoder, unsigned port)
+{
+    unsigned turn, bit;
+
+    for (turn = 0; turn < decoder->chip_count; turn++) {
+        struct pin_chip *chip = &decoder->chips[turn];
+        unsigned wired = 0;
+
+        for (bit = 0; chip->behind && bit < 8; bit++)
+            wired |= chip->bus[bit].kind == PORT_BIT && chip->bus[bit].port == port
+                     && !(decoder->drive[port] & BIT(&chip->bus[bit]));
+        if (!wired)
+            continue;
+        chip->byte = (unsigned char)decoder->on_look(decoder->context, turn);
+        for (bit = 0; bit < 8; bit++)
+            show(decoder, &chip->bus[bit], chip->byte >> bit & 1U);
+    }
+}
+
 /* --- the microcontroller's side --------------------------------------------------------------- */
+
+/* Move the lines before glue that go to `level` now; those that nobody drives are idle (high). */
+static void move_lines(struct pin_decoder *decoder, unsigned level)
+{
+    unsigned turn, mask = 0;
+
+    for (turn = 0; turn < decoder->line_count; turn++) {
+        struct pin_side *line = &decoder->lines[turn];
+        unsigned now = at(decoder, &line->source) != 0;
+
+        if (now != level || now == line->level)
+            continue;
+        line->level = (unsigned char)now;
+        mask |= 1U << line->number;
+    }
+    if (mask)
+        decoder->on_lines(decoder->context, mask, level ? mask : 0);
+}
+
+/* Drive the data buses before glue, or let go: a bus of which a wire floats is not driven. */
+static void move_buses(struct pin_decoder *decoder)
+{
+    unsigned turn, bit;
+
+    for (turn = 0; turn < decoder->chip_count; turn++) {
+        struct pin_chip *chip = &decoder->chips[turn];
+        unsigned value = 0;
+
+        if (!chip->behind)
+            continue;
+        for (bit = 0; bit < 8; bit++) {
+            unsigned level = at(decoder, &chip->bus[bit]);
+
+            value |= level == FLOATS ? PIN_FLOATS : level << bit;
+        }
+        value = value & PIN_FLOATS ? PIN_FLOATS : value;
+        if (value == chip->driving)
+            continue;
+        chip->driving = (unsigned short)value;
+        decoder->on_bus(decoder->context, turn, value);
+    }
+}
 
 /* Latch the writes of `ended` with the pins as they are; equal ones are one cycle. */
 static void finish_writes(struct pin_decoder *decoder, unsigned ended)
@@ -273,6 +347,7 @@ void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive
                                               | (level & drive & ~decoder->driven[port]));
     let_go(decoder, unread);
     begin_reads(decoder, begun);
+    move_lines(decoder, 1);
     for (turn = 0; turn < decoder->side_count; turn++) {
         struct pin_side *side = &decoder->sides[turn];
         unsigned now = at(decoder, &side->source);
@@ -282,4 +357,6 @@ void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive
             decoder->on_side(decoder->context, side->number, now);
         }
     }
+    move_buses(decoder);
+    move_lines(decoder, 0);
 }

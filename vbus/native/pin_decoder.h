@@ -10,6 +10,10 @@
  * - a strobe or select that the microcontroller does not drive is idle;
  * - a floating data bus keeps its last value, unless the port has its pull-ups on.
  *
+ * Where glue stands before the strobes of a chip, its cycles are not worked out here: lines and data
+ * bus are moved as the port bits move, strobes that rise before data and side pins, strobes that fall
+ * after them.
+ *
  * No dependency, no allocation, C99 or C++. License: Apache-2.0.
  */
 #ifndef PIN_DECODER_H
@@ -23,6 +27,7 @@ extern "C" {
 #define PIN_CHIPS 16
 #define PIN_SIDES 64
 #define PIN_OUTPUTS 32
+#define PIN_LINES 16
 
 /* Where a pin gets its level from. */
 struct pin_source {
@@ -31,9 +36,13 @@ struct pin_source {
 };
 
 struct pin_chip {
-    struct pin_source select, read, write, latch, address[8], data[8];
+    struct pin_source select, read, write, latch, address[8], data[8], bus[8];
     unsigned char reading, writing, latching, latched, byte;
+    unsigned char behind;   /* its data bus is moved as it is: `bus` is wired in place of `data` */
+    unsigned short driving; /* what is driven there, or PIN_FLOATS */
 };
+
+#define PIN_FLOATS 0x100
 
 struct pin_side {
     struct pin_source source;
@@ -45,6 +54,11 @@ struct pin_decoder {
     unsigned (*on_read)(void *context, unsigned chips, unsigned address);
     void (*on_write)(void *context, unsigned chips, unsigned address, unsigned data);
     void (*on_side)(void *context, unsigned number, unsigned level);
+    /* Control lines of `mask` go to `levels`; the data bus of chip number `chip` is driven with
+     * `data`, let go (PIN_FLOATS), or looked at. */
+    void (*on_lines)(void *context, unsigned mask, unsigned levels);
+    void (*on_bus)(void *context, unsigned chip, unsigned data);
+    unsigned (*on_look)(void *context, unsigned chip);
     void *context;
 
     /* The rest is the decoder's own, to be looked at. */
@@ -52,7 +66,8 @@ struct pin_decoder {
     unsigned char external[PIN_PORTS], driven[PIN_PORTS];   /* what chips do, and where */
     struct pin_chip chips[PIN_CHIPS];
     struct pin_side sides[PIN_SIDES], outputs[PIN_OUTPUTS]; /* outputs: bit `number` of SYNC */
-    unsigned chip_count, side_count, output_count;
+    struct pin_side lines[PIN_LINES];
+    unsigned chip_count, side_count, output_count, line_count;
 };
 
 /* Take a wiring text. Returns 0, or the position (from 1) of an entry that cannot be understood.
@@ -65,6 +80,9 @@ void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive
 
 /* The chips' output lines are now at these levels (SYNC's word). */
 void pin_decoder_outputs(struct pin_decoder *decoder, unsigned long word);
+
+/* Look at the data buses behind glue that are wired to a port: call it before pin_decoder_input. */
+void pin_decoder_look(struct pin_decoder *decoder, unsigned port);
 
 /* What the microcontroller reads at a port. */
 unsigned pin_decoder_input(const struct pin_decoder *decoder, unsigned port);

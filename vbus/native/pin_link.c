@@ -95,6 +95,53 @@ void pin_link_side(void *context, unsigned number, unsigned level)
     keep(link, vbus_pin(&link->bus, number, level));
 }
 
+/* Lines and buses before glue: nothing of them is a whole cycle, and nobody promises anything. */
+static void move_lines(void *context, unsigned mask, unsigned levels)
+{
+    struct pin_link *link = (struct pin_link *)context;
+
+    if (link->error != 0)
+        return;
+    stamp(link);
+    link->cycles++;
+    keep(link, vbus_lines(&link->bus, mask, levels));
+    if (link->realtime)
+        keep(link, vbus_echo(&link->bus, 0));
+}
+
+/* DRIVE, RELEASE and SAMPLE are about the bus of the chip selected. */
+static void choose(struct pin_link *link, unsigned chip)
+{
+    if (link->selected != 1U << chip)
+        keep(link, vbus_select(&link->bus, 1U << chip));
+    link->selected = 1U << chip;
+}
+
+static void move_bus(void *context, unsigned chip, unsigned data)
+{
+    struct pin_link *link = (struct pin_link *)context;
+
+    if (link->error != 0)
+        return;
+    choose(link, chip);
+    stamp(link);
+    keep(link, data == PIN_FLOATS ? vbus_release(&link->bus) : vbus_drive(&link->bus, data));
+}
+
+static unsigned look_at_bus(void *context, unsigned chip)
+{
+    struct pin_link *link = (struct pin_link *)context;
+    uint32_t outputs;
+    int data;
+
+    if (link->error != 0)
+        return FLOATING;
+    choose(link, chip);
+    tell_time(link);
+    data = keep(link, vbus_sample(&link->bus, &outputs));
+    return data < 0 ? FLOATING : (unsigned)data;
+}
+
 int pin_link_open(struct pin_link *link, const char *where)
 {
     static unsigned char description[LINK_TEXT_ROOM];
@@ -129,6 +176,9 @@ int pin_link_open(struct pin_link *link, const char *where)
     link->pins.on_read = pin_link_read;
     link->pins.on_write = pin_link_write;
     link->pins.on_side = pin_link_side;
+    link->pins.on_lines = move_lines;
+    link->pins.on_bus = move_bus;
+    link->pins.on_look = look_at_bus;
     link->pins.context = link;
     vbus_buffer(&link->bus);
     /* Polls of a byte that cannot have changed need no round trip; VBUS_LEASES=0 asks each time. */

@@ -33,7 +33,7 @@ struct pin_link {
     uint64_t origin;   /* chip time when the host's own clock was 0: another may have run before */
     uint32_t outputs;  /* their levels, as told last */
     uint64_t step;     /* what looking at a clock takes in lockstep (ps) */
-    uint64_t cycles;   /* bus cycles so far */
+    uint64_t cycles;   /* bus cycles so far, or moves of strobes before glue */
     unsigned selected;
 };
 

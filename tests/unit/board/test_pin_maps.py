@@ -180,3 +180,55 @@ PB0 = "m.PWMMag1A"
 """
     with pytest.raises(BoardFileError, match=r'"m\.PWMMag1A" is a waveform, too fast'):
         read_board_text(text, "b.toml")
+
+
+GLUED = (
+    BOARD.replace('PC2 = "x./CS"', 'PC2 = "u1.1A"').replace('PC3 = "y./CS"', 'PC3 = "u1.1/G"')
+    + """
+[glue.u1]
+part = "74HC139"
+low = ["1B"]
+hosts = ["1A", "1/G"]
+[glue.u1.pins]
+1Y0 = "x./CS"
+1Y1 = "y./CS"
+"""
+)
+
+
+def test_before_glue_the_host_is_told_lines_and_the_bus_in_place_of_roles() -> None:
+    told = wiring(GLUED)
+
+    assert told[:8] == [
+        "0b0=D4", "0b1=D5", "0b2=D6", "0b3=D7", "0b4=B0", "0b5=B1", "0b6=B4", "0b7=B5",
+    ]  # fmt: skip
+    file, source = read_board_text(GLUED)
+    port = build(file, source).open_port("host")
+    lines = [f"c{port.line_number(f'main.{name}')}" for name in ("/RD", "/WR", "/PS")]
+    sides = [f"p{port.pin_number(f'u1.{name}')}" for name in ("1A", "1/G")]
+    assert told[8:13] == [
+        f"{lines[0]}=C0", f"{lines[1]}=!C0", f"{lines[2]}=C1", f"{sides[0]}=C2", f"{sides[1]}=C3",
+    ]  # fmt: skip
+
+
+def test_chips_of_the_same_map_without_glue_are_decoded_by_the_host_as_ever() -> None:
+    told = wiring(GLUED.replace('1Y1 = "y./CS"\n', "").replace('"u1.1/G"', '["u1.1/G", "y./CS"]'))
+
+    assert {"1s=C3", "1r=C0", "1d0=D4"} <= set(told)
+    assert not [wire for wire in told if wire.startswith(("0s", "0r", "1b"))]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"u1.1A"', '["u1.1A", "x./CS"]', '"x./CS" is driven by glue; wire the port bit to the'),
+        ('"u1.1A"', '"u1.1X"', '"u1" has no pin "1X"; it has 1Y0, 1Y1'),
+        ('"u1.1A"', '"u2.1A"', 'there is no [chips.u2]'),
+        ('PC1 = "/PS"\n', "", '"x" cannot be reached: /PS not wired'),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_a_map_with_glue_is_named(old: str, new: str, message: str) -> None:
+    assert old in GLUED
+    with pytest.raises(BoardFileError) as told:
+        read_board_text(GLUED.replace(old, new))
+    assert message in str(told.value)

@@ -28,6 +28,28 @@ static void on_side(void *context, unsigned number, unsigned level)
     printf("side %u %u\n", number, level);
 }
 
+static void on_lines(void *context, unsigned mask, unsigned levels)
+{
+    (void)context;
+    printf("lines %X %X\n", mask, levels);
+}
+
+static void on_bus(void *context, unsigned chip, unsigned data)
+{
+    (void)context;
+    if (data == PIN_FLOATS)
+        printf("release %u\n", chip);
+    else
+        printf("drive %u %02X\n", chip, data);
+}
+
+static unsigned on_look(void *context, unsigned chip)
+{
+    (void)context;
+    printf("look %u\n", chip);
+    return next_byte;
+}
+
 int main(void)
 {
     static struct pin_decoder decoder;
@@ -46,10 +68,14 @@ int main(void)
     decoder.on_read = on_read;
     decoder.on_write = on_write;
     decoder.on_side = on_side;
+    decoder.on_lines = on_lines;
+    decoder.on_bus = on_bus;
+    decoder.on_look = on_look;
     while (fgets(line, sizeof line, stdin) != NULL) {
-        if (sscanf(line, "?%c", &port) == 1)
+        if (sscanf(line, "?%c", &port) == 1) {
+            pin_decoder_look(&decoder, (unsigned)(port - 'A'));
             printf("%c %02X\n", port, pin_decoder_input(&decoder, (unsigned)(port - 'A')));
-        else if (sscanf(line, "=%x", &first) == 1)
+        } else if (sscanf(line, "=%x", &first) == 1)
             next_byte = first;
         else if (sscanf(line, "o%x", &first) == 1)
             pin_decoder_outputs(&decoder, first);

@@ -53,6 +53,41 @@ def test_it_builds_as_c_and_as_cpp_without_a_warning(compiler: list[str], tmp_pa
     compile_pins(compiler, tmp_path / "pins")
 
 
+BEHIND = " ".join(f"0b{bit}=D{bit}" for bit in range(8)) + " c0=C0 c1=C1 c2=C2 c4=!C4 p7=B0 p8=B1"
+"""A chip behind glue: data on port D; lines at port C, one inverted; a decoder at B0, B1."""
+
+
+# -- before glue -----------------------------------------------------------------------------------
+
+
+def test_before_glue_lines_buses_and_side_pins_follow_the_port_bits(decoder: Path) -> None:
+    played = play(
+        decoder, BEHIND, "C17 07", "B03 02", "DFF 1E", "C17 03", "C17 07", "D00 00", "C17 15",
+    )  # fmt: skip
+    assert played == [
+        "lines 17 17", "side 7 0", "side 8 1", "drive 0 1E", "lines 4 0", "lines 4 4", "release 0",
+        "lines 12 0",
+    ]  # fmt: skip
+
+
+def test_before_glue_strobes_rise_before_data_moves_and_fall_after_it(decoder: Path) -> None:
+    together = BEHIND.replace("D7", "C7").replace("p8=B1", "p8=C6")
+    played = play(decoder, together, "CD7 05", "D7F 00", "CD7 82", "CD7 C7")
+    assert played == [
+        "lines 15 15", "side 8 0", "lines 2 0", "drive 0 00",
+        "lines 2 2", "drive 0 80", "lines 5 0", "lines 5 5", "side 8 1",
+    ]  # fmt: skip
+
+
+def test_before_glue_a_bus_is_looked_at_whenever_a_port_that_does_not_drive_it_is_read(
+    decoder: Path,
+) -> None:
+    played = play(decoder, BEHIND, "=A5", "?D", "=5A", "?D", "DFF 12", "?D", "?C")
+    assert played[:4] == ["look 0", "D A5", "look 0", "D 5A"]
+    assert played[-2:] == ["D 12", "C FF"]
+    assert "look 0" not in played[4:]
+
+
 # -- writes ----------------------------------------------------------------------------------------
 
 

@@ -107,6 +107,8 @@ uint8_t port_lines(unsigned port)
     if (pin_link_watches(&chips, port)
         && (!chips.slaved || chips.touched || own_time >= chips.edge))
         must(pin_link_sync(&chips));
+    pin_decoder_look(&chips.pins, port);
+    must(chips.error);
     return (uint8_t)pin_decoder_input(&chips.pins, port);
 }
 

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from vbus.faults.row import AXIS, COUNTED, LINK, ONCE, WIRE, Fault
+from vbus.faults.row import AXIS, COUNTED, LINK, NET, ONCE, WIRE, Fault
 from vbus.faults.table import faults as known_faults
 from vbus.tools.generate.board_file import option_table
 from vbus.tools.generate.markdown import filled, table
@@ -38,6 +38,8 @@ def _for(fault: Fault) -> str:
         return "links"
     if fault.target == WIRE:
         return "wires between nodes"
+    if not fault.of_chip:
+        return "wires of a board" if fault.target == NET else "parts of glue"
     if fault.families:
         return ", ".join(fault.families)
     if fault.shaft:

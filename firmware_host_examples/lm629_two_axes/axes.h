@@ -1,0 +1,19 @@
+/* axes.h - what main.c wants of the board: two LM629, of which one is spoken to at a time.
+ *
+ * Each layer gives this and the four bus functions of ../lm629_c/lm629_driver.h.
+ */
+#ifndef AXES_H
+#define AXES_H
+
+#include <stdint.h>
+
+#define X 0
+#define Y 1
+
+extern uint8_t axis; /* which chip the bus functions reach */
+
+void axes_init(void); /* both chips come out of a hardware reset */
+void pause_ms(uint16_t milliseconds);
+void put_char(char c);
+
+#endif

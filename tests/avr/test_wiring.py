@@ -1,0 +1,96 @@
+"""Firmware whose port bits, or whose memory bus, go through glue before they reach chips."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.avr.conftest import EXAMPLES, compile_avr
+from tests.avr.test_firmware import UNO, bus_of, exec_command
+from tests.shims.conftest import compile_for
+from vbus.tools.exec_avr import run_avr
+
+BOARDS = EXAMPLES.parent / "examples"
+TWO_AXES = EXAMPLES / "lm629_two_axes"
+BIT_BANG = EXAMPLES / "lm629_avr_bitbang"
+DRIVER = EXAMPLES / "lm629_c" / "lm629_driver.c"
+
+
+def cycles(path: Path) -> list[str]:
+    """Return a transcript without the memory bus, and without how often a status was polled."""
+    return [line for line in bus_of(path) if not line.startswith("bus ")]
+
+
+@pytest.mark.parametrize(
+    ("layer", "part", "clock"),
+    [("avr_ports", "atmega328p", 16_000_000), ("avr_xmem", "atmega2560", 14_745_600)],
+)
+def test_a_driver_moves_two_axes_behind_a_decoder(
+    layer: str, part: str, clock: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    sources = [TWO_AXES / "main.c", TWO_AXES / f"{layer}.c", DRIVER]
+    elf = compile_avr(tmp_path / "move.elf", *sources, mmcu=part, frequency=clock)
+    transcript = tmp_path / "bus.txt"
+    spec = f"mmcu={part},f={clock},cycles=64000000"
+    board = str(BOARDS / f"{layer}.toml")
+    assert run_avr(spec, str(elf), board, transcript=str(transcript)) == 0
+    assert capfd.readouterr().out == (TWO_AXES / "expected.txt").read_text()
+    lines = cycles(transcript)
+    assert not [line for line in lines if line.startswith("!")]
+    for chip in "xy":
+        codes = [line.split()[3] for line in lines if line.startswith(f"{chip} w 0")]
+        assert codes == ["1D", "1E", "04", "1F", "01", "0A"]
+
+
+BEHIND = (
+    (BIT_BANG / "board.toml")
+    .read_text()
+    .replace('PC0 = "/CS"', 'PC0 = "u1./G2A"')
+    .replace('PC3 = "/WR"', 'PC3 = "u2.1A"')
+    .replace(
+        "[pinmaps.atmega328p.pins]",
+        """[glue.u1]
+part = "74HC138"
+low = ["A", "B", "C", "/G2B"]
+high = ["G1"]
+hosts = ["/G2A"]
+
+[glue.u1.pins]
+Y0 = "x./CS"
+
+[glue.u2]
+part = "74HC32"
+low = ["1B"]
+hosts = ["1A"]
+
+[glue.u2.pins]
+1Y = "x./WR"
+
+[pinmaps.atmega328p.pins]""",
+    )
+)
+"""The bit-bang example's board with a decoder before the select and a gate before /WR."""
+
+
+def test_the_bit_bang_example_makes_the_same_cycles_through_a_decoder(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    board = tmp_path / "board.toml"
+    board.write_text(BEHIND)
+    sources = [BIT_BANG / "main.c", BIT_BANG / "lm629_bus.c", DRIVER]
+    elf = compile_avr(tmp_path / "move.elf", *sources)
+    found = []
+    for file in (board, BIT_BANG / "board.toml"):
+        transcript = tmp_path / "bus.txt"
+        assert (
+            run_avr(f"{UNO},cycles=160000000", str(elf), str(file), transcript=str(transcript)) == 0
+        )
+        assert capfd.readouterr().out == (BIT_BANG / "expected.txt").read_text()
+        found.append(bus_of(transcript))
+    assert found[0] == found[1]
+    program = compile_for(
+        "avr", tmp_path / "move", "-DF_CPU=16000000UL", f"-I{EXAMPLES / 'lm629_c'}", *sources
+    )
+    shim = tmp_path / "shim.txt"
+    assert exec_command(["--board", str(board), "--transcript", str(shim), str(program)]) == 0
+    assert capfd.readouterr().out == (BIT_BANG / "expected.txt").read_text()
+    assert bus_of(shim) == found[1]

@@ -1,0 +1,103 @@
+"""Cards and boards of parts under drivers written as for the real ones."""
+
+import subprocess
+from itertools import groupby
+from pathlib import Path
+
+import pytest
+
+from tests.examples.boards import EXAMPLES, expected, require, vbus
+from tests.examples.test_exec import compiled
+
+BOARDS = EXAMPLES.parent / "examples"
+TWO_AXES = EXAMPLES / "lm629_two_axes"
+SELECTS = """
+[cards.slot]
+bus = "ISA"
+base = 0x340
+hold = "130 ns"
+[cards.slot.pins]
+"D0-D7" = "x.D0-D7"
+"/IOR" = "x./RD"
+"/IOW" = "x./WR"
+A0 = "x./PS"
+
+[cards.slot.selects]
+"x./CS" = "0-1"
+
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/slot.sock"
+card = "slot"
+"""
+"""The card of a host example, decoded by its own select."""
+
+
+def run(board: Path, program: Path, transcript: Path) -> tuple[int, str, str]:
+    done = subprocess.run(
+        vbus("exec", "--board", str(board), "--transcript", str(transcript), "--no-summary", "--",
+             str(program)),
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("card", ["wired_card", "indexed_card"])
+def test_a_driver_moves_two_axes_on_a_card_of_parts(card: str, tmp_path: Path) -> None:
+    program, transcript = tmp_path / "move", tmp_path / "bus.txt"
+    done = subprocess.run(
+        [require("cc"), "-std=gnu99", "-O2", "-Wall", "-Wextra", "-Werror", "-I../lm629_c", "-o",
+         str(program), "main.c", f"{card}.c", "../lm629_c/lm629_driver.c"],
+        cwd=TWO_AXES, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert run(BOARDS / f"{card}.toml", program, transcript) == (0, expected("lm629_two_axes"), "")
+    lines = transcript.read_text().splitlines()
+    assert not [line for line in lines if line.startswith("!")]
+    for chip in "xy":
+        writes = [line for line in lines if line.startswith(f"{chip} w 0")]
+        codes = [line.split()[3] for line in writes]
+        assert codes == ["1D", "1E", "04", "1F", "01", "0A"]  # RSTI, LFIL, UDF, LTRJ, STT, RDRP
+
+
+def cycles(transcript: Path) -> list[str]:
+    """Return the cycles at chips, equal ones in a row once: how often is a matter of the line."""
+    lines = [line.partition(" x")[0] for line in transcript.read_text().splitlines()]
+    kept = [line for line in lines if not line.startswith(("slot ", "isa "))]
+    return [line for line, _ in groupby(kept)]
+
+
+def packets(transcript: Path) -> list[str]:
+    """Return the cycles of commands and data, each as often as it was made."""
+    found = []
+    for line in transcript.read_text().splitlines():
+        cycle, _, times = line.partition(" x")
+        found += [cycle] * int(times or 1)
+    return [cycle for cycle in found if cycle[:6] in ("mc w 0", "mc w 1", "mc r 0")]
+
+
+def test_a_host_example_runs_on_its_card_built_of_selects(tmp_path: Path) -> None:
+    board, plain = tmp_path / "board.toml", EXAMPLES / "lm629_portio" / "board.toml"
+    board.write_text(plain.read_text().partition("[cards.slot]")[0] + SELECTS)
+    program = compiled("lm629_portio", tmp_path / "program")
+    found = []
+    for file in (board, plain):
+        transcript = tmp_path / f"{len(found)}.txt"
+        assert run(file, program, transcript) == (0, expected("lm629_portio"), "")
+        found.append(cycles(transcript))
+    assert found[0] == found[1]
+    assert len(found[0]) > 50
+
+
+def test_the_manuals_isa_card_of_parts_serves_the_host_example_with_interrupts(
+    tmp_path: Path,
+) -> None:
+    program, transcript = compiled("mc1241a_isa_interrupt", tmp_path / "program"), tmp_path / "bus"
+    board = BOARDS / "stepper_card.toml"
+    assert run(board, program, transcript) == (0, expected("mc1241a_isa_interrupt"), "")
+    assert not [line for line in transcript.read_text().splitlines() if line.startswith("!")]
+    plain = tmp_path / "plain"
+    run(EXAMPLES / "mc1241a_isa_interrupt" / "board.toml", program, plain)
+    # Reset and HostRdy are the card's own here, and further addresses of the chip there.
+    data = [packets(file) for file in (transcript, plain)]
+    assert data[0] == data[1]
+    assert len(data[0]) > 100
