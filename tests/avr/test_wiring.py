@@ -9,7 +9,6 @@ from tests.avr.test_firmware import UNO, bus_of, exec_command
 from tests.shims.conftest import compile_for
 from vbus.tools.exec_avr import run_avr
 
-BOARDS = EXAMPLES.parent / "examples"
 TWO_AXES = EXAMPLES / "lm629_two_axes"
 BIT_BANG = EXAMPLES / "lm629_avr_bitbang"
 DRIVER = EXAMPLES / "lm629_c" / "lm629_driver.c"
@@ -31,7 +30,7 @@ def test_a_driver_moves_two_axes_behind_a_decoder(
     elf = compile_avr(tmp_path / "move.elf", *sources, mmcu=part, frequency=clock)
     transcript = tmp_path / "bus.txt"
     spec = f"mmcu={part},f={clock},cycles=64000000"
-    board = str(BOARDS / f"{layer}.toml")
+    board = str(TWO_AXES / f"{layer}.toml")
     assert run_avr(spec, str(elf), board, transcript=str(transcript)) == 0
     assert capfd.readouterr().out == (TWO_AXES / "expected.txt").read_text()
     lines = cycles(transcript)

@@ -9,7 +9,6 @@ import pytest
 from tests.examples.boards import EXAMPLES, expected, require, vbus
 from tests.examples.test_exec import compiled
 
-BOARDS = EXAMPLES.parent / "examples"
 TWO_AXES = EXAMPLES / "lm629_two_axes"
 SELECTS = """
 [cards.slot]
@@ -50,7 +49,11 @@ def test_a_driver_moves_two_axes_on_a_card_of_parts(card: str, tmp_path: Path) -
         cwd=TWO_AXES, capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert run(BOARDS / f"{card}.toml", program, transcript) == (0, expected("lm629_two_axes"), "")
+    assert run(TWO_AXES / f"{card}.toml", program, transcript) == (
+        0,
+        expected("lm629_two_axes"),
+        "",
+    )
     lines = transcript.read_text().splitlines()
     assert not [line for line in lines if line.startswith("!")]
     for chip in "xy":
@@ -92,7 +95,7 @@ def test_the_manuals_isa_card_of_parts_serves_the_host_example_with_interrupts(
     tmp_path: Path,
 ) -> None:
     program, transcript = compiled("mc1241a_isa_interrupt", tmp_path / "program"), tmp_path / "bus"
-    board = BOARDS / "stepper_card.toml"
+    board = EXAMPLES / "mc1241a_isa_interrupt" / "stepper_card.toml"
     assert run(board, program, transcript) == (0, expected("mc1241a_isa_interrupt"), "")
     assert not [line for line in transcript.read_text().splitlines() if line.startswith("!")]
     plain = tmp_path / "plain"

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Final
 
 from vbus.board.board import Board
 from vbus.board.build import card_of
@@ -15,6 +16,9 @@ from vbus.chips.base import Chip
 from vbus.kernel import NS
 from vbus.signals import HIGH, LOW, Pin, Z
 
+MOST_SHOWN: Final = 8
+"""Inputs of a decoder that are told with their levels; more would be the whole address."""
+
 
 @dataclass(frozen=True, slots=True)
 class Answer:
@@ -25,12 +29,14 @@ class Answer:
         address: the address.
         reads: who drives the data bus in a read: ``"x.0"`` is address 0 of chip x.
         writes: who takes what is written.
+        why: where nobody does either, what keeps the chips from it: inputs of what selects them.
     """
 
     card: str
     address: int
     reads: tuple[str, ...]
     writes: tuple[str, ...]
+    why: str = ""
 
 
 def address_map(file: BoardFile, board: Board) -> list[Answer]:
@@ -97,7 +103,9 @@ def lines(found: list[Answer]) -> Iterator[str]:
         rows = list(group)
         if silent:
             last = f"-{rows[-1].address:X}H" if len(rows) > 1 else ""
-            yield f"{card} {rows[0].address:X}H{last}: nobody"
+            at = f" at {rows[0].address:X}H" if last and rows[0].why else ""
+            why = f";{at} {rows[0].why}" if rows[0].why else ""
+            yield f"{card} {rows[0].address:X}H{last}: nobody{why}"
             continue
         for row in rows:
             told = [
@@ -119,7 +127,7 @@ def _tried(file: BoardFile, card: CardSection, board: Board) -> Iterator[Answer]
     for address in range(card.base, card.base + card.size * card.stride, card.stride):
         for line, name in enumerate(bus.row.address):
             hands[name].drive(address >> line & 1)
-        answers = []
+        answers, why = [], ""
         for write in (False, True):
             who: dict[str, None] = {}
             for data in (0xFF, 0x00) if write else (Z,):
@@ -131,13 +139,14 @@ def _tried(file: BoardFile, card: CardSection, board: Board) -> Iterator[Answer]
                         who[f"{chip.name}.{_address(chip, known[chip.name]):X}"] = None
                 if not write:
                     who |= dict.fromkeys(_drivers(board, bus))
+                    why = "" if who else _kept_from(board, chips, known)
                 _strobe(board, hands[bus.write_strobe if write else bus.read_strobe], HIGH, wait)
                 if write:
                     after = _held(board)
                     who |= {name: None for name in after if after[name] != before[name]}
             hands["D0-D7"].release()
             answers.append(tuple(who))
-        yield Answer(card.name, address, answers[0], answers[1])
+        yield Answer(card.name, address, answers[0], answers[1], why)
     for hand in hands.values():
         hand.release()
 
@@ -158,6 +167,24 @@ def _selected(chip: Chip, known: Mapping[str, str], write: bool) -> bool:
     """Tell whether a chip's select, and its strobe for this direction, are low."""
     wanted = [name for name, role in known.items() if role in (SELECT, WRITE if write else READ)]
     return bool(wanted) and all(chip.pins[name].value == LOW for name in wanted)
+
+
+def _kept_from(board: Board, chips: list[Chip], known: Mapping[str, Mapping[str, str]]) -> str:
+    """Say what holds the selects of chips high: the part, and the levels at its inputs."""
+    owners = {id(block): part.name for part in board.glue.parts for block in part.blocks}
+    told = []
+    for chip in chips:
+        for name, role in known[chip.name].items():
+            net = chip.pins[name].net if role == SELECT else None
+            for block in board.glue.blocks if net is not None and net.value else ():
+                if any(pin.net is net for pin in block.outputs):
+                    levels = [
+                        f"{pin.net.name} {pin.net.value}" for pin, _ in block.inputs
+                        if pin.net.width == 1 and pin.net.pins != [pin]
+                    ]  # fmt: skip
+                    shown = f" ({', '.join(levels)})" if len(levels) <= MOST_SHOWN else ""
+                    told.append(f"{chip.name}.{name} is high by {owners[id(block)]}{shown}")
+    return "; ".join(told)
 
 
 def _address(chip: Chip, known: Mapping[str, str]) -> int:

@@ -3,11 +3,13 @@
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from heapq import heappop, heappush
 from pathlib import Path
 from typing import Final
 
 from vbus.board.board import Board
+from vbus.board.card_bus import CONNECTOR
 from vbus.errors import VbusError
 from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant
@@ -126,6 +128,30 @@ def _header(header: Header) -> str:
     )
 
 
+@dataclass(slots=True)
+class _Held:
+    """A line that is held back to be counted: from when until when, and how often."""
+
+    text: str
+    begun: int
+    ended: int
+    times: int
+    before: int = 0
+    """When it came the last time but one, of lines that come in turns."""
+
+    def again(self, when: int) -> None:
+        """It comes once more, in its turn."""
+        self.before, self.ended = self.ended, when
+        self.times += 1
+
+    def take_last(self) -> "_Held":
+        """Return its last time as a line of its own; the others stay."""
+        last = _Held(self.text, self.ended, self.ended, 1)
+        self.ended = self.before
+        self.times -= 1
+        return last
+
+
 class _Lines(BoardPackets):
     """Packets and violations as lines, in the order in which they ended.
 
@@ -146,11 +172,12 @@ class _Lines(BoardPackets):
         self._waiting: list[tuple[int, int, str, int, int]] = []
         """Instant, number, text, how often in a row, instant of the last time."""
         self._count: int = 0
-        self._text: str = ""
-        """The line that is held back to be counted: its text, how often, from when until when."""
-        self._times: int = 0
-        self._begun: int = 0
-        self._ended: int = 0
+        self._cards: set[str] = {
+            name for name, family in header.families.items() if family == CONNECTOR
+        }
+        self._held: list[_Held] = []
+        """The lines that are held back to be counted: one, or those of a chip's cycle and of the
+        access on its card's bus, which come in turns."""
 
     def cycles(self, chip: str, when: int, span: int, times: int, write: bool, value: int) -> None:
         """Take bus cycles that follow each other and are equal.
@@ -234,24 +261,40 @@ class _Lines(BoardPackets):
             self._fold(when, text, times, last)
 
     def _fold(self, when: int, text: str, times: int, last: int) -> None:
-        if text != self._text:
-            self.tell()
-            self._text, self._begun = text, when
-        self._times += times
-        self._ended = last
+        held = self._held
+        if len(held) == 2 and times == 1:
+            first, second = held
+            turn = second if first.times > second.times else first
+            if text == turn.text:
+                turn.again(when)
+                return
+            if turn is second:  # the first came once more, and something else than the second
+                again = first.take_last()
+                self.tell()
+                held.append(again)
+        if len(held) == 1:
+            if text == held[0].text:
+                held[0].times += times
+                held[0].ended = last
+                return
+            if held[0].times == times == 1 and text.partition(" ")[0] in self._cards:
+                held.append(_Held(text, when, last, 1))
+                return
+        self.tell()
+        held.append(_Held(text, when, last, times))
 
     def tell(self) -> None:
-        """Tell the line that is held back."""
-        if self._times:
-            more = self._ended - self._begun
-            folded = f"  x {self._times}, {more / MS:.6g} ms" if self._times > 1 else ""
+        """Tell what is held back."""
+        for line in self._held:
+            more = line.ended - line.begun
+            folded = f"  x {line.times}, {more / MS:.6g} ms" if line.times > 1 else ""
             self.ready.append(
                 Line(
-                    f"{instant(self._begun)} {self._text}{folded}",
-                    when_ps=self._begun, until_ps=self._ended, times=self._times, text=self._text,
+                    f"{instant(line.begun)} {line.text}{folded}",
+                    when_ps=line.begun, until_ps=line.ended, times=line.times, text=line.text,
                 )
             )  # fmt: skip
-        self._times = 0
+        self._held.clear()
 
 
 def _entries(reader: JournalReader, first: int, last: int) -> Iterator[str]:

@@ -1,12 +1,10 @@
 """A card's own parts: selects by ranges of addresses, and registers of each kind."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.unit.glue.test_cards import Slot, mapped, move
+from tests.unit.glue.test_cards import FOLDER, Slot, mapped, move
 from tests.unit.glue.test_paths import path_of
 from vbus.board.build import load_board_text
 from vbus.board.snapshot import restore, take
@@ -14,7 +12,7 @@ from vbus.errors import ConfigError
 from vbus.kernel import MS, US
 from vbus.signals import Observer
 
-INDEXED = (Path(__file__).parents[3] / "examples" / "indexed_card.toml").read_text()
+INDEXED = (FOLDER / "indexed_card.toml").read_text()
 INDEX, DATA, CONTROL, ID, ENABLE, REQUEST, SWITCHES = (
     0x280,
     0x281,
@@ -257,7 +255,8 @@ def test_ranges_select_chips_at_strides_of_memory_and_one_of_them_both() -> None
         "slot 20000H: read x.0, write x.0", "slot 20004H: read x.1, write x.1",
         "slot 20008H: read y.0, write y.0", "slot 2000CH: read y.1, write y.1",
         "slot 20010H: read x.0+y.0, write x.0+y.0", "slot 20014H: read x.1+y.1, write x.1+y.1",
-        "slot 20018H-2001CH: nobody",
+        "slot 20018H-2001CH: nobody; at 20018H x./CS is high by slot-selects; y./CS is high by"
+        " slot-selects",
     ]  # fmt: skip
     assert notes[0] == (
         "[cards.slot]: x.0 and y.0 both answer a read at 20010H and fight; select one of them only"

@@ -20,7 +20,8 @@ from vbus.protocols.port import CardAccess
 from vbus.signals import Observer
 
 ROOT = Path(__file__).parents[3]
-WIRED = (ROOT / "examples" / "wired_card.toml").read_text()
+FOLDER = ROOT / "firmware_host_examples" / "lm629_two_axes"
+WIRED = (FOLDER / "wired_card.toml").read_text()
 PLAIN = (
     WIRED.partition("[buses.main]")[0]
     + """
@@ -287,10 +288,12 @@ def test_the_map_tells_who_answers_at_each_address() -> None:
         "slot 303H: read y.1, write y.1",
         "slot 304H: read x.0+y.0, write x.0+y.0",
         "slot 305H: read x.1+y.1, write x.1+y.1",
-        "slot 306H-30BH: nobody",
+        "slot 306H-30BH: nobody; at 306H x./CS is high by match (Y0 1, Y2 1); y./CS is high by"
+        " match (Y1 1, Y2 1)",
         "slot 30CH: read u3, write u2",
         "slot 30DH: read u3, write u2",
-        "slot 30EH-30FH: nobody",
+        "slot 30EH-30FH: nobody; at 30EH x./CS is high by match (Y0 1, Y2 1); y./CS is high by"
+        " match (Y1 1, Y2 1)",
     ]
     assert wrong == [
         f"[cards.slot]: x.{n} and y.{n} both answer a read at {0x304 + n:X}H and fight; select one"
