@@ -6,6 +6,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.board.card_buses import BUSES, DATA, LATCH, BusRow
+from vbus.board.glue_cycles import CycleTeller
 from vbus.board.host_pins import HostPins
 from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
@@ -24,11 +25,20 @@ MOST: Final = 256
 class CyclePath(Guard):
     """What brings whole cycles from a connector to the chips behind it."""
 
-    def read(self, pins: HostPins, address: int, when: i64) -> int:
-        """Run a read cycle with its latching edge at ``when`` (ps); return the byte."""
+    def read(self, pins: HostPins, teller: CycleTeller, address: int, when: i64) -> int:
+        """Run a read cycle with its latching edge at ``when`` (ps); return the byte.
+
+        Args:
+            pins: the host's pins.
+            teller: is told of the cycles it makes at chips.
+            address: counted in strides from the card's base.
+            when: its latching edge.
+        """
         raise NotImplementedError
 
-    def write(self, pins: HostPins, address: int, data: int, when: i64) -> None:
+    def write(
+        self, pins: HostPins, teller: CycleTeller, address: int, data: int, when: i64
+    ) -> None:
         """Run a write cycle with its latching edge at ``when`` (ps)."""
         raise NotImplementedError
 
@@ -152,7 +162,10 @@ class CardBus(Chip):
         low, setup, where, row = self.low_ps, self.setup_ps, self.where(address), self.row
         begin = -low - setup
         strobe = self.write_strobe if write else self.read_strobe
-        edges = [(begin, line, where >> n & 1) for n, line in enumerate(row.address)]
+        edges = [
+            (begin, line, where >> n & 1) for n, line in enumerate(row.address)
+            if self.address_pins[n].level != where >> n & 1
+        ]  # fmt: skip
         edges += [(begin, name, HIGH) for name in (self.read_strobe, self.write_strobe)]
         stands = begin
         if self.latches:

@@ -14,6 +14,7 @@ from vbus.board.card_cycle import Cycle, Rest
 from vbus.board.card_decode import Decoder
 from vbus.board.card_edges import Edges, Steps
 from vbus.board.circuit import Circuit
+from vbus.board.glue_cycles import CycleTeller, GlueCycles
 from vbus.board.host_pins import HostPins
 from vbus.chips.base import Chip
 from vbus.signals import HIGH
@@ -37,6 +38,7 @@ class CardPath(CyclePath):
         self._board: Circuit = board
         self._kernel = board.kernel
         self._bus: CardBus = bus
+        self._through: GlueCycles | None = board.through
         self._low: int = bus.low_ps
         self._lead: int = self._low + bus.setup_ps
         self._hold: int = bus.hold_ps
@@ -78,8 +80,10 @@ class CardPath(CyclePath):
 
     # -- cycles ---------------------------------------------------------------------------------
 
-    def read(self, pins: HostPins, address: int, when: i64) -> int:
+    def read(self, pins: HostPins, teller: CycleTeller, address: int, when: i64) -> int:
         """Run a read cycle with its latching edge at ``when`` (ps); return the byte."""
+        if self._through is not None:
+            self._through.by = teller
         cycle = self._begin(address, False, when)
         if cycle is None:
             return self._play(pins, False, address, 0, when)
@@ -98,12 +102,17 @@ class CardPath(CyclePath):
             self._to(when)
             data = chip.end_read()
         kernel.settle()
-        self._tell(cycle, False, data, when)
+        if cycle.chips and teller.wanted():
+            self._tell(cycle, False, data, when)
         self._end(cycle, address, data, when)
         return data
 
-    def write(self, pins: HostPins, address: int, data: int, when: i64) -> None:
+    def write(
+        self, pins: HostPins, teller: CycleTeller, address: int, data: int, when: i64
+    ) -> None:
         """Run a write cycle with its latching edge at ``when`` (ps)."""
+        if self._through is not None:
+            self._through.by = teller
         cycle = self._begin(address, True, when)
         if cycle is None:
             self._play(pins, True, address, data, when)
@@ -116,14 +125,14 @@ class CardPath(CyclePath):
             chip.judged = True
             chip.write(cycle.places[number], data)
         self._kernel.settle()
-        self._tell(cycle, True, data, when)
+        if cycle.chips and teller.wanted():
+            self._tell(cycle, True, data, when)
         self._end(cycle, address, data, when)
 
     def _tell(self, cycle: Cycle, write: bool, data: int, when: int) -> None:
         """Tell of the cycles that were made at chips."""
-        through = self._board.through
-        if through is not None and cycle.chips and through.listened():
-            through.reached(when, cycle.chips, cycle.places, write, data)
+        if self._through is not None:
+            self._through.reached(when, cycle.chips, cycle.places, write, data)
 
     def _step(
         self, cycle: Cycle, steps: Steps, write: bool, address: int, data: int, when: int

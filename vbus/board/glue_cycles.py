@@ -79,22 +79,18 @@ class GlueCycles:
         return [row.watch for row in self.rows]
 
     def remembers(self) -> bool:
-        """Tell whether earlier edges decide about cycles to come: a latched address, say."""
-        return any(row.watch.save() for row in self.rows)
+        """Tell whether any chip's bus has a state that is worth keeping."""
+        return any(row.remembers for row in self.rows)
 
     def after_load(self) -> None:
         """The nets have been loaded: edges are counted from here."""
         for row in self.rows:
             row.levels = row.look()
 
-    def listened(self) -> bool:
-        """Tell whether anybody wants to know of what the present host does."""
-        return self.by is not None and self.by.wanted()
-
     def reached(
         self, when: int, chips: list[Chip], places: list[int], write: bool, data: int
     ) -> None:
-        """Tell of a cycle that was made at chips without moving their lines."""
+        """Tell the present host of a cycle that was made at chips without moving their lines."""
         assert self.by is not None
         told: dict[int, list[str]] = {}
         for chip, place in zip(chips, places, strict=True):
@@ -104,11 +100,13 @@ class GlueCycles:
 
     def _moved(self) -> None:
         now = self._kernel.now
-        by = self.by if self.listened() else None
+        by = self.by if self.by is not None and self.by.wanted() else None
         writes: dict[tuple[int, int], list[str]] = {}
         for row in self.rows:
             before, row.levels = row.levels, row.look()
             if before == row.levels:
+                continue
+            if by is None and not row.remembers:
                 continue
             data = row.chip.bus_net.before
             for cycle in row.watch.edges(now, before, row.levels, data, data):
@@ -131,6 +129,8 @@ class BusLines:
     def __init__(self, chip: Chip, watch: BusWatch) -> None:
         self.chip: Chip = chip
         self.watch: BusWatch = watch
+        self.remembers: bool = bool(watch.save())
+        """Whether earlier edges decide about cycles to come: a latched address, say."""
         self.levels: tuple[int, ...] = ()
         self.data: int = 0
         self._nets: list[Net] = []

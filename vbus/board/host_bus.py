@@ -230,8 +230,7 @@ class HostBus(HostPort):
         when = clock.begin(selection.cycle)
         chip = selection.chip
         if selection.path is not None:
-            self.strobes.goes_through_glue()
-            data = selection.path.read(self.pins, address, when)
+            data = selection.path.read(self.pins, self.strobes, address, when)
         elif chip is None:
             data = self._read_together(address, when)
         elif self._kernel.observed and selection.observed():
@@ -268,8 +267,7 @@ class HostBus(HostPort):
         board, selection, clock = self.board, self.selection, self.clock
         when = clock.begin(selection.cycle)
         if selection.path is not None:
-            self.strobes.goes_through_glue()
-            selection.path.write(self.pins, address, data, when)
+            selection.path.write(self.pins, self.strobes, address, data, when)
         elif self._kernel.observed and selection.observed():
             board.player.play(selection.selected, self.pins, True, address, data, when)
         else:

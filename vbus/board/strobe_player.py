@@ -44,7 +44,8 @@ class StrobePlayer:
                 steps.append((offset, len(steps), pins.of(chip.pins[name]), level))
         if not steps:
             return self._answer(chips, write, address, data, when)
-        steps.sort(key=_offset_and_order)
+        if len(chips) > 1:  # each chip's own are in order
+            steps.sort(key=_offset_and_order)
         value = 0
         latched = False
         # What a computer's bus moves at one instant moves together; no decoder sees it half.
