@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from typing import ClassVar
 
 from vbus.board.card_edges import Steps
 from vbus.chips.base import Chip
-from vbus.glue.logic import Levels, Outcome
+from vbus.glue.logic import Levels
 from vbus.glue.part import GlueBlock
 from vbus.signals import Net, Pin
+from vbus.state import Names
 
 
 class NotFixed(Exception):
     """What a cycle comes to is not known beforehand; the text says why."""
 
 
-@dataclass(slots=True)
 class Rest:
     """How the wires stand after a cycle at one address.
 
@@ -26,17 +26,25 @@ class Rest:
         clocks: the inputs of registers and resets; while they are the same, none of them moves.
     """
 
-    nets: list[tuple[Net, int]]
-    pins: list[tuple[Pin, int]]
-    blocks: list[tuple[GlueBlock, int, int, Levels]]
-    clocks: tuple[int, ...]
+    WIRING: ClassVar[Names] = ("*",)
+
+    def __init__(
+        self,
+        nets: list[tuple[Net, int]],
+        pins: list[tuple[Pin, int]],
+        blocks: list[tuple[GlueBlock, int, int, Levels]],
+        clocks: tuple[int, ...],
+    ) -> None:
+        self.nets: list[tuple[Net, int]] = nets
+        self.pins: list[tuple[Pin, int]] = pins
+        self.blocks: list[tuple[GlueBlock, int, int, Levels]] = blocks
+        self.clocks: tuple[int, ...] = clocks
 
 
-@dataclass(slots=True)
 class Cycle:
     """What a cycle comes to.
 
-    Attributes:
+    Args:
         chips: those that are read or written, in the order of the board.
         places: the address at each of them.
         answer: what is read if no chip answers.
@@ -46,21 +54,22 @@ class Cycle:
         why: why it is played.
     """
 
-    chips: list[Chip] = field(default_factory=list)
-    places: list[int] = field(default_factory=list)
-    answer: int = 0xFF
-    kept: list[tuple[Net, int]] = field(default_factory=list)
-    steps: Steps | None = None
-    rest: Rest | None = None
-    why: str = ""
+    WIRING: ClassVar[Names] = ("*",)
 
-
-@dataclass(slots=True)
-class Phase:
-    """Levels in one part of a cycle: of nets and pins, by identity, and what each block gives."""
-
-    nets: dict[int, int]
-    pins: dict[int, int]
-    outcomes: list[tuple[Levels, Outcome]]
-    floating: set[int]
-    """Nets that nobody drives and nothing pulls: they keep what was there."""
+    def __init__(
+        self,
+        chips: list[Chip] | None = None,
+        places: list[int] | None = None,
+        answer: int = 0xFF,
+        kept: list[tuple[Net, int]] | None = None,
+        steps: Steps | None = None,
+        rest: Rest | None = None,
+        why: str = "",
+    ) -> None:
+        self.chips: list[Chip] = chips or []
+        self.places: list[int] = places or []
+        self.answer: int = answer
+        self.kept: list[tuple[Net, int]] = kept or []
+        self.steps: Steps | None = steps
+        self.rest: Rest | None = rest
+        self.why: str = why

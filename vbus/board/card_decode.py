@@ -7,8 +7,9 @@ from itertools import product
 
 from vbus.board.card_bus import CardBus
 from vbus.board.card_buses import LATCH
-from vbus.board.card_cycle import Cycle, NotFixed, Phase, Rest
+from vbus.board.card_cycle import Cycle, NotFixed, Rest
 from vbus.board.card_edges import Steps, steps_of
+from vbus.board.card_phase import Phase
 from vbus.board.card_timing import MOST_UNKNOWN, CardTiming, has_clock, outputs, pin_of
 from vbus.board.pin_maps import ADDRESS, DATA, READ, SELECT, WRITE, roles
 from vbus.chips.base import Chip

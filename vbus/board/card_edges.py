@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from vbus.board.card_bus import CardBus
@@ -20,11 +19,10 @@ BYTE: Final = -2
 Levels = list[tuple[Pin, int]]
 
 
-@dataclass(slots=True)
 class Steps:
     """What drives the wires to such chips in the parts of one cycle.
 
-    Attributes:
+    Args:
         before: from when the address stands.
         under: while the strobe is low.
         after: from when it has risen.
@@ -32,11 +30,16 @@ class Steps:
         source: the data bus on which the byte of a read is, as the strobe rises.
     """
 
-    before: Levels
-    under: Levels
-    after: Levels
-    over: Levels
-    source: Net
+    WIRING: ClassVar[Names] = ("*",)
+
+    def __init__(
+        self, before: Levels, under: Levels, after: Levels, over: Levels, source: Net
+    ) -> None:
+        self.before: Levels = before
+        self.under: Levels = under
+        self.after: Levels = after
+        self.over: Levels = over
+        self.source: Net = source
 
 
 class EdgeGuard(Guard):

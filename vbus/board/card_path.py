@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from mypy_extensions import i64
 
-from vbus.board.card_bus import CardBus, CyclePath
+from vbus.board.card_bus import MOST, CardBus, CyclePath
 from vbus.board.card_cycle import Cycle, Rest
 from vbus.board.card_decode import Decoder
 from vbus.board.card_edges import Edges, Steps
@@ -45,14 +45,16 @@ class CardPath(CyclePath):
         self._decoder: Decoder = Decoder(bus, board.glue, board.chips)
         self._recovery: int = max([self._hold, *(c.cycle_ps for c in self._decoder.behind)])
         self._closed: bool = self._decoder.closed
-        self._settings: dict[tuple[int, ...], dict[int, Cycle]] = {}
-        self._cycles: dict[int, Cycle] = {}
+        self._settings: dict[tuple[int, ...], list[Cycle | None]] = {}
+        self._cycles: list[Cycle | None] = []
         self._clocks: tuple[int, ...] = ()
         self._moved: bool = True
         """Whether a wire that decides has moved since it was looked at."""
         self._fixed: bool = False
         """Whether cycles may be made at the chips, as far as was looked."""
-        self._seen: tuple[int, int] = (-1, -1)
+        self._observed: int = -1
+        self._observations: int = -1
+        """How many observers sat on nets as it was looked, and how many ever had."""
         self._owed: Rest | None = None
         self._judging: bool = False
         self.played: int = 0
@@ -168,14 +170,16 @@ class CardPath(CyclePath):
         self._to(begin)
         if (
             self._moved
-            or kernel.observed != self._seen[0]
-            or kernel.observations != self._seen[1]
+            or kernel.observed != self._observed
+            or kernel.observations != self._observations
             or self._board.disturbed
         ) and not self._look():
             return None
         if not self._fixed or (not self._closed and kernel.next_due <= when):
             return None
-        cycle = self._cycles.get(address << 1 | write)
+        if address < 0 or address >= MOST:
+            return None
+        cycle = self._cycles[address << 1 | write]
         if cycle is None:
             cycle = self._at(address, write)
         if cycle.rest is None or (
@@ -186,10 +190,11 @@ class CardPath(CyclePath):
 
     def _at(self, address: int, write: bool) -> Cycle:
         key = address << 1 | write
-        if key not in self._cycles:
+        cycle = self._cycles[key]
+        if cycle is None:
             self.come_true()
-            self._cycles[key] = self._decoder.cycle(address, write)
-        return self._cycles[key]
+            cycle = self._cycles[key] = self._decoder.cycle(address, write)
+        return cycle
 
     def _end(self, cycle: Cycle, address: int, data: int, when: int) -> None:
         self._bus.free_at = when + self._recovery
@@ -227,7 +232,7 @@ class CardPath(CyclePath):
         """Look at what decides; tell whether cycles may be made at the chips."""
         self.come_true()
         kernel, decoder = self._kernel, self._decoder
-        self._seen = (int(kernel.observed), int(kernel.observations))
+        self._observed, self._observations = kernel.observed, kernel.observations
         self._fixed = (
             not self._board.disturbed
             and decoder.settled()
@@ -235,7 +240,11 @@ class CardPath(CyclePath):
         )
         if self._fixed:
             context = decoder.context()
-            self._cycles = self._settings.setdefault(context, {})
+            if context not in self._settings:
+                if len(self._settings) >= MOST:
+                    self._settings.clear()
+                self._settings[context] = [None] * (2 * MOST)
+            self._cycles = self._settings[context]
             self._clocks = decoder.clocks()
             self._fixed = self._idle()
         self._moved = not self._fixed

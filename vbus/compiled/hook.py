@@ -32,7 +32,8 @@ COMPILED: Final = (
     "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py", "plant/*.py",
     "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
     "protocols/port.py", "board/board.py", "board/circuit.py", "board/host_*.py",
-    "board/strobe_*.py", "board/card_bus.py", "board/card_path.py", "board/glue_cycles.py",
+    "board/strobe_*.py", "board/card_bus.py", "board/card_path.py",
+    "board/card_cycle.py", "board/card_edges.py", "board/glue_cycles.py",
     "trace/journal/rows.py", "trace/journal/recorded_bus.py", "scope/lane.py", "scope/look.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what works in every sample or bus cycle."""
