@@ -62,6 +62,78 @@ def test_a_driver_moves_two_axes_on_a_card_of_parts(card: str, tmp_path: Path) -
         assert codes == ["1D", "1E", "04", "1F", "01", "0A"]  # RSTI, LFIL, UDF, LTRJ, STT, RDRP
 
 
+WIDE = """
+[board]
+time = "lockstep"
+
+[chips.x]
+part = "LM629N-8"
+clock = "8 MHz"
+plant = "none"
+
+[cards.window]
+bus = "SRAM"
+memory = true
+base = 0x50000000
+size = 8
+{more}
+
+[cards.window.pins]
+A23 = "x./CS"
+
+[cards.window.registers.low]
+at = 0
+
+[cards.window.registers.high]
+at = 1
+
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/wide.sock"
+card = "window"
+"""
+PROGRAM = """
+#include <fcntl.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <sys/mman.h>
+
+int main(void)
+{
+    int memory = open("/dev/mem", O_RDWR | O_SYNC);
+    int both = PROT_READ | PROT_WRITE;
+    volatile uint8_t *page = mmap(NULL, 4096, both, MAP_SHARED, memory, 0x50000000);
+    volatile uint16_t *word = (volatile uint16_t *)page;
+
+    *word = 0x1234;
+    printf("%02X %02X %04X\\n", page[0], page[STRIDE], *word);
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("more", "stride", "read"),
+    [
+        ("", 1, "34 12 1234"),
+        ("big_endian = true", 1, "12 34 1234"),
+        ("stride = 2", 2, "34 00 FF34"),
+    ],
+)
+def test_a_wide_access_is_so_many_cycles_in_the_order_of_the_card(
+    more: str, stride: int, read: str, tmp_path: Path
+) -> None:
+    """With a stride the bytes between belong to nobody."""
+    (tmp_path / "board.toml").write_text(WIDE.format(more=more))
+    (tmp_path / "main.c").write_text(PROGRAM)
+    program = tmp_path / "program"
+    subprocess.run(
+        [require("cc"), f"-DSTRIDE={stride}", "-o", str(program), str(tmp_path / "main.c")],
+        check=True,
+    )
+    code, said, _ = run(tmp_path / "board.toml", program, tmp_path / "bus.txt")
+    assert (code, said) == (0, read + "\n")
+
+
 def cycles(transcript: Path) -> list[str]:
     """Return the cycles at chips, equal ones in a row once: how often is a matter of the line."""
     lines = [line.partition(" x")[0] for line in transcript.read_text().splitlines()]

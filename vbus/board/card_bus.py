@@ -69,7 +69,7 @@ class CardBus(Chip):
     AXES = 0
     PARTS = tuple(BUSES)
     OPTIONS = (
-        Option("base", "count", 0, "address of the card's first port", low=0, high=0xFFFFFF),
+        Option("base", "count", 0, "address of the card's first port", low=0),
         Option("stride", "count", 1, "distance between ports that are neighbours", low=1),
         Option("memory", "flag", False, "whether its addresses are memory"),
         Option("setup", "s", 0, "how long address and data stand before it; 0: as usual", low=0),
@@ -118,7 +118,8 @@ class CardBus(Chip):
 
     def where(self, address: int) -> int:
         """Return what the address lines carry in a cycle at ``address``."""
-        return int(self.settings["base"]) + address * int(self.settings["stride"])
+        base, stride = int(self.settings["base"]), int(self.settings["stride"])
+        return self.row.on_lines(base + address * stride)
 
     @property
     def latches(self) -> bool:

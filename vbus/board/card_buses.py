@@ -28,6 +28,7 @@ class BusRow:
         strobe: how long the strobe is low (ps).
         hold: how long written data stays after it (ps).
         wait: a cycle of its clock, by which each wait state makes the strobe longer (ps).
+        window: whether it is a window of a larger space: the rest of an address selects the bus.
     """
 
     bus: str
@@ -40,6 +41,7 @@ class BusRow:
     strobe: int
     hold: int
     wait: int
+    window: bool = False
 
     @property
     def strobes(self) -> tuple[str, ...]:
@@ -50,6 +52,10 @@ class BusRow:
     def address(self) -> tuple[str, ...]:
         """Its address lines, lowest first."""
         return tuple(f"A{number}" for number in range(self.lines))
+
+    def on_lines(self, address: int) -> int:
+        """Return what of an address is on its address lines."""
+        return address & ((1 << self.lines) - 1)
 
     @property
     def latched(self) -> bool:
@@ -93,8 +99,8 @@ _ROWS: Final = (
         125 * NS, 52 * NS + 500, 47 * NS + 500, 62 * NS + 500,
     ),
     BusRow(
-        "SRAM", "asynchronous memory, as of a microcontroller's or processor's bus unit", 24,
-        (), ("/OE", "/WE"), (), 10 * NS, 100 * NS, 10 * NS, 10 * NS,
+        "SRAM", "asynchronous memory of a processor; the rest of the address selects it", 24,
+        (), ("/OE", "/WE"), (), 10 * NS, 100 * NS, 10 * NS, 10 * NS, window=True,
     ),
 )  # fmt: skip
 

@@ -12,6 +12,7 @@ from vbus.board.card_section import CardSection
 from vbus.board.card_timing import has_clock
 from vbus.board.pin_maps import ADDRESS, READ, SELECT, WRITE, roles
 from vbus.board.sections import BoardFile
+from vbus.board.settings import listed
 from vbus.chips.base import Chip
 from vbus.kernel import NS
 from vbus.signals import HIGH, LOW, Pin, Z
@@ -86,7 +87,15 @@ def remarks(file: BoardFile, board: Board, found: list[Answer]) -> Iterator[str]
         bus = board.chip(card.name)
         reached = {one.partition(".")[0] for a in mine for one in (*a.reads, *a.writes)}
         for chip in board.glue.behind(board.chips):
-            if chip.bus_net is bus.bus_net and chip.name not in reached:
+            if chip.bus_net is not bus.bus_net:
+                continue
+            open_pins = [pin for pin in roles(chip) if pin in chip.pins and _open(chip.pins[pin])]
+            if open_pins:
+                yield (
+                    f'[cards.{card.name}]: {listed(open_pins)} of chip "{chip.name}" are wired to'
+                    " nothing; no cycle moves them"
+                )
+            if chip.name not in reached:
                 last = card.base + (card.size - 1) * card.stride
                 select = [chip.pins[p].net for p, role in roles(chip).items() if role == SELECT]
                 kept = any(map(has_clock, board.glue.leading_to(select)))
@@ -95,6 +104,11 @@ def remarks(file: BoardFile, board: Board, found: list[Answer]) -> Iterator[str]
                     f'[cards.{card.name}]: chip "{chip.name}" is never selected at'
                     f" {card.base:X}H to {last:X}H{as_they_stand}; look at what drives its select"
                 )
+
+
+def _open(pin: Pin) -> bool:
+    """Whether no other part is on a pin's wire, but chips that share it."""
+    return all(other.name == pin.name for other in pin.net.pins)
 
 
 def lines(found: list[Answer]) -> Iterator[str]:

@@ -134,6 +134,7 @@ def _addresses(card: CardSection, name: str, ranges: tuple[str, ...]) -> frozens
                 f'found "{text}"; this card has ports 0 to {card.size - 1} (size = {card.size})',
             )
         found |= {card.base + number * card.stride for number in range(begin, end + 1)}
+    found = set(map(BUSES[card.bus].on_lines, found))
     if not found:
         raise CardPartError(("selects", name), 'it has no addresses; write some, such as "0-1"')
     return frozenset(found)
@@ -148,7 +149,7 @@ def _register(card: CardSection, row: CardRegisterSection) -> CardPart:
     strobes = bus.memory if card.memory or not bus.ports else bus.ports
     where = (*bus.address, *_idle(bus))
     values = bytes.fromhex(row.values) or b"\0"
-    places = [card.base + (row.at + n) * card.stride for n in range(len(values))]
+    places = [bus.on_lines(card.base + (row.at + n) * card.stride) for n in range(len(values))]
     select = Block((*strobes, *where), (_READ, _WRITE), logic.strobed(frozenset(places), bus.lines))
     written = (_RESET, _WRITE, *_BITS)
     kept = Block(written, _OUTPUTS, logic.card_latch(row.reset), through=(_RESET,))

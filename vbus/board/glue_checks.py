@@ -111,7 +111,8 @@ def check_card_bus(
             )
     bus = BUSES[card.bus]
     last = card.base + (card.size - 1) * card.stride
-    if last >= 1 << bus.lines:
+    begins = bus.on_lines(card.base) if bus.window else card.base
+    if begins + last - card.base >= 1 << bus.lines:
         source.fail(
             (*path, "base"),
             f"the card ends at {last:X}H; addresses of this bus end at {(1 << bus.lines) - 1:X}H",

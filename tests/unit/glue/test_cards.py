@@ -352,3 +352,10 @@ def test_a_mistake_in_a_card_with_a_bus_is_named(old: str, new: str, message: st
         load_board_text(WIRED.replace(old, new))
     assert message in str(told.value)
     assert "cards.slot" in str(told.value)
+
+
+def test_the_map_names_lines_of_a_chip_that_nothing_moves() -> None:
+    _, wrong = mapped(WIRED.replace('A0 = "main./PS"\n', "").replace('"/IOR" = "main./RD"\n', ""))
+    for chip in "xy":
+        text = f'[cards.slot]: /RD, /PS of chip "{chip}" are wired to nothing; no cycle moves them'
+        assert text in wrong
