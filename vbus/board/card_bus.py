@@ -71,6 +71,7 @@ class CardBus(Chip):
     OPTIONS = (
         Option("base", "count", 0, "address of the card's first port", low=0),
         Option("stride", "count", 1, "distance between ports that are neighbours", low=1),
+        Option("size", "count", 16, "how many ports it has", low=1, high=MOST),
         Option("memory", "flag", False, "whether its addresses are memory"),
         Option("setup", "s", 0, "how long address and data stand before it; 0: as usual", low=0),
         Option("strobe", "s", 0, "how long a strobe is low; 0: as usual", low=0),
@@ -115,6 +116,10 @@ class CardBus(Chip):
     def pins_of(self, part: str) -> tuple[PinRow, ...]:
         """Return the lines of a bus."""
         return BUSES[part].pins
+
+    def standing(self) -> tuple[str, ...]:
+        """Return the lines that cycles move, but for the data bus."""
+        return tuple(name for name in self.moving if name != DATA)
 
     def where(self, address: int) -> int:
         """Return what the address lines carry in a cycle at ``address``."""

@@ -32,7 +32,7 @@ class HostPins:
 
     STATE: ClassVar[Names] = ("watched", "levels: list[(str, i64), ...]")
     WIRING: ClassVar[Names] = (
-        "_chips", "_connector", "_kernel", "_label", "_on_edge", "_own_lines", "_owners",
+        "_chips", "_connector", "_kernel", "_label", "_let_go", "_on_edge", "_own_lines", "_owners",
         "_soldered", "_word",
         "lines", "outputs", "sides",
     )  # fmt: skip
@@ -54,6 +54,11 @@ class HostPins:
         self._connector: dict[int, Pin] = {
             id(pin.net): pin for chip in chips if chip.CONNECTOR for pin in chip.pins.values()
         }
+        standing = [chip.pins[name] for chip in chips for name in chip.standing()]
+        self._let_go: list[Pin] = [
+            pin for pin in self._connector.values() if all(pin is not one for one in standing)
+        ]  # fmt: skip
+        """What of a connector a host lets go of: the bus itself stands when a program has gone."""
         self._watches: list[tuple[Net, Observer]] = []
         self._watched: int = 0
         self._edges: list[tuple[int, int]] = []
@@ -215,7 +220,7 @@ class HostPins:
         for pin in self._soldered.values():
             pin.release()
             pin.net.pins.remove(pin)
-        for pin in self._connector.values():
+        for pin in self._let_go:
             pin.release()
         self._soldered = {}
         self._own_lines = []

@@ -243,6 +243,10 @@ class Chip:
     def follow_clock(self) -> None:
         """The clock has another course: so is when the next things come."""
 
+    def standing(self) -> tuple[str, ...]:
+        """Return the lines that stay as they are when a host has gone: a computer's bus."""
+        return ()
+
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
         """Return the edges of a whole bus cycle, for when somebody watches the bus.
 

@@ -3,7 +3,7 @@
 import json
 import tomllib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -32,7 +32,9 @@ def _start(ctx: click.Context, param: click.Parameter, value: str) -> str | int:
 @click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="A chip's setting.")
 @click.option("--plant", "plants", multiple=True, metavar="MODEL[,KEY=VALUE]...",
               help="Mechanics of an axis; may be given for each. Default: none.")  # fmt: skip
-@click.option("--board", metavar="FILE", help="A board file instead; CHIP is a chip on it.")
+@click.option(
+    "--board", metavar="FILE", help="A board file instead; CHIP is a chip or a card on it."
+)
 @click.option("--map", "maps", multiple=True, metavar=f"{_QUANTITY}[,...]|FILE",
               help="Which channel is which pin; also PIN=low, PIN=high.")  # fmt: skip
 @click.option("--from", "start", default="auto", show_default=True, callback=_start,
@@ -60,6 +62,8 @@ def command(
     the first difference, 6 if the capture cannot be used.
     """
     from vbus.board.build import load_board
+    from vbus.board.card_bus import CardBus
+    from vbus.trace.silicon.card_watch import tie_others
     from vbus.trace.silicon.channel_map import wiring_of
     from vbus.trace.silicon.conform import Conform, Tolerance
     from vbus.trace.silicon.start import find_start, watch_of
@@ -71,7 +75,10 @@ def command(
     hertz = _hertz(samplerate)
     wanted = _map(maps)
     with _opened(capture, hertz) as (read, _, _):
+        wanted = {**_by_nets(part, watch.DATA, read.channels), **wanted} if board else wanted
         wiring = wiring_of(read.channels, part.name, part.pin_rows, watch, wanted)
+        if isinstance(part, CardBus):
+            tie_others(part, wiring)
         found = find_start(read.samples, wiring, part, start)
     period = read.period
     slack = period + -(-(10**12) // part.clock.hz) if slack is None else slack
@@ -149,6 +156,22 @@ def _chip_of(board: Any, name: str) -> Any:
         known = ", ".join(f"{chip.name} ({chip.part})" for chip in board.chips)
         raise VbusError(f'"{name}" is not one chip of the board; it has {known}')
     return found[0]
+
+
+def _by_nets(chip: Any, data: str, channels: Sequence[str]) -> dict[str, str]:
+    """Return channels by pin where they have the name of its wire, as in waves of a board."""
+    from vbus.trace.names import bit_names, plain
+
+    by_name = {plain(channel): channel for channel in channels}
+    found = {}
+    for name, pin in chip.pins.items():
+        pairs = [(name, pin.net.name)]
+        if name == data:
+            pairs = list(zip(bit_names(name, 8), bit_names(pin.net.name, 8), strict=True))
+        for own, net in pairs:
+            if plain(net) in by_name:
+                found[own] = by_name[plain(net)]
+    return found
 
 
 def _map(maps: tuple[str, ...]) -> dict[str, str]:

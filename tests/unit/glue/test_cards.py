@@ -359,3 +359,19 @@ def test_the_map_names_lines_of_a_chip_that_nothing_moves() -> None:
     for chip in "xy":
         text = f'[cards.slot]: /RD, /PS of chip "{chip}" are wired to nothing; no cycle moves them'
         assert text in wrong
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_the_bus_stands_when_its_host_has_gone_right_after_a_cycle(watched: bool) -> None:
+    slot = Slot(WIRED)
+    slot.outb(LATCH, 0x01)
+    slot.port.delay(4 * MS)
+    if watched:
+        slot.board.watch("x./PS", Observer())
+    slot.command(0x302, 0x1D, 0x00, 0x00)
+    slot.port.pin(slot.port.pin_number("slot.AEN"), 1)
+    slot.port.close()
+    slot.board.run_for(US)
+    assert list(slot.board.violations) == []
+    pins = [slot.board.find_pin(f"slot.{name}").net.value for name in ("A0", "A1", "A9", "AEN")]
+    assert pins == [1, 1, 1, 0]

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from vbus.board import plugins
+from vbus.board.card_bus import CardBus
 from vbus.chips.base import Chip
 from vbus.errors import CaptureError, VbusError
 from vbus.protocols.quantities import format_instant
 from vbus.trace.bus_watch import BusWatch
 from vbus.trace.silicon.capture import Sample
+from vbus.trace.silicon.card_watch import CardWatch
 from vbus.trace.silicon.channel_map import Wiring
 
 AUTO: Final = "auto"
@@ -34,12 +36,18 @@ class Start:
     reset: bool
 
 
-def watch_of(chip: Chip) -> BusWatch:
-    """Return a new follower of a chip's bus.
+def watch_of(chip: Chip, wiring: Wiring | None = None) -> BusWatch:
+    """Return a new follower of a chip's bus, or of that of a card.
+
+    Args:
+        chip: the chip, or the card's connector.
+        wiring: channels of the capture, once they are known.
 
     Raises:
         VbusError: its family has none.
     """
+    if isinstance(chip, CardBus):
+        return CardWatch(chip, wiring)
     found = plugins.family(chip.FAMILY).load("bus", BusWatch)
     if found is None:
         raise VbusError(f"{chip.part}: its bus is not known here, so no capture can be followed")
@@ -60,7 +68,7 @@ def find_start(samples: Iterable[Sample], wiring: Wiring, chip: Chip, begin_at: 
     Raises:
         CaptureError: there is no such place.
     """
-    watch = watch_of(chip)
+    watch = watch_of(chip, wiring)
     family = plugins.family(chip.FAMILY)
     pin = family.reset_pin
     held = 1
