@@ -308,3 +308,54 @@ def test_parts_of_a_bus_are_for_a_card_that_has_one() -> None:
     with pytest.raises(ConfigError) as told:
         load_board_text(text)
     assert '"pins" is for a card with a bus; write bus = "ISA"' in str(told.value)
+
+
+MULTIPLEXED = """\
+[chips.x]
+part = "MCP-1200"
+clock = "2 MHz"
+plant = "none"
+
+[board]
+power_on = "done"
+
+[cards.bus]
+bus = "XMEM"
+memory = true
+base = 0x8000
+size = 256
+setup = "250 ns"
+strobe = "250 ns"
+hold = "60 ns"
+
+[cards.bus.pins]
+"D0-D7" = "x.DB0-DB7"
+"/WR" = "x.R/W"
+
+[glue.pal]
+part = "PLD"
+
+[glue.pal.equations]
+"x./ALE" = "!bus.ALE"
+"x./CS" = "bus.A7 | (bus./RD & bus./WR)"
+"x./OE" = "!bus.A7 | bus./RD"
+
+[[hosts]]
+transport = "unix:$VBUS_RUNTIME/xmem.sock"
+card = "bus"
+"""
+"""Registers at 8000H to 807FH; a read there loads the output latch, which is read 80H above."""
+
+
+def test_an_mcp_1200_takes_its_address_from_the_multiplexed_bus_of_an_avr() -> None:
+    slot = Slot(MULTIPLEXED)
+    for number, data in ((0x22, 0x5A), (0x2A, 0xC3)):
+        slot.outb(0x8000 + number, data)
+        slot.port.delay(10 * US)
+    for number, data in ((0x22, 0x5A), (0x2A, 0xC3)):
+        slot.inb(0x8000 + number)
+        slot.port.delay(10 * US)
+        assert slot.inb(0x8080 + number) == data
+        slot.port.delay(10 * US)
+    # R/W rises with /CS: a careful board would hold it.
+    assert {violation.rule for violation in slot.board.violations} == {"mcp1200.tWCS"}
