@@ -176,3 +176,27 @@ def test_the_manuals_isa_card_of_parts_serves_the_host_example_with_interrupts(
     data = [packets(file) for file in (transcript, plain)]
     assert data[0] == data[1]
     assert len(data[0]) > 100
+
+
+def test_a_program_that_polls_a_card_in_vain_is_ended_and_told_by_the_chips_own_words(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "main.c").write_text(
+        "#include <sys/io.h>\n"
+        "int main(void) { ioperm(0x340, 2, 1); while (!(inb(0x340) & 0x08)); return 0; }\n"
+    )
+    program, board = tmp_path / "program", tmp_path / "board.toml"
+    subprocess.run([require("cc"), "-o", str(program), str(tmp_path / "main.c")], check=True)
+    plain = (EXAMPLES / "lm629_portio" / "board.toml").read_text().partition("[cards.slot]")[0]
+    board.write_text(plain.replace('"dc_motor"\nencoder_lines = 500', '"ideal"') + SELECTS)
+    done = subprocess.run(
+        vbus("exec", "--board", str(board), "--limit", "10 s", "--", str(program)),
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert done.returncode != 0
+    said = done.stderr.splitlines()
+    assert said[0] == (
+        "vbus: the program hangs: it polled 10000 times and was told nothing new, and nothing on"
+        " the board can change any more: x RDSTAT 84H MOTOR_OFF TRAJECTORY_COMPLETE since 1us"
+    )
+    assert not [line for line in said if line.startswith("vbus: slot has")]

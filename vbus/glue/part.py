@@ -133,6 +133,8 @@ class GlueBlock:
         """The nets have been loaded: edges are counted from here."""
         self._was = self._now()
         self.asleep = False
+        if self.queue:  # of a part that a fault had made slow, perhaps
+            self.slow(0)
 
 
 class GluePart:

@@ -11,7 +11,7 @@ from vbus.kernel import END, MS, NEVER, SECOND
 from vbus.protocols.quantities import format_instant
 from vbus.server.polls import Polls
 from vbus.signals import Violation
-from vbus.trace.decode import BoardPackets
+from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.findings.no_effect import NoEffect
 from vbus.trace.latest_lines import LatestLines
 from vbus.trace.packets import Packet
@@ -82,7 +82,14 @@ class Watch(BoardPackets):
         over: Callable[[str], None] | None = None,
         times: bool = False,
     ) -> None:
-        super().__init__({chip.name: chip.FAMILY for chip in board.chips}, self._packet)
+        super().__init__(
+            {chip.name: chip.FAMILY for chip in board.chips}, self._packet,
+            settings_for_decoders(board.chips),
+        )  # fmt: skip
+        self._connectors: set[str] = {chip.name for chip in board.chips if chip.CONNECTOR}
+        self._reached: int = -1
+        """Instant of the latest cycle at a chip: the access on a card's bus that has made it comes
+        after it, and is no cycle more."""
         self.cycles: int = 0
         self.over: Callable[[str], None] | None = over
         self.ended: bool = False
@@ -156,6 +163,11 @@ class Watch(BoardPackets):
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
         """Count a cycle."""
+        if chip in self._connectors:
+            if when == self._reached:
+                return
+        else:
+            self._reached = when
         self.cycles += 1
         self._kept.append((when, host, chip, write, address, data))
         if self.cycles >= self._read_at:
@@ -238,7 +250,8 @@ class Watch(BoardPackets):
     def _detailed(self) -> Iterator[str]:
         for chip in self._board.chips:
             values = ", ".join(f"{name} {value}" for name, value in chip.telemetry().items())
-            yield f"{chip.name} has {values}"
+            if values:
+                yield f"{chip.name} has {values}"
         if self._polls.commands:
             yield "commands before:"
         for line in self._polls.commands:
