@@ -44,12 +44,12 @@ class StrobePlayer:
                 steps.append((offset, len(steps), pins.of(chip.pins[name]), level))
         if not steps:
             return self._answer(chips, write, address, data, when)
-        if len(chips) > 1:  # each chip's own are in order
+        # What a computer's bus moves at one instant moves together; no decoder sees it half.
+        at_once = chips[0].CONNECTOR
+        if not at_once:  # those of a bus are in order
             steps.sort(key=_offset_and_order)
         value = 0
         latched = False
-        # What a computer's bus moves at one instant moves together; no decoder sees it half.
-        at_once = chips[0].CONNECTOR
         for number, (offset, _, pin, level) in enumerate(steps):
             if offset >= 0 and not latched:
                 kernel.run_until(when)
