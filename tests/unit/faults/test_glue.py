@@ -104,7 +104,7 @@ def test_a_slow_part_without_a_delay_of_its_own_is_judged_behind_it_in_a_journal
 @pytest.mark.parametrize(
     ("name", "target", "message"),
     [
-        ("net_stuck", "", "net_stuck: say on which wire; the wires with names are"),
+        ("net_stuck", "", "net_stuck: say on which wire; the wires with names are main./PS,"),
         ("net_stuck", "NONE", "net_stuck: no chip called 'NONE'"),
         ("net_stuck", "x./XS", "LM629N-8 has no pin '/XS'"),
         ("net_stuck", "slot.D0-D7", "slot.D0-D7 is a bundle; bit_stuck breaks one of its wires"),

@@ -6,7 +6,10 @@ from hypothesis import strategies as st
 
 from tests.unit.glue.test_cards import FOLDER, Slot, mapped, move
 from tests.unit.glue.test_paths import path_of
+from vbus.board.board import Board
 from vbus.board.build import load_board_text
+from vbus.board.card_bus import CLOCK, CardBus
+from vbus.board.card_buses import BUSES
 from vbus.board.snapshot import restore, take
 from vbus.errors import ConfigError
 from vbus.kernel import MS, US
@@ -359,3 +362,42 @@ def test_an_mcp_1200_takes_its_address_from_the_multiplexed_bus_of_an_avr() -> N
         slot.port.delay(10 * US)
     # R/W rises with /CS: a careful board would hold it.
     assert {violation.rule for violation in slot.board.violations} == {"mcp1200.tWCS"}
+
+
+def test_the_times_and_lines_of_each_bus_are_those_of_its_data_sheet() -> None:
+    found = {
+        row.bus: (row.lines, row.strobes, row.setup, row.strobe, row.hold, row.wait)
+        for row in BUSES.values()
+    }
+    assert found == {
+        "ISA": (20, ("/IOR", "/IOW", "/MEMR", "/MEMW"), 100_000, 500_000, 30_000, 120_000),
+        "XMEM": (16, ("/RD", "/WR"), 125_000, 52_500, 47_500, 62_500),
+        "SRAM": (24, ("/OE", "/WE"), 10_000, 100_000, 10_000, 10_000),
+    }
+
+
+def test_a_connector_made_in_python_has_the_usual_times_and_ports_side_by_side() -> None:
+    made = Board("b").add_chip(CardBus, "slot", "ISA", CLOCK, {"base": 0x300})
+    assert isinstance(made, CardBus)
+    assert [made.where(port) for port in (0, 1, 2)] == [0x300, 0x301, 0x302]
+    assert (made.setup_ps, made.low_ps, made.hold_ps) == (100_000, 500_000, 30_000)
+    assert (made.read_strobe, made.settings["size"]) == ("/IOR", 16)
+
+
+def test_a_window_of_a_processors_memory_may_lie_anywhere_and_an_isa_card_may_not() -> None:
+    slot = Slot(RANGES.replace("base = 0x20000", "base = 0x5002_0000"))
+    assert [slot.inb(0x50020000 + 4 * port) for port in (0, 6)] == [0x84, 0xFF]
+    with pytest.raises(ConfigError, match="addresses of this bus end at FFFFFH"):
+        load_board_text(
+            RANGES.replace("base = 0x20000", "base = 0x5002_0000").replace('"SRAM"', '"ISA"')
+            .replace("/OE", "/MEMR").replace("/WE", "/MEMW")
+        )  # fmt: skip
+
+
+def test_the_map_says_nothing_of_inputs_that_are_tied() -> None:
+    shown, _ = mapped((FOLDER / "avr_xmem.toml").read_text())
+    levels = "bus.A4 0, bus.A5 1, bus.A6 0, bus.A7 0, LOWER 0"
+    assert (
+        f"bus 8020H-80EFH: nobody; at 8020H x./CS is high by u1 ({levels}); y./CS is high by u1"
+        f" ({levels})"
+    ) in shown

@@ -180,3 +180,27 @@ def test_a_cycle_at_the_chip_itself_is_told_once() -> None:
     port.read(0)
     found = lines(told)
     assert [line[:7] for line in found if line[0] != "!"] == ["x w 0 0", "x+y r 0"]
+
+
+def test_strobes_that_nobody_wants_to_know_of_are_not_followed() -> None:
+    board = load_board_text(INDEXED.partition("[cards.slot]")[0])
+    port = board.open_port("host")
+    names = port.pins.line_names()
+    bit = {name: 1 << number for number, name in enumerate(names)}
+
+    def latch(address: int) -> None:
+        port.drive(address)
+        for level in (0, bit["x./ALE"]):
+            port.delay(US)
+            port.lines(bit["x./ALE"], level)
+
+    told = Observer()
+    port.lines(sum(bit.values()), sum(bit.values()))
+    board.observe(told)
+    latch(0x22)
+    (watch,) = port.strobes.watches
+    known = watch.save()
+    assert known[0] == 0x22
+    board.unobserve(told)
+    latch(0x2A)
+    assert watch.save() == known

@@ -398,3 +398,14 @@ def test_the_address_stands_after_a_reset_that_has_moved_a_wire_of_the_decoder()
         assert [slot.board.find_pin(f"slot.A{n}").net.value for n in range(3)] == [0, 0, 0]
         assert slot.board.find_pin("y./CS").net.value == 0
         assert path_of(slot).played == 2 * watched
+
+
+def test_a_cycle_is_played_while_a_host_drives_the_data_bus_itself() -> None:
+    slot = Slot(made(WIRES))
+    slot.board.run_for(4 * MS)
+    slot.port.select(slot.access(0x300, False).chip and 1 << slot.access(0x300, False).chip)
+    assert path_of(slot).why(0, write=False) == ""
+    slot.port.drive(0x12)
+    assert path_of(slot).why(0, write=False) != ""
+    slot.port.release()
+    assert path_of(slot).why(0, write=False) == ""
