@@ -253,7 +253,7 @@ def test_a_killer_that_fails_without_a_mutant_makes_its_verdicts_void(
     known = (toy / "build" / "mutation" / "results.jsonl").read_text().splitlines(keepends=True)
     own.write_text("".join(line for line in known if killer not in line))
     try:
-        tests.write_text(TESTS.replace("double(5) == 10", "double(5) == 11"))
+        tests.write_text(TESTS.replace("double(5) == 10", "double(5) == 110"))
         done = run(toy, "--results", str(own), "run", *ALL)
     finally:
         tests.write_text(TESTS)
