@@ -287,31 +287,36 @@ static void find_ports(void)
     }
 }
 
+/* The port of a pin that the part does not have, or -1. */
+static int missing_among(const struct pin_side *list, unsigned count)
+{
+    unsigned turn;
+
+    for (turn = 0; turn < count; turn++)
+        if (list[turn].source.kind == 1 && sim.ports[list[turn].source.port].port == NULL)
+            return list[turn].source.port;
+    return -1;
+}
+
 /* The port of a wire that the part does not have, or -1. */
 static int missing_port(void)
 {
+    const struct pin_decoder *pins = &sim.link.pins;
     unsigned chip, line;
+    int port;
 
-    for (chip = 0; chip < sim.link.pins.chip_count; chip++) {
+    for (chip = 0; chip < pins->chip_count; chip++) {
         /* The sources of a chip lie one behind the other. */
-        const struct pin_source *all = &sim.link.pins.chips[chip].select;
+        const struct pin_source *all = &pins->chips[chip].select;
 
         for (line = 0; line < 4 + 8 + 8 + 8; line++)
             if (all[line].kind == 1 && sim.ports[all[line].port].port == NULL)
                 return all[line].port;
     }
-    for (line = 0; line < sim.link.pins.side_count; line++)
-        if (sim.link.pins.sides[line].source.kind == 1
-            && sim.ports[sim.link.pins.sides[line].source.port].port == NULL)
-            return sim.link.pins.sides[line].source.port;
-    for (line = 0; line < sim.link.pins.line_count; line++)
-        if (sim.link.pins.lines[line].source.kind == 1
-            && sim.ports[sim.link.pins.lines[line].source.port].port == NULL)
-            return sim.link.pins.lines[line].source.port;
-    for (line = 0; line < sim.link.pins.output_count; line++)
-        if (sim.ports[sim.link.pins.outputs[line].source.port].port == NULL)
-            return sim.link.pins.outputs[line].source.port;
-    return -1;
+    port = missing_among(pins->sides, pins->side_count);
+    if (port < 0)
+        port = missing_among(pins->lines, pins->line_count);
+    return port < 0 ? missing_among(pins->outputs, pins->output_count) : port;
 }
 
 /* --- external memory -------------------------------------------------------------------------------

@@ -80,19 +80,6 @@ void lm629_bus_write_data(uint8_t data)
     write_cycle(1, data);
 }
 
-void pause_ms(uint16_t milliseconds)
-{
-    while (milliseconds--)
-        _delay_ms(1);
-}
-
-void put_char(char c)
-{
-    while (!(UCSR0A & _BV(UDRE0)))
-        ;
-    UDR0 = (uint8_t)c;
-}
-
 void axes_init(void)
 {
     UBRR0L = 8; /* 115200 baud */

@@ -32,19 +32,6 @@ void lm629_bus_write_data(uint8_t data)
     DATA = data;
 }
 
-void pause_ms(uint16_t milliseconds)
-{
-    while (milliseconds--)
-        _delay_ms(1);
-}
-
-void put_char(char c)
-{
-    while (!(UCSR0A & _BV(UDRE0)))
-        ;
-    UDR0 = (uint8_t)c;
-}
-
 void axes_init(void)
 {
     UBRR0L = 7; /* 115200 baud */

@@ -1,6 +1,7 @@
-/* axes.h - what main.c wants of the board: two LM629, of which one is spoken to at a time.
+/* axes.h - two LM629, of which one is spoken to at a time.
  *
- * Each layer gives this and the four bus functions of ../lm629_c/lm629_driver.h.
+ * Each layer gives the axes, and the four bus functions of ../lm629_c/lm629_driver.h; pauses and
+ * characters are the computer's, and stand in main.c.
  */
 #ifndef AXES_H
 #define AXES_H

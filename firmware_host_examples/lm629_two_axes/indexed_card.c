@@ -40,18 +40,6 @@ void lm629_bus_write_data(uint8_t data)
     outb(data, port(1));
 }
 
-void pause_ms(uint16_t milliseconds)
-{
-    struct timespec pause = { milliseconds / 1000, milliseconds % 1000 * 1000000L };
-
-    nanosleep(&pause, NULL);
-}
-
-void put_char(char c)
-{
-    putchar(c);
-}
-
 void axes_init(void)
 {
     if (ioperm(INDEX, 8, 1) != 0) {

@@ -1,6 +1,45 @@
-/* main.c - moves two axes and tells where they are. The same for every board. */
+/* main.c - moves two axes and tells where they are. The same for every board, on Linux and AVRs. */
 #include "axes.h"
 #include "lm629_driver.h"
+
+#ifdef __AVR__
+#include <avr/io.h>
+#include <util/delay.h>
+#else
+#include <stdio.h>
+#include <time.h>
+#endif
+
+/* --- the computer ----------------------------------------------------------------------------- */
+
+#ifdef __AVR__
+void pause_ms(uint16_t milliseconds)
+{
+    while (milliseconds--)
+        _delay_ms(1);
+}
+
+void put_char(char c)
+{
+    while (!(UCSR0A & _BV(UDRE0)))
+        ;
+    UDR0 = (uint8_t)c;
+}
+#else
+void pause_ms(uint16_t milliseconds)
+{
+    struct timespec pause = { milliseconds / 1000, milliseconds % 1000 * 1000000L };
+
+    nanosleep(&pause, NULL);
+}
+
+void put_char(char c)
+{
+    putchar(c);
+}
+#endif
+
+/* --- the program ------------------------------------------------------------------------------ */
 
 static void say(const char *text)
 {

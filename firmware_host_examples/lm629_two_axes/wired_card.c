@@ -32,18 +32,6 @@ void lm629_bus_write_data(uint8_t data)
     outb(data, BASE + 2 * axis + 1);
 }
 
-void pause_ms(uint16_t milliseconds)
-{
-    struct timespec pause = { milliseconds / 1000, milliseconds % 1000 * 1000000L };
-
-    nanosleep(&pause, NULL);
-}
-
-void put_char(char c)
-{
-    putchar(c);
-}
-
 void axes_init(void)
 {
     if (ioperm(BASE, 16, 1) != 0) {

@@ -97,7 +97,7 @@ class CardBus(Chip):
         self.row: BusRow = BUSES[part]
         super().__init__(name, part, kernel, clock, settings, policy, file)
         row, given = self.row, self.settings
-        strobes = row.memory if given["memory"] or not row.ports else row.ports
+        strobes = row.strobes_of(bool(given["memory"]))
         self.read_strobe, self.write_strobe = strobes
         self.address_pins: list[Pin] = [self.pins[line] for line in row.address]
         self.moving: dict[str, Pin] = {

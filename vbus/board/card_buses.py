@@ -43,6 +43,10 @@ class BusRow:
     wait: int
     window: bool = False
 
+    def strobes_of(self, memory: bool) -> tuple[str, ...]:
+        """Return the strobes of its memory, or of its I/O ports if it has any: read and write."""
+        return self.memory if memory or not self.ports else self.ports
+
     @property
     def strobes(self) -> tuple[str, ...]:
         """Every strobe it has."""

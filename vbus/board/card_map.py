@@ -96,13 +96,13 @@ def remarks(file: BoardFile, board: Board, found: list[Answer]) -> Iterator[str]
                     " nothing; no cycle moves them"
                 )
             if chip.name not in reached:
-                last = card.base + (card.size - 1) * card.stride
                 select = [chip.pins[p].net for p, role in roles(chip).items() if role == SELECT]
                 kept = any(map(has_clock, board.glue.leading_to(select)))
                 as_they_stand = " as the registers stand after power-on" if kept else ""
                 yield (
                     f'[cards.{card.name}]: chip "{chip.name}" is never selected at'
-                    f" {card.base:X}H to {last:X}H{as_they_stand}; look at what drives its select"
+                    f" {card.base:X}H to {card.last:X}H{as_they_stand}; look at what drives its"
+                    " select"
                 )
 
 
@@ -138,7 +138,7 @@ def _tried(file: BoardFile, card: CardSection, board: Board) -> Iterator[Answer]
     chips = [chip for chip in board.chips if chip is not bus]
     known = {chip.name: roles(chip) for chip in chips}
     board.run_for(wait)
-    for address in range(card.base, card.base + card.size * card.stride, card.stride):
+    for address in map(card.address, range(card.size)):
         for line, name in enumerate(bus.row.address):
             hands[name].drive(address >> line & 1)
         answers, why = [], ""

@@ -8,7 +8,7 @@ from typing import Final
 from vbus.board.card_buses import BUSES, DATA, BusRow
 from vbus.board.card_interrupt import active_low
 from vbus.board.card_section import CardRegisterSection, CardSection
-from vbus.board.glue_order import Fail
+from vbus.board.glue_order import Fail, Planned
 from vbus.board.settings import listed, suggestion
 from vbus.board.toml_lines import Path
 from vbus.chips.tables import PinRow
@@ -39,24 +39,14 @@ class CardPart:
     """A part of a card.
 
     Attributes:
-        name: of the part.
-        path: where the file says what it is wired to.
-        rows: its pins.
-        inner: wires inside it.
-        blocks: what it does.
+        part: as it will stand on the board; lines of the connector are taps.
         wires: what its pins are wired to.
-        taps: inputs that are lines of the connector: full name of the pin, number of the wire.
-        tied: inputs with a fixed level.
+        path: where the file says so.
     """
 
-    name: str
-    path: Path
-    rows: tuple[PinRow, ...]
-    inner: tuple[PinRow, ...]
-    blocks: tuple[Block, ...]
+    part: Planned
     wires: Mapping[str, tuple[str, ...]]
-    taps: Mapping[str, tuple[str, int]]
-    tied: Mapping[str, int]
+    path: Path
 
 
 class CardPartError(ValueError):
@@ -97,14 +87,12 @@ def _selects(card: CardSection) -> CardPart:
             raise CardPartError(("selects", name), f'"{output}" stands here twice; join its ranges')
         where = _addresses(card, name, ranges)
         low = name.startswith("!") or active_low(output.rpartition(".")[2])
-        function = logic.selected(where, bus.lines, (LOW if low else HIGH,))
+        function = logic.selected(where, bus.lines, LOW if low else HIGH)
         blocks.append(Block(inputs, (output,), function))
         wires[output] = (output,)
-    return CardPart(
-        f"{card.name}-selects", ("cards", card.name, "selects"),
-        tuple(PinRow(output, "out") for output in wires), (), tuple(blocks), wires,
-        _lines(card, inputs), {},
-    )  # fmt: skip
+    rows = tuple(PinRow(output, "out") for output in wires)
+    part = Planned(f"{card.name}-selects", 0, rows, tuple(blocks), _lines(card, inputs), {})
+    return CardPart(part, wires, ("cards", card.name, "selects"))
 
 
 def _idle(bus: BusRow) -> tuple[str, ...]:
@@ -117,7 +105,7 @@ def _lines(card: CardSection, names: tuple[str, ...]) -> dict[str, tuple[str, in
 
 
 def _addresses(card: CardSection, name: str, ranges: tuple[str, ...]) -> frozenset[int]:
-    found: set[int] = set()
+    bus, found = BUSES[card.bus], set[int]()
     for text in ranges:
         first, dash, last = (part.strip() for part in text.partition("-"))
         try:
@@ -133,8 +121,7 @@ def _addresses(card: CardSection, name: str, ranges: tuple[str, ...]) -> frozens
                 ("selects", name),
                 f'found "{text}"; this card has ports 0 to {card.size - 1} (size = {card.size})',
             )
-        found |= {card.base + number * card.stride for number in range(begin, end + 1)}
-    found = set(map(BUSES[card.bus].on_lines, found))
+        found |= {bus.on_lines(card.address(port)) for port in range(begin, end + 1)}
     if not found:
         raise CardPartError(("selects", name), 'it has no addresses; write some, such as "0-1"')
     return frozenset(found)
@@ -146,10 +133,10 @@ def _register(card: CardSection, row: CardRegisterSection) -> CardPart:
     bus = BUSES[card.bus]
     inputs, outputs = _PINS[row.kind]
     _check(row, path, card.size, (*inputs, *outputs))
-    strobes = bus.memory if card.memory or not bus.ports else bus.ports
+    strobes = bus.strobes_of(card.memory)
     where = (*bus.address, *_idle(bus))
     values = bytes.fromhex(row.values) or b"\0"
-    places = [bus.on_lines(card.base + (row.at + n) * card.stride) for n in range(len(values))]
+    places = [bus.on_lines(card.address(row.at + n)) for n in range(len(values))]
     select = Block((*strobes, *where), (_READ, _WRITE), logic.strobed(frozenset(places), bus.lines))
     written = (_RESET, _WRITE, *_BITS)
     kept = Block(written, _OUTPUTS, logic.card_latch(row.reset), through=(_RESET,))
@@ -181,16 +168,15 @@ def _register(card: CardSection, row: CardRegisterSection) -> CardPart:
     shows = bool(made & {*_BITS})
     rows = [PinRow(pin, "out" if pin in outputs else "in") for pin in wires]
     rows += [PinRow(DATA, "io", width=8)] if shows else []
-    inner = [PinRow(pin, "out") for pin in made if pin not in wires and pin not in _BITS]
-    return CardPart(
-        row.name, ("cards", card.name, *path, "pins"), tuple(rows), tuple(sorted(inner, key=_name)),
-        tuple(blocks), {**wires, **({DATA: (f"{card.name}.{DATA}",)} if shows else {})}, taps,
-        {pin: level for pin, level in tied.items() if pin not in wires},
+    hidden = [pin for pin in sorted(made) if pin not in wires and pin not in _BITS]
+    inner = [PinRow(pin, "out") for pin in hidden]
+    part = Planned(
+        row.name, 0, tuple(rows), tuple(blocks), taps,
+        {pin: level for pin, level in tied.items() if pin not in wires}, tuple(inner),
     )  # fmt: skip
-
-
-def _name(row: PinRow) -> str:
-    return row.name
+    if shows:
+        wires[DATA] = (f"{card.name}.{DATA}",)
+    return CardPart(part, wires, ("cards", card.name, *path, "pins"))
 
 
 def _check(row: CardRegisterSection, path: Path, size: int, known: tuple[str, ...]) -> None:
@@ -219,11 +205,10 @@ def _check(row: CardRegisterSection, path: Path, size: int, known: tuple[str, ..
         for name in names:
             fits = inputs if key in ("low", "high") else known
             if name not in fits:
-                has = listed(fits) if fits else "none"
                 raise CardPartError(
                     (*path, key),
                     f'a register of kind "{row.kind}" has no pin "{name}" here;'
-                    f" {suggestion(name, fits)}it has {has}",
+                    f" {suggestion(name, fits)}it has {listed(fits)}",
                 )
             if key != "pins" and (name in row.pins or (key != "hosts" and name in row.hosts)):
                 raise CardPartError((*path, key), f'"{name}" is wired already')

@@ -140,6 +140,15 @@ class CardSection(Section, frozen=True, kw_only=True):
     selects: dict[str, tuple[str, ...]] = {}
     registers: tuple[CardRegisterSection, ...] = ()
 
+    def address(self, port: int) -> int:
+        """Return the address of a port, counted from the base in strides."""
+        return self.base + port * self.stride
+
+    @property
+    def last(self) -> int:
+        """The address of its last port, if it has a bus."""
+        return self.address(self.size - 1)
+
     @property
     def has_circuit(self) -> bool:
         """Whether its interrupt is more than the outputs themselves."""

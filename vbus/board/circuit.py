@@ -229,8 +229,9 @@ class Circuit:
         for chip in self.chips:
             chip.power_on(done)
         self.glue.start()
-        through = GlueCycles(self.kernel, self.chips, self.glue)
-        self.through = through if through.chips else None
+        if self.glue.parts or any(chip.CONNECTOR for chip in self.chips):
+            through = GlueCycles(self.kernel, self.chips, self.glue)
+            self.through = through if through.chips else None
 
     # -- looking up ---------------------------------------------------------------------------
 

@@ -110,7 +110,7 @@ def check_card_bus(
                 (*path, key), f'"{key}" is for cards without a bus; here glue decodes the addresses'
             )
     bus = BUSES[card.bus]
-    last = card.base + (card.size - 1) * card.stride
+    last = card.last
     begins = bus.on_lines(card.base) if bus.window else card.base
     if begins + last - card.base >= 1 << bus.lines:
         source.fail(

@@ -10,6 +10,7 @@ from vbus.kernel import Kernel
 from vbus.signals import Net, Watcher
 from vbus.state import Names
 from vbus.trace.bus_watch import BusWatch
+from vbus.trace.packets import Cycle
 
 
 class CycleTeller:
@@ -24,6 +25,20 @@ class CycleTeller:
     def tell(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
         """Tell of a cycle: instant (ps), names of the chips, direction, address, byte."""
         raise NotImplementedError
+
+    def tell_together(self, when: int, found: Iterable[tuple[str, Cycle]]) -> None:
+        """Tell of the cycles at some chips at one instant.
+
+        Chips written by one strobe are written together, as in a whole cycle.
+        """
+        writes: dict[tuple[int, int], list[str]] = {}
+        for name, cycle in found:
+            if cycle.write:
+                writes.setdefault((cycle.address, cycle.data), []).append(name)
+            else:
+                self.tell(when, name, False, cycle.address, cycle.data)
+        for (address, data), names in writes.items():
+            self.tell(when, "+".join(names), True, address, data)
 
 
 class GlueCycles:
@@ -92,16 +107,15 @@ class GlueCycles:
     ) -> None:
         """Tell the present host of a cycle that was made at chips without moving their lines."""
         assert self.by is not None
-        told: dict[int, list[str]] = {}
-        for chip, place in zip(chips, places, strict=True):
-            told.setdefault(place, []).append(chip.name)
-        for place, names in told.items():
-            self.by.tell(when, "+".join(names), write, place, data)
+        places_of = zip(chips, places, strict=True)
+        self.by.tell_together(
+            when, [(chip.name, Cycle(when, write, place, data)) for chip, place in places_of]
+        )
 
     def _moved(self) -> None:
         now = self._kernel.now
         by = self.by if self.by is not None and self.by.wanted() else None
-        writes: dict[tuple[int, int], list[str]] = {}
+        found: list[tuple[str, Cycle]] = []
         for row in self.rows:
             before, row.levels = row.levels, row.look()
             if before == row.levels:
@@ -109,16 +123,10 @@ class GlueCycles:
             if by is None and not row.remembers:
                 continue
             data = row.chip.bus_net.before
-            for cycle in row.watch.edges(now, before, row.levels, data, data):
-                if by is None:
-                    continue
-                if cycle.write:
-                    writes.setdefault((cycle.address, cycle.data), []).append(row.chip.name)
-                else:
-                    by.tell(now, row.chip.name, False, cycle.address, cycle.data)
-        for (address, data), names in writes.items():
-            if by is not None:
-                by.tell(now, "+".join(names), True, address, data)
+            cycles = row.watch.edges(now, before, row.levels, data, data)
+            found += [(row.chip.name, cycle) for cycle in cycles]
+        if by is not None and found:
+            by.tell_together(now, found)
 
 
 class BusLines:

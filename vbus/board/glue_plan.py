@@ -95,7 +95,7 @@ class _Planner:
                     self._no_pin(_card_pin(card.name, pin), pin, known, "pin")
             self._wire(card.name, card.pins, partial(_card_pin, card.name))
         for part in parts:
-            self._wire(part.name, part.wires, partial(_card_part_pin, part))
+            self._wire(part.part.name, part.wires, partial(_card_part_pin, part))
         for section, pins in wiring:
             self._wire(section.name, pins, partial(_place, section))
         self._nets()
@@ -104,10 +104,9 @@ class _Planner:
 
     def _card_parts(self, card: CardSection) -> Iterator[CardPart]:
         for part in parts_of(card, self._fail):
-            self._rows |= {f"{part.name}.{row.name}": row for row in part.rows}
-            self._plan.parts.append(
-                Planned(part.name, 0, part.rows, part.blocks, part.taps, part.tied, part.inner)
-            )
+            planned = part.part
+            self._rows |= {f"{planned.name}.{row.name}": row for row in planned.pin_rows}
+            self._plan.parts.append(planned)
             yield part
 
     # -- one part -------------------------------------------------------------------------------

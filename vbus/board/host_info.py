@@ -43,7 +43,7 @@ def port_info(
         pins.output_names(),
         sides,
         features(promises),
-        wiring(pin_map, chips, board.glue_of(chips), pins),
+        wiring(pin_map, chips, selection.decoded, board.glue_of(chips), pins),
         card.text(sides) if card is not None else "",
         program,
     )

@@ -152,7 +152,13 @@ def missing(chip: Chip, wired: Iterable[str]) -> list[str]:
     return [name for name in roles(chip) if name not in have]
 
 
-def wiring(pin_map: PinMap | None, chips: list[Chip], glue: list[GluePart], pins: HostPins) -> str:
+def wiring(
+    pin_map: PinMap | None,
+    chips: list[Chip],
+    decoded: list[Chip],
+    glue: list[GluePart],
+    pins: HostPins,
+) -> str:
     """Return the wiring text of a session: what its host's pin decoder is told.
 
     It is a list of ``ROLE=SOURCE`` separated by spaces. The role is a letter of :func:`roles`
@@ -162,16 +168,18 @@ def wiring(pin_map: PinMap | None, chips: list[Chip], glue: list[GluePart], pins
     Cycles of a chip with glue before its strobes or select are not worked out by the host: it moves
     control lines, ``c3`` (LINES), and the data bus of that chip, ``0b0`` to ``0b7`` (DRIVE and
     RELEASE, SAMPLE).
+
+    Args:
+        pin_map: the map; None: there is none.
+        chips: the session's chips.
+        decoded: those of them with glue before a strobe or the select.
+        glue: what is in front of the chips and behind them.
+        pins: what the host has of their nets.
     """
     if pin_map is None:
         return ""
     by_name = {chip.name: chip for chip in chips}
     others = {part.name: part for part in glue}
-    driven = set().union(*(part.ends(outputs=True) for part in glue))
-    decoded = {
-        chip.name for chip in chips
-        if any(id(pin.net) in driven for pin in chip.bus_pins if pin is not chip.data_pin)
-    }  # fmt: skip
     buses: dict[int, int] = {}
     for number, chip in enumerate(chips):
         buses.setdefault(id(chip.bus_net), number)
@@ -179,7 +187,7 @@ def wiring(pin_map: PinMap | None, chips: list[Chip], glue: list[GluePart], pins
     roles_of = {chip.name: roles(chip) for chip in chips}
     for wire in wires(pin_map, by_name, {name: one.pins for name, one in others.items()}):
         role = roles_of.get(wire.chip, {}).get(wire.pin)
-        if role is not None and wire.chip not in decoded:
+        if role is not None and by_name[wire.chip] not in decoded:
             entries[f"{chips.index(by_name[wire.chip])}{role}={wire.source}"] = None
             continue
         if role is not None and role[0] == DATA:

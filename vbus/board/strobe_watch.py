@@ -9,6 +9,7 @@ from vbus.board.glue_cycles import BusLines, CycleTeller
 from vbus.chips.base import Chip
 from vbus.state import Names
 from vbus.trace.bus_watch import BusWatch
+from vbus.trace.packets import Cycle
 
 SETTLE_EVERY: Final = 4096
 """Bus cycles after which lazy chips are brought up to date, to bound what observers hold."""
@@ -79,21 +80,14 @@ class StrobeWatch(CycleTeller):
             return
         self._noted = False
         now = self._board.now
-        writes: dict[tuple[int, int], str] = {}
+        found: list[tuple[str, Cycle]] = []
         for row in self._rows:
             levels = row.look()
             if levels == row.levels:
                 continue
-            for cycle in row.watch.edges(now, row.levels, levels, row.data, row.data):
-                name = row.chip.name
-                if cycle.write:
-                    # Chips written by one strobe are written together, as in a whole cycle.
-                    key = (cycle.address, cycle.data)
-                    writes[key] = f"{writes[key]}+{name}" if key in writes else name
-                else:
-                    self.tell(now, name, False, cycle.address, cycle.data)
-        for (address, data), names in writes.items():
-            self.tell(now, names, True, address, data)
+            cycles = row.watch.edges(now, row.levels, levels, row.data, row.data)
+            found += [(row.chip.name, cycle) for cycle in cycles]
+        self.tell_together(now, found)
 
     @property
     def watches(self) -> list[BusWatch]:

@@ -190,21 +190,16 @@ def jumper(now: Levels, was: Levels, state: int) -> Outcome:
     return state, 0, ALL
 
 
-def selected(where: frozenset[int], lines: int, active: Levels) -> Function:
-    """Address lines, lowest first, and further inputs: one output each, where the address is one.
+def _hit(levels: Levels, where: frozenset[int], lines: int) -> bool:
+    """Whether address lines, lowest first, show one of some addresses, and what follows is low."""
+    return number(levels[:lines]) in where and not any(levels[lines:])
 
-    Args:
-        where: the addresses, for which every output is at its level of ``active``.
-        lines: how many address lines there are; what follows them must be low.
-        active: the levels.
-    """
-    on = number(active)
 
-    def function(now: Levels, was: Levels, state: int) -> Outcome:
-        hit = number(now[:lines]) in where and not any(now[lines:])
-        return state, on if hit else ~on, ALL
-
-    return function
+def selected(where: frozenset[int], lines: int, active: int) -> Function:
+    """Address lines, and inputs that must be low: one output, ``active`` at these addresses."""
+    return lambda now, was, state: (
+        state, active if _hit(now, where, lines) else 1 - active, ALL
+    )  # fmt: skip
 
 
 def strobed(where: frozenset[int], lines: int) -> Function:
@@ -214,8 +209,7 @@ def strobed(where: frozenset[int], lines: int) -> Function:
     """
 
     def function(now: Levels, was: Levels, state: int) -> Outcome:
-        hit = number(now[2 : 2 + lines]) in where and not any(now[2 + lines :])
-        return state, number(now[:2]) if hit else 3, ALL
+        return state, number(now[:2]) if _hit(now[2:], where, lines) else 3, ALL
 
     return function
 

@@ -21,8 +21,12 @@ class PlainPackets(Decoder):
 
     def take(self, cycle: Cycle) -> list[Packet]:
         """Show the cycle."""
-        way = "write" if cycle.write else "read"
-        return [Packet(UNKNOWN, f"{way} {cycle.address:X}H", f"{cycle.data:02X}H", "", (cycle,))]
+        way, where = "write" if cycle.write else "read", self.where(cycle.address)
+        return [Packet(UNKNOWN, f"{way} {where:X}H", f"{cycle.data:02X}H", "", (cycle,))]
+
+    def where(self, address: int) -> int:
+        """Return the address that is shown."""
+        return address
 
     def finish(self) -> list[Packet]:
         """Return nothing: no cycle stays open."""
@@ -47,11 +51,9 @@ class CardPackets(PlainPackets):
         self._base = base if isinstance(base, int) else 0
         self._stride = stride if isinstance(stride, int) else 1
 
-    def take(self, cycle: Cycle) -> list[Packet]:
-        """Show the cycle."""
-        way = "write" if cycle.write else "read"
-        where = self._base + cycle.address * self._stride
-        return [Packet(UNKNOWN, f"{way} {where:X}H", f"{cycle.data:02X}H", "", (cycle,))]
+    def where(self, address: int) -> int:
+        """Return the address on the computer's bus."""
+        return self._base + address * self._stride
 
 
 def decoder_class(family: str) -> type[Decoder] | None:

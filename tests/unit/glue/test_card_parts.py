@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.unit.glue.test_cards import FOLDER, Slot, mapped, move
-from tests.unit.glue.test_paths import path_of
+from tests.unit.glue.test_paths import TWO, path_of
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.card_bus import CLOCK, CardBus
@@ -192,23 +192,9 @@ def test_the_map_shows_registers_and_says_what_an_index_hides() -> None:
     ]
 
 
-RANGES = """\
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-
-[chips.y]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-
-[board]
-power_on = "done"
-
-[buses.main]
-chips = ["x", "y"]
-
+RANGES = (
+    TWO
+    + """
 [cards.slot]
 bus = "SRAM"
 memory = true
@@ -233,6 +219,7 @@ A2 = "main./PS"
 transport = "unix:$VBUS_RUNTIME/ranges.sock"
 card = "slot"
 """
+)
 
 
 def test_ranges_select_chips_at_strides_of_memory_and_one_of_them_both() -> None:

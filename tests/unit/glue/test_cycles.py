@@ -6,7 +6,7 @@ import pytest
 
 from tests.unit.glue.test_cards import LATCH, WIRED, Slot, move
 from tests.unit.glue.test_edges import INDEXED, register
-from tests.unit.glue.test_paths import path_of
+from tests.unit.glue.test_paths import TWO, path_of
 from tests.unit.trace.conftest import read
 from tests.unit.trace.test_replay import played
 from vbus.board.build import load_board_text
@@ -19,23 +19,9 @@ from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.journal.journal import Journal
 from vbus.trace.packets import Packet
 
-DECODED = """\
-[chips.x]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-
-[chips.y]
-part = "LM629N-8"
-clock = "8 MHz"
-plant = "none"
-
-[board]
-power_on = "done"
-
-[buses.main]
-chips = ["x", "y"]
-
+DECODED = (
+    TWO
+    + """
 [glue.u1]
 part = "74HC139"
 delay = "15 ns"
@@ -46,6 +32,7 @@ low = ["1B"]
 1Y0 = "x./CS"
 1Y1 = "y./CS"
 """
+)
 """A host moves the strobes, and the inputs of a decoder that selects a chip."""
 
 

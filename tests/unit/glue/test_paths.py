@@ -12,7 +12,7 @@ from vbus.board.card_path import CardPath
 from vbus.kernel import MS, NS, US
 from vbus.signals import HIGH, Observer
 
-CARD = """
+TWO = """\
 [chips.x]
 part = "LM629N-8"
 clock = "8 MHz"
@@ -28,7 +28,10 @@ power_on = "done"
 
 [buses.main]
 chips = ["x", "y"]
-
+"""
+CARD = (
+    TWO
+    + """
 [cards.slot]
 bus = "ISA"
 base = 0x300
@@ -40,6 +43,7 @@ card = "slot"
 
 [cards.slot.pins]
 """
+)
 WIRES = """"D0-D7" = "main.D0-D7"
 "/IOR" = "main./RD"
 "/IOW" = "main./WR"
