@@ -73,6 +73,17 @@ def test_one_is_set_by_the_keys_and_taken_away(page: Any) -> None:
     assert [row[2] for row in listed(page)] == ["m is a letter"]
 
 
+def test_keys_do_what_they_do_as_soon_as_it_is_set(page: Any) -> None:
+    page.keyboard.press("m")
+    page.keyboard.type("here")
+    assert page.evaluate(
+        "document.getElementById('bookmark-form').requestSubmit();"
+        "document.getElementById('bookmark-text').dispatchEvent("
+        "  new KeyboardEvent('keydown', {key: '2', bubbles: true}));"
+        "[document.getElementById('bookmark').open, document.getElementById('marks').hidden]"
+    ) == [False, False]
+
+
 def test_the_page_is_saved_anew_with_them(page: Any, new_page: Open, tmp_path: Path) -> None:
     put(page, "</script> & more")
     again = saved(page, lambda: page.select_option("#save", "page"))

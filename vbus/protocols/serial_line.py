@@ -193,6 +193,7 @@ class SerialLine(Protocol):
         if answer and not self._going:
             self._board_due = self.port.now() + self._frame
         self._going += answer
-        if self._duplex and self.port.held:  # by a request: what was on its way arrives meanwhile
-            self.out += self._going
-            self._going.clear()
+        if self._duplex and self.port.held:  # by a request: what is on its way arrives meanwhile
+            while self._going and self._board_due <= self.port.hold_until:
+                self.out.append(self._going.pop(0))
+                self._board_due += self._frame

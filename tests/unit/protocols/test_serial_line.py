@@ -129,6 +129,26 @@ def test_an_answer_on_its_way_arrives_while_the_next_request_waits() -> None:
     assert len(wire.take()) == 22
 
 
+class Ahead(Realtime):
+    """Its cycles run ahead of the wall clock; the session is held until that has come there."""
+
+    def read(self, address: int) -> int:
+        data = super().read(address)
+        self.held, self.hold_until = True, self.time
+        return data
+
+
+def test_the_answer_of_a_cycle_ahead_of_the_wall_clock_takes_its_time() -> None:
+    port = Ahead()
+    wire = line(port)
+    wire.receive(b"\x10")
+    assert (wire.take(), port.time) == (b"", FRAME + US)
+
+    port.held = False
+    wire.resume()
+    assert (wire.take(), port.time) == (b"D\x01", FRAME + US + 2 * FRAME)
+
+
 @pytest.mark.parametrize("kind", [FakePort, Realtime])
 def test_an_edge_is_reported_when_its_frames_have_ended(kind: type[FakePort]) -> None:
     port = kind()

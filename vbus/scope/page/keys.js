@@ -22,7 +22,9 @@ export function useKeys(app, keys) {
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
     const at = event.target;
-    if (at instanceof HTMLInputElement || at instanceof HTMLSelectElement) {
+    // A field of a dialog that has just closed is told of keys until the next frame.
+    const asked = at instanceof Element && at.closest("dialog");
+    if (!asked && (at instanceof HTMLInputElement || at instanceof HTMLSelectElement)) {
       if (event.key === "Escape") at.blur();
       return;
     }
