@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from multi_axis.chips import Cycle
+from multi_axis.parts import Part, endpoint_of
 from multi_axis.picture import Picture
 from multi_axis.play import Played, play
 from multi_axis.result import skew
@@ -28,7 +29,6 @@ from vbus.cluster.nodes import read_traces
 from vbus.errors import PluginError, VbusError
 from vbus.network.session import check_endpoint
 
-STOP_SECONDS = 20
 LAST_SECONDS = 3
 """How long the host may take to say what is wrong when another part has ended."""
 
@@ -133,10 +133,15 @@ def _arguments(demo: Demo) -> argparse.Namespace:
     return asked
 
 
+def board_text(folder: Path, endpoint: str) -> str:
+    """Return an example's board file with another endpoint."""
+    text = (folder / "board.toml").read_text()
+    return re.sub(r"^connect = .*$", f'connect = ["{endpoint}"]', text, flags=re.MULTILINE)
+
+
 def _board(demo: Demo, endpoint: str, real_time: bool) -> str:
     """Return the example's board file with its own endpoint and time."""
-    text = (demo.folder / "board.toml").read_text()
-    text = re.sub(r"^connect = .*$", f'connect = ["{endpoint}"]', text, flags=re.MULTILINE)
+    text = board_text(demo.folder, endpoint)
     if real_time:
         text = text.replace('time = "lockstep"', 'time = "realtime"')
         text = text.replace("awaited = true\n", "")
@@ -195,41 +200,6 @@ def _print_wall_time(played: Played) -> None:
 # -- all of it -------------------------------------------------------------------------------------
 
 
-class _Part:
-    """A process of the example."""
-
-    def __init__(self, name: str, command: list[str], log: Path, **more: Any) -> None:
-        self.name = name
-        self.log = log
-        self.errors = log.open("w")
-        self.process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stderr=self.errors, text=True, **more
-        )
-
-    def stop(self) -> None:
-        """End it as Ctrl-C would, and wait; what does not end is killed."""
-        with contextlib.suppress(ProcessLookupError):
-            self.process.send_signal(signal.SIGINT)
-        try:
-            self.process.wait(STOP_SECONDS)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-        if self.process.stdout is not None:
-            self.process.stdout.close()
-        self.errors.close()
-
-    def said(self) -> str:
-        """Return what it has written to its standard error."""
-        return self.log.read_text().strip()
-
-    def end(self) -> str:
-        """Return how it has ended, and what it has said."""
-        code = self.process.returncode
-        how = f"ended with code {code}" if code >= 0 else f"was killed by signal {-code}"
-        return f"{how}: {said}" if (said := self.said()) else how
-
-
 def _all(demo: Demo, asked: argparse.Namespace) -> None:
     """Start everything, wait for the host, stop everything, and print the hash.
 
@@ -253,7 +223,7 @@ def _all(demo: Demo, asked: argparse.Namespace) -> None:
             print(f"trace hash: {digest}")
 
 
-def _wait(parts: list[_Part], host: _Part) -> None:
+def _wait(parts: list[Part], host: Part) -> None:
     """Wait for the end of the host; or, if another part ends before it, a little longer."""
     end = float("inf")
     while host.process.poll() is None and time.monotonic() < end:
@@ -265,17 +235,17 @@ def _wait(parts: list[_Part], host: _Part) -> None:
 @contextlib.contextmanager
 def _running(
     demo: Demo, asked: argparse.Namespace, folder: Path, traces: Path
-) -> Iterator[tuple[list[_Part], _Part]]:
+) -> Iterator[tuple[list[Part], Part]]:
     """Start router, nodes and host; stop them by their ids, whatever has happened."""
     runtime = {"VBUS_RUNTIME": str(folder / "run")}
     environment = {**os.environ, **runtime}
     places = dict(place.split("=", 1) for place in asked.netns)
-    parts: list[_Part] = []
+    parts: list[Part] = []
 
-    def start(name: str, command: list[str], **more: Any) -> _Part:
+    def start(name: str, command: list[str], **more: Any) -> Part:
         inside = ["ip", "netns", "exec", places[name]] if name in places else []
         log = folder / f"{name}.log"
-        part = _Part(name, [*inside, sys.executable, *command], log, env=environment, **more)
+        part = Part(name, [*inside, sys.executable, *command], log, env=environment, **more)
         parts.append(part)
         return part
 
@@ -286,7 +256,7 @@ def _running(
             ["-m", "vbus", "router", "--listen", asked.listen, *remote],
             stdout=subprocess.PIPE,
         )
-        endpoint = _endpoint(router)
+        endpoint = endpoint_of(router)
         board = folder / "board.toml"
         board.write_text(_board(demo, endpoint, asked.real_time))
         for node in read_board_file(board)[0].nodes:
@@ -304,15 +274,3 @@ def _running(
     finally:
         for part in reversed(parts):
             part.stop()
-
-
-def _endpoint(router: _Part) -> str:
-    """Return where the router listens, once it does."""
-    assert router.process.stdout is not None
-    endpoint = ""
-    for line in router.process.stdout:
-        if line.startswith("router: "):
-            endpoint = str(line).removeprefix("router: ").strip()
-        if line.startswith("ready"):
-            return endpoint
-    raise VbusError(f"the router has not started: {router.said()}")

@@ -12,6 +12,7 @@ from multi_axis.command import Demo, main
 from multi_axis.picture import Picture
 from multi_axis.result import Point, nearest, of_distances
 from multi_axis.score import MS, US, Score
+from multi_axis.velocity import lm629_velocities
 
 COUNTS_PER_MM = 400
 RADIUS = 10 * COUNTS_PER_MM
@@ -26,7 +27,6 @@ BEGIN = 40 * SAMPLE + 128 * US
 ACCELERATION = 2400
 """1/65536 counts/sample/sample."""
 GAINS = {"kp": 2000, "ki": 1000, "kd": 20000, "il": 20000}
-RATE_MAX = 0x3FFFFFFF
 
 
 def path(t: float) -> Point:
@@ -36,44 +36,9 @@ def path(t: float) -> Point:
     return RADIUS * math.sin(angle), RADIUS * (1 - math.cos(angle))
 
 
-def after(position: int, velocity: int, goal: int) -> tuple[int, int]:
-    """Return what an LM629 makes of a new velocity in one segment (LM-TRJ-13).
-
-    Args:
-        position: desired position at its beginning (1/65536 counts).
-        velocity: desired velocity at its beginning (1/65536 counts/sample).
-        goal: the new velocity.
-
-    Returns:
-        Position and velocity at its end.
-    """
-    sign = 1 if goal > velocity else -1
-    ramp = abs(goal - velocity) // ACCELERATION
-    if ramp >= SEGMENT:
-        moved = SEGMENT * velocity + sign * ACCELERATION * SEGMENT * (SEGMENT + 1) // 2
-        return position + moved, velocity + sign * ACCELERATION * SEGMENT
-    moved = ramp * velocity + sign * ACCELERATION * ramp * (ramp + 1) // 2
-    return position + moved + (SEGMENT - ramp) * goal, goal
-
-
-def velocities(axis: int) -> list[int]:
-    """Return the velocity of each segment that brings the axis to the path at its end."""
-    goals = []
-    position = velocity = 0
-    for number in range(1, SEGMENTS + 1):
-        aim = round(path(number * SEGMENT * SAMPLE / 1e12)[axis] * 65536)
-        low, high = -RATE_MAX, RATE_MAX
-        while high - low > 1:
-            middle = (low + high) // 2
-            if after(position, velocity, middle)[0] > aim:
-                high = middle
-            else:
-                low = middle
-        if number == SEGMENTS:
-            low = 0
-        position, velocity = after(position, velocity, low)
-        goals.append(low)
-    return goals
+def aims(axis: int) -> list[float]:
+    """Return where an axis is to be at the end of each segment."""
+    return [path(n * SEGMENT * SAMPLE / 1e12)[axis] for n in range(1, SEGMENTS + 1)]
 
 
 def score() -> Score:
@@ -86,7 +51,7 @@ def score() -> Score:
         at = axis.command(at, Lm629.LFIL, 0x000F, *GAINS.values())
         at = axis.command(at, Lm629.UDF)
         at = axis.command(at, Lm629.LTRJ, 0x1828, 0, ACCELERATION, 0, 0)
-        goals = velocities(number)
+        goals = lm629_velocities(aims(number), ACCELERATION, SEGMENT)
         for segment, goal in enumerate(goals):
             start = BEGIN + segment * SEGMENT * SAMPLE
             mode = 0x0808 | (0x1000 if goal >= 0 else 0)
