@@ -260,11 +260,12 @@ class Chip:
         """Return what a live view shows of this chip, by name."""
         return {}
 
-    def lane_values(self) -> list[int | float]:
+    def lane_steps(self) -> list[int]:
         """Return what :meth:`telemetry` tells for the lanes of its family, without the names.
 
-        Equal to it: axis by axis, in the order of the family's rows, and last its ``"interrupt"``,
-        0 of a chip that tells of none. Empty: ask for telemetry.
+        Axis by axis, in the order of the family's rows, each in the nearest whole number of its
+        row's steps (:func:`~vbus.signals.nearest`), and last its ``"interrupt"``, 0 of a chip that
+        tells of none. Empty: ask for telemetry.
         """
         return []
 

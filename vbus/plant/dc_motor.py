@@ -7,10 +7,13 @@ from mypy_extensions import i64
 from vbus.options import Option, Settings
 from vbus.plant.encoder import floor
 from vbus.plant.response import TICKS, Motor, Response, response_of
-from vbus.plant.shaft import SHAFT_OPTIONS, TWO_PI, Mechanics, Shaft, mass_options
+from vbus.plant.shaft import SHAFT_OPTIONS, TORQUE_STEP, TWO_PI, Mechanics, Shaft, mass_options
 from vbus.plant.travel import NOWHERE, Travel
-from vbus.signals import LaneRow
+from vbus.signals import LaneRow, nearest
 from vbus.state import Names
+
+CURRENT_STEP: Final = 1e-4
+"""In what the lane of the current counts (A)."""
 
 MOST_DRIVEN: Final = 10.0
 """Times what its voltages drive: no motor takes that; a current that was kept is checked."""
@@ -50,7 +53,7 @@ class DcMotor(Shaft):
     )  # fmt: skip
 
     LANES: ClassVar[tuple[LaneRow, ...]] = (
-        LaneRow("current", "motor current", "A", "current", 1e-4),
+        LaneRow("current", "motor current", "A", "current", CURRENT_STEP),
         *Shaft.LANES,
     )
     STATE: ClassVar[Names] = (
@@ -129,11 +132,11 @@ class DcMotor(Shaft):
         """Return the current of the armature and what the shaft tells."""
         return {"current": self.current, **super().telemetry()}
 
-    def lane_values(self) -> list[float]:
+    def lane_steps(self) -> list[int]:
         """Return the same without the names."""
         if self.LANES is not DcMotor.LANES:
-            return super().lane_values()
-        return [self.current, self._load]
+            return []
+        return [nearest(self.current / CURRENT_STEP), nearest(self._load / TORQUE_STEP)]
 
     def mechanics(self) -> Mechanics:
         """Return the numbers as they are now; change them and give them to :meth:`refit`."""

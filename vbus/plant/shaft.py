@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from vbus.options import Option, Settings
 from vbus.plant.encoder import ENCODER_OPTIONS, EncodedPlant
-from vbus.signals import LaneRow
+from vbus.signals import LaneRow, nearest
 from vbus.state import Names
 
 SHAFT_OPTIONS: Final = (
@@ -23,6 +23,9 @@ SHAFT_OPTIONS: Final = (
 MOST_COUNTS: Final = 1e9
 """Counts a second that no shaft turns; a speed that was kept is checked."""
 TWO_PI: Final = 6.283185307179586
+
+TORQUE_STEP: Final = 1e-6
+"""In what the lane of the load counts (N*m)."""
 
 
 def mass_options(
@@ -86,7 +89,9 @@ class Shaft(EncodedPlant):
     End stops are hard and take the whole impact: the shaft stands in the middle of their count.
     """
 
-    LANES: ClassVar[tuple[LaneRow, ...]] = (LaneRow("load", "load torque", "N*m", "load", 1e-6),)
+    LANES: ClassVar[tuple[LaneRow, ...]] = (
+        LaneRow("load", "load torque", "N*m", "load", TORQUE_STEP),
+    )
     STATE: ClassVar[Names] = (
         "period: float", "velocity: float", "_resting: bool", *EncodedPlant.STATE,
     )  # fmt: skip
@@ -138,9 +143,9 @@ class Shaft(EncodedPlant):
         """Return the torque of the load."""
         return {"load": self._load}
 
-    def lane_values(self) -> list[float]:
+    def lane_steps(self) -> list[int]:
         """Return the same without its name."""
-        return [self._load] if self.LANES is Shaft.LANES else super().lane_values()
+        return [nearest(self._load / TORQUE_STEP)] if self.LANES is Shaft.LANES else []
 
     @property
     def period(self) -> float:

@@ -66,9 +66,10 @@ def differences(values: Sequence[int]) -> Column:
 
 def numbers(values: Sequence[float]) -> Column:
     """Return numbers as they are: nothing to work out for a live page."""
-    with suppress(TypeError, OverflowError):  # not a whole number; beyond 32 bits
-        return INTEGERS, array("i", values).tobytes()
-    return DOUBLES, array("d", values).tobytes()
+    count = len(values)
+    with suppress(struct.error):  # not a whole number; beyond 32 bits
+        return INTEGERS, struct.pack(f"={count}i", *values)
+    return DOUBLES, struct.pack(f"={count}d", *values)
 
 
 def small(values: Sequence[float]) -> Column:

@@ -2,8 +2,13 @@
 
 from typing import Any, Final
 
+from vbus.signals import nearest
+
 TICK: Final = 1
 """Picoseconds of a tick: instants are as exact as the board's."""
+
+NO_STEP: Final = -(1 << 61)
+"""The latest value of a lane that has none, or whose latest is no whole number of steps."""
 
 Number = int | float
 
@@ -21,10 +26,10 @@ class Lane:
         scale: what a value is multiplied by.
 
     Attributes:
-        last: the latest value, as it was told; None before the first.
         rows: of packets begin, length, label, kind; of marks instant, object.
         times: of values the instants (ps), as they were told; no tuples, which a collector counts.
-        values: as many values, in steps of the scale.
+        values: as many values, in steps of the scale: whole numbers, unless that is 1.
+        early: whether some were told later than others that began after them.
     """
 
     def __init__(
@@ -38,29 +43,46 @@ class Lane:
         self.kind: str = kind
         self.unit: str = unit
         self.scale: float = scale
-        self.last: Number | None = None
+        self._step: int = NO_STEP
+        self._fraction: Number | None = None
+        """The latest value, if it is no whole number of steps."""
         self.rows: list[tuple[Any, ...]] = []
         self.times: list[int] = []
         self.values: list[Number] = []
-        self._early: bool = False
-        self._latest: int = 0
+        self.early: bool = False
+
+    @property
+    def untold(self) -> bool:
+        """Whether it has no value yet."""
+        return self._step == NO_STEP and self._fraction is None
+
+    def take(self, when: object, step: int) -> None:
+        """Take a value in steps of the scale; it holds from ``when`` (int, ps) on.
+
+        An object, since lanes that move together then hold the same one.
+        """
+        if step != self._step:
+            self._step = step
+            self.times.append(when)  # type: ignore[arg-type]
+            self.values.append(step)
 
     def note(self, when: int, value: Number) -> None:
         """Take a value that holds from ``when`` (ps) on."""
-        if value != self.last:
-            self.last = value
-            if when < self._latest:
-                self._early = True
-            self._latest = when
+        if self.scale != 1.0:
+            self.take(when, nearest(value / self.scale))
+        elif isinstance(value, int):
+            self.take(when, value)
+        elif self._step != NO_STEP or value != self._fraction:
+            self._step, self._fraction = NO_STEP, value
             self.times.append(when)
-            self.values.append(value if self.scale == 1.0 else round(value / self.scale))
+            self.values.append(value)
 
     def take_values(self) -> tuple[list[int], list[Number]]:
         """Return the instants, in their order, and values that nobody has taken yet."""
         times, values = self.times, self.values
         self.times, self.values = [], []
-        if self._early:  # some are known later than others that began after them
-            self._early = False
+        if self.early:
+            self.early = False
             order = sorted(range(len(times)), key=times.__getitem__)
             times = [times[place] for place in order]
             values = [values[place] for place in order]
@@ -71,7 +93,7 @@ class Lane:
         self.rows.clear()
         self.times.clear()
         self.values.clear()
-        self.last = None
+        self._step, self._fraction = NO_STEP, None
 
     def described(self) -> dict[str, Any]:
         """Return what a page is told of it."""

@@ -5,11 +5,14 @@ nobody does, none of it is there, and nothing asks for it.
 """
 
 from collections.abc import Callable
+from heapq import heappop, heappush
 from typing import Any, Final
+
+from mypy_extensions import i64
 
 from vbus.board.board import Board
 from vbus.chips.base import Chip
-from vbus.kernel import END, MS, NEVER, SECOND
+from vbus.kernel import END, MS, NEVER, SECOND, Kernel
 from vbus.kernel.kernel import Timer
 from vbus.scope.lane import Lane
 from vbus.scope.lanes import Lanes
@@ -20,6 +23,53 @@ from vbus.signals.net import Net
 FIRST_REST: Final = MS
 LONGEST_REST: Final = SECOND
 """How soon a chip that rests is looked at again: each time it still rests, twice as late."""
+
+
+_NEVER: Final[i64] = int(NEVER)
+_END: Final[i64] = int(END)
+"""As machine words: a compiled core keeps literals this large as objects."""
+
+
+class LookTimes:
+    """When each chip is looked at next: one timer for all, one entry for those due together.
+
+    Args:
+        kernel: the board's time.
+    """
+
+    def __init__(self, kernel: Kernel) -> None:
+        self._kernel: Kernel = kernel
+        self._timer: Timer = kernel.onlooker(self._look)
+        self._dues: list[int] = []
+        """Instants in a heap, each once."""
+        self._looks: dict[int, list[Look]] = {}
+
+    def at(self, look: "Look", when: i64) -> None:
+        """Look at ``when`` (ps); an earlier setting is forgotten."""
+        if when == look.due:
+            return
+        look.due = when
+        if when > _END:
+            return
+        due: int = when
+        together = self._looks.get(due)
+        if together is not None:
+            together.append(look)
+            return
+        self._looks[due] = [look]
+        heappush(self._dues, due)
+        if self._dues[0] == due:
+            self._timer.at(due)
+
+    def _look(self) -> None:
+        due = heappop(self._dues)
+        when: i64 = due
+        for look in self._looks.pop(due):
+            if look.due == when:
+                look.due = _NEVER
+                look.look()
+        if self._dues:
+            self._timer.at(max(self._dues[0], int(self._kernel.now)))
 
 
 class Behind:
@@ -33,12 +83,23 @@ class Behind:
     def __init__(self, plant: Plant, lanes: list[Lane]) -> None:
         self.plant: Plant = plant
         self.lanes: list[Lane] = lanes
+        self._latest: int = 0
 
     def note(self, now: int, ahead: int) -> None:
         """Take what holds from ``ahead`` (ps) on; what is told first, from now on."""
-        values = self.plant.lane_values()
+        if ahead < self._latest:
+            for lane in self.lanes:
+                lane.early = True
+        self._latest = ahead
+        steps = self.plant.lane_steps()
+        if not steps:
+            told = self.plant.telemetry()
+            for place, lane in enumerate(self.lanes):
+                lane.note(now if lane.untold else ahead, told[self.plant.LANES[place].key])
+            return
+        when: object = now if self.lanes[0].untold else ahead
         for place, lane in enumerate(self.lanes):
-            lane.note(now if lane.last is None else ahead, values[place])
+            lane.take(when, steps[place])
 
 
 class Look:
@@ -46,19 +107,28 @@ class Look:
 
     Args:
         board: the board.
+        times: when chips are looked at.
         chip: the chip.
         lanes: all lanes.
         levels: the pins looked at, where their edges are not told.
 
     Attributes:
         registers: what is in the chip.
+        due: when it is looked at next (ps); for :class:`LookTimes`.
         on_interrupt: takes what is said of an interrupt as it comes.
     """
 
     def __init__(
-        self, board: Board, chip: Chip, lanes: Lanes, levels: list[tuple[Net, Lane]]
+        self,
+        board: Board,
+        times: LookTimes,
+        chip: Chip,
+        lanes: Lanes,
+        levels: list[tuple[Net, Lane]],
     ) -> None:
-        self._board: Board = board
+        self._kernel: Kernel = board.kernel
+        self._times: LookTimes = times
+        self.due: i64 = _NEVER
         self._chip: Chip = chip
         self.registers: ChipRegisters = ChipRegisters(chip, lanes)
         self._inside: bool = False
@@ -67,7 +137,7 @@ class Look:
         told: list[tuple[str, Lane]] = lanes.telemetry[chip.name]
         self._told: list[tuple[str, Lane]] = told
         self._lanes: list[Lane] = [lane for _, lane in told]
-        self._direct: bool = len(chip.lane_values()) == len(told) + 1
+        self._direct: bool = len(chip.lane_steps()) == len(told) + 1
         """Whether the chip gives its values without their names."""
         self._plants: list[Behind] = []
         for plant, _, lane in lanes.plants[chip.name]:
@@ -78,36 +148,41 @@ class Look:
         self._rest: int = 0
         self._raised: bool = False
         self.on_interrupt: Callable[[str], None] | None = None
-        self.timer: Timer = board.kernel.onlooker(self.look)
-        self.ready: Timer = board.kernel.onlooker(self._look_inside)
+        self._ready: Timer = board.kernel.onlooker(self._look_inside)
 
     def look(self) -> None:
         """Take down what is new, and look again at the next sample."""
         chip = self._chip
-        now: int = self._board.kernel.now
+        now: int = self._kernel.now
+        when: object = now
         if self._direct and not self._inside:
-            values = chip.lane_values()
+            steps = chip.lane_steps()
             for place, lane in enumerate(self._lanes):
-                lane.note(now, values[place])
-            raised = values[-1] != 0
+                lane.take(when, steps[place])
+            raised = steps[-1] != 0
         else:
             raised = self._ask(now)
-        due: int = chip.next_sample()
+        due: i64 = chip.next_sample()
         # The mechanics run one period ahead: what they tell holds when it is over.
-        ahead = now if due == NEVER else due
+        ahead: int = now if due == _NEVER else due
         for behind in self._plants:
             behind.note(now, ahead)
         for net, lane in self._levels:
-            lane.note(now, net.value)
+            lane.take(when, net.value)
         if raised and not self._raised and self.on_interrupt is not None:
             self.on_interrupt(f"{chip.name}: interrupt")
         self._raised = raised
-        if due == NEVER:
+        if due == _NEVER:
             self._rest = min(max(2 * self._rest, FIRST_REST), LONGEST_REST)
-            due = now + self._rest
+            due = self._kernel.now + self._rest
         else:
             self._rest = 0
-        self.timer.at(due if due <= END else NEVER)
+        self._times.at(self, due)
+
+    def stop(self) -> None:
+        """Look no more."""
+        self.due = _NEVER
+        self._ready.cancel()
 
     def _ask(self, now: int) -> bool:
         """Take down what the chip tells by name; return whether it interrupts."""
@@ -128,11 +203,11 @@ class Look:
         if on:
             self._look_inside()
         else:
-            self.ready.cancel()
-            self.registers.forget(self._board.kernel.now)
+            self._ready.cancel()
+            self.registers.forget(self._kernel.now)
 
     def _look_inside(self) -> None:
-        self.registers.look(self._board.kernel.now)
+        self.registers.look(self._kernel.now)
 
     def meet(self, write: bool, address: int, data: int) -> None:
         """A bus cycle has been: look at what it did, and again when the chip is ready."""
@@ -145,11 +220,11 @@ class Look:
         if self._inside and not free:
             self._look_inside()
             ready: int = self._chip.ready_at()
-            if self._board.kernel.now < ready <= END:
-                self.ready.at(ready)
+            if self._kernel.now < ready <= END:
+                self._ready.at(ready)
 
     def wake(self) -> None:
         """Something has touched the chip: one that rested may rest no more."""
         if self._rest:
             self._rest = 0
-            self.timer.at(self._board.kernel.now)
+            self._times.at(self, self._kernel.now)

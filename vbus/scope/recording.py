@@ -26,7 +26,7 @@ from vbus.scope.frames import (
 )  # fmt: skip
 from vbus.scope.lane import Lane
 from vbus.scope.lanes import MARK_LANE, Lanes
-from vbus.scope.look import Look
+from vbus.scope.look import Look, LookTimes
 from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.packets import IGNORED, STATUS, WHOLE, CommandPackets, Cycle, Packet
@@ -75,10 +75,11 @@ class Recorder(BoardPackets):
         self._edges: bool = edges
         self._running: bool = False
         self._looks: dict[str, Look] = {}
+        times = LookTimes(board.kernel)
         for chip in board.chips:
             mine = {pin.net.name for pin in chip.pins.values()} if not edges else ()
             levels = [row for name, row in self.lanes.nets.items() if name in mine]
-            self._looks[chip.name] = look = Look(board, chip, self.lanes, levels)
+            self._looks[chip.name] = look = Look(board, times, chip, self.lanes, levels)
             look.on_interrupt = self._interrupt
         self._labels: dict[tuple[str, str], int] = {}
         self._new: list[tuple[str, str]] = []
@@ -112,8 +113,7 @@ class Recorder(BoardPackets):
             self.finish()
             self.board.unobserve(self)
             for look in self._looks.values():
-                look.timer.cancel()
-                look.ready.cancel()
+                look.stop()
             for net, _ in self.lanes.nets.values() if self._edges else ():
                 net.unobserve(self)
 
@@ -209,9 +209,10 @@ class Recorder(BoardPackets):
         words = [row for look in self._looks.values() for row in look.registers.take_words()]
         if words:
             frames.append(frame(WORDS, ALL, len(words), 0, texts(words)))
+        ticks = Ticks(column)
         for lane in self.lanes.all:
             if lane.times:
-                frames += sample_frames(lane, column)
+                frames += sample_frames(lane, column, ticks)
             if not lane.rows:
                 continue
             rows, lane.rows = lane.rows, []
@@ -229,15 +230,34 @@ class Recorder(BoardPackets):
             lane.forget()
 
 
-def sample_frames(lane: Lane, column: Columns) -> list[bytes]:
+class Ticks:
+    """Columns of instants; that of the lane before is used again for the same instants.
+
+    Args:
+        column: how numbers are written.
+    """
+
+    def __init__(self, column: Columns) -> None:
+        self._column: Columns = column
+        self._times: list[int] = []
+        self._made: Column = 0, b""
+
+    def column(self, times: list[int]) -> Column:
+        """Return instants (ps), each as ticks since the first."""
+        if times != self._times:
+            first = times[0]
+            self._times, self._made = times, self._column([when - first for when in times])
+        return self._made
+
+
+def sample_frames(lane: Lane, column: Columns, ticks: Ticks) -> list[bytes]:
     """Return the values of a lane that nobody has taken yet as frames."""
     times, values = lane.take_values()
     frames = []
     for place in range(0, len(times), MOST_ROWS):
         some = times[place : place + MOST_ROWS]
-        first = some[0]
-        columns = column([when - first for when in some]), column(values[place : place + MOST_ROWS])
-        frames.append(frame(SAMPLES, lane.number, len(some), first, *columns))
+        columns = ticks.column(some), column(values[place : place + MOST_ROWS])
+        frames.append(frame(SAMPLES, lane.number, len(some), some[0], *columns))
     return frames
 
 

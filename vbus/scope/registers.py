@@ -171,12 +171,11 @@ class ChipRegisters:
         self._chip.advance()
         for read, lane in self._looked:
             value = int(read())
-            if value != lane.last:
-                lane.note(now, value)
-                word = self._worded.get(lane.number)
-                if word is not None and (lane.number, value) not in self._seen:
-                    self._seen.add((lane.number, value))
-                    self._words.append((lane.number, value, word(value)))
+            lane.note(now, value)
+            word = self._worded.get(lane.number)
+            if word is not None and (lane.number, value) not in self._seen:
+                self._seen.add((lane.number, value))
+                self._words.append((lane.number, value, word(value)))
 
     def take_words(self) -> list[tuple[int, int, str]]:
         """Return lane, value and meaning of values that were not seen before."""

@@ -1,7 +1,7 @@
 """Wires, pins, the seam to the mechanics, and those who look on."""
 
 from vbus.signals.axis import Plant, Switch
-from vbus.signals.lane import LaneRow
+from vbus.signals.lane import LaneRow, nearest
 from vbus.signals.net import HIGH, LOW, Guard, Net, Pin, Watcher, Z
 from vbus.signals.observer import Observer
 from vbus.signals.trace_hash import TraceHash
@@ -26,4 +26,5 @@ __all__ = [
     "Violation",
     "Watcher",
     "Z",
+    "nearest",
 ]

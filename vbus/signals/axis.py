@@ -127,13 +127,13 @@ class Plant:
         """Return what a live view shows of the mechanics, by name, at the end of the period."""
         return {}
 
-    def lane_values(self) -> list[float]:
-        """Return what :meth:`telemetry` tells for :attr:`LANES`, without the names.
+    def lane_steps(self) -> list[int]:
+        """Return what :meth:`telemetry` tells for :attr:`LANES`, each in its row's steps.
 
-        A class that overrides it leaves to this one what has other lanes than its own.
+        Empty: ask for telemetry. So does one that has other lanes than the class that overrides
+        this.
         """
-        told = self.telemetry()
-        return [told[row.key] for row in self.LANES]
+        return []
 
     def resting(self) -> bool:
         """Whether another period with the same drive would leave every bit of state as it is."""

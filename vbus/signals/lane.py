@@ -1,4 +1,4 @@
-"""What a number that a part tells of itself means to people."""
+"""What a number that a part tells of itself means to people, and how exactly it is told."""
 
 from dataclasses import dataclass
 
@@ -22,3 +22,8 @@ class LaneRow:
     key: str
     scale: float = 1.0
     register: str = ""
+
+
+def nearest(steps: float) -> int:
+    """Return the whole number of steps nearest to a value; halfway lies the one farther from 0."""
+    return int(steps + 0.5) if steps >= 0.0 else -int(0.5 - steps)

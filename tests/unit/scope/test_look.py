@@ -11,8 +11,9 @@ from vbus.kernel import MS, NEVER
 from vbus.plant.dc_motor import DcMotor
 from vbus.scope.frames import numbers
 from vbus.scope.lane import Lane
+from vbus.scope.look import Behind
 from vbus.scope.recording import Recorder
-from vbus.signals import LaneRow
+from vbus.signals import LaneRow, nearest
 from vbus.trace.journal.journal import end_of
 
 CHIPS = {
@@ -63,17 +64,22 @@ def give(board: Board, part: str) -> None:
 
 
 def named(board: Board) -> list[tuple[list[Any], list[Any]]]:
-    """Return what chips and plants give for lanes, and the same as telemetry names it."""
+    """Return what chips and plants give for lanes, and the same of what telemetry names."""
     pairs = []
     for chip in board.chips:
         told = chip.telemetry()
         rows = plugins.family(chip.FAMILY).lanes
         numbered = range(1, chip.axis_count + 1)
-        by_name = [told[row.key.format(number)] for number in numbered for row in rows]
-        pairs.append((chip.lane_values(), [*by_name, told.get("interrupt", 0)]))
+        by_name = [
+            nearest(told[row.key.format(number)] / row.scale)  # type: ignore[operator]
+            for number in numbered
+            for row in rows
+        ]
+        pairs.append((chip.lane_steps(), [*by_name, told.get("interrupt", 0)]))
     for plant in board.axes.values():
         values = plant.telemetry()
-        pairs.append((plant.lane_values(), [values[row.key] for row in plant.LANES]))
+        by_name = [nearest(values[row.key] / row.scale) for row in plant.LANES]
+        pairs.append((plant.lane_steps(), by_name))
     return pairs
 
 
@@ -88,7 +94,7 @@ def test_values_for_lanes_are_those_that_telemetry_names(part: str) -> None:
         for values, told in named(board):
             assert values == told
             assert [type(value) for value in values] == [type(value) for value in told]
-        seen.add(repr(board.chips[0].lane_values()))
+        seen.add(repr(board.chips[0].lane_steps()))
     assert len(seen) > 50
 
 
@@ -111,7 +117,7 @@ def asked(part: str) -> dict[tuple[str | None, str], list[tuple[int, float]]]:
             lane.note(board.now, told[key])  # type: ignore[arg-type]
         due = chip.next_sample()
         for plant, key, lane in rows[1]:
-            first = lane.last is None or due == NEVER
+            first = lane.untold or due == NEVER
             lane.note(board.now if first else due, plant.telemetry()[key])
         board.run_until(due if due != NEVER else board.now + MS)
     return {(lane.axis, lane.name): rows_of(lane) for lane in lanes.all if lane.axis}
@@ -171,12 +177,20 @@ def test_a_plant_with_lanes_of_its_own_is_asked_for_them_by_name() -> None:
         def telemetry(self) -> dict[str, float]:
             return {**super().telemetry(), "heat": 12.5}
 
-    assert Warm().lane_values() == [0.0, 0.0, 12.5]
+    plant = Warm()
+    plant.prepare(256e-6)
+    lanes = [
+        Lane(n, "x", row.name, row.name, "number", row.unit, row.scale)
+        for n, row in enumerate(Warm.LANES)
+    ]
+    Behind(plant, lanes).note(5, 7)
+    assert [rows_of(lane) for lane in lanes] == [[(5, 0)], [(5, 0)], [(5, 12.5)]]
 
 
 def test_values_that_were_told_late_stand_where_they_began() -> None:
     lane = Lane(0, None, "x", "x", "number")
     for when, value in ((1, 5), (3, 6), (3, 7), (2, 8)):
         lane.note(when, value)
+    lane.early = True
     assert lane.take_values() == ([1, 2, 3, 3], [5, 8, 6, 7])
     assert lane.take_values() == ([], [])

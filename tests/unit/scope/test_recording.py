@@ -227,13 +227,13 @@ def test_a_poll_that_reads_the_same_again_has_not_touched_a_chip_that_rests() ->
     recorder.start()
     port = board.open_port("h")
     port.delay(100 * MS)
-    timer = recorder._looks["x"].timer
+    look = recorder._looks["x"]
     dues = []
     for touch in (port.read, port.read, lambda _: port.write(0, 0x02), port.read, port.read):
         port.delay(MS)
-        before = timer.due
+        before = look.due
         touch(0)
-        dues.append((timer.due == board.now, timer.due == before))
+        dues.append((look.due == board.now, look.due == before))
     touched, left = (True, False), (False, True)
     assert dues == [touched, left, touched, touched, left]
 

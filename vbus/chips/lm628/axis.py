@@ -331,14 +331,6 @@ class Axis:
             "signal_names": " ".join(bit.name for bit in ds.SIGNALS if signals & bit.mask),
         }
 
-    def lane_values(self) -> list[int | float]:
-        """Return what the lanes have of that, in their order."""
-        profile = self.profile
-        return [
-            profile.position / 65536, self.real, self.error, self.real_velocity,
-            profile.velocity / 65536,
-        ]  # fmt: skip
-
     # -- rest ---------------------------------------------------------------------------------
 
     def steady(self) -> bool:

@@ -387,17 +387,17 @@ class MC1241A(ChipSet):
             }
         return values
 
-    def lane_values(self) -> list[int | float]:
+    def lane_steps(self) -> list[int]:
         """Return what the lanes have of that."""
         self.advance()
-        values: list[int | float] = []
+        steps: list[int] = []
         for axis in self.axes:
-            values += [
+            steps += [
                 axis.profile.target_position, axis.encoder.actual, axis.position_error,
-                axis.profile.velocity / (1 << 32),
+                axis.profile.velocity,
             ]  # fmt: skip
-        values.append(self.interrupts.axis + 1)
-        return values
+        steps.append(self.interrupts.axis + 1)
+        return steps
 
     def next_change(self) -> int:
         """Return when anything happens inside."""

@@ -13,10 +13,13 @@ from vbus.chips.mcp1200.timer import FAR
 from vbus.chips.tables import PinRow
 from vbus.kernel import MS, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Plant, Policy, Rule, Violation, Watcher, Z
+from vbus.signals import HIGH, LOW, Plant, Policy, Rule, Violation, Watcher, Z, nearest
 from vbus.state import Names
 
 NO_READ: Final = -1
+
+_OUTPUT_STEP: Final = 1e-4
+"""In what the family's lane of the motor output counts."""
 """In place of an address: no read is under way."""
 STROBE_PS: Final = 80_000
 """From the first edge of :meth:`MCP1200.strobes` to the last."""
@@ -345,14 +348,15 @@ class MCP1200(HostInterface):
             "phase": registers.phase,
         }
 
-    def lane_values(self) -> list[int | float]:
+    def lane_steps(self) -> list[int]:
         """Return what the lanes have of that; this chip has no interrupt."""
         self.advance()
         axis = self.axis
         registers = axis.registers
         return [
             registers.command_position, axis.counter.position(self.cycle_now()),
-            registers.position_error, registers.actual_velocity, round(axis.drive.level(), 4), 0,
+            registers.position_error, registers.actual_velocity,
+            nearest(round(axis.drive.level(), 4) / _OUTPUT_STEP), 0,
         ]  # fmt: skip
 
     def next_change(self) -> int:
