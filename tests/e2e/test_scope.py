@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
@@ -65,11 +66,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def drive(folder: Path) -> int:
+def drive(folder: Path, target: int = 500) -> int:
     with connect(f"unix:{folder}/run/x") as bus:
         axis = Lm628(bus)
         axis.load_filter(kp=300, kd=2000)
-        return axis.move(500, acc=40, vel=2 << 16)
+        return axis.move(target, acc=40, vel=2 << 16)
 
 
 def seen_by_a_page(link: str, enough: Callable[[Seen], object], **order: Any) -> Seen:
@@ -212,6 +213,37 @@ def test_a_page_sees_a_running_board_as_its_journal_has_it(folder: Path) -> None
     with running(folder / "bench.toml"):
         assert drive(folder) == reached
     assert entries(folder) == watched
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("always", [False, True])
+def test_in_real_time_samples_are_recorded_while_a_page_is_open_or_always(
+    folder: Path, always: bool
+) -> None:
+    board = folder / "bench.toml"
+    board.write_text(board.read_text().replace("lockstep", "realtime"))
+    back = Thread(target=drive, args=(folder, 0))
+
+    def moved_back(seen: Seen) -> bool:
+        if back.ident is None:
+            back.start()
+        return near(0)(seen)
+
+    def near(place: int) -> Callable[[Seen], bool]:
+        return lambda seen: any(abs(value - place) < 20 for _, value in seen.rows["x.real"][-1:])
+
+    with running(board):
+        process = start("scope", "bench", *(["--always"] if always else []))
+        assert process.stdout is not None
+        link = link_in(process.stdout.readline())
+        drive(folder)
+        unseen = seen_by_a_page(link, near(500)).rows["x.real"]
+        seen = seen_by_a_page(link_in(process.stdout.readline()), moved_back).rows["x.real"]
+        back.join()
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert (len(unseen) > 100) is always
+    assert len(seen) - len(unseen) > 100
 
 
 HERE = {"at": "5000000000", "text": "it <starts> here"}

@@ -146,6 +146,7 @@ class Look:
             self._plants[-1].lanes.append(lane)
         self._levels: list[tuple[Net, Lane]] = levels
         self._rest: int = 0
+        self._at_samples: bool = True
         self._raised: bool = False
         self.on_interrupt: Callable[[str], None] | None = None
         self._ready: Timer = board.kernel.onlooker(self._look_inside)
@@ -172,12 +173,21 @@ class Look:
         if raised and not self._raised and self.on_interrupt is not None:
             self.on_interrupt(f"{chip.name}: interrupt")
         self._raised = raised
+        if not self._at_samples:
+            return
         if due == _NEVER:
             self._rest = min(max(2 * self._rest, FIRST_REST), LONGEST_REST)
             due = self._kernel.now + self._rest
         else:
             self._rest = 0
         self._times.at(self, due)
+
+    def look_at_samples(self, on: bool) -> None:
+        """Look at each sample from now on, or only when :meth:`look` is called."""
+        if on != self._at_samples:
+            self._at_samples = on
+            self._rest = 0
+            self._times.at(self, self._kernel.now if on else _NEVER)
 
     def stop(self) -> None:
         """Look no more."""

@@ -74,6 +74,7 @@ class Recorder(BoardPackets):
         self._late: Callable[[], tuple[int, float]] = late if late is not None else _in_time
         self._edges: bool = edges
         self._running: bool = False
+        self._at_samples: bool = True
         self._looks: dict[str, Look] = {}
         times = LookTimes(board.kernel)
         for chip in board.chips:
@@ -105,6 +106,12 @@ class Recorder(BoardPackets):
         """Record the registers of every chip from now on, or no longer."""
         for look in self._looks.values():
             look.look_inside(on and self._running)
+
+    def look_at_samples(self, on: bool) -> None:
+        """Take down each sample from now on, or only what holds when frames are taken."""
+        self._at_samples = on
+        for look in self._looks.values():
+            look.look_at_samples(on)
 
     def stop(self) -> None:
         """Record no more; may be called again."""
@@ -197,6 +204,9 @@ class Recorder(BoardPackets):
             lag, overload = self._late()
             self.lanes.lag.note(self.board.now, lag * 1e-12)
             self.lanes.overload.note(self.board.now, overload)
+        if not self._at_samples and self._running:
+            for look in self._looks.values():
+                look.look()
         frames = []
         if not self._described:
             self._described = True

@@ -14,8 +14,10 @@ the connection ends; or ``["refused", reason]``. One with ``{"until": CONDITION}
 Who answers with ``{"scope": {}}`` gets a line ``["scope", description]`` and after it frames of the
 board's lanes (see :mod:`vbus.scope.frames`): four bytes with their length, little-endian, and as
 many of them. What is not taken in time is left out. ``{"registers": true}`` then has the chips'
-registers among them, ``false`` no longer. One with ``{"pins": {"chip": NAME, "pins": [PIN, ...]}}``
-gets ``["pins", description]``, or that refusal, and frames with the edges of these pins.
+registers among them, ``false`` no longer. ``{"samples": false}``, also within ``{"scope": {}}``,
+leaves samples out between one sending and the next, ``true`` no longer. One with ``{"pins":
+{"chip": NAME, "pins": [PIN, ...]}}`` gets ``["pins", description]``, or that refusal, and frames
+with the edges of these pins.
 
 Who answers with ``{"scope": {"control": true}}``, and may give orders, has a session of the board
 with it: further lines are orders (see :mod:`vbus.server.control`), those of
@@ -117,6 +119,7 @@ class Watcher(Connection, Observer):
         super().__init__(loop, link, on_end)
         self._jump: Jump = jump
         self._inside: bool = False
+        self._samples: bool = True
         self.pending += status + b"\n"
         self._control: Control = control
         self._steps: Steps = steps
@@ -164,6 +167,7 @@ class Watcher(Connection, Observer):
         try:
             asked = json.loads(line)
             if "scope" in asked:
+                self._samples = asked["scope"].get("samples", True) is not False
                 self._begin_scope(asked["scope"].get("control", False) is True)
                 return
             if "pins" in asked:
@@ -188,7 +192,7 @@ class Watcher(Connection, Observer):
         self._wave.start()
 
     def _told(self, recorder: Recorder, line: bytes) -> None:
-        """The page wants the registers, or gives an order."""
+        """The page wants registers or samples, or gives an order."""
         try:
             asked = json.loads(line)
         except ValueError:
@@ -196,6 +200,9 @@ class Watcher(Connection, Observer):
         if isinstance(asked, dict) and "registers" in asked:
             self._inside = asked["registers"] is True
             recorder.look_inside(self._inside)
+        elif isinstance(asked, dict) and "samples" in asked:
+            self._samples = asked["samples"] is not False
+            recorder.look_at_samples(self._samples)
         elif (manual := self._manual) is not None:
             back = partial(self._jump.begin, own=self, port=manual.port)
             self._control.take(line, self._answer, {**manual.orders(), "back": back})
@@ -226,6 +233,7 @@ class Watcher(Connection, Observer):
         self._manual.attach()
         self._recorder = Recorder(self._board, edges=False, late=self._late)
         self._answer({"scope": self._described(self._recorder)})
+        self._recorder.look_at_samples(self._samples)
         self._recorder.start()
         self._recorder.look_inside(self._inside)
 
@@ -247,6 +255,7 @@ class Watcher(Connection, Observer):
             self._manual = ManualHost(self._board, self._steps)
         told = self._described(self._recorder)
         self.pending += json.dumps(["scope", told]).encode() + b"\n"
+        self._recorder.look_at_samples(self._samples)
         self._recorder.start()
         if control:
             self._steps.changed.append(self._steps_changed)

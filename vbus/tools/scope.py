@@ -65,6 +65,10 @@ LOOK_SECONDS: Final = 0.5
 @click.option("--pin", "pins", multiple=True, metavar="NAME",
               help="With --sigrok: this pin; else the host bus, and others.")  # fmt: skip
 @click.option(
+    "--always", is_flag=True,
+    help="Record every sample of a board in real time, also while no page is open.",
+)  # fmt: skip
+@click.option(
     "--stay", type=click.FloatRange(0), metavar="SECONDS",
     help="End so long after the board, once no page is open.",
 )  # fmt: skip
@@ -72,7 +76,8 @@ LOOK_SECONDS: Final = 0.5
 def command(
     sources: tuple[str, ...], output: Path | None, control: bool, at: int | None, strobes: bool,
     listen: str, remote: bool, certificate: Path | None, key: Path | None, foxglove: str | None,
-    sigrok: str | None, chip: str, pins: tuple[str, ...], stay: float | None, no_progress: bool,
+    sigrok: str | None, chip: str, pins: tuple[str, ...], always: bool, stay: float | None,
+    no_progress: bool,
 ) -> int:  # fmt: skip
     """See motion, bus and time of a board in a browser.
 
@@ -126,7 +131,8 @@ def command(
         raise click.UsageError("--at is for a journal that goes on as a board, with --control")
     if journal:
         return _serve_journals(journals, place, strobes, no_progress)
-    _serve_boards(sources, partial(_page_of_boards, place, stay, control), stay, control)
+    page = partial(_page_of_boards, place, stay, control, always)
+    _serve_boards(sources, page, stay, control, always)
     return exit_codes.OK
 
 
@@ -291,8 +297,9 @@ def _serve_journals(paths: Sequence[Path], place: Place, strobes: bool, quiet: b
 
 
 def _page_of_boards(
-    place: Place, stay: float | None, control: bool, feeds: "Feeds", at_end: ExitStack
-) -> "tuple[ScopeServer, Take]":
+    place: Place, stay: float | None, control: bool, always: bool, feeds: "Feeds",
+    at_end: ExitStack,
+) -> "tuple[ScopeServer, Take]":  # fmt: skip
     """Return what serves the page of running boards."""
     from vbus.scope.clauses import clause_frame
     from vbus.scope.stream import Stream
@@ -318,6 +325,8 @@ def _page_of_boards(
     order = orders.order if orders else None
     server = place.server(begun(feeds.description), bookmarks, stay, order)
     server.on_registers = feeds.look_inside
+    if not always:
+        server.on_pages = feeds.look_at_samples
 
     def take(message: bytes) -> None:
         if message[:1] != b"{":
@@ -347,12 +356,13 @@ def _serve_boards(
     made: "Callable[[Feeds, ExitStack], tuple[Server, Take]]",
     stay: float | None,
     control: bool = False,
+    samples: bool = True,
 ) -> None:
     """Serve running boards by what is made of what they tell."""
     from vbus.server.loop import run_until_signal
     from vbus.tools.scope_feeds import Feeds, boards_of
 
-    with closing(Feeds(boards_of(names), control)) as feeds:
+    with closing(Feeds(boards_of(names), control, samples)) as feeds:
 
         async def show(stop: asyncio.Event) -> None:
             with ExitStack() as at_end:

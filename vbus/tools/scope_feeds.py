@@ -57,6 +57,7 @@ class Feeds:
     Args:
         boards: their names.
         control: whether orders are given; to one board alone.
+        samples: whether boards that run in real time record every sample from the start.
 
     Attributes:
         description: what a page is told first.
@@ -66,7 +67,7 @@ class Feeds:
         VbusError: a board refuses.
     """
 
-    def __init__(self, boards: Sequence[str], control: bool = False) -> None:
+    def __init__(self, boards: Sequence[str], control: bool = False, samples: bool = True) -> None:
         if control and len(boards) > 1:
             raise VbusError(
                 f"--control is for one board that has no nodes, and this is {', '.join(boards)}:"
@@ -75,7 +76,7 @@ class Feeds:
         self._merged: Merged | None = None
         with ExitStack() as opened:
             self._feeds: list[Feed] = [opened.enter_context(closing(Feed(b))) for b in boards]
-            told = [_begun(feed, control) for feed in self._feeds]
+            told = [_begun(feed, control, samples) for feed in self._feeds]
             if len(told) > 1:
                 try:
                     self._merged = Merged(told)
@@ -106,6 +107,13 @@ class Feeds:
         with suppress(OSError):  # a board has gone
             self.send(json.dumps({"registers": on}).encode() + b"\n")
 
+    def look_at_samples(self, on: bool) -> None:
+        """Have boards that run in real time record every sample, or a few only."""
+        with suppress(OSError):  # a board has gone
+            for feed in self._feeds:
+                if _in_real_time(feed):
+                    feed.send(json.dumps({"samples": on}).encode() + b"\n")
+
     def follow(
         self, loop: asyncio.AbstractEventLoop, take: Take, ended: Callable[[], None]
     ) -> None:
@@ -135,7 +143,7 @@ class Feeds:
         self._opened.close()
 
 
-def _begun(feed: Feed, control: bool) -> dict[str, Any]:
+def _begun(feed: Feed, control: bool, samples: bool) -> dict[str, Any]:
     """Ask a board for its lanes; return what they are."""
     name = feed.hello.get("board", "")
     if control and "node" in feed.hello:
@@ -143,7 +151,8 @@ def _begun(feed: Feed, control: bool) -> dict[str, Any]:
             f"--control: {name} is a node: its time is that of all nodes, so it cannot be halted or"
             " written to from the page; leave it out"
         )
-    feed.send(json.dumps({"scope": {"control": control}}).encode() + b"\n")
+    asked = {"scope": {"control": control, "samples": samples or not _in_real_time(feed)}}
+    feed.send(json.dumps(asked).encode() + b"\n")
     told = next((item for item in feed if item[0] in ("scope", "refused")), None)
     if told is None:
         raise TransportError(f'board "{name}" has stopped')
@@ -151,6 +160,11 @@ def _begun(feed: Feed, control: bool) -> dict[str, Any]:
         raise VbusError(f"{name}: {told[1]}")
     description: dict[str, Any] = told[1]
     return description
+
+
+def _in_real_time(feed: Feed) -> bool:
+    """Whether it is real time that passes on a board: others are as fast as they are."""
+    return bool(feed.hello["policy"] == "realtime" and feed.hello["rate"] != "max")
 
 
 def _follow(

@@ -61,6 +61,7 @@ def start_scope(
         stdout: takes the line that says where the page is; standard error if there is none.
     """
     more = ["--remote"] if scope.remote else []
+    more += ["--always"] if scope.always else []
     if scope.certificate:
         more += ["--certificate", scope.certificate, "--key", scope.key]
     return subprocess.Popen(

@@ -57,6 +57,7 @@ class ScopeServer:
 
     Attributes:
         on_registers: is told whether any page looks at registers, whenever that changes.
+        on_pages: is told whether any page is open, whenever that changes.
     """
 
     def __init__(
@@ -85,6 +86,7 @@ class ScopeServer:
         self._cookies: set[str] = set()
         self._news: asyncio.Event = asyncio.Event()
         self.on_registers: Callable[[bool], None] = lambda on: None
+        self.on_pages: Callable[[bool], None] = lambda on: None
         self._looking_inside: set[web.WebSocketResponse] = set()
         app = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_CODE)
         app.add_routes(
@@ -231,6 +233,8 @@ class ScopeServer:
         page.headers.update(_HEADERS)
         await page.prepare(request)
         self._pages.add(page)
+        if len(self._pages) == 1:
+            self.on_pages(True)
         sending = asyncio.create_task(self._send(page))
         try:
             async for message in page:
@@ -240,6 +244,8 @@ class ScopeServer:
                         await page.send_str(json.dumps(answer))
         finally:
             self._pages.discard(page)
+            if not self._pages:
+                self.on_pages(False)
             self._look_inside(page, False)
             sending.cancel()
             await asyncio.gather(sending, return_exceptions=True)

@@ -9,7 +9,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.kernel import MS, NEVER
 from vbus.plant.dc_motor import DcMotor
-from vbus.scope.frames import numbers
+from vbus.scope.frames import SAMPLES, numbers, read
 from vbus.scope.lane import Lane
 from vbus.scope.look import Behind
 from vbus.scope.recording import Recorder
@@ -153,6 +153,43 @@ def test_a_board_that_is_watched_ends_as_one_that_is_not(part: str, inside: bool
         board.run_until(301 * MS)
         ends.append(end_of(board))
     assert ends[0] == ends[1]
+
+
+def taken(recorder: Recorder, lane: int) -> list[tuple[int, float]]:
+    """Take frames; return the rows of one lane in them."""
+    return [
+        (frame.first + round(tick), value)
+        for frame in read(b"".join(recorder.take(numbers)))
+        if frame.kind == SAMPLES and frame.lane == lane
+        for tick, value in zip(*frame.columns, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("part", ["LM629N-8", "MCP-1200", "MC1241A"])
+def test_samples_between_two_sendings_can_be_left_out_and_taken_again(part: str) -> None:
+    board = made(part)
+    recorder = Recorder(board, edges=False)
+    recorder.look_at_samples(False)
+    recorder.start()
+    give(board, part)
+    position, real = next(
+        (place, lane.number)
+        for place, (_, lane) in enumerate(recorder.lanes.telemetry["x"])
+        if lane.name == "real"
+    )
+    taken(recorder, real)
+    for _ in range(3):
+        board.run_for(20 * MS)
+        assert taken(recorder, real) == [(board.now, board.chips[0].lane_steps()[position])]
+    begun = board.now
+    recorder.look_at_samples(True)
+    board.run_for(20 * MS)
+    rows = taken(recorder, real)
+    assert len(rows) > 5
+    assert begun < rows[0][0] < rows[-1][0] < board.now
+    recorder.look_at_samples(False)
+    board.run_for(20 * MS)
+    assert len(taken(recorder, real)) == 1
 
 
 def test_nothing_is_recorded_once_nobody_watches() -> None:
