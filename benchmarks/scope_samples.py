@@ -31,7 +31,7 @@ class Asking:
     """Asks one chip and its plant for telemetry at each sample, from outside the core."""
 
     def __init__(self, recorder: Recorder, chip: Any, look: Any, levels: list[Any]) -> None:
-        self.chip, self.registers, self.ready = chip, look.registers, look.ready
+        self.chip, self.registers = chip, look.registers
         self.now = lambda: recorder.board.now
         self.told = recorder.lanes.telemetry[chip.name]
         self.plants = recorder.lanes.plants[chip.name]

@@ -483,6 +483,18 @@ def test_two_axes_as_a_path(open_recording: Open) -> None:
         assert path["points"][2 * n : 2 * n + 2] == [x - error, y - error]
         assert path["error"][n] == pytest.approx(math.hypot(error, error))
     assert path["most"] == pytest.approx(math.hypot(38, 38), rel=0.02)
+    assert "skew" not in page.inner_text("#xy-told")
+
+
+def test_beside_a_path_stands_how_far_apart_nodes_were(open_recording: Open) -> None:
+    recording = bench()
+    for name, skews in (("left.skew", [90, 250_000]), ("right.skew", [40, 230_000])):
+        lane = recording.lane(None, name, "number", unit="s", scale=1e-9)
+        recording.frames.append(samples(lane, [0, SECOND], skews))
+    page = open_recording(recording)
+    page.keyboard.press("4")
+    drawn(page)
+    assert "Wall skew between nodes 250 us." in page.inner_text("#xy-told").replace("µ", "u")
 
 
 def test_a_condition_is_found_before_and_after(open_recording: Open) -> None:

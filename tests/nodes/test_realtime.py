@@ -1,6 +1,7 @@
 """Nodes in real time: one epoch, starts ordered for one instant, skew that is measured."""
 
 import asyncio
+import os
 import re
 import subprocess
 import sys
@@ -12,8 +13,10 @@ from typing import cast
 
 import pytest
 
+from tests.e2e.test_scope import link_in, seen_by_a_page
 from tests.nodes.four_chips import BOARD, scenario
 from tests.nodes.processes import Bench, ended
+from tests.unit.scope.decoded import Seen
 from tests.waiting import Starved
 from vbus.board.config import read_board_text
 from vbus.cluster import ordering
@@ -107,6 +110,21 @@ def order(bench: Bench, lines: str, *options: str) -> subprocess.CompletedProces
     )  # fmt: skip
 
 
+def shown(bench: Bench) -> "tuple[subprocess.Popen[str], str]":
+    """Open the machine's page; return its process and its link."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vbus", "scope", "four", "--listen", "127.0.0.1:0"],
+        env={**os.environ, "VBUS_RUNTIME": str(bench.folder / "run")},
+        stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    return process, link_in(process.stdout.readline())
+
+
+def skews(seen: Seen) -> dict[str, list[tuple[int, int]]]:
+    return {name: rows for name, rows in seen.rows.items() if name.endswith("skew")}
+
+
 def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
     tmp_path: Path,
 ) -> None:
@@ -146,6 +164,13 @@ def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
         assert state["skew"]["p50_ns"] <= state["skew"]["p99_ns"] <= state["skew"]["max_ns"]
         marks = state["skew"]["marks"]
         bench.until(lambda: bench.node("d")["skew"]["marks"] > marks + 6)
+        page, link = shown(bench)
+        seen = seen_by_a_page(link, lambda seen: sum(map(len, skews(seen).values())) > 8)
+        page.terminate()
+        page.communicate(timeout=60)
+        assert set(skews(seen)) == {f"{node}.skew" for node in "abcd"}
+        worst = max(bench.node(node)["skew"]["max_ns"] for node in "abcd")
+        assert 0 < max(value for rows in skews(seen).values() for _, value in rows) <= worst
         for process in processes:
             process.terminate()
             ended(process)

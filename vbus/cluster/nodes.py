@@ -339,6 +339,7 @@ class _Run:
                 server.keep(recording)
             metrics = server.metrics
             server.details = partial(self._details, node)
+            server.skew = self._peers.latest_skew
             self._use_orders(node, server.control)
             self._servers.append(server)
             server.start(loop)

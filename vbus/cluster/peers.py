@@ -172,6 +172,10 @@ class Peers(Receiver):
         """
         do("a snapshot is for virtual time; this board is realtime")
 
+    def latest_skew(self) -> int | None:
+        """Return how far apart in wall time nodes were last (ns); None if they wait for others."""
+        return None
+
     def figures(self) -> dict[str, Any]:
         """Return what was measured: keys of :class:`~vbus.cluster.nodes.Outcome`."""
         raise NotImplementedError

@@ -305,6 +305,10 @@ class RealTime(Peers):
         now = max(node.board.now for node in self.nodes.values())
         return f"chip time here is {now / 1e9:.3f} ms"
 
+    def latest_skew(self) -> int | None:
+        """Return how far apart the nodes were at the latest mark (ns)."""
+        return self.skew.latest
+
     def figures(self) -> dict[str, Any]:
         """Return how far apart the nodes were."""
         return {"skew": self.skew.statistics()}

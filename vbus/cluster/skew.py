@@ -20,6 +20,8 @@ class Skew:
         self._spreads: deque[int] = deque(maxlen=KEPT)
         self._counts: list[int] = [0] * (len(BOUNDS_NS) + 1)
         self.worst: int = 0
+        self.latest: int = 0
+        """The spread of the latest mark (ns)."""
         self.marks: int = 0
         self.uncertainty: int = 0
         """How far the latest spread may be from the truth (ns): both ends' clocks are estimates."""
@@ -41,6 +43,7 @@ class Skew:
             (first, before), (last, after) = min(reached.values()), max(reached.values())
             spread = last - first
             self.uncertainty = before + after
+            self.latest = spread
             self._spreads.append(spread)
             self._counts[bisect_left(BOUNDS_NS, spread)] += 1
             self.worst = max(self.worst, spread)

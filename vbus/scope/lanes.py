@@ -1,6 +1,6 @@
 """The lanes of a board: what is drawn of it over time, and where each comes from."""
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from vbus.board import plugins
 from vbus.board.board import Board
@@ -27,13 +27,28 @@ MARK_TITLES: Final = {
 """Kinds of marks, each a lane of its own."""
 
 
+class Lateness(NamedTuple):
+    """How well a board that runs keeps to the wall clock.
+
+    Attributes:
+        lag: how late chip time is (ps).
+        overload: how many times the machine would be enough for it; 0 while it keeps up.
+        skew: how far apart in wall time all nodes have reached one instant, the last time that was
+            measured (ns); None of a board that is no node in real time.
+    """
+
+    lag: int = 0
+    overload: float = 0.0
+    skew: int | None = None
+
+
 class Lanes:
     """All lanes of a board.
 
     Args:
         board: the board.
         strobes: whether the lines of the host buses are among them.
-        live: whether the board runs now.
+        late: how a board that runs now keeps to the wall clock; None of one that does not.
 
     Attributes:
         all: every lane, by its number.
@@ -45,9 +60,10 @@ class Lanes:
         marks: lanes of the marks by kind.
         lag: how late chip time is, of a board that runs in real time.
         overload: how many times the machine would be enough for it; 0 while it keeps up.
+        skew: how far apart in wall time the nodes are that it is one of.
     """
 
-    def __init__(self, board: Board, strobes: bool, live: bool) -> None:
+    def __init__(self, board: Board, strobes: bool, late: Lateness | None = None) -> None:
         self.all: list[Lane] = []
         self.axes: list[dict[str, Any]] = []
         self.telemetry: dict[str, list[tuple[str, Lane]]] = {}
@@ -71,9 +87,12 @@ class Lanes:
             self.marks[kind] = self._add(None, title, title, MARK_LANE)
         self.lag: Lane | None = None
         self.overload: Lane | None = None
-        if live and board.policy == "realtime":
+        self.skew: Lane | None = None
+        if late is not None and board.policy == "realtime":
             self.lag = self._add(None, "wall lag", "wall lag", NUMBER, "s", 1e-12)
             self.overload = self._add(None, "overload", "overload", NUMBER, "x", 0.01)
+            if late.skew is not None:
+                self.skew = self._add(None, "skew", "wall skew between nodes", NUMBER, "s", 1e-9)
 
     def _add_chip(self, chip: Chip) -> None:
         rows = plugins.family(chip.FAMILY).lanes

@@ -25,7 +25,7 @@ from vbus.scope.frames import (
     texts,
 )  # fmt: skip
 from vbus.scope.lane import Lane
-from vbus.scope.lanes import MARK_LANE, Lanes
+from vbus.scope.lanes import MARK_LANE, Lanes, Lateness
 from vbus.scope.look import Look, LookTimes
 from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets, settings_for_decoders
@@ -45,10 +45,6 @@ MOST_ROWS: Final = 8192
 Columns = Callable[[Sequence[float]], Column]
 
 
-def _in_time() -> tuple[int, float]:
-    return 0, 0.0
-
-
 class Recorder(BoardPackets):
     """Records every lane of a board from :meth:`start` to :meth:`stop`.
 
@@ -57,7 +53,7 @@ class Recorder(BoardPackets):
         edges: take every edge of its pins at its instant, which leaves traces in saved states; or
             else look at the levels when samples are made.
         strobes: record the lines of the host buses too; with ``edges`` alone.
-        late: of a board that runs now: how late chip time is (ps), and the overload.
+        late: of a board that runs now: tells how it keeps to the wall clock.
     """
 
     def __init__(
@@ -65,13 +61,13 @@ class Recorder(BoardPackets):
         board: Board,
         edges: bool,
         strobes: bool = False,
-        late: Callable[[], tuple[int, float]] | None = None,
+        late: Callable[[], Lateness] | None = None,
     ) -> None:
         families = {chip.name: chip.FAMILY for chip in board.chips}
         super().__init__(families, self._packet, settings_for_decoders(board.chips))
         self.board: Board = board
-        self.lanes: Lanes = Lanes(board, strobes and edges, late is not None)
-        self._late: Callable[[], tuple[int, float]] = late if late is not None else _in_time
+        self.lanes: Lanes = Lanes(board, strobes and edges, late and late())
+        self._late: Callable[[], Lateness] | None = late
         self._edges: bool = edges
         self._running: bool = False
         self._at_samples: bool = True
@@ -200,10 +196,8 @@ class Recorder(BoardPackets):
         Args:
             column: how numbers are written.
         """
-        if self.lanes.lag is not None and self.lanes.overload is not None:
-            lag, overload = self._late()
-            self.lanes.lag.note(self.board.now, lag * 1e-12)
-            self.lanes.overload.note(self.board.now, overload)
+        if self._late is not None:
+            self._note_lateness(self._late())
         if not self._at_samples and self._running:
             for look in self._looks.values():
                 look.look()
@@ -231,6 +225,14 @@ class Recorder(BoardPackets):
                 frames.append(_rows(lane, rows[place : place + MOST_ROWS], column))
         return [*frames, frame(NOW, ALL, 0, self.board.now)]
 
+    def _note_lateness(self, late: Lateness) -> None:
+        lanes, now = self.lanes, int(self.board.now)
+        if lanes.lag is not None and lanes.overload is not None:
+            lanes.lag.note(now, late.lag * 1e-12)
+            lanes.overload.note(now, late.overload)
+        if lanes.skew is not None and late.skew is not None:
+            lanes.skew.note(now, late.skew * 1e-9)
+
     def leave_out(self) -> None:
         """Forget what is new, and take down every value once more: there is no room for it.
 
@@ -241,7 +243,7 @@ class Recorder(BoardPackets):
 
 
 class Ticks:
-    """Columns of instants; that of the lane before is used again for the same instants.
+    """Columns of instants, each made once: many lanes change at the same.
 
     Args:
         column: how numbers are written.
@@ -249,26 +251,36 @@ class Ticks:
 
     def __init__(self, column: Columns) -> None:
         self._column: Columns = column
-        self._times: list[int] = []
-        self._made: Column = 0, b""
+        self._made: dict[tuple[int, int, int], tuple[list[int], Column]] = {}
+        """By first, last and number: instants, and their column."""
 
     def column(self, times: list[int]) -> Column:
         """Return instants (ps), each as ticks since the first."""
-        if times != self._times:
-            first = times[0]
-            self._times, self._made = times, self._column([when - first for when in times])
-        return self._made
+        first = times[0]
+        key = first, times[-1], len(times)
+        known, made = self._made.get(key, (None, None))
+        if made is None or times != known:
+            made = self._column([when - first for when in times])
+            self._made[key] = times, made
+        return made
 
 
 def sample_frames(lane: Lane, column: Columns, ticks: Ticks) -> list[bytes]:
     """Return the values of a lane that nobody has taken yet as frames."""
     times, values = lane.take_values()
-    frames = []
-    for place in range(0, len(times), MOST_ROWS):
-        some = times[place : place + MOST_ROWS]
-        columns = ticks.column(some), column(values[place : place + MOST_ROWS])
-        frames.append(frame(SAMPLES, lane.number, len(some), some[0], *columns))
-    return frames
+    if len(times) <= MOST_ROWS:
+        return [_samples(lane, times, values, column, ticks)]
+    return [
+        _samples(lane, times[at : at + MOST_ROWS], values[at : at + MOST_ROWS], column, ticks)
+        for at in range(0, len(times), MOST_ROWS)
+    ]
+
+
+def _samples(
+    lane: Lane, times: list[int], values: list[float], column: Columns, ticks: Ticks
+) -> bytes:
+    columns = ticks.column(times), column(values)
+    return frame(SAMPLES, lane.number, len(times), times[0], *columns)
 
 
 def _rows(lane: Lane, rows: list[tuple[Any, ...]], column: Columns) -> bytes:

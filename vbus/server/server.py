@@ -13,6 +13,7 @@ from vbus.board.board import Board
 from vbus.compiled import core
 from vbus.errors import NameInUseError, TransportError
 from vbus.kernel import END
+from vbus.scope.lanes import Lateness
 from vbus.server.control import Control, ControlConnection
 from vbus.server.departures import Departures
 from vbus.server.fault_orders import FaultOrders
@@ -93,6 +94,7 @@ class Server:
         elif metrics is not None:
             self.metrics = MetricsPort(*metrics, self.statistics)
         self.details: Callable[[], dict[str, Any]] = dict
+        self.skew: Callable[[], int | None] = lambda: None
         """Makes more of what is told of the board."""
         self.local_sockets: tuple[LocalSocket, ...] = ()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -270,9 +272,8 @@ class Server:
 
     # -- telling about itself -------------------------------------------------------------------
 
-    def _late(self) -> tuple[int, float]:
-        """Return how late chip time is (ps), and the overload."""
-        return self.pacer.lag, self.pacer.overload.times
+    def _late(self) -> Lateness:
+        return Lateness(self.pacer.lag, self.pacer.overload.times, self.skew())
 
     def status(self) -> bytes:
         """Return the statistics as JSON."""

@@ -44,6 +44,7 @@ from vbus.board.board import Board
 from vbus.board.sections import WaveSection
 from vbus.errors import VbusError
 from vbus.scope.frames import LASTING, numbers
+from vbus.scope.lanes import Lateness
 from vbus.scope.pin_recording import PinRecorder
 from vbus.scope.recording import Recorder
 from vbus.server.control import Control, refusal_of
@@ -58,6 +59,8 @@ from vbus.transports.base import Link
 
 EVERY_SECONDS: Final = 0.05
 """How often lines are sent."""
+UNSEEN_SECONDS: Final = 0.25
+"""The same of frames without samples: nobody looks at them now."""
 MOST_PENDING: Final = 1 << 20
 """Bytes kept for somebody who does not read."""
 MOST_WAVE: Final = 1 << 26
@@ -98,7 +101,7 @@ class Watcher(Connection, Observer):
         on_end: called once when it is over.
         board: the board.
         status: what is sent first.
-        late: how late chip time is (ps), and the overload.
+        late: tells how the board keeps to the wall clock.
         control: what can be ordered of the board.
         steps: who makes its time stand still.
         jump: brings it back to an earlier instant.
@@ -111,7 +114,7 @@ class Watcher(Connection, Observer):
         on_end: OnEnd,
         board: Board,
         status: bytes,
-        late: Callable[[], tuple[int, float]],
+        late: Callable[[], Lateness],
         control: Control,
         steps: Steps,
         jump: Jump,
@@ -129,7 +132,7 @@ class Watcher(Connection, Observer):
         self._lost: int = 0
         self._timer: asyncio.TimerHandle | None = None
         self._wave: Wave | None = None
-        self._late: Callable[[], tuple[int, float]] = late
+        self._late: Callable[[], Lateness] = late
         self._recorder: Recorder | None = None
         self._pins: PinRecorder | None = None
         self._until: PacketWatch | None = None
@@ -203,6 +206,9 @@ class Watcher(Connection, Observer):
         elif isinstance(asked, dict) and "samples" in asked:
             self._samples = asked["samples"] is not False
             recorder.look_at_samples(self._samples)
+            if self._timer is not None:
+                self._timer.cancel()
+            self._send()
         elif (manual := self._manual) is not None:
             back = partial(self._jump.begin, own=self, port=manual.port)
             self._control.take(line, self._answer, {**manual.orders(), "back": back})
@@ -330,7 +336,8 @@ class Watcher(Connection, Observer):
         if self.open:
             self.flush()
         if self.open:
-            self._timer = self.loop.call_later(EVERY_SECONDS, self._send)
+            pause = EVERY_SECONDS if self._samples else UNSEEN_SECONDS
+            self._timer = self.loop.call_later(pause, self._send)
 
     def end(self) -> None:
         """Watch no more; may be called again."""

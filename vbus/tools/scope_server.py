@@ -229,7 +229,11 @@ class ScopeServer:
         self._check_origin(request)
         if request.cookies.get(self._cookie) not in self._cookies:
             raise web.HTTPForbidden(text="open the link that was printed, with its code\n")
-        page = web.WebSocketResponse(heartbeat=HEARTBEAT_SECONDS, max_msg_size=1 << 16)
+        # To this computer it is cheaper to send much than to make it less.
+        far = self._tls is not None
+        page = web.WebSocketResponse(
+            heartbeat=HEARTBEAT_SECONDS, max_msg_size=1 << 16, compress=far
+        )
         page.headers.update(_HEADERS)
         await page.prepare(request)
         self._pages.add(page)

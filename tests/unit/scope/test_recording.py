@@ -11,6 +11,7 @@ from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.kernel import MS, US
 from vbus.scope.frames import numbers, small
+from vbus.scope.lanes import Lateness
 from vbus.scope.recording import COMMAND, STATUS_READ, VIOLATED, Recorder
 from vbus.trace.decode import BoardPackets
 from vbus.trace.journal.journal import Journal
@@ -158,13 +159,17 @@ def test_how_far_time_has_come_is_told_last(move: Seen, moved: bytes) -> None:
     assert axis["counts_per_rev"] == 2000
 
 
-def test_how_late_a_board_in_real_time_is_and_how_overloaded_are_lanes() -> None:
+@pytest.mark.parametrize("skew", [None, 250_000])
+def test_how_late_a_board_in_real_time_is_and_how_overloaded_are_lanes(skew: int | None) -> None:
     board = load_board_text(LM629.replace('"lockstep"', '"realtime"'))
-    recorder = Recorder(board, edges=False, late=lambda: (5 * 10**9, 1.5))
+    recorder = Recorder(board, edges=False, late=lambda: Lateness(5 * 10**9, 1.5, skew))
     recorder.start()
     seen = Seen(recorder.lanes.described(True), b"".join(recorder.take(small)))
     assert [row[1] for row in seen.rows["wall lag"]] == [5 * 10**9]
     assert [row[1] for row in seen.rows["overload"]] == [150]
+    named = [lane["name"] for lane in seen.description["lanes"] if lane["kind"] == "number"]
+    assert ("skew" in named) is (skew is not None)
+    assert [row[1] for row in seen.rows.get("skew", [])] == [250_000] * ("skew" in named)
 
 
 def test_what_was_taken_is_not_told_again_and_labels_go_on() -> None:

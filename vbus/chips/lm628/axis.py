@@ -10,11 +10,15 @@ from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.pid import Pid
 from vbus.chips.lm628.profile import Profile
 from vbus.options import Settings
+from vbus.signals import nearest
 from vbus.state import Names
 
 START_NONE: Final = 0
 START_STOP: Final = 1
 START_FULL: Final = 2
+
+OUTPUT_STEP: Final = 2.0**-11
+"""In what the family's lane of the motor output counts."""
 
 _HALF: Final = ds.POSITION_MAX + 1
 _VELOCITY_MIN: Final = -0x4000
@@ -330,6 +334,14 @@ class Axis:
             "signals": signals,
             "signal_names": " ".join(bit.name for bit in ds.SIGNALS if signals & bit.mask),
         }
+
+    def lane_steps(self, output: float, interrupt: int) -> list[int]:
+        """Return what the lanes have of that, with the motor output and HI, in their steps."""
+        profile = self.profile
+        return [
+            profile.position, self.real, self.error, self.real_velocity, profile.velocity,
+            nearest(output / OUTPUT_STEP), interrupt,
+        ]  # fmt: skip
 
     # -- rest ---------------------------------------------------------------------------------
 

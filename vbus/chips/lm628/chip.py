@@ -19,16 +19,13 @@ from vbus.chips.lm628.pins import BusPins, strobes
 from vbus.chips.tables import PinRow
 from vbus.kernel import HELD, MS, NEVER, Clock, Kernel
 from vbus.options import Option, Settings
-from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher, nearest
+from vbus.signals import HIGH, LOW, Pin, Plant, Policy, Rule, Violation, Watcher
 from vbus.state import Names
 
 _RUNNING: Final = 0
 _RESET_BY_PIN: Final = 1
 _RESET_BY_COMMAND: Final = 2
 _UNPOWERED: Final = 3
-
-_OUTPUT_STEP: Final = 2.0**-11
-"""In what the family's lane of the motor output counts."""
 
 _INSIDE: Final = (
     "axis: part", "host: part", "commands: part", "output: part", "encoder: part", "_mode",
@@ -439,13 +436,7 @@ class LM628(HostInterface):
     def lane_steps(self) -> list[int]:
         """Return what the lanes have of that."""
         self.advance()
-        axis = self.axis
-        profile = axis.profile
-        output = nearest(self.output.command / _OUTPUT_STEP)
-        return [
-            profile.position, axis.real, axis.error, axis.real_velocity, profile.velocity, output,
-            self._hi.level,
-        ]  # fmt: skip
+        return self.axis.lane_steps(self.output.command, self._hi.level)
 
     def after_load(self) -> None:
         """Work out what is due."""

@@ -9,7 +9,7 @@ import { intervals, statistics, stepResponse } from "./measure.js";
 import { byId, element, Table } from "./table.js";
 import { instantText, plainSeconds, roughSpan, spanText } from "./time.js";
 import { numberText, unitOf } from "./units.js";
-import { drawPath, pathOf } from "./xy.js";
+import { drawPath, pathOf, skewAt } from "./xy.js";
 
 /**
  * @typedef {import("./app.js").App} App
@@ -385,7 +385,9 @@ export class PathPanel {
     }
     const names = { x: this.x.value, y: this.y.value, unit: unitX.unit };
     drawPath(context2d(canvas), this.path, at, names, app.ratio, app.colours);
-    told.textContent = `Of what is seen: ${roughSpan(Number(end - begin))}. Greatest error ${numberText(this.path.most, 5)} ${unitX.unit}.`;
+    const skew = skewAt(recording.lanes, at < 0 ? end : /** @type {bigint} */ (cursor));
+    const apart = skew === null ? "" : ` Wall skew between nodes ${roughSpan(skew * 1e12)}.`;
+    told.textContent = `Of what is seen: ${roughSpan(Number(end - begin))}. Greatest error ${numberText(this.path.most, 5)} ${unitX.unit}.${apart}`;
   }
 }
 

@@ -192,6 +192,20 @@ function legend(context, path, names, ratio, colours) {
 }
 
 /**
+ * Return how far apart in wall time nodes in real time were at an instant, as the one that saw the
+ * most of it did (s); null if none has measured that.
+ * @param {Lane[]} lanes
+ * @param {bigint} instant ps
+ */
+export function skewAt(lanes, instant) {
+  const told = lanes
+    .filter((lane) => lane.unit === "s" && /(^|\.)skew$/.test(lane.name))
+    .map((lane) => lane.at(instant))
+    .filter((skew) => skew !== null);
+  return told.length ? Math.max(...told) : null;
+}
+
+/**
  * Return the colour of an error, from that of the real position to that of a violation.
  * @param {number} part 0 to 1
  * @param {import("./draw.js").Colours} colours
