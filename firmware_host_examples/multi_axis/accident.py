@@ -63,7 +63,7 @@ def main(accident: Accident) -> NoReturn:
     parser.add_argument(
         "--scope",
         action="store_true",
-        help="show the run of which nobody is killed in a browser",
+        help="show the run of which a node is killed in a browser",
     )
     asked = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
@@ -101,8 +101,8 @@ class _Run:
             VbusError: a part has failed, or the accident has changed something.
         """
         try:
-            undisturbed = self._in_one_process(scope)
-            disturbed = self._with_the_accident()
+            undisturbed = self._in_one_process()
+            disturbed = self._with_the_accident(scope)
         finally:
             for part in reversed(self.parts):
                 part.stop()
@@ -136,14 +136,13 @@ class _Run:
         words += ["--trace", str(trace)]
         return self._start(name, *words, shown=shown, stdout=subprocess.DEVNULL)
 
-    def _in_one_process(self, scope: bool) -> Path:
+    def _in_one_process(self) -> Path:
         """Run all nodes in one process; return its trace."""
         trace = self.folder / "one.trace"
-        options = ["--scope"] if scope else []
-        self._ends([self._run("the nodes", trace, *options, shown=scope)])
+        self._ends([self._run("the nodes", trace)])
         return trace
 
-    def _with_the_accident(self) -> list[Path]:
+    def _with_the_accident(self, scope: bool) -> list[Path]:
         """Run each node in a process, kill one, and let it rejoin; return their traces."""
         router = self._start(
             "router", "router", "--listen", "tcp/127.0.0.1:0", stdout=subprocess.PIPE
@@ -153,9 +152,16 @@ class _Run:
         traces = {node: self.folder / f"{node}.trace" for node in nodes}
         patience = ("--patience", str(PATIENCE))
         running = {}
-        for node in nodes:
-            more = ("--snapshot", str(self.snapshot)) if node == self.accident.killed else ()
-            running[node] = self._run(node, traces[node], "--node", node, *patience, *more)
+        *_, last = (node for node in nodes if node != self.accident.killed)
+        # The page is there before time begins, with all nodes that are.
+        for node in sorted(nodes, key=last.__eq__):
+            more = ["--snapshot", str(self.snapshot)] if node == self.accident.killed else []
+            shown = scope and node == last
+            if shown:
+                self._await(running)
+                more += ["--scope"]
+            options = ("--node", node, *patience, *more)
+            running[node] = self._run(node, traces[node], *options, shown=shown)
         self._kill(running)
         again = ("--node", self.accident.killed, "--rejoin", str(self.snapshot), *patience)
         running[self.accident.killed] = self._run(
@@ -187,6 +193,12 @@ class _Run:
             while self._told(other).get("others", {}).get(name) != "lost":
                 self._whole()
                 time.sleep(0.02)
+
+    def _await(self, nodes: Iterable[str]) -> None:
+        """Wait until these can be watched."""
+        while not all(self._told(node) for node in nodes):
+            self._whole()
+            time.sleep(0.02)
 
     def _told(self, node: str) -> dict[str, Any]:
         """Return what a node tells of itself; nothing while it does not answer."""

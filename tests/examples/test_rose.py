@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.e2e.test_scope import seen_by_a_page
 from tests.examples.boards import expected
 from tests.examples.test_multi_axis import PATIENCE, demo_of, played, started
+from vbus.kernel import MS
 
 NAME = "rose_six_axes"
 
@@ -18,19 +20,27 @@ def test_a_node_is_killed_and_rejoins_and_the_rose_is_the_same(tmp_path: Path) -
     with started(NAME, tmp_path, "--svg=rose.svg", "--scope") as process:
         assert process.stderr is not None
         told = process.stderr.readline()
-        page = re.match(r"scope: http://127\.0\.0\.1:\d+/#\S+ +\(process (\d+)\)$", told)
+        page = re.match(r"scope: (http://127\.0\.0\.1:\d+/#\S+) +\(process (\d+)\)$", told)
         assert page is not None, told
         try:
+            end = demo_of(NAME).score().end
+            seen = seen_by_a_page(page[1], lambda seen: seen.now >= end)
             process.wait(PATIENCE)
         finally:  # the page stays when the run has ended
-            os.kill(int(page[1]), signal.SIGTERM)
+            os.kill(int(page[2]), signal.SIGTERM)
         out, errors = process.communicate(timeout=PATIENCE)
 
     assert process.returncode == 0, out + errors
     printed, _, told = out.partition("trace hash: ")
     assert printed == expected(NAME).replace(f"{NAME}.svg", "rose.svg")
     assert (tmp_path / "rose.svg").exists()
-    assert re.fullmatch(r"node red was killed at ([7-9]\d\d|1\d{3}) ms of chip time\n", errors)
+    # Each line is from a process of its own.
+    said = r"node red (was killed at (?:[7-9]\d\d|1\d{3}) ms|has died or was cut off|is back)"
+    assert sorted(line[:3] for line in re.findall(said, errors)) == ["has", "is ", "was"], errors
+    nodes = [mark["text"] for _, mark in seen.rows["nodes"]]
+    assert nodes[-1].startswith("red is back at ")
+    for axis in ("blue_x", "red_y", "green_x"):
+        assert seen.rows[f"{axis}.real"][-1][0] > 1_500 * MS, axis
     digest, same = told.splitlines()
     assert same == "in one process, with nobody killed: the same"
     assert digest == played(NAME, demo_of(NAME).score())[1]
@@ -43,8 +53,10 @@ def test_a_run_that_the_accident_has_changed_is_told(
     accident = sys.modules["multi_axis.accident"]
     for name in ("one", "other"):
         (tmp_path / name).write_text(f"1 0 w {name} 0 0\n")
-    monkeypatch.setattr(accident._Run, "_in_one_process", lambda self, scope: tmp_path / "one")
-    monkeypatch.setattr(accident._Run, "_with_the_accident", lambda self: [tmp_path / "other"])
+    monkeypatch.setattr(accident._Run, "_in_one_process", lambda self: tmp_path / "one")
+    monkeypatch.setattr(
+        accident._Run, "_with_the_accident", lambda self, scope: [tmp_path / "other"]
+    )
     made = accident.Accident(
         NAME, Path(demo.__file__).parent, "", demo.score, lambda cycles: ([], None), "red", 0
     )

@@ -4,15 +4,27 @@ import os
 import re
 import signal
 import subprocess
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from tests.e2e.test_scope import link_in, seen_by_a_page
+from tests.nodes.four_chips import BOARD, scenario
 from tests.nodes.processes import Bench, ended
 from tests.unit.scope.decoded import Seen, of_page
-from vbus.kernel import MS
+from vbus.board.config import read_board_text
+from vbus.kernel import MS, US
+from vbus.nodes.machine import Machine
+from vbus.nodes.plan import pins_of
+from vbus.nodes.scenario import read_scenario
+from vbus.scope.merged import Merged
+from vbus.scope.recording import Recorder
 
 END = 20 * MS
+PACKET = 3 * MS
+"""Longer than any packet of the scenario takes until it is known."""
+HOMES = {"a": "x", "c": "m"}
 LANES = ("x.real", "x.desired", "y.desired", "m.real", "p.1.real", "p.1.desired")
 
 
@@ -45,7 +57,7 @@ def test_a_page_has_all_nodes_from_the_first_instant_on_and_changes_nothing(
     process = bench.start(first, "--journal", "run.vbj", "--scope", "127.0.0.1:0")
     link, page = scope_of(process)
     try:
-        seen = seen_by_a_page(link, lambda seen: seen.now == END)
+        seen = seen_by_a_page(link, all_of(recorded()))
     finally:
         os.kill(page, signal.SIGTERM)
     for process in bench.started:
@@ -76,3 +88,85 @@ def test_nodes_are_shown_by_the_name_of_their_machine_and_never_halted(bench: Be
     assert done.returncode == 1
     assert "four: shown without c, d, which run on another computer, or not yet" in done.stderr
     assert "--control is for one board that has no nodes" in done.stderr
+
+
+@pytest.mark.parametrize("killed", ["c", "a"])
+def test_a_node_that_is_killed_and_rejoins_goes_on_where_it_was_on_the_page(
+    bench: Bench, reference: str, killed: str
+) -> None:
+    others = ["ac".replace(killed, ""), "bd"]
+    running = [bench.start(others[0], "--patience", "60", disturb="1:20")]
+    file = bench.folder / "node.snap"
+    first = bench.start(killed, "--snapshot", str(file), "--patience", "60", disturb="2:20")
+    for name in (*others[0], killed):
+        bench.until(lambda name=name: bool(bench.node(name)))  # type: ignore[misc]
+    last = bench.start(others[1], "--patience", "60", "--scope", "127.0.0.1:0")
+    link, page = scope_of(last)
+    try:
+        bench.until(lambda: file.exists() and bench.node(killed).get("round", 0) > 20)
+        first.kill()
+        first.wait()
+        bench.until(lambda: bench.node("b").get("others", {}).get(killed) == "lost")
+        running.append(bench.start(killed, "--rejoin", str(file), "--patience", "60"))
+        seen = seen_by_a_page(link, all_of(whole := recorded()))
+    finally:
+        os.kill(page, signal.SIGTERM)
+    for process in (*running, last):
+        code, out = ended(process)
+        assert code == 0, out
+    assert bench.merged([*others, killed]) == reference
+    told = [mark["text"] for _, mark in seen.rows["nodes"]]
+    assert set(told[:-1]) <= {f"{killed} has gone"}
+    back = re.fullmatch(rf"{killed} is back at (\d+) ps(?:, not seen since (\d+) ps)?", told[-1])
+    assert back is not None, told
+    begun = int(back[1])
+    unseen = range(int(back[2] or begun), begun)
+    # Packets under way where the page begins to look are not whole.
+    halved = range(unseen.start - PACKET, begun + PACKET)
+    had = packets(seen)
+    for lane in LANES:
+        assert changes(seen.rows[lane], unseen) == changes(whole.rows[lane], unseen), lane
+    for bus, rows in packets(whole).items():
+        part = halved if bus == f"{HOMES[killed]} bus" else range(0)
+        assert outside(had[bus], part) == outside(rows, part), bus
+
+
+def all_of(whole: Seen) -> Callable[[Seen], bool]:
+    """Whether a page has come to the end, and has the packets that are known then only."""
+    last = {bus: rows[-1] for bus, rows in packets(whole).items()}
+
+    def enough(seen: Seen) -> bool:
+        had = packets(seen)
+        return seen.now == END and all(row in had.get(bus, ()) for bus, row in last.items())
+
+    return enough
+
+
+def outside(rows: list[tuple[Any, ...]], unseen: range) -> list[tuple[Any, ...]]:
+    return [row for row in rows if not unseen.start < row[0] <= unseen.stop]
+
+
+def changes(rows: list[tuple[Any, ...]], unseen: range) -> list[tuple[Any, ...]]:
+    """The rows of a lane that differ from those before, but for a time."""
+    before = [(0, None), *rows]
+    new = [row for row, last in zip(rows, before, strict=False) if row[1] != last[1]]
+    return outside(new, unseen)
+
+
+def recorded() -> Seen:
+    """What a page has of the same run in one process."""
+    file, source = read_board_text(BOARD)
+    machine = Machine(file, source, read_scenario(scenario(), "s", pins_of(file), US))
+    recorders = [Recorder(node.board, edges=False) for node in machine.nodes]
+    for recorder in recorders:
+        recorder.start()
+    machine.run()
+    told = [recorder.lanes.described(live=True) for recorder in recorders]
+    merged = Merged(told)
+    for recorder in recorders:
+        recorder.stop()
+    data = b"".join(
+        merged.take(part, message)
+        for part, recorder in enumerate(recorders) for message in recorder.take()
+    )  # fmt: skip
+    return Seen(merged.description, data)

@@ -25,6 +25,8 @@ MARK_TITLES: Final = {
     "bookmark": "bookmarks",
 }  # fmt: skip
 """Kinds of marks, each a lane of its own."""
+NODE_MARK: Final = "node"
+"""Kind of the marks of nodes that go and come back, on a page of several boards that run."""
 
 
 class Lateness(NamedTuple):

@@ -21,7 +21,8 @@ from vbus.scope.frames import (
     texts,
     values_of,
 )
-from vbus.scope.lanes import MARK_LANE, PACKET_LANE
+from vbus.scope.lane import Lane
+from vbus.scope.lanes import MARK_LANE, NODE_MARK, PACKET_LANE
 
 _LABEL_COLUMN: Final = 2
 
@@ -49,9 +50,14 @@ class Merged:
         self._label_count: int = 0
         self._chips: list[list[dict[str, Any]]] = [[] for _ in descriptions]
         self._nows: dict[int, int] = dict.fromkeys(range(len(descriptions)), 0)
+        self._came: list[int] = [0 for _ in descriptions]
+        """How far each part has come, also one that has gone, or is not as far again."""
         self._now: int = 0
+        self._began: list[tuple[Any, Any]] = [_shape(part) for part in descriptions]
         self._parts: list[str] = _distinct([part["board"] for part in descriptions])
         self._fronts: list[str] = self._parts if _clash(descriptions) else [""] * len(descriptions)
+        self._nodes: int = -1
+        """Lane of the nodes that go and come back; -1 if nobody runs any more."""
         self.description: dict[str, Any] = self._described(descriptions)
 
     def _described(self, parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -70,13 +76,17 @@ class Merged:
                     lanes.append(self._lane(lane, number, front, own, names))
                 known.append(number)
             self._lanes.append(known)
+        live = any(part["live"] for part in parts)
+        if live:
+            self._nodes = len(lanes)
+            lanes.append(Lane(self._nodes, None, "nodes", "nodes", MARK_LANE).described())
         if len(lanes) >= ALL:
             raise ValueError(f"{len(lanes)} lanes are more than one page has: {ALL - 1}")
         times = list(dict.fromkeys(part["time"] for part in parts))
         pair = [axis["name"] for axis in axes[:2]]
         return parts[0] | {
             "board": title_of([part["board"] for part in parts]), "time": ", ".join(times),
-            "live": any(part["live"] for part in parts), "control": False,
+            "live": live, "control": False,
             "now": str(max(int(part["now"]) for part in parts)), "axes": axes, "lanes": lanes,
             "xy": [[f"{name}.{what}" for what in ("real", "desired") for name in pair]]
             if len(pair) == 2 else [],
@@ -105,6 +115,39 @@ class Merged:
         self._nows.pop(part, None)
         return self._told_now()
 
+    def came(self, part: int) -> int:
+        """How far a part has come (ps): what it does until then is told."""
+        return self._came[part]
+
+    def fits(self, part: int, description: dict[str, Any]) -> bool:
+        """Whether what a page would be told first has the axes and lanes that a part has."""
+        return _shape(description) == self._began[part]
+
+    def begin_again(self, part: int, description: dict[str, Any]) -> bytes:
+        """A part that had ended has come back; return what is to be told of that.
+
+        Args:
+            part: its number.
+            description: what a page would be told first of it; it fits. Of what it does until
+                where the part had come to before, only the labels are told again.
+        """
+        self._labels[part] = []
+        self._nows[part] = now = int(description["now"])
+        came = self._came[part]
+        unseen = f", not seen since {came} ps" if now > came else ""
+        return self.event(part, f"is back at {now} ps{unseen}")
+
+    def event(self, part: int, text: str) -> bytes:
+        """Return a mark where all parts have come to: of a part that goes or comes back.
+
+        Args:
+            part: its number.
+            text: what stands behind its name.
+        """
+        text = f"{self._parts[part].rstrip('.')} {text}"
+        mark = {"text": text, "kind": NODE_MARK, "rule": None, "clause": None, "label": None}
+        return frame(MARKS, self._nodes, 1, self._now, numbers([0]), texts([mark]))
+
     def by_end(self) -> list[int]:
         """Return the parts of a recording that is over in the order in which they have ended."""
         return sorted(self._nows, key=self._nows.__getitem__)
@@ -117,6 +160,7 @@ class Merged:
             columns, place = columns_at(data, begin, count)
             if kind == NOW:
                 self._nows[part] = first
+                self._came[part] = max(self._came[part], first)
                 yield self._told_now()
             elif lane != ALL:
                 lane = self._lanes[part][lane]
@@ -175,6 +219,11 @@ def title_of(boards: Sequence[str]) -> str:
     """Return what some boards are called together: nodes by their machine."""
     machines = list(dict.fromkeys(name.rpartition(".")[0] or name for name in boards))
     return " + ".join(machines)
+
+
+def _shape(description: dict[str, Any]) -> tuple[Any, Any]:
+    """Return what a part that comes back must have as before."""
+    return description["axes"], description["lanes"]
 
 
 def _name(lane: dict[str, Any]) -> str:

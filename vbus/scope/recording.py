@@ -85,10 +85,18 @@ class Recorder(BoardPackets):
         self._broken: dict[str, list[tuple[int, dict[str, Any]]]] = {}
         """Violations by chip that no packet has been told since."""
         self._hosts: set[str] = set()
+        self._known_until: int = -1
 
-    def start(self) -> None:
-        """Begin to record."""
+    def start(self, after: int = -1) -> None:
+        """Begin to record.
+
+        Args:
+            after: what happens until then (ps) is known already; it is left out.
+        """
         self._running = True
+        self._known_until = after
+        if after > self.board.now:
+            self.board.kernel.onlooker(self._leave_out_known).at(after)
         if self._edges:
             for net, lane in self.lanes.nets.values():
                 net.observe(self)
@@ -201,6 +209,8 @@ class Recorder(BoardPackets):
         if not self._at_samples and self._running:
             for look in self._looks.values():
                 look.look()
+        if self.board.now <= self._known_until:
+            self._leave_out_known()
         frames = []
         if not self._described:
             self._described = True
@@ -240,6 +250,13 @@ class Recorder(BoardPackets):
         """
         for lane in self.lanes.all:
             lane.forget()
+
+    def _leave_out_known(self) -> None:
+        """Forget what is new; the values go on from those there are."""
+        for lane in self.lanes.all:
+            lane.rows.clear()
+            lane.times.clear()
+            lane.values.clear()
 
 
 class Ticks:

@@ -15,7 +15,8 @@ Who answers with ``{"scope": {}}`` gets a line ``["scope", description]`` and af
 board's lanes (see :mod:`vbus.scope.frames`): four bytes with their length, little-endian, and as
 many of them. What is not taken in time is left out. ``{"registers": true}`` then has the chips'
 registers among them, ``false`` no longer. ``{"samples": false}``, also within ``{"scope": {}}``,
-leaves samples out between one sending and the next, ``true`` no longer. One with ``{"pins":
+leaves samples out between one sending and the next, ``true`` no longer. With ``{"scope": {"after":
+PS}}`` nothing that happens until that instant is told: who asks has it. One with ``{"pins":
 {"chip": NAME, "pins": [PIN, ...]}}`` gets ``["pins", description]``, or that refusal, and frames
 with the edges of these pins.
 
@@ -36,7 +37,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import astuple
 from functools import partial
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import msgspec
 
@@ -71,6 +72,14 @@ MOST_ANSWERS: Final = 2 * MOST_FRAMES
 """The same of frames, and answers to orders among them."""
 MOST_LINES: Final = 20_000
 """Lines kept between two sendings; the rest is counted as lost."""
+
+
+class _Wanted(msgspec.Struct):
+    """What a scope asks for first."""
+
+    control: bool = False
+    samples: bool = True
+    after: Annotated[int, msgspec.Meta(ge=-1)] = -1
 
 
 class _Text(io.StringIO):
@@ -170,8 +179,9 @@ class Watcher(Connection, Observer):
         try:
             asked = json.loads(line)
             if "scope" in asked:
-                self._samples = asked["scope"].get("samples", True) is not False
-                self._begin_scope(asked["scope"].get("control", False) is True)
+                wanted = msgspec.convert(asked["scope"], _Wanted)
+                self._samples = wanted.samples
+                self._begin_scope(wanted.control, wanted.after)
                 return
             if "pins" in asked:
                 self._begin_pins(PinRecorder(self._board, **asked["pins"]))
@@ -250,7 +260,7 @@ class Watcher(Connection, Observer):
             self._wave, self._recorder, self._pins, self._until,
         ))  # fmt: skip
 
-    def _begin_scope(self, control: bool) -> None:
+    def _begin_scope(self, control: bool, after: int) -> None:
         refusal = refusal_of(self._link.fd) if control else ""
         if refusal:
             raise VbusError(refusal)
@@ -262,7 +272,7 @@ class Watcher(Connection, Observer):
         told = self._described(self._recorder)
         self.pending += json.dumps(["scope", told]).encode() + b"\n"
         self._recorder.look_at_samples(self._samples)
-        self._recorder.start()
+        self._recorder.start(after)
         if control:
             self._steps.changed.append(self._steps_changed)
             self._tell_steps()

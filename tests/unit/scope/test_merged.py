@@ -16,6 +16,7 @@ from vbus.nodes.plan import pins_of
 from vbus.nodes.scenario import read_scenario
 from vbus.scope.clauses import clause_frame
 from vbus.scope.frames import ALL, NOW, frame
+from vbus.scope.lanes import MARK_TITLES
 from vbus.scope.merged import Merged
 from vbus.scope.recording import Recorder
 
@@ -150,6 +151,57 @@ def test_time_is_that_of_the_part_that_is_farthest_behind() -> None:
     assert now(0, 5 * MS) is None
     assert Seen(merged.description, merged.end(0)).now == 7 * MS
     assert merged.end(1) == b""
+
+
+def test_a_part_that_comes_back_goes_on_where_it_was() -> None:
+    def parts(first: int, last: int, after: int = -1) -> tuple[dict[str, Any], list[bytes]]:
+        """Record a board whose host does the same each time, from one of its packets to another."""
+        board = load_board_text(LM629)
+        recorder = Recorder(board, edges=False)
+        port = board.open_port("h")
+        messages = []
+        for number in range(last):
+            if number == first:
+                told = recorder.lanes.described(live=True)
+                recorder.start(after)
+            lm629_move(port) if number % 2 else wrong(port)
+            if number >= first:
+                messages.append(b"".join(recorder.take()))
+        recorder.stop()
+        return told, messages
+
+    told, whole = parts(0, 6)
+    merged = Merged([told | {"board": "left"}, told | {"board": "right"}])
+    data = b"".join(merged.take(0, message) for message in whole)
+    data += b"".join(merged.take(1, message) for message in whole[:3]) + merged.end(1)
+    data += merged.event(1, "has gone")
+    came = Seen(told, b"".join(whole[:3])).now
+    assert merged.came(1) == came
+    back, rest = parts(1, 6, came)
+    assert int(back["now"]) < came
+    assert merged.fits(1, back)
+    assert not merged.fits(1, back | {"axes": []})
+    data += merged.begin_again(1, back)
+    data += b"".join(merged.take(1, message) for message in rest)
+    seen, alone = Seen(merged.description, data), Seen(told, b"".join(whole))
+    for name, rows in alone.rows.items():
+        if name not in MARK_TITLES.values():
+            assert [row[0] for row in seen.rows[f"right.{name}"]] == [row[0] for row in rows], name
+    assert seen.packets("right.x bus") == alone.packets("x bus")
+    assert len(seen.rows["violations"]) == 2 * len(alone.rows["violations"]) > 2
+    said = [mark["text"] for _, mark in seen.rows["nodes"]]
+    assert said == ["right has gone", f"right is back at {back['now']} ps"]
+    assert merged.came(1) == seen.now == alone.now
+
+
+def test_what_nobody_saw_of_a_part_that_comes_back_late_is_told() -> None:
+    told, _ = recording("left", wrong)
+    merged = Merged([part | {"live": True} for part in (told, told | {"board": "right"})])
+    merged.take(1, frame(NOW, ALL, 0, 5 * MS))
+    merged.end(1)
+    seen = Seen(merged.description, merged.begin_again(1, told | {"now": str(7 * MS)}))
+    ((_, mark),) = seen.rows["nodes"]
+    assert mark["text"] == f"right is back at {7 * MS} ps, not seen since {5 * MS} ps"
 
 
 def test_clauses_pass_as_they_are() -> None:

@@ -603,6 +603,7 @@ export function markColour(kind, colours) {
   if (kind === "fault") return colours.fault;
   if (kind === "interrupt") return colours.interrupt;
   if (kind === "bookmark") return colours.accent;
+  if (kind === "node") return colours.strong;
   return colours.host;
 }
 
@@ -627,6 +628,8 @@ function markShape(context, kind, x, y, size) {
     context.lineTo(x - size * 1.2, y);
   } else if (kind === "interrupt") {
     context.rect(x - size / 3, y - size, (2 * size) / 3, 2 * size);
+  } else if (kind === "node") {
+    context.rect(x - size * 0.8, y - size * 0.8, 1.6 * size, 1.6 * size);
   } else if (kind === "bookmark") {
     context.moveTo(x - size * 0.7, y - size);
     context.lineTo(x + size * 0.7, y - size);
