@@ -129,7 +129,8 @@ def test_a_snapshot_of_half_a_machine_is_refused(bench: Bench) -> None:
     done = bench.vbus("snap", "save", "four", "four.snap")
     assert done.returncode == 1
     assert done.stderr == (
-        "vbus: four: c, d are not on this computer, and a snapshot has all nodes of a machine\n"
+        "vbus: four: c (not here yet), d (not here yet) do not answer, and a snapshot has all nodes"
+        " of a machine; say it again when they are here (vbus ls)\n"
     )
     assert not (bench.folder / "four.snap").exists()
     done = bench.vbus("snap", "save", "four.a", "a.snap")

@@ -5,6 +5,7 @@ import os
 import random
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Final
 
 import zenoh
@@ -12,8 +13,8 @@ import zenoh
 from vbus.errors import NameInUseError, TransportError
 from vbus.network.access import answer_access, ask_access
 from vbus.network.security import Security
-from vbus.network.session import close_session, open_session
-from vbus.transports.zenoh_host import send_reply
+from vbus.network.session import LARGEST_MESSAGE, close_session, open_session
+from vbus.transports.zenoh_host import send_pieces, send_reply
 from vbus.transports.zenoh_inbox import Inbox
 
 TEST_DISTURB: Final = "VBUS_TEST_DISTURB"
@@ -27,12 +28,14 @@ LONGEST_ATTEMPT: Final = 2.0
 """How long later attempts take: certificates are shown over slow links, too."""
 MARGIN_MS: Final = 250
 """What a lease is longer than a deadline: nodes look for silence ten times a second."""
+PIECE: Final = 1 << 18
+"""Bytes of an answer that travel at a time; between them go the messages that time waits for."""
+LARGEST_ANSWER: Final = LARGEST_MESSAGE
+"""Bytes of an answer of a node."""
 
 
 class Receiver:
     """Takes what comes from nodes of other processes, by rank."""
-
-    takes_orders: bool = False
 
     def received(self, rank: int, data: bytes) -> None:
         """Take what a node has sent."""
@@ -42,8 +45,14 @@ class Receiver:
         """A node has come or gone."""
         raise NotImplementedError
 
-    def order(self, rank: int, data: bytes) -> bytes:
-        """Take an order for a node of this process; return the answer."""
+    def order(self, rank: int, data: bytes, answer: Callable[[bytes], None]) -> None:
+        """Take an order for a node of this process.
+
+        Args:
+            rank: of the node.
+            data: the order, as it has come.
+            answer: takes the answer, once, now or later; of at most :data:`LARGEST_ANSWER` bytes.
+        """
         raise NotImplementedError
 
 
@@ -51,7 +60,8 @@ class NodeLink:
     """The link of some nodes, which run in this process, to the nodes in others.
 
     A message goes to all nodes of the board. Keys: ``vbus/BOARD/@nodes/NODE`` carries what a node
-    sends, ``vbus/BOARD/@nodes/NODE/alive`` is its liveliness token.
+    sends, ``vbus/BOARD/@nodes/NODE/alive`` is its liveliness token, and at
+    ``vbus/BOARD/@nodes/NODE/orders`` it answers orders.
 
     Args:
         board: name of the board.
@@ -158,9 +168,8 @@ class NodeLink:
             liveliness.declare_subscriber(f"{root}/*/alive", enter(self._presence), history=True)
         )
         for key in mine.values():
-            if self._receiver.takes_orders:
-                order = enter(self._ordered)
-                kept.append(session.declare_queryable(f"{key}/orders", order, complete=True))
+            order = enter(self._ordered)
+            kept.append(session.declare_queryable(f"{key}/orders", order, complete=True))
         for key in mine.values():
             kept.append(liveliness.declare_token(f"{key}/alive"))
 
@@ -191,7 +200,51 @@ class NodeLink:
         rank = self._rank(query.key_expr)
         if rank in self._mine:
             data = query.payload.to_bytes() if query.payload is not None else b""
-            send_reply(query, self._receiver.order(rank, data))
+            self._receiver.order(rank, data, partial(self._answer, query))
+
+    def _answer(self, query: zenoh.Query, data: bytes) -> None:
+        """Answer an order; what is long in a thread, because that waits for a slow link."""
+        if len(data) <= PIECE:
+            send_reply(query, data)
+        else:
+            self._loop.run_in_executor(None, send_pieces, query, data, PIECE)
+
+    # -- what goes ------------------------------------------------------------------------------
+
+    def ask(self, rank: int, data: bytes, seconds: float, take: Callable[[bytes], None]) -> None:
+        """Give a node in another process an order; this waits for nothing.
+
+        Args:
+            rank: of the node.
+            data: the order.
+            seconds: how long the answer may take.
+            take: is called once, in the event loop, with the answer; with nothing if none has come
+                whole, or if it has more than :data:`LARGEST_ANSWER` bytes.
+        """
+        assert self._session is not None
+        parts: list[bytes] = []
+        whole: list[int] = []
+
+        def take_piece(reply: zenoh.Reply) -> None:
+            piece = reply.ok
+            if piece is not None and sum(map(len, parts)) <= LARGEST_ANSWER:
+                parts.append(piece.payload.to_bytes())
+                size = piece.attachment.to_string() if piece.attachment is not None else ""
+                whole.append(int(size) if size.isdecimal() else len(parts[-1]))
+
+        def ended() -> None:
+            answer = b"".join(parts)
+            take(answer if {*whole} == {len(answer)} and len(answer) <= LARGEST_ANSWER else b"")
+
+        # What nodes tell each other to go on goes before the pieces of a long answer.
+        self._session.get(
+            f"{self._root}/{self._names[rank]}/orders",
+            self._inbox.entry(take_piece, ended),
+            payload=data,
+            timeout=seconds,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            priority=zenoh.Priority.BACKGROUND,
+        )
 
     def send(self, rank: int, data: bytes) -> None:
         """Send what node ``rank`` of this process has to say to all others."""

@@ -1,7 +1,6 @@
 """Running nodes of a board in this process: their hosts' links, their time, what they leave."""
 
 import asyncio
-import base64
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -13,10 +12,12 @@ import msgspec
 
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
+from vbus.cluster.elsewhere import Elsewhere
 from vbus.cluster.node_link import NodeLink
 from vbus.cluster.node_records import NodeRecords
 from vbus.cluster.peers import Group, Peers
 from vbus.cluster.realtime_nodes import RealTime
+from vbus.cluster.saving import saved
 from vbus.cluster.timebase import Timebase
 from vbus.errors import ConfigError, VbusError, read_errors, write_errors
 from vbus.nodes.conductor import Conductor
@@ -35,6 +36,8 @@ from vbus.server.serving import links_of, metrics_of, network_of
 
 SAVE_NODE: Final = "snap.node"
 """The order for a node's part of a snapshot of its machine."""
+SAVE_ELSEWHERE: Final = "snap.elsewhere"
+"""The order to ask a node of another process for that."""
 LAST_WORDS: Final = 0.1
 """Seconds that a message to the other nodes may take before the link is closed."""
 
@@ -362,7 +365,10 @@ class _Run:
 
         control.late = {"fault.arm": by_grant, "fault.clear": by_grant, SAVE_NODE: at_round}
         if rank in self._conductors:
-            control.orders[SAVE_NODE] = partial(_save, self._conductors[rank])
+            conductor = self._conductors[rank]
+            control.orders[SAVE_NODE] = lambda request: msgspec.to_builtins(saved(conductor))
+        if self._link is not None:
+            control.answered[SAVE_ELSEWHERE] = Elsewhere(peers, self._link).order
 
     def _details(self, node: Node) -> dict[str, Any]:
         recording = self._records.of.get(node.rank)
@@ -382,21 +388,6 @@ class _Run:
         """Return what has come of it."""
         over = self._peers.finished.is_set() and bool(self._options.scenario)
         return Outcome(self._nodes, over, **self._peers.figures())
-
-
-def _save(conductor: Conductor, request: dict[str, Any]) -> dict[str, Any]:
-    """Return a node's part of a snapshot of the machine, at the end of a round."""
-    board = conductor.node.board
-    return {
-        "round": conductor.participant.round,
-        "when_ps": board.now,
-        "file": board.file,
-        "text": board.text,
-        "hosts": [
-            [port.label, [chip.name for chip in port.chips], port.cycle_ps] for port in board.ports
-        ],
-        "data": base64.b64encode(conductor.save()).decode(),
-    }
 
 
 def _refuse(name: str, request: dict[str, Any]) -> NoReturn:

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from vbus.board.sections import BoardFile
+from vbus.cluster.saving import NO_ROUNDS, Part
 from vbus.errors import ConfigError, NodeError, NodeLostError, VbusError
 from vbus.kernel import MS, US
 from vbus.network.session import open_session
+from vbus.nodes.messages import LARGEST
 from vbus.nodes.node import Node
 from vbus.nodes.orders import LEAD, Order
 from vbus.nodes.plan import pins_of, plan_of
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 ANSWER_SECONDS: Final = 3.0
 LABEL: Final = "order"
 """Who it is, in traces."""
+NO_ORDER: Final = "this is no order"
 
 
 class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -31,11 +34,14 @@ class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         digest: of the board file.
         at: instant at which the lines begin (ps); -1: tell chip time, order nothing.
         lines: a scenario; its instants count from ``at``.
+        save: in virtual time: the round at whose end the node's part of a snapshot is wanted; -1:
+            none is.
     """
 
     digest: str
     at: int = -1
     lines: str = ""
+    save: int = -1
 
 
 class Answer(msgspec.Struct, frozen=True):
@@ -47,6 +53,7 @@ class Answer(msgspec.Struct, frozen=True):
         taken: requests it will carry out.
         error: why it takes none.
         uncertainty: how far its clock may be from that of all (ps).
+        part: of a snapshot, if one was wanted.
     """
 
     node: str
@@ -54,10 +61,37 @@ class Answer(msgspec.Struct, frozen=True):
     taken: int = 0
     error: str = ""
     uncertainty: int = 0
+    part: Part | None = None
 
 
 _request: Final = msgspec.json.Decoder(Request)
 _answer: Final = msgspec.json.Decoder(Answer)
+
+
+def read_request(data: bytes) -> Request:
+    """Return what is asked of a node.
+
+    Raises:
+        ConfigError: that is not to be understood; says why.
+    """
+    if len(data) > LARGEST:
+        raise ConfigError(f"it has {len(data)} bytes; at most {LARGEST} are read")
+    try:
+        return _request.decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ConfigError(str(error)) from None
+
+
+def read_answer(node: str, data: bytes) -> Answer:
+    """Return what a node has answered.
+
+    Raises:
+        VbusError: that is not to be understood; names the node.
+    """
+    try:
+        return _answer.decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise VbusError(f"node {node} gives an answer that is none: {error}") from None
 
 
 def take_order(node: Node, data: bytes, uncertainty: int) -> Answer:
@@ -70,13 +104,15 @@ def take_order(node: Node, data: bytes, uncertainty: int) -> Answer:
     """
     now = node.board.now
     try:
-        request = _request.decode(data)
+        request = read_request(data)
+        if request.save >= 0:
+            return Answer(node.name, now, error=NO_ROUNDS)
         if request.at < 0:
             return Answer(node.name, now, uncertainty=uncertainty * 1000)
         pins = {chip.name: set(chip.pins) for chip in node.board.chips}
         scenario = read_scenario(request.lines, "order", pins, US)
-    except (msgspec.DecodeError, UnicodeDecodeError, ConfigError) as error:
-        return Answer(node.name, now, error=f"this is no order: {error}")
+    except ConfigError as error:
+        return Answer(node.name, now, error=f"{NO_ORDER}: {error}")
     if request.at - LEAD < now:
         return Answer(
             node.name,
@@ -173,10 +209,7 @@ def _ask(session: zenoh.Session, key: str, node: str, request: Request) -> Answe
     for reply in session.get(key, payload=msgspec.json.encode(request), timeout=ANSWER_SECONDS):
         if reply.ok is None:
             continue
-        try:
-            answer = _answer.decode(reply.ok.payload.to_bytes())
-        except msgspec.DecodeError as error:
-            raise VbusError(f"node {node} gives an answer that is none: {error}") from None
+        answer = read_answer(node, reply.ok.payload.to_bytes())
         if answer.error:
             raise NodeError(node, f"node {node} refuses: {answer.error}")
         return answer

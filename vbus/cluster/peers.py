@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from vbus.board.sections import BoardFile
 from vbus.cluster.node_link import NodeLink, Receiver
+from vbus.cluster.saving import NO_ROUNDS
 from vbus.errors import NodeLostError, NodeMismatchError, VbusError
 from vbus.kernel import MS
 from vbus.nodes.messages import Alive, Message, Reports, decode, encode
@@ -170,7 +171,7 @@ class Peers(Receiver):
             do: is called once: with "", or with the reason why it must not happen; in real time
                 there are no rounds.
         """
-        do("a snapshot is for virtual time; this board is realtime")
+        do(NO_ROUNDS)
 
     def latest_skew(self) -> int | None:
         """Return how far apart in wall time nodes were last (ns); None if they wait for others."""
@@ -390,6 +391,11 @@ class Peers(Receiver):
 
     # -- telling --------------------------------------------------------------------------------
 
+    def state_seen(self, name: str) -> str:
+        """Return what a node of this machine does, or has said last that it does."""
+        rank = self.plan.rank(name)
+        return self._peers[rank].state if rank in self._peers else self.state_of(rank)[1]
+
     def status(self, rank: int) -> dict[str, Any]:
         """Return what ``vbus ls`` shows of one node of this process; instants in ps."""
         return {
@@ -397,9 +403,7 @@ class Peers(Receiver):
             "node": self.plan.nodes[rank],
             "state": self.state_of(rank)[1],
             "others": {
-                name: self._peers[n].state if n in self._peers else self.state_of(n)[1]
-                for n, name in enumerate(self.plan.nodes)
-                if n != rank
+                name: self.state_seen(name) for n, name in enumerate(self.plan.nodes) if n != rank
             },
             **self.details(rank),
         }

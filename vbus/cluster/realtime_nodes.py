@@ -94,8 +94,6 @@ class RealTime(Peers):
         clock: estimate of the epoch keeper's clock.
     """
 
-    takes_orders = True
-
     def __init__(
         self,
         group: Group,
@@ -243,16 +241,17 @@ class RealTime(Peers):
 
     # -- orders ---------------------------------------------------------------------------------
 
-    def order(self, rank: int, data: bytes) -> bytes:
+    def order(self, rank: int, data: bytes, answer: Callable[[bytes], None]) -> None:
         """Take an order for a node of this process, or tell chip time (``ordering.py``)."""
         node = self.nodes[rank]
         pacer = self.pacers.get(rank)
         if pacer is None:
-            return msgspec.json.encode(Answer(node.name, error="chip time has not begun yet"))
+            answer(msgspec.json.encode(Answer(node.name, error="chip time has not begun yet")))
+            return
         pacer.catch_up()
-        answer = take_order(node, data, self._uncertainty())
+        taken = take_order(node, data, self._uncertainty())
         pacer.touched()
-        return msgspec.json.encode(answer)
+        answer(msgspec.json.encode(taken))
 
     def let_in(self, rank: int, do: Callable[[str], None]) -> None:
         """Let something happen at a node now, and send the edges it has caused."""

@@ -1,15 +1,21 @@
 """Nodes that keep one virtual time: what is granted is run, what was lost is asked for."""
 
 import asyncio
+import logging
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+import msgspec
+
 from vbus.board.sections import BoardFile
 from vbus.cluster.granted import GrantedPacer
+from vbus.cluster.node_link import LARGEST_ANSWER
+from vbus.cluster.ordering import NO_ORDER, Answer, read_request
 from vbus.cluster.peers import Group, Peers
-from vbus.errors import NodeError, NodeMismatchError
+from vbus.cluster.saving import saved
+from vbus.errors import ConfigError, NodeError, NodeMismatchError, VbusError
 from vbus.nodes.conductor import HOST, RUNS, Conductor
 from vbus.nodes.messages import Message, Need, Report, Reports
 from vbus.nodes.node import Node
@@ -23,6 +29,9 @@ LET_IN: Final = 10.0
 """Seconds that an order from outside waits for other nodes."""
 SNAPSHOT_EVERY: Final = 0.25
 """Seconds between two snapshots."""
+WAITS_FOR_OTHERS: Final = "waits for the others"
+
+log = logging.getLogger("vbus")
 
 
 _T = TypeVar("_T")
@@ -268,16 +277,56 @@ class Timebase(Peers):
 
         def give_up() -> None:
             asked.remove(entry)
-            whom = "its host" if self._mine[rank].state == HOST else "the others"
+            why = HOST if self._mine[rank].state == HOST else WAITS_FOR_OTHERS
             do(
-                f"node {self.plan.nodes[rank]} waits for {whom}, so {what}; say it again when time"
-                " runs or all are here (vbus ls tells for whom it waits)"
+                f"node {self.plan.nodes[rank]} {why}, so {what}; say it again when time runs or all"
+                " are here (vbus ls tells for whom it waits)"
             )
 
         entry = entry_of(now)
         timer = asyncio.get_running_loop().call_later(LET_IN, give_up)
         asked.append(entry)
         self.proceed()
+
+    def order(self, rank: int, data: bytes, answer: Callable[[bytes], None]) -> None:
+        """Tell the instant of a node, or its part of a snapshot when a round has ended.
+
+        Args:
+            rank: of the node.
+            data: a :class:`~vbus.cluster.ordering.Request`.
+            answer: takes a :class:`~vbus.cluster.ordering.Answer`.
+        """
+        conductor = self._mine[rank]
+        node = conductor.node
+
+        def refuse(why: str) -> None:
+            answer(msgspec.json.encode(Answer(node.name, node.board.now, error=why)))
+
+        def save(refusal: str) -> None:
+            if refusal:
+                refuse(refusal)
+            else:
+                answer(_answer_of(conductor))
+
+        try:
+            request = read_request(data)
+        except ConfigError as error:
+            refuse(f"{NO_ORDER}: {error}")
+            return
+        if request.digest != self.plan.digest:
+            refuse(
+                f"node {node.name} runs another board file or version of vbus: give every node the"
+                " same"
+            )
+        elif request.at >= 0 or request.lines:
+            refuse(
+                "orders are for boards in real time; in virtual time a scenario says what happens"
+                " when: vbus run --scenario"
+            )
+        elif request.save >= 0:
+            self.at_round(rank, request.save, save)
+        else:
+            answer(msgspec.json.encode(Answer(node.name, node.board.now)))
 
     def figures(self) -> dict[str, Any]:
         """Return the rounds of this process, and how long one took (us of wall time).
@@ -304,3 +353,23 @@ class Timebase(Peers):
             "granted_ps": participant.granted,
             "waits_for": [self.plan.nodes[n] for n in missing],
         }
+
+
+def _answer_of(conductor: Conductor) -> bytes:
+    """Return the answer with a node's part of a snapshot, or why it has none."""
+    name, now = conductor.node.name, conductor.node.board.now
+    try:
+        data = msgspec.json.encode(Answer(name, now, part=saved(conductor)))
+    except VbusError as error:
+        why = f"node {name} cannot be saved: {error}"
+    except Exception:
+        log.exception("internal error while saving node %s, which goes on", name)
+        why = f"node {name} cannot be saved: internal error; its own messages say more"
+    else:
+        if len(data) <= LARGEST_ANSWER:
+            return data
+        why = (
+            f"node {name} has a part of {len(data)} bytes, and at most {LARGEST_ANSWER} go to"
+            " another computer; save where all nodes are on one"
+        )
+    return msgspec.json.encode(Answer(name, now, error=why))

@@ -26,6 +26,9 @@ Order = Callable[[dict[str, Any]], Any]
 When = Callable[[dict[str, Any], Callable[[str], None]], None]
 """Chooses when an order is carried out; see :attr:`Control.late`."""
 
+Answered = Callable[[dict[str, Any], Callable[[dict[str, Any]], None]], None]
+"""Is given a request and what takes the reply, once, soon or late; it does not raise."""
+
 _CREDENTIALS: Final = struct.Struct("3i")
 
 log = logging.getLogger("vbus")
@@ -41,12 +44,14 @@ class Control:
         orders: what can be ordered, by name.
         late: orders that are not carried out at once, by name: each is given the request and what
             carries it out, and calls that once: with "", or with the reason why it is refused.
+        answered: orders that somebody else carries out, by name: the reply is what they say.
     """
 
     def __init__(self, before: Callable[[], object]) -> None:
         self._before: Callable[[], object] = before
         self.orders: dict[str, Order] = {}
         self.late: dict[str, When] = {}
+        self.answered: dict[str, Answered] = {}
 
     def take(
         self,
@@ -65,9 +70,12 @@ class Control:
         def do(refusal: str) -> None:
             reply({"error": refusal} if refusal else self.carry_out(line, own))
 
-        request = self._request(line) if self.late else {}
-        when = self.late.get(str(request.get("do")))
-        if when is None:
+        request = self._request(line) if self.late or self.answered else {}
+        name = str(request.get("do"))
+        when, answered = self.late.get(name), self.answered.get(name)
+        if answered is not None:
+            answered(request, reply)
+        elif when is None:
             do("")
         else:
             when(request, do)

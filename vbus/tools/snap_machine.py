@@ -1,8 +1,9 @@
 """Snapshots of machines of nodes: all nodes at the end of one round."""
 
 import base64
-from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,6 +14,8 @@ from vbus.nodes.machine_snapshot import VERSION, HostThere, MachineSnapshot, Nod
 from vbus.tools.output import seconds, show, write_file
 from vbus.version import __version__
 
+_Ask = Callable[..., dict[str, Any]]
+
 AHEAD: Final = (2, 50, 1_000, 20_000)
 """How many rounds after the present one the snapshot is to be taken: more, if that was too soon."""
 
@@ -22,34 +25,32 @@ def save_machine(
 ) -> None:
     """Write a snapshot of a running machine to a file.
 
-    Raises:
-        VbusError: a node is not here, refuses, or waits.
-    """
-    from vbus.server.registry import missing_of
+    Args:
+        machine: its name.
+        nodes: what those on this computer tell of themselves; the others are asked through them.
+        file: to be written.
+        as_json: whether to print JSON.
 
-    missing = missing_of(nodes)
-    if missing:
-        raise VbusError(
-            f"{machine}: {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} not on this"
-            " computer, and a snapshot has all nodes of a machine"
-        )
+    Raises:
+        VbusError: a node is not there, refuses, or waits.
+    """
     taken = _taken(machine, nodes)
-    first = next(iter(taken.values()))
+    here = taken[next(iter(nodes))]
     parts = tuple(
         NodePart(
             name, part["when_ps"], base64.b64decode(part["data"]),
             tuple(HostThere(label, tuple(chips), cycle) for label, chips, cycle in part["hosts"]),
         )
-        for name, part in taken.items()
+        for name, part in sorted(taken.items())
     )  # fmt: skip
     snapshot = MachineSnapshot(
-        VERSION, machine, first["file"], first["text"], __version__, first["round"], parts
+        VERSION, machine, here["file"], here["text"], __version__, here["round"], parts
     )
     data = write(snapshot)
     write_file(file, data)
     value = {
         "board": machine, "file": str(file), "when_ps": snapshot.when, "round": snapshot.round,
-        "nodes": [*taken], "bytes": len(data),
+        "nodes": sorted(taken), "bytes": len(data),
     }  # fmt: skip
     line = (
         f"{file}: {machine} with {len(parts)} nodes at {seconds(snapshot.when)}, {len(data)} bytes"
@@ -61,13 +62,30 @@ def _taken(machine: str, nodes: Mapping[str, dict[str, Any]]) -> dict[str, dict[
     """Have all nodes saved at the end of one round that is still to come.
 
     Raises:
-        VbusError: a node refuses, or rounds have passed too fast for all to be asked in time.
+        VbusError: a node is not there, refuses, or waits; or rounds have passed too fast for all to
+            be asked in time.
     """
-    latest = max(node.get("round", -1) for node in nodes.values())
-    with ThreadPoolExecutor(len(nodes)) as asking:
+    from vbus.server.registry import missing_of, order
+
+    through = f"{machine}.{next(iter(nodes))}"
+    asks: dict[str, _Ask] = {
+        name: partial(order, through, "snap.elsewhere", node=name) for name in missing_of(nodes)
+    }
+    with ThreadPoolExecutor(len(nodes) + len(asks)) as asking:
+        # Who is not there is named before the others are kept waiting for its round.
+        there = _results({name: asking.submit(ask) for name, ask in asks.items()})
+        lacking = [f"{name} ({one['state']})" for name, one in there.items() if not one["answers"]]
+        if lacking:
+            do, they = ("does", "it is") if len(lacking) == 1 else ("do", "they are")
+            raise VbusError(
+                f"{machine}: {', '.join(lacking)} {do} not answer, and a snapshot has all nodes of"
+                f" a machine; say it again when {they} here (vbus ls)"
+            )
+        asks |= {name: partial(order, f"{machine}.{name}", "snap.node") for name in nodes}
+        latest = max(node.get("round", -1) for node in nodes.values())
         for ahead in AHEAD:
-            asked = {name: asking.submit(_ask, machine, name, latest + ahead) for name in nodes}
-            found = {name: answer.result() for name, answer in asked.items()}
+            number = latest + ahead
+            found = _results({name: asking.submit(ask, round=number) for name, ask in asks.items()})
             rounds = {part["round"] for part in found.values()}
             if len(rounds) == 1:
                 return found
@@ -75,11 +93,18 @@ def _taken(machine: str, nodes: Mapping[str, dict[str, Any]]) -> dict[str, dict[
     raise VbusError(f"{machine}: its rounds pass faster than all its nodes can be asked; try again")
 
 
-def _ask(machine: str, node: str, number: int) -> dict[str, Any]:
-    from vbus.server.registry import order
+def _results(asked: Mapping[str, "Future[Any]"]) -> dict[str, dict[str, Any]]:
+    """Return what nodes have answered, by name.
 
-    answer: dict[str, Any] = order(f"{machine}.{node}", "snap.node", round=number)
-    return answer
+    Raises:
+        VbusError: one has refused; if several have, one that does not wait for another.
+    """
+    from vbus.cluster.timebase import WAITS_FOR_OTHERS
+
+    refusals = [error for answer in asked.values() if (error := answer.exception()) is not None]
+    if refusals:
+        raise min(refusals, key=lambda error: WAITS_FOR_OTHERS in str(error))
+    return {name: answer.result() for name, answer in asked.items()}
 
 
 def info_of_machine(data: bytes, file: Path, as_json: bool, board_file: bool) -> None:

@@ -130,6 +130,20 @@ def send_reply(
         query.reply(key or query.key_expr, data, attachment=attachment)
 
 
+def send_pieces(query: zenoh.Query, data: bytes, most: int) -> None:
+    """Answer a query in several replies, each with the size of the whole attached; may wait.
+
+    Args:
+        query: the query; it asks for all replies, one after the other.
+        data: the answer.
+        most: bytes of a reply.
+    """
+    size = str(len(data))
+    with _answering(query):
+        for begin in range(0, len(data), most):
+            query.reply(query.key_expr, data[begin : begin + most], attachment=size)
+
+
 def send_refusal(query: zenoh.Query, code: str, reason: str) -> None:
     """Refuse a query, with a reason for people behind a code for programs."""
     with _answering(query):

@@ -44,21 +44,34 @@ class Inbox:
         add = getattr(self._loop, "add_direct_reader", self._loop.add_reader)
         add(self._fd, self._drain)
 
-    def entry(self, handle: Handle) -> zenoh.handlers.Callback[Any]:
-        """Return a callback for Zenoh's threads: what it gets is handled in the event loop."""
+    def entry(
+        self, handle: Handle, ended: Callable[[], None] | None = None
+    ) -> zenoh.handlers.Callback[Any]:
+        """Return a callback for Zenoh's threads: what it gets is handled in the event loop.
+
+        Args:
+            handle: takes what comes.
+            ended: is called in the event loop, too, when no more is to come; never left out.
+        """
         items = self._items
         lock = self._lock
+
+        def put(item: tuple[Handle, Any]) -> None:
+            items.append(item)
+            with lock:
+                if self._fd >= 0:
+                    os.eventfd_write(self._fd, 1)
 
         def enter(item: Any) -> None:
             if len(items) >= MOST_WAITING:
                 self.dropped += 1
                 return
-            items.append((handle, item))
-            with lock:
-                if self._fd >= 0:
-                    os.eventfd_write(self._fd, 1)
+            put((handle, item))
 
-        return zenoh.handlers.Callback(enter, indirect=False)
+        if ended is None:
+            return zenoh.handlers.Callback(enter, indirect=False)
+        over = ended  # what is told of the end
+        return zenoh.handlers.Callback(enter, lambda: put((lambda _: over(), None)), indirect=False)
 
     def _drain(self) -> None:
         with contextlib.suppress(BlockingIOError):
