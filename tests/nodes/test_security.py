@@ -44,6 +44,7 @@ authority = "authority.pem"
 [zenoh.allow]
 right = ["four/@nodes/**"]
 visitor = ["four.a/x/bus"]
+all = ["**"]
 """
 SCRIPT = "1ms y r 0\nend 5ms\n"
 

@@ -24,7 +24,10 @@ def command() -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; instants in ps.")
 def save(board: str, file: Path, as_json: bool) -> None:
-    """Write a snapshot of a running BOARD, or of all nodes of a machine, to FILE."""
+    """Write a snapshot of a running BOARD, or of all nodes of a machine, to FILE.
+
+    A machine's nodes may run on several computers, at least one of them on this one.
+    """
     from vbus.server.registry import nodes_of, order
 
     nodes = nodes_of(board)
