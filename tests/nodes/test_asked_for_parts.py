@@ -208,6 +208,11 @@ PART = Part(7, 5, "f", "t", (("h", ("x",), 3),), b"state")
             None,
             {"error": "c is no node of four, or x no round of it"},
         ),
+        (
+            {"node": "c", "round": 1 << 63},
+            None,
+            {"error": f"c is no node of four, or {1 << 63} no round of it"},
+        ),
         ({}, None, {"error": "None is no node of four, or -1 no round of it"}),
     ],
 )  # fmt: skip

@@ -134,6 +134,14 @@ def test_a_node_that_has_died_is_named_and_none_is_kept_waiting(bench: Bench) ->
     assert not (bench.folder / "four.snap").exists()
 
 
+def test_before_the_nodes_have_met_those_that_lack_are_named(bench: Bench) -> None:
+    start(bench, 2, "cd", script=False)  # where they meet nobody listens yet
+    bench.until(lambda: node(bench, 2, "c") != {} and node(bench, 2, "d") != {})
+    done = save_there(bench, 2)
+    assert done.returncode == 1
+    assert "vbus: four: a (not here yet), b (not here yet) do not answer" in done.stderr
+
+
 def test_a_host_elsewhere_that_thinks_is_waited_for_and_then_named(tmp_path: Path) -> None:
     bench = Bench(tmp_path, HOSTS)
     try:

@@ -10,6 +10,7 @@ from vbus.cluster.ordering import Request, read_answer
 from vbus.cluster.peers import Peers
 from vbus.cluster.timebase import LET_IN
 from vbus.errors import VbusError
+from vbus.kernel import NEVER
 
 ASK_SECONDS: Final = LET_IN + 30.0
 """How long a node may take: it says itself why it waits, and what it sends may be long."""
@@ -36,7 +37,7 @@ class Elsewhere:
         """
         name, number = request.get("node"), request.get("round", -1)
         plan = self._peers.plan
-        if name not in plan.nodes or not isinstance(number, int):
+        if name not in plan.nodes or not (isinstance(number, int) and -1 <= number <= NEVER):
             reply({"error": f"{name} is no node of {plan.board}, or {number} no round of it"})
             return
 

@@ -4,7 +4,7 @@ import asyncio
 import os
 import random
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from typing import Final
 
@@ -219,9 +219,12 @@ class NodeLink:
             data: the order.
             seconds: how long the answer may take.
             take: is called once, in the event loop, with the answer; with nothing if none has come
-                whole, or if it has more than :data:`LARGEST_ANSWER` bytes.
+                whole, if it has more than :data:`LARGEST_ANSWER` bytes, or before the link is open.
         """
-        assert self._session is not None
+        session = self._session
+        if session is None:
+            take(b"")
+            return
         parts: list[bytes] = []
         whole: list[int] = []
 
@@ -237,14 +240,15 @@ class NodeLink:
             take(answer if {*whole} == {len(answer)} and len(answer) <= LARGEST_ANSWER else b"")
 
         # What nodes tell each other to go on goes before the pieces of a long answer.
-        self._session.get(
-            f"{self._root}/{self._names[rank]}/orders",
-            self._inbox.entry(take_piece, ended),
-            payload=data,
-            timeout=seconds,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            priority=zenoh.Priority.BACKGROUND,
-        )
+        with suppress(zenoh.ZError):  # of a session that is closed: there is an end, too
+            session.get(
+                f"{self._root}/{self._names[rank]}/orders",
+                self._inbox.entry(take_piece, ended),
+                payload=data,
+                timeout=seconds,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                priority=zenoh.Priority.BACKGROUND,
+            )
 
     def send(self, rank: int, data: bytes) -> None:
         """Send what node ``rank`` of this process has to say to all others."""
