@@ -124,7 +124,9 @@ def test_a_node_that_has_died_is_named_and_none_is_kept_waiting(bench: Bench) ->
     gone.kill()
     gone.communicate()
     bench.started.remove(gone)
-    bench.until(lambda: node(bench, 1, "a").get("others", {}).get("c") == "lost")
+    bench.until(
+        lambda: all(node(bench, 1, "a").get("others", {}).get(name) == "lost" for name in "cd")
+    )
     done = save_there(bench, 1)
     assert done.returncode == 1
     assert done.stderr == (
@@ -148,7 +150,7 @@ def test_a_host_elsewhere_that_thinks_is_waited_for_and_then_named(tmp_path: Pat
         start(bench, 1, "a", script=False)
         start(bench, 2, "b", script=False)
         far = runtime(bench, 1) / "x.sock"
-        bench.until(lambda: far.exists() and node(bench, 2, "b") != {})
+        bench.until(lambda: node(bench, 2, "b").get("others", {}).get("a") == "waits for its host")
         with connect(f"unix:{far}") as bus:
             bus.delay("3ms")
             done = save_there(bench, 2)
@@ -164,8 +166,12 @@ def test_a_machine_in_real_time_on_several_computers_has_no_snapshot(tmp_path: P
     try:
         start(bench, 1, "abc", script=False)
         start(bench, 2, "d", script=False)
-        bench.until(lambda: node(bench, 1, "a") != {} and node(bench, 2, "d") != {})
-        bench.until(lambda: node(bench, 2, "d").get("others", {}).get("a") == "runs")
+        bench.until(
+            lambda: all(
+                node(bench, number, name).get("others", {}).get(other) == "runs"
+                for number, name, other in ((1, "a", "d"), (2, "d", "a"))
+            )
+        )
         for number in (1, 2):
             done = save_there(bench, number)
             assert done.returncode == 1
