@@ -19,7 +19,7 @@ from vbus.board.checks import all_rules
 from vbus.board.config import read_board_text
 from vbus.board.snapshot import MAGIC as SNAPSHOT
 from vbus.board.snapshot import read as read_snapshot
-from vbus.cluster.ordering import take_order
+from vbus.cluster.ordering import read_request, take_order
 from vbus.errors import VbusError
 from vbus.faults.trigger import read_when
 from vbus.kernel import US
@@ -214,7 +214,8 @@ def node_message(data: bytes) -> None:
 def node_order(data: bytes) -> None:
     node = Node(("n",), 0, ())
     node.begin(build(LM, DC))
-    answer = take_order(node, data, 1000)
+    digest = read_request(data).digest
+    answer = take_order(node, data, 1000, digest)
     if answer.error:
         raise VbusError(answer.error)
 

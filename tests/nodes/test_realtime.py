@@ -103,9 +103,11 @@ def test_without_late_edges_real_time_gives_the_hash_of_virtual_time(tmp_path: P
         bench.close()
 
 
-def order(bench: Bench, lines: str, *options: str) -> subprocess.CompletedProcess[str]:
+def order(
+    bench: Bench, lines: str, *options: str, board: Path | None = None
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "vbus", "order", str(bench.board), "-", *options],
+        [sys.executable, "-m", "vbus", "order", str(board or bench.board), "-", *options],
         input=lines, capture_output=True, text=True, timeout=60,
     )  # fmt: skip
 
@@ -147,6 +149,11 @@ def test_a_start_ordered_on_a_running_machine_lands_at_one_instant_on_all_nodes(
         never = order(bench, "0us x w 0 1", "--align", "0us")
         assert never.returncode == 2
         assert '"0us" is no period' in never.stderr
+        other = tmp_path / "other.toml"
+        other.write_text(bench.board.read_text().replace('"6 MHz"', '"5 MHz"'))
+        wrong = order(bench, lines, board=other)
+        assert wrong.returncode == 1, wrong
+        assert "node a runs another board file or version of vbus" in wrong.stderr
         late = order(bench, "0us x w 0 1", "--ahead", "0us")
         if re.search(r"node a: 1 requests, \d+\.\d+ ms ahead", late.stdout):
             raise Starved(f"the computer keeps node a behind its time: {late.stdout}")

@@ -94,17 +94,28 @@ def read_answer(node: str, data: bytes) -> Answer:
         raise VbusError(f"node {node} gives an answer that is none: {error}") from None
 
 
-def take_order(node: Node, data: bytes, uncertainty: int) -> Answer:
+def is_of_another(node: str) -> str:
+    """Say that who asks a node has another board than that."""
+    return (
+        f"node {node} runs another board file or version of vbus: give every node the same, and"
+        " whoever gives orders"
+    )
+
+
+def take_order(node: Node, data: bytes, uncertainty: int, digest: str) -> Answer:
     """Take an order for a node whose time is up to date; all of it, or nothing.
 
     Args:
         node: the node.
         data: a request.
         uncertainty: how far its clock may be from that of all (ns).
+        digest: of its board file.
     """
     now = node.board.now
     try:
         request = read_request(data)
+        if request.digest != digest:
+            return Answer(node.name, now, error=is_of_another(node.name))
         if request.save >= 0:
             return Answer(node.name, now, error=NO_ROUNDS)
         if request.at < 0:

@@ -249,7 +249,7 @@ class RealTime(Peers):
             answer(msgspec.json.encode(Answer(node.name, error="chip time has not begun yet")))
             return
         pacer.catch_up()
-        taken = take_order(node, data, self._uncertainty())
+        taken = take_order(node, data, self._uncertainty(), self.plan.digest)
         pacer.touched()
         answer(msgspec.json.encode(taken))
 

@@ -12,7 +12,7 @@ import msgspec
 from vbus.board.sections import BoardFile
 from vbus.cluster.granted import GrantedPacer
 from vbus.cluster.node_link import LARGEST_ANSWER
-from vbus.cluster.ordering import NO_ORDER, Answer, read_request
+from vbus.cluster.ordering import NO_ORDER, Answer, is_of_another, read_request
 from vbus.cluster.peers import Group, Peers
 from vbus.cluster.saving import saved
 from vbus.errors import ConfigError, NodeError, NodeMismatchError, VbusError
@@ -314,10 +314,7 @@ class Timebase(Peers):
             refuse(f"{NO_ORDER}: {error}")
             return
         if request.digest != self.plan.digest:
-            refuse(
-                f"node {node.name} runs another board file or version of vbus: give every node the"
-                " same"
-            )
+            refuse(is_of_another(node.name))
         elif request.at >= 0 or request.lines:
             refuse(
                 "orders are for boards in real time; in virtual time a scenario says what happens"
