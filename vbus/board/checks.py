@@ -4,6 +4,7 @@ from collections.abc import Hashable
 
 from vbus.board import cards, circuit, plugins
 from vbus.board.card_section import ACCESSES, CardSection
+from vbus.board.fault_checks import check_links
 from vbus.board.glue_checks import check_card_bus, check_card_without_bus, check_glue
 from vbus.board.metrics_checks import check_metrics
 from vbus.board.network_checks import NETWORK_SCHEME, check_network
@@ -67,6 +68,7 @@ class _Checks:
         check_serial(self._file, self._parts, self._source)
         NodeChecks(self._file, self._known, self._source).run()
         check_network(self._file, self._source)
+        check_links(self._file, NETWORK_SCHEME, self._source)
         check_metrics(self._file, self._source)
         check_scope(self._file, self._source)
         self._violations()

@@ -5,6 +5,7 @@ from vbus.board.sections import BoardFile, FaultSection
 from vbus.board.settings import listed
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
+from vbus.faults.messages import misfit
 from vbus.faults.row import LINK, NET, PART, WIRE, Fault
 from vbus.faults.table import faults
 from vbus.faults.trigger import When, read_until, read_when
@@ -21,6 +22,19 @@ def check_fault(section: FaultSection, fault: Fault, source: Source, path: Path)
         read_until(section.until or None, when or read_when(None), fault)
     except ValueError as error:
         source.fail((*path, "until"), str(error))
+
+
+def check_links(file: BoardFile, scheme: str, source: Source) -> None:
+    """Note faults of links that their links cannot have; messages go over links of ``scheme``."""
+    for section in file.faults:
+        fault = faults()[section.fault]
+        number = section.target.removeprefix("host") or "0"
+        if fault.target != LINK or not number.isdecimal() or int(number) >= len(file.hosts):
+            continue
+        link = file.hosts[int(number)].transport
+        said = misfit(fault, f"host{int(number)}", link, link.partition(":")[0] == scheme)
+        if said:
+            source.fail(("faults", section.place, "target"), said)
 
 
 def homes_of(file: BoardFile, section: FaultSection) -> dict[str, str]:

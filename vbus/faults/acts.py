@@ -1,6 +1,7 @@
 """What the faults that act do, by what they act on."""
 
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from typing import ClassVar, Final
 
 from vbus.board.circuit import Circuit
@@ -9,7 +10,8 @@ from vbus.faults.axis import AxisFaults
 from vbus.faults.bus import BusFault, Later
 from vbus.faults.clock import CLOCKS, ClockFaults
 from vbus.faults.glue import Placed, glue_fault
-from vbus.faults.row import AXIS, LASTS, LINK, ONCE, WIRE
+from vbus.faults.messages import MESSAGES, concerned
+from vbus.faults.row import AXIS, LASTS, LINK, WIRE
 from vbus.faults.upsets import upsets_of
 from vbus.faults.wire import WireFault
 from vbus.kernel.clock import Course
@@ -88,8 +90,10 @@ class Acts:
         if fault.target == LINK:
             if self.links is None:
                 raise ValueError("no link is served: this board runs without a server")
-            once = armed.until.kind == ONCE
-            return self.links.begin(armed.number, armed.name, armed.target, once)
+            text = self.links.begin(
+                armed.number, armed.name, armed.target, armed.single, armed.values
+            )
+            return concerned(armed.values) if fault.family == MESSAGES else text
         if fault.family in _PLACED:
             wire = self.wires[armed.number] = self._wire(armed)
             return wire.begin()
@@ -123,6 +127,15 @@ class Acts:
         elif fault.acts == LASTS:
             upsets_of(self._board.chip(armed.target)).end(armed.name, armed.values)
         return ""
+
+    def serve(self, links: LinkActs | None) -> None:
+        """Let ``links`` do the faults of links from now on, those that act already among them."""
+        self.links = links
+        for armed in self._armed.values() if links is not None else ():
+            if armed.fault.target == LINK and armed.state == ACTING:
+                with suppress(ValueError):  # nobody is there whom it could concern
+                    self.begin(armed)
+                    armed.fired = max(1, armed.fired)
 
     def _wire(self, armed: Armed) -> Placed:
         if armed.fault.target != WIRE:
@@ -194,7 +207,7 @@ class Acts:
         return back
 
     def go_on(self, acting: list[Armed]) -> None:
-        """Everything is loaded: let what acts on chips and buses act again."""
+        """Everything is loaded: let what acts on chips, buses and links act again."""
         for chip in self._board.chips:
             upsets = upsets_of(chip)
             for row in upsets.FAULTS:
@@ -210,6 +223,9 @@ class Acts:
                 bus = BusFault(self._board.chip(one.target), one.name, one.values, self._later)
                 self.buses[one.number] = bus
                 bus.begin(again=True)
+        if self.links is not None:
+            self.links.end_all()
+            self.serve(self.links)
 
 
 def _values_now(armed: Armed) -> dict[str, Value]:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from typing import ClassVar, Final, Protocol
 
-from vbus.faults.row import Fault
-from vbus.faults.trigger import Until, When
+from vbus.faults.row import COUNTED, ONCE, Fault
+from vbus.faults.trigger import RATE, Until, When
 from vbus.faults.watch import ConditionWatch
 from vbus.options import Value
 from vbus.state import Names
@@ -87,6 +87,12 @@ class Armed:
         """Name of the fault."""
         return self.fault.name
 
+    @property
+    def single(self) -> bool:
+        """Whether it concerns one bus cycle, answer or message each time it begins."""
+        rated = self.when.kind == RATE and self.fault.acts == COUNTED
+        return rated or self.until.kind == ONCE
+
     def __str__(self) -> str:
         given = "".join(f" {key}={value}" for key, value in self.values.items())
         return (
@@ -98,8 +104,16 @@ class Armed:
 class LinkActs(Protocol):
     """What does the faults of links: the server."""
 
-    def begin(self, number: int, name: str, target: str, once: bool) -> str:
+    def check(self, name: str, target: str) -> None:
+        """Raise ValueError if the link ``target`` can never have the fault; says why."""
+
+    def begin(
+        self, number: int, name: str, target: str, once: bool, values: dict[str, Value]
+    ) -> str:
         """Let a fault act; return what it changes. Raises ValueError if it cannot."""
 
     def end(self, number: int) -> None:
         """Let it act no more."""
+
+    def end_all(self) -> None:
+        """Let none act any more."""

@@ -87,7 +87,7 @@ class Faults:
 
     @links.setter
     def links(self, links: LinkActs | None) -> None:
-        self.acts.links = links
+        self.acts.serve(links)
 
     # -- what people call ---------------------------------------------------------------------
 
@@ -115,7 +115,7 @@ class Faults:
                 the message says what there is.
         """
         fault = self.find(name)
-        place = find_target(self._board, fault, target)
+        place = find_target(self._board, fault, target, self.links)
         trigger = read_when(when)
         end = read_until(until, trigger, fault)
         armed = Armed(
@@ -356,7 +356,7 @@ class Faults:
             armed.seen = 0
             self._push(self._board.now + int(armed.values["period"]) // 2, _TOGGLE, armed.number)
         rated = armed.when.kind == RATE
-        if fault.acts == ONCE or (fault.target == LINK and armed.until.kind == ONCE):
+        if fault.acts == ONCE or (fault.target == LINK and armed.single):
             # It is over as soon as it has begun; a stream goes on.
             if rated:
                 armed.state = WAITING

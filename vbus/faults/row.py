@@ -24,7 +24,7 @@ ONCE: Final = "once"
 LASTS: Final = "lasts"
 """Holds until its duration is over or it is cleared."""
 COUNTED: Final = "counted"
-"""Acts on one bus cycle or one answer at a time, or on all of them while it lasts."""
+"""Acts on one bus cycle, answer or message at a time, or on all of them while it lasts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Fault:
     Attributes:
         name: what it is armed by.
         family: ``"mechanics"``, ``"encoder"``, ``"switches"``, ``"chip"``, ``"bus"``, ``"glue"``,
-            ``"wire"`` or ``"transport"``.
+            ``"wire"``, ``"transport"`` or ``"network"``.
         title: one line saying what it does.
         target: :data:`AXIS`, :data:`CHIP`, :data:`LINK`, :data:`WIRE`, :data:`NET` or
             :data:`PART`.

@@ -126,6 +126,25 @@ TRANSPORT: Final = (
     Fault("link_dead", "transport", "The link is open, and nobody is there.", LINK, LASTS),
 )  # fmt: skip
 
+_THERE_OR_BACK: Final = Option(
+    "way", "choice", "both", "the messages it concerns: to the board, from it, or both",
+    ("request", "reply", "both"),
+)  # fmt: skip
+_EVERY: Final = Option("every", "count", 1, "one of each so many, on each way", low=1, high=_COUNTS)
+
+NETWORK: Final = (
+    Fault("messages_late", "network", "Messages wait, then all come, in their order.", LINK, LASTS,
+          (_THERE_OR_BACK,)),
+    Fault("message_lost", "network", "A message does not come.", LINK, COUNTED,
+          (_THERE_OR_BACK, _EVERY)),
+    Fault("message_doubled", "network", "A message comes twice.", LINK, COUNTED,
+          (_THERE_OR_BACK, _EVERY)),
+    Fault("messages_reordered", "network", "Of two messages of a host the second comes first.",
+          LINK, COUNTED, (_THERE_OR_BACK,)),
+    Fault("link_cut", "network", "Nothing comes either way, and hosts seem to have gone.", LINK,
+          LASTS),
+)  # fmt: skip
+
 
 def faults() -> dict[str, Fault]:
     """Return every fault by name, those of the registered chip families among them.
@@ -146,6 +165,6 @@ def faults() -> dict[str, Fault]:
     switches = (replace(row, families=limited) for row in SWITCHES)
     rows = (
         *MECHANICS, *ENCODER, *switches, *chips.values(), *CHIP_FAULTS, *BUS, *GLUE, *WIRES,
-        *TRANSPORT,
+        *TRANSPORT, *NETWORK,
     )  # fmt: skip
     return {row.name: row for row in rows}

@@ -4,14 +4,21 @@ from vbus.board import plugins
 from vbus.board.circuit import Circuit
 from vbus.board.settings import listed, suggestion
 from vbus.chips.base import Chip
+from vbus.faults.armed import LinkActs
 from vbus.faults.glue import net_of
 from vbus.faults.row import CHIP, LINK, NET, PART, WIRE, Fault
 from vbus.plant.shaft import Shaft
 from vbus.signals.wire import WireEnd
 
 
-def find_target(board: Circuit, fault: Fault, target: str) -> str:
+def find_target(board: Circuit, fault: Fault, target: str, links: LinkActs | None) -> str:
     """Return the full name of what ``target`` means for ``fault``: "x", "x.1", "host0".
+
+    Args:
+        board: the board.
+        fault: the fault.
+        target: as it was given; may be empty where there is one only.
+        links: those that are served now, if any.
 
     Raises:
         ValueError: there is no such thing, or the fault does not exist for it.
@@ -22,6 +29,8 @@ def find_target(board: Circuit, fault: Fault, target: str) -> str:
             raise ValueError(
                 f'{fault.name} target "{target}": write "host0" for the first [[hosts]]'
             )
+        if links is not None:
+            links.check(fault.name, name)
         return name
     if fault.target == WIRE:
         return _wire(board, fault, target)

@@ -41,6 +41,8 @@ MALFORMED: Final = "malformed"
 TOO_LARGE: Final = "too-large"
 GONE: Final = "gone"
 BROKEN: Final = "broken"
+EARLY: Final = "early"
+"""The end of a session has overtaken messages: repeat those, then the end."""
 
 
 class Envelope(NamedTuple):

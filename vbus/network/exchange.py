@@ -68,6 +68,16 @@ class Exchange:
             self._arrived[number] = message
             self._run()
 
+    def missing(self, end: int) -> str:
+        """Say which messages before number ``end`` have not come, "message 3 has"; else nothing."""
+        numbers = range(self.following, min(end, self.following + WINDOW))
+        lacking = [number for number in numbers if number not in self._arrived]
+        if not lacking:
+            return ""
+        if len(lacking) == 1:
+            return f"message {lacking[0]} has"
+        return f"{len(lacking)} messages from {lacking[0]} to {lacking[-1]} have"
+
     def _forget(self, acknowledged: int) -> None:
         if self._stored and acknowledged:
             for number in [number for number in self._stored if number < acknowledged]:

@@ -5,10 +5,13 @@ from typing import Any, Final
 
 from vbus.faults.armed import Armed
 from vbus.faults.faults import Faults
+from vbus.faults.messages import MESSAGES, misfit
+from vbus.options import Value
 from vbus.server.control import Order
 from vbus.server.message_session import MessageSession
 from vbus.server.session import Session
-from vbus.transports.base import LinkFilter
+from vbus.transports.base import LinkFilter, Transport
+from vbus.transports.traffic import MessageFault, Traffic
 
 _KEYS: Final = ("name", "target", "when", "until", "parameters")
 
@@ -56,11 +59,19 @@ class FaultOrders:
     Args:
         faults: those of the board.
         sessions_of: gives the sessions of a host entry, None if there is no such entry.
+        transport_of: gives its transport.
     """
 
-    def __init__(self, faults: Faults, sessions_of: Callable[[int], list[Session] | None]) -> None:
+    def __init__(
+        self,
+        faults: Faults,
+        sessions_of: Callable[[int], list[Session] | None],
+        transport_of: Callable[[int], Transport | None],
+    ) -> None:
         self._faults: Faults = faults
         self._sessions_of: Callable[[int], list[Session] | None] = sessions_of
+        self._transport_of: Callable[[int], Transport | None] = transport_of
+        self._of_messages: dict[int, tuple[Traffic, MessageFault]] = {}
         self.acting: dict[int, tuple[int, str, list[_LinkFault]]] = {}
         """Faults that act on links, by number: place of the host, name, sessions."""
 
@@ -107,18 +118,43 @@ class FaultOrders:
 
     # -- links --------------------------------------------------------------------------------
 
-    def begin(self, number: int, name: str, target: str, once: bool) -> str:
+    def check(self, name: str, target: str) -> None:
+        """Refuse a fault that a link can never have.
+
+        Raises:
+            ValueError: it is of messages and the link carries bytes, or the other way round.
+        """
+        fault, transport = self._faults.find(name), self._transport_of(int(target[4:]))
+        if transport is None:
+            if fault.family == MESSAGES:
+                raise ValueError(_no_link(target))
+            return
+        if said := misfit(fault, target, transport.url, transport.traffic is not None):
+            raise ValueError(said)
+
+    def begin(
+        self, number: int, name: str, target: str, once: bool, values: dict[str, Value]
+    ) -> str:
         """Let a fault act on a link.
 
         Raises:
-            ValueError: there is no such link, nobody is connected, or it carries messages.
+            ValueError: there is no such link, nobody is connected, or it cannot have the fault.
         """
+        self.check(name, target)
         place = int(target[4:])
-        sessions = self._sessions_of(place)
-        if sessions is None:
-            raise ValueError(f"there is no link {target}: count the [[hosts]] from 0")
-        if any(isinstance(session, MessageSession) for session in sessions):
-            raise ValueError(f"{target} carries whole messages (Zenoh); its faults are its own")
+        sessions, transport = self._sessions_of(place), self._transport_of(place)
+        if sessions is None or transport is None:
+            raise ValueError(_no_link(target))
+        if transport.traffic is not None and name != "link_closed":
+            fault = MessageFault(name, values, once)
+            transport.traffic.add(fault)
+            if not once:
+                self._of_messages[number] = transport.traffic, fault
+            return f"{len(sessions)} sessions"
+        if name != "link_closed" and any(
+            isinstance(session, MessageSession) for session in sessions
+        ):
+            raise ValueError(f"{target} carries whole messages; its faults are its own")
         if not sessions and name != "link_dead":
             raise ValueError(f"nobody is connected to {target}")
         if name == "link_closed":
@@ -132,15 +168,27 @@ class FaultOrders:
 
     def end(self, number: int) -> None:
         """Let it act no more."""
+        if number in self._of_messages:
+            traffic, fault = self._of_messages.pop(number)
+            traffic.remove(fault)
         _, _, faults = self.acting.pop(number, (0, "", []))
-        for fault in faults:
-            fault.undo()
+        for one in faults:
+            one.undo()
+
+    def end_all(self) -> None:
+        """Let none act any more."""
+        for number in [*self._of_messages, *self.acting]:
+            self.end(number)
 
     def connected(self, place: int, session: Session) -> None:
         """A host has connected while faults act: they act on it too."""
         for where, name, faults in self.acting.values():
             if where == place and not isinstance(session, MessageSession):
                 faults.append(_LinkFault(session, name, False).begin())
+
+
+def _no_link(target: str) -> str:
+    return f"there is no link {target}: count the [[hosts]] from 0"
 
 
 def _as_json(armed: Armed) -> dict[str, Any]:

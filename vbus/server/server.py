@@ -35,7 +35,7 @@ from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 from vbus.server.steps import RUNNING, Steps
 from vbus.server.watching import Watcher
 from vbus.trace.decode import settings_for_decoders
-from vbus.transports.base import Link, MessageLink, Served
+from vbus.transports.base import Link, MessageLink, Served, Transport
 from vbus.transports.runtime import mark_pause
 
 log = logging.getLogger("vbus")
@@ -75,7 +75,7 @@ class Server:
         self._report: Callable[[str], None] = report if report is not None else log.warning
         self.pacer.report = self._report
         self._hosts: list[HostEntry] = [HostEntry(spec, f"host{n}") for n, spec in enumerate(links)]
-        self.faults: FaultOrders = FaultOrders(board.faults, self.sessions_of)
+        self.faults: FaultOrders = FaultOrders(board.faults, self.sessions_of, self.transport_of)
         self.control: Control = Control(self.pacer.catch_up)
         self.control.orders |= SnapshotOrders(board, self.pacer, self.sessions).orders()
         self.control.orders |= self.faults.orders()
@@ -234,6 +234,10 @@ class Server:
     def sessions_of(self, place: int) -> list[Session] | None:
         """Return the sessions of the host entry at ``place``; None if there is no such entry."""
         return list(self._hosts[place].sessions) if place < len(self._hosts) else None
+
+    def transport_of(self, place: int) -> Transport | None:
+        """Return the transport of the host entry at ``place``; None if there is no such entry."""
+        return self._hosts[place].transport if place < len(self._hosts) else None
 
     @staticmethod
     def _close_host(host: HostEntry) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 from vbus.board.sections import NO_HOST, HostSection
 from vbus.errors import TransportError
 from vbus.network.session import Network
+from vbus.transports.traffic import Traffic
 
 if TYPE_CHECKING:
     from vbus.board.board import Board
@@ -135,6 +136,8 @@ class Transport:
         """The server is about to close this transport: what ends now is meant to."""
         self.report: Callable[[str], None] = _ignore
         """Takes a sentence when something worth knowing happens (unplugged, plugged in)."""
+        self.traffic: Traffic | None = None
+        """Its messages, where it carries messages and no stream of bytes."""
         self.opened: ExitStack = ExitStack()
         """Undoes what :meth:`open` has done."""
 

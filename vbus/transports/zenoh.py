@@ -1,7 +1,6 @@
 """``zenoh:``: the buses of a board's chips on the network."""
 
 import asyncio
-import contextlib
 import time
 from collections import OrderedDict
 from collections.abc import Callable
@@ -15,6 +14,7 @@ from vbus.network import envelope, keys, places
 from vbus.network.access import answer_access
 from vbus.network.session import Network, close_session, free_endpoint, open_network
 from vbus.transports.base import Link, Served, Transport
+from vbus.transports.traffic import REPLY, REQUEST, Traffic
 from vbus.transports.zenoh_host import ZenohLink, send_refusal, send_reply
 from vbus.transports.zenoh_inbox import Inbox
 from vbus.transports.zenoh_publications import Publications
@@ -51,8 +51,11 @@ class ZenohTransport(Transport):
 
     def __init__(self, path: str, options: dict[str, str]) -> None:
         super().__init__(path, options)
+        self._traffic: Traffic = Traffic()
+        self._traffic.cut = self._cut
+        self.traffic = self._traffic
         self._links: dict[str, ZenohLink] = {}
-        self._ended: OrderedDict[str, None] = OrderedDict()
+        self._ended: OrderedDict[str, str] = OrderedDict()
         self._tokens: set[str] = set()
         self._buses: dict[str, tuple[str, ...]] = {}
         self._kept: list[Any] = []
@@ -95,6 +98,7 @@ class ZenohTransport(Transport):
             self._declare()
             publications.open()
             opened.callback(self._end_hosts)
+            opened.callback(self._traffic.close)
 
     def _join(self) -> tuple[str, ...]:
         """Open the session; return the endpoints at which the board is reached."""
@@ -191,27 +195,59 @@ class ZenohTransport(Transport):
         except envelope.EnvelopeError as error:
             send_refusal(query, envelope.MALFORMED, str(error))
             return
+        data = payload.to_bytes() if payload is not None else b""
+        self._traffic.pass_on(
+            REQUEST, header.session.hex(),
+            lambda times: self._deliver(query, header, data, times),
+        )  # fmt: skip
+
+    def _deliver(
+        self, query: zenoh.Query, header: envelope.Envelope, data: bytes, times: int
+    ) -> None:
+        """A message that was asked has arrived, so many times."""
+        if not times:
+            send_reply(query, b"", times=0)
+        for _ in range(times):
+            self._take(query, header, data)
+
+    def _take(self, query: zenoh.Query, header: envelope.Envelope, data: bytes) -> None:
         session = header.session.hex()
         link = self._links.get(session)
         if link is None:
             link = self._welcome(query, header, session)
             if link is None:
                 return
-        if header.kind == envelope.END:
+        if header.kind == envelope.REQUESTS:
+            link.take(query, header, data)
+        elif missing := link.exchange.missing(header.number):
+            link.refuse(query, envelope.EARLY, f"{missing} not come yet")
+        else:
             link.host_ended("closed by the host")
-            send_reply(query, b"")
-            return
-        link.take(query, header, payload.to_bytes() if payload is not None else b"")
+            self._traffic.pass_on(REPLY, session, lambda times: send_reply(query, b"", times=times))
 
     def _posted(self, sample: zenoh.Sample) -> None:
         """A host has posted a message; what is not for a session here, it will ask about."""
-        link = self._links.get(str(sample.key_expr).split("/")[-2])
-        if link is None or sample.attachment is None or len(sample.payload) > envelope.LARGEST:
+        session = str(sample.key_expr).split("/")[-2]
+        if sample.attachment is None or len(sample.payload) > envelope.LARGEST:
             return
-        with contextlib.suppress(envelope.EnvelopeError):
+        try:
             header = envelope.unpack(sample.attachment.to_bytes())
-            if header.session.hex() == link.session and header.kind == envelope.REQUESTS:
-                link.take_posted(header, sample.payload.to_bytes())
+        except envelope.EnvelopeError:
+            return
+        if session in self._links and header.session.hex() == session:
+            data = sample.payload.to_bytes()
+            self._traffic.pass_on(
+                REQUEST, session, lambda times: self._deliver_posted(session, header, data, times)
+            )
+
+    def _deliver_posted(
+        self, session: str, header: envelope.Envelope, data: bytes, times: int
+    ) -> None:
+        """A message that was posted has arrived, so many times."""
+        for _ in range(times):
+            link = self._links.get(session)
+            if link is not None and header.kind == envelope.REQUESTS:
+                link.take_posted(header, data)
 
     def _welcome(
         self, query: zenoh.Query, header: envelope.Envelope, session: str
@@ -219,23 +255,26 @@ class ZenohTransport(Transport):
         """Begin the session of a host, or refuse it."""
         bus_key = str(query.key_expr)
         if session in self._ended or header.number or header.kind != envelope.REQUESTS:
-            send_refusal(
-                query,
-                envelope.GONE,
-                "the board does not know the session (any more): the host was away for longer"
-                f" than {self._network.grace_seconds:g} s, or the board was started anew;"
-                " connect again",
+            why = self._ended.get(session) or (
+                f"the host was away for longer than {self._network.grace_seconds:g} s, or the"
+                " board was started anew"
             )
+            self._refuse_host(
+                query, session,
+                f"the board does not know the session (any more): {why}; connect again",
+            )  # fmt: skip
             return None
         if bus_key not in self._buses:
             send_refusal(query, envelope.MALFORMED, f"{bus_key} names no single bus")
             return None
         if len(self._links) >= MOST_HOSTS:
-            send_refusal(
-                query, envelope.GONE, f"{MOST_HOSTS} hosts are connected; no more are served"
+            self._refuse_host(
+                query, session, f"{MOST_HOSTS} hosts are connected; no more are served"
             )
             return None
-        link = ZenohLink(self._session, bus_key, session, self._buses[bus_key], self._forget)
+        link = ZenohLink(
+            self._session, bus_key, session, self._buses[bus_key], self._traffic, self._forget
+        )
         link.token_seen = link.token in self._tokens
         self._links[session] = link
         self.state = "connected"
@@ -243,6 +282,11 @@ class ZenohTransport(Transport):
         if not link.token_seen:
             self._loop.call_later(TOKEN_SECONDS, self._check_token, link)
         return link
+
+    def _refuse_host(self, query: zenoh.Query, session: str, reason: str) -> None:
+        self._traffic.pass_on(
+            REPLY, session, lambda times: send_refusal(query, envelope.GONE, reason, times)
+        )
 
     def _check_token(self, link: ZenohLink) -> None:
         if not link.token_seen:
@@ -253,7 +297,8 @@ class ZenohTransport(Transport):
 
     def _forget(self, link: ZenohLink) -> None:
         self._links.pop(link.session, None)
-        self._ended[link.session] = None
+        self._traffic.forget(link.session)
+        self._ended[link.session] = link.reason
         while len(self._ended) > REMEMBERED:
             self._ended.popitem(last=False)
         if not self._links:
@@ -267,10 +312,23 @@ class ZenohTransport(Transport):
             self._tokens.add(token)
             if link is not None and link.token == token:
                 link.token_seen = True
-                link.gone_since = -1.0
+                if not self._traffic.hosts_gone:
+                    link.gone_since = -1.0
             return
         self._tokens.discard(token)
         if link is not None and link.token == token:
+            self._gone(link)
+
+    def _cut(self, cut: bool) -> None:
+        """A fault has cut the links of all hosts, or they are mended: tokens go, or are back."""
+        for link in self._links.values():
+            if cut:
+                self._gone(link)
+            elif link.token in self._tokens:
+                link.gone_since = -1.0
+
+    def _gone(self, link: ZenohLink) -> None:
+        if link.gone_since < 0:
             since = link.gone_since = self._loop.time()
             self._loop.call_later(self._network.grace_seconds, self._give_up, link, since)
 

@@ -10,6 +10,7 @@ import zenoh
 from vbus.network import envelope, keys
 from vbus.network.exchange import Exchange
 from vbus.transports.base import MessageLink
+from vbus.transports.traffic import EVENT, REPLY, Traffic
 
 PLAIN: Final = "text/plain"
 
@@ -22,6 +23,7 @@ class ZenohLink(MessageLink):
         bus_key: the key at which the host asks.
         session: the name the host has given its session.
         chips: the chips it reaches; empty for all of the entry.
+        traffic: its messages go through here.
         ended: called once when the session is over, with the link.
 
     Attributes:
@@ -35,6 +37,7 @@ class ZenohLink(MessageLink):
         bus_key: str,
         session: str,
         chips: tuple[str, ...],
+        traffic: Traffic,
         ended: Callable[["ZenohLink"], None],
     ) -> None:
         super().__init__(f"zenoh:{bus_key} host {session}", chips)
@@ -44,15 +47,27 @@ class ZenohLink(MessageLink):
         self.token_seen: bool = False
         self.gone_since: float = -1.0
         self._network: zenoh.Session = network
+        self._traffic: Traffic = traffic
         self._ended: Callable[[ZenohLink], None] = ended
         self._replies: Any = None
         self._open: bool = True
 
     def take(self, query: zenoh.Query, header: envelope.Envelope, data: bytes) -> None:
         """Take a message."""
-        answer = partial(send_reply, query, attachment=envelope.POSTS)
-        refuse = partial(send_refusal, query)
+        answer, refuse = partial(self._answer, query), partial(self.refuse, query)
         self.exchange.take(header.number, header.acknowledged, data, answer, refuse)
+
+    def _answer(self, query: zenoh.Query, data: bytes) -> None:
+        self._traffic.pass_on(
+            REPLY, self.session,
+            lambda times: send_reply(query, data, attachment=envelope.POSTS, times=times),
+        )  # fmt: skip
+
+    def refuse(self, query: zenoh.Query, code: str, reason: str) -> None:
+        """Refuse a message, with a reason for people behind a code for programs."""
+        self._traffic.pass_on(
+            REPLY, self.session, lambda times: send_refusal(query, code, reason, times)
+        )
 
     def take_posted(self, header: envelope.Envelope, data: bytes) -> None:
         """Take a message that came as a sample."""
@@ -64,7 +79,15 @@ class ZenohLink(MessageLink):
         self._post(number, code, reason.encode())
 
     def _post(self, number: int, code: str, data: bytes) -> None:
-        """Publish the reply of a posted message; a host that has gone is nobody's loss."""
+        """Publish the reply of a posted message."""
+        self._traffic.pass_on(
+            REPLY, self.session, lambda times: self._publish(number, code, data, times)
+        )
+
+    def _publish(self, number: int, code: str, data: bytes, times: int) -> None:
+        """Publish it as often as it is to arrive; a host that has gone is nobody's loss."""
+        if not times:
+            return
         with suppress(zenoh.ZError):
             if self._replies is None:
                 self._replies = self._network.declare_publisher(
@@ -73,7 +96,8 @@ class ZenohLink(MessageLink):
                     reliability=zenoh.Reliability.RELIABLE,
                     express=True,
                 )
-            self._replies.put(data, attachment=envelope.reply_to(number, code))
+            for _ in range(times):
+                self._replies.put(data, attachment=envelope.reply_to(number, code))
 
     def answer(self, data: bytes) -> None:
         """Send the reply of the message being carried out."""
@@ -81,12 +105,16 @@ class ZenohLink(MessageLink):
 
     def push(self, data: bytes) -> None:
         """Publish events where the host listens for them."""
-        self._network.put(
-            self.token,
-            data,
-            congestion_control=zenoh.CongestionControl.DROP,
-            express=True,
-        )
+        self._traffic.pass_on(EVENT, self.session, lambda times: self._event(data, times))
+
+    def _event(self, data: bytes, times: int) -> None:
+        for _ in range(times):
+            self._network.put(
+                self.token,
+                data,
+                congestion_control=zenoh.CongestionControl.DROP,
+                express=True,
+            )
 
     def host_ended(self, reason: str) -> None:
         """The host has said good-bye, or has vanished."""
@@ -116,7 +144,11 @@ def _answering(query: zenoh.Query) -> Iterator[None]:
 
 
 def send_reply(
-    query: zenoh.Query, data: bytes, key: str = "", attachment: bytes | None = None
+    query: zenoh.Query,
+    data: bytes,
+    key: str = "",
+    attachment: bytes | None = None,
+    times: int = 1,
 ) -> None:
     """Answer a query; a host that has gone meanwhile is nobody's loss.
 
@@ -125,9 +157,11 @@ def send_reply(
         data: the answer.
         key: the key it belongs to, where the query may have asked for several.
         attachment: goes with it.
+        times: how often the answer arrives; 0: the query ends without one.
     """
     with _answering(query):
-        query.reply(key or query.key_expr, data, attachment=attachment)
+        for _ in range(times):
+            query.reply(key or query.key_expr, data, attachment=attachment)
 
 
 def send_pieces(query: zenoh.Query, data: bytes, most: int) -> None:
@@ -144,7 +178,8 @@ def send_pieces(query: zenoh.Query, data: bytes, most: int) -> None:
             query.reply(query.key_expr, data[begin : begin + most], attachment=size)
 
 
-def send_refusal(query: zenoh.Query, code: str, reason: str) -> None:
+def send_refusal(query: zenoh.Query, code: str, reason: str, times: int = 1) -> None:
     """Refuse a query, with a reason for people behind a code for programs."""
     with _answering(query):
-        query.reply_err(f"{code} {reason}", encoding=PLAIN)
+        for _ in range(times):
+            query.reply_err(f"{code} {reason}", encoding=PLAIN)

@@ -31,6 +31,8 @@ NUMBERS = {
     ("strobe_doubled", "gap"): (20_000, 1000, 1_000_000_000),
     ("contention", "data"): (0, 0, 255),
     ("net_stuck", "level"): (1, 0, 1),
+    ("message_lost", "every"): (1, 1, 1 << 30),
+    ("message_doubled", "every"): (1, 1, 1 << 30),
     ("part_slow", "by"): (100_000, 1, 1_000_000_000_000),
 }
 """Of every number: default, least and most."""

@@ -19,6 +19,7 @@ from vbus.server.steps import PAUSED
 from vbus.tools.journal_lines import decoded
 from vbus.trace.journal.format import Entry, JournalReader
 from vbus.trace.journal.replay import Replay
+from vbus.transports.base import Transport
 
 COMMAND = RESET[:1]
 """Write at address 0."""
@@ -300,7 +301,9 @@ def test_refused_it_is_as_it_was_and_says_who_is_there(
 
 def test_while_a_link_is_broken_there_is_no_way_back(hand: Hand) -> None:
     hand.drive(READ * 5)
-    hand.board.faults.links = FaultOrders(hand.board.faults, lambda place: [])
+    hand.board.faults.links = FaultOrders(
+        hand.board.faults, lambda place: [], lambda place: Transport("", {})
+    )
     hand.board.faults.arm("link_dead", "host0")
     hand.order("pause")
     assert hand.back(10**6).startswith("now a fault acts on a link, which cannot go back: #1")

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from vbus.faults.messages import MESSAGES, OF_BYTES
 from vbus.faults.row import AXIS, COUNTED, LINK, NET, ONCE, WIRE, Fault
 from vbus.faults.table import faults as known_faults
 from vbus.tools.generate.board_file import option_table
@@ -35,7 +36,9 @@ def _rows(family: list[Fault]) -> list[str]:
 
 def _for(fault: Fault) -> str:
     if fault.target == LINK:
-        return "links"
+        if fault.name == OF_BYTES:
+            return "links of bytes"
+        return "links over Zenoh" if fault.family == MESSAGES else "links"
     if fault.target == WIRE:
         return "wires between nodes"
     if not fault.of_chip:

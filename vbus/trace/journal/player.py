@@ -7,6 +7,7 @@ from typing import Any, Final
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.kernel import END, MS
+from vbus.options import Value
 from vbus.protocols.port import NotYet, PortError
 from vbus.signals import Observer, Violation
 from vbus.trace.journal.format import NOT_YET, OUTSIDE, Entry, JournalError
@@ -29,6 +30,8 @@ class Player:
         self.board: Board = board
         self.ports: dict[int, HostBus] = {}
         """Sessions by their number in the journal; also of those that have ended."""
+        if board.broken:
+            board.faults.links = _NoLinks()
 
     def run_to(self, entry: Entry) -> None:
         """Let time pass to the instant of an entry."""
@@ -55,7 +58,8 @@ class Player:
             return None, 0
         if entry.op == "arm":
             name, target, when, until, values = entry.args
-            self.board.faults.links = _NoLinks()
+            if self.board.faults.links is None:
+                self.board.faults.links = _NoLinks()
             self.board.faults.arm(name, target, when, until, **values)
             return None, 0
         if entry.op == "clear":
@@ -180,9 +184,17 @@ class _Found(Observer):
 class _NoLinks:
     """Stands for the links of the recorded run: their faults changed nothing on the board."""
 
-    def begin(self, number: int, name: str, target: str, once: bool) -> str:
+    def check(self, name: str, target: str) -> None:
+        """Whatever was armed could be."""
+
+    def begin(
+        self, number: int, name: str, target: str, once: bool, values: dict[str, Value]
+    ) -> str:
         """Do nothing."""
         return ""
 
     def end(self, number: int) -> None:
+        """Do nothing."""
+
+    def end_all(self) -> None:
         """Do nothing."""
