@@ -2,7 +2,7 @@
 """A bus over any link, blocking."""
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from time import monotonic
 from types import TracebackType
 from typing import Concatenate, Final, ParamSpec, Self, TypeVar
@@ -130,14 +130,23 @@ class Bus(Cycles):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.close()
+        with suppress(TransportError) if kind is not None else nullcontext():
+            self.close()
 
     def close(self) -> None:
-        """Close the link, sending first what is kept back; again is harmless."""
+        """Close the link, sending first what is kept back; again is harmless.
+
+        Raises:
+            TransportError: the link can tell that what was sent last has not arrived (Zenoh); it
+                is closed all the same.
+        """
         with suppress(VbusError):
             self.posting(False)
         self._wire.end(TransportError(f"{self.link.where}: this end has closed it"))
-        self.link.close()
+        try:
+            self.link.finish()
+        finally:
+            self.link.close()
 
     @property
     def info(self) -> PortInfo:

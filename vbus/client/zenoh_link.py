@@ -12,7 +12,7 @@ import os
 import threading
 from collections import deque
 from dataclasses import dataclass
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any, Final
 from urllib.parse import parse_qsl
 from weakref import WeakSet
@@ -20,9 +20,10 @@ from weakref import WeakSet
 import zenoh
 
 from vbus.client.link import Link
+from vbus.client.zenoh_options import endpoints_of, seconds
+from vbus.client.zenoh_silence import reason_for_silence
 from vbus.errors import TransportError
 from vbus.network import envelope, keys, places
-from vbus.network.access import ask_access
 from vbus.network.security import Security
 from vbus.network.session import close_session, open_session
 
@@ -35,11 +36,12 @@ AGAIN_SECONDS: Final = 0.1
 """How often a message is repeated meanwhile."""
 REPEAT_SECONDS: Final = 0.5
 """After which time without an answer a message is repeated: the answer may have been lost."""
+ASK_SECONDS: Final = 1.0
+"""How long the answer to the end of the session is waited for."""
 TICK_SECONDS: Final = 0.1
 """How often is looked after messages without an answer."""
 LONGEST_SECONDS: Final = 86400.0
 """How long the board may take over a message: as long as its delays say."""
-LONGEST_PATIENCE: Final = 86400.0
 _OPTIONS: Final = ("connect", "certificate", "key", "authority", "patience")
 
 
@@ -90,7 +92,7 @@ class _Query:
         text = err.payload.to_bytes().decode("utf-8", "replace") if err is not None else ""
         code, _, reason = text.partition(" ")
         if code in (envelope.GONE, envelope.MALFORMED, envelope.TOO_LARGE, envelope.BROKEN):
-            self.link.failed(f"refused by the board: {reason}")
+            self.link.failed(f"refused by the board: {reason}", self.number)
 
     def ended(self, sending: int) -> None:
         """Whoever could answer has done so; called in a thread of Zenoh's.
@@ -149,6 +151,7 @@ class ZenohLink(Link):
         self._under_way: dict[int, _Query] = {}
         self._searching: bool = False
         self._closed: bool = False
+        self._finished: bool = False
         self._paused: bool = False
         self._posts: Any = None
         self._posting: bool = False
@@ -181,10 +184,13 @@ class ZenohLink(Link):
     # -- what a bus calls -----------------------------------------------------------------------
 
     def write(self, data: memoryview) -> int:
-        """Send a message of as much of ``data`` as fits one; 0 while too many are under way."""
+        """Send a message of as much of ``data`` as fits one; 0 while too many are under way.
+
+        The first one goes alone: a board that is shown a later one first knows no such session.
+        """
         if self._error is not None:
             raise self._error
-        if self._number - self._given >= envelope.WINDOW:
+        if self._number - self._given >= (envelope.WINDOW if self._given else 1):
             return 0
         part = bytes(data[: envelope.LARGEST])
         query = self._under_way[self._number] = _Query(self, self._number, part)
@@ -204,7 +210,8 @@ class ZenohLink(Link):
         while self._inbox:
             number, item = self._inbox.popleft()
             if isinstance(item, TransportError):
-                if self._error is None:
+                # A copy that comes late is refused, although its message has been answered.
+                if self._error is None and (number < 0 or number in self._under_way):
                     self._error = item
             elif number < 0:
                 data += item
@@ -238,8 +245,12 @@ class ZenohLink(Link):
                 query.silent_since = 0.0
             # Whatever keeps posted messages from arriving, queries go the way the first one went.
             self._posting = self._posting and self._post_answered
-            for other in sorted(self._under_way):
-                self._send(self._under_way[other], watched=True)
+            self._repeat()
+
+    def _repeat(self) -> None:
+        """Send every message again that has no reply."""
+        for number in sorted(self._under_way):
+            self._send(self._under_way[number], watched=True)
 
     @property
     def unanswered(self) -> bool:
@@ -267,17 +278,46 @@ class ZenohLink(Link):
             if self._closed:
                 return
             self._closed = True
-        if self._error is None and self._number:
-            self._say_goodbye()
+        if self._error is None and self._number and not self._finished:
+            with contextlib.suppress(zenoh.ZError):
+                self._say_goodbye()
         close_session(self._network)
         with self._lock:
             os.close(self.fd)
             self.fd = -1
 
-    def _say_goodbye(self) -> None:
+    def finish(self) -> None:
+        """End the session when the board has got every message; what is lost is repeated.
+
+        Raises:
+            TransportError: the last ones have no reply within the link's patience; says why.
+        """
+        if self._closed or self._finished or self._error is not None or not self._given:
+            return
+        self._finished = True
+        last = monotonic() + self._reheadery
+        while not self._say_goodbye():
+            if monotonic() > last:
+                lacking = self._number - self._given
+                raise TransportError(
+                    f"{self.where}: closed, and whether the last messages ({lacking} without a"
+                    f" reply) have reached the board is not known: {self._why()}"
+                )
+            sleep(AGAIN_SECONDS)
+            self._repeat()
+
+    def _say_goodbye(self) -> bool:
+        """End the session; return whether there is no more to do for what was sent."""
         header = envelope.Envelope(envelope.END, self._name, self._number, self._given)
-        with contextlib.suppress(zenoh.ZError):
-            list(self._network.get(self._bus_key, timeout=1.0, attachment=header.pack()))
+        replies = list(
+            self._network.get(self._bus_key, timeout=ASK_SECONDS, attachment=header.pack())
+        )
+        early = envelope.EARLY.encode()
+        for reply in replies:
+            if reply.err is not None and reply.err.payload.to_bytes().startswith(early):
+                return False
+        self.read()
+        return bool(replies) or not self.unanswered
 
     # -- messages -------------------------------------------------------------------------------
 
@@ -326,7 +366,7 @@ class ZenohLink(Link):
         self._post_answered = True
         data = sample.payload.to_bytes()
         if code:
-            self.failed(f"refused by the board: {data.decode('utf-8', 'replace')}")
+            self.failed(f"refused by the board: {data.decode('utf-8', 'replace')}", number)
         else:
             self.arrived(number, data)
 
@@ -340,9 +380,9 @@ class ZenohLink(Link):
         """Take a reply, or events (number -1); for Zenoh's threads."""
         self._put(number, data)
 
-    def failed(self, reason: str) -> None:
-        """The session is over; for Zenoh's threads."""
-        self._put(-1, TransportError(f"{self.where}: {reason}"))
+    def failed(self, reason: str, number: int = -1) -> None:
+        """The session is over, if message ``number`` was refused and has no reply; for threads."""
+        self._put(number, TransportError(f"{self.where}: {reason}"))
 
     def _put(self, number: int, item: bytes | TransportError) -> None:
         with self._lock:
@@ -357,30 +397,10 @@ class ZenohLink(Link):
         except Exception as error:
             self.failed(str(error))
 
-    # -- why nobody answers -----------------------------------------------------------------------
-
     def _why(self) -> str:
-        """Return what is wrong, where, and what to do."""
-        at = ", ".join(self._endpoints)
-        if not self._network.info.routers_zid():
-            return f"the link to {at} is lost; is the router or the board still running? (vbus ls)"
-        refused = ask_access(self._network, self._bus_key) if self._security is not None else ""
-        if refused:
-            return f"forbidden: {refused}"
-        chunks = self._bus_key.split("/")
-        board = chunks[1]
-        replies = self._network.liveliness().get(keys.owner(board, "*"), timeout=1.0)
-        if any(reply.ok is not None for reply in replies):
-            if len(chunks) == 4:
-                return (
-                    f'the board "{board}" has no chip "{chunks[2]}" on the network of {at}: nobody'
-                    f" answers at the key {self._bus_key}; its link must reach that chip (vbus ls)"
-                )
-            return f'the board "{board}" on the network of {at} answers no more'
-        return (
-            f'no board called "{board}" is on the network of {at}: nobody answers at the key'
-            f" {self._bus_key}; is it running, and connected there? (vbus ls --zenoh"
-            f" {self._endpoints[0]})"
+        tried = max((query.sendings for query in self._under_way.copy().values()), default=1)
+        return reason_for_silence(
+            self._network, self._bus_key, self._endpoints, self._security, tried
         )
 
 
@@ -402,8 +422,8 @@ def open_zenoh(rest: str) -> ZenohLink:
             f"'zenoh:{rest}': unknown option {unknown[0]}; allowed are {', '.join(_OPTIONS)}"
         )
     where = f"zenoh:{path}"
-    patience = _seconds(where, options["patience"]) if "patience" in options else None
-    endpoints = _endpoints(chunks[0], options.get("connect", ""))
+    patience = seconds(where, options["patience"]) if "patience" in options else None
+    endpoints = endpoints_of(chunks[0], options.get("connect", ""))
     security = places.security_of(options, where)
     session = open_session(connect=endpoints, mode="client", security=security)
     try:
@@ -413,33 +433,3 @@ def open_zenoh(rest: str) -> ZenohLink:
     except BaseException:
         close_session(session)
         raise
-
-
-def _seconds(where: str, text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = -1.0
-    if not 0 <= seconds <= LONGEST_PATIENCE:
-        raise ValueError(
-            f"'{where}': patience={text} is no time; write seconds from 0 to {LONGEST_PATIENCE:g},"
-            " such as patience=30"
-        )
-    return seconds
-
-
-def _endpoints(board: str, given: str) -> tuple[str, ...]:
-    """Return where to connect to."""
-    text = given or os.environ.get(places.VARIABLE, "")
-    if text:
-        return tuple(text.split(","))
-    found = places.endpoints_at(places.board_place(board)) or places.endpoints_at(
-        places.router_place()
-    )
-    if not found:
-        raise TransportError(
-            f'zenoh:{board} cannot be opened: no board called "{board}" and no router runs on this'
-            f" computer; write zenoh:{board}?connect=tcp/HOST:PORT, or set {places.VARIABLE} to the"
-            " endpoint of a router"
-        )
-    return found

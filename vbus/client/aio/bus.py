@@ -1,7 +1,7 @@
 """A bus over any link, for asyncio."""
 
 from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager, nullcontext, suppress
 from time import monotonic
 from types import TracebackType
 from typing import Concatenate, Final, ParamSpec, Self, TypeVar
@@ -129,14 +129,23 @@ class Bus(Cycles):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        await self.close()
+        with suppress(TransportError) if kind is not None else nullcontext():
+            await self.close()
 
     async def close(self) -> None:
-        """Close the link, sending first what is kept back; again is harmless."""
+        """Close the link, sending first what is kept back; again is harmless.
+
+        Raises:
+            TransportError: the link can tell that what was sent last has not arrived (Zenoh); it
+                is closed all the same.
+        """
         with suppress(VbusError):
             await self.posting(False)
         self._wire.end(TransportError(f"{self.link.where}: this end has closed it"))
-        self.link.close()
+        try:
+            self.link.finish()
+        finally:
+            self.link.close()
 
     @property
     def info(self) -> PortInfo:

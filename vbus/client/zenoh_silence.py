@@ -1,0 +1,73 @@
+"""Why nobody answers on the network: Zenoh itself tells of failure by silence."""
+
+from time import monotonic, sleep
+from typing import Any, Final
+
+import zenoh
+
+from vbus.network import keys
+from vbus.network.access import ask_access
+from vbus.network.security import Security
+
+MATCH_SECONDS: Final = 0.5
+"""How long the network may take to tell who answers at a key."""
+PAUSE_SECONDS: Final = 0.02
+
+
+def reason_for_silence(
+    network: zenoh.Session,
+    bus_key: str,
+    endpoints: tuple[str, ...],
+    security: Security | None,
+    tried: int,
+) -> str:
+    """Return what is wrong, where, and what to do; asks around, which takes up to two seconds.
+
+    Args:
+        network: the host's session.
+        bus_key: the key at which nobody has answered.
+        endpoints: where the session is connected to.
+        security: its certificates, if any.
+        tried: how often a message was sent.
+    """
+    at = ", ".join(endpoints)
+    if not network.info.routers_zid():
+        return f"the link to {at} is lost; is the router or the board still running? (vbus ls)"
+    refused = ask_access(network, bus_key) if security is not None else ""
+    if refused:
+        return f"forbidden: {refused}"
+    chunks = bus_key.split("/")
+    board = chunks[1]
+    replies = network.liveliness().get(keys.owner(board, "*"), timeout=1.0)
+    if any(reply.ok is not None for reply in replies):
+        if _somebody_answers(network, bus_key):
+            times = "once" if tried == 1 else f"{tried} times"
+            return (
+                f'the board "{board}" is on the network of {at}, but messages to it, or its'
+                f" replies, are lost: one was sent {times} without a reply; is a fault of its link"
+                f" armed (vbus fault list {board}), or the network cut?"
+            )
+        if len(chunks) == 4:
+            return (
+                f'the board "{board}" has no chip "{chunks[2]}" on the network of {at}: nobody'
+                f" answers at the key {bus_key}; its link must reach that chip (vbus ls)"
+            )
+        return f'the board "{board}" on the network of {at} answers no more'
+    return (
+        f'no board called "{board}" is on the network of {at}: nobody answers at the key'
+        f" {bus_key}; is it running, and connected there? (vbus ls --zenoh {endpoints[0]})"
+    )
+
+
+def _somebody_answers(network: zenoh.Session, bus_key: str) -> bool:
+    """Whether somebody has taken the key, though not a message of ours."""
+    querier: Any = network.declare_querier(bus_key)
+    last = monotonic() + MATCH_SECONDS
+    try:
+        while not querier.matching_status.matching:
+            if monotonic() > last:
+                return False
+            sleep(PAUSE_SECONDS)
+        return True
+    finally:
+        querier.undeclare()
