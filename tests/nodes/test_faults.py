@@ -74,6 +74,17 @@ def test_links_and_chips_of_faults_are_those_of_their_node() -> None:
     assert len(build_nodes(file, source)[1].board.faults.all()) == 3
 
 
+def test_faults_of_messages_are_on_the_node_of_their_link() -> None:
+    text = BOARD.replace('"unix:$VBUS_RUNTIME/text.sock"\nprotocol = "text"', '"zenoh:"')
+    text += '[[faults]]\nfault = "message_lost"\ntarget = "host2"\nway = "reply"\nevery = 2\n'
+    file, source = read_board_text(text)
+    assert not part_of(file, "a").faults
+    first, second = build_nodes(file, source)
+    assert not first.board.faults.all()
+    [armed] = second.board.faults.all()
+    assert (armed.target, armed.values) == ("host1", {"way": "reply", "every": 2})
+
+
 def test_each_node_has_its_own_faults_whatever_nodes_are_called() -> None:
     text = BOARD.replace("[nodes.a]", "[nodes.left]").replace("[nodes.b]", "[nodes.right]")
     text = text.replace('node = "a"', 'node = "left"').replace('node = "b"', 'node = "right"')
@@ -90,6 +101,14 @@ def test_each_node_has_its_own_faults_whatever_nodes_are_called() -> None:
         ("jam", "", "faults[1].target: jam: say on which target; there are x, y"),
         ("jam", "z", 'faults[1].target: jam: there is no chip "z"; there are x, y'),
         ("link_dead", "host3", 'faults[1].target: there is no link "host3": count the [[hosts]]'),
+        (
+            "message_lost",
+            "host1",
+            "faults[1].target: message_lost: host1 (unix:$VBUS_RUNTIME/y.sock) is a stream of bytes"
+            ", in which nothing is lost or doubled by itself and nothing overtakes; it is for links"
+            ' of messages (transport = "zenoh:"), and a stream has answer_lost, answers_late and'
+            " link_dead",
+        ),
     ],
 )
 def test_a_target_that_is_on_no_node_is_named(fault: str, target: str, message: str) -> None:

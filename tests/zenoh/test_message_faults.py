@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import pytest
@@ -222,8 +222,8 @@ def test_a_link_that_is_cut_for_less_than_the_grace_goes_on_with_its_claim() -> 
 def test_hosts_that_were_cut_off_for_longer_are_gone_and_their_claims_free() -> None:
     link = "zenoh:bench/x?patience=60"
     with bench("realtime", grace_seconds=0.2) as (server, _), connect(link) as bus:
-        select = bus.claim()
-        select.__enter__()
+        claimed = ExitStack()
+        claimed.enter_context(bus.claim())
         arm("link_cut")
         until(lambda: not server.statistics()["links"][0]["sessions"], "the host is gone")
         clear()
@@ -231,6 +231,8 @@ def test_hosts_that_were_cut_off_for_longer_are_gone_and_their_claims_free() -> 
             other.read(0)
         with pytest.raises(TransportError, match=r"away for longer than 0.2 s; connect again"):
             bus.read(0)
+        with pytest.raises(TransportError, match="connect again"):
+            claimed.close()
 
 
 def test_faults_of_any_link_act_on_messages() -> None:

@@ -47,6 +47,38 @@ def test_a_mistake_is_told_with_its_line(text: str, message: str) -> None:
     assert "board.toml:" in str(error.value)
 
 
+HOSTS = '[[hosts]]\ntransport = "pty:x"\n[[hosts]]\ntransport = "zenoh:"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('"message_lost"', "faults[1].target: message_lost: host0 (pty:x) is a stream of bytes"),
+        ('"link_cut"\ntarget = "host0"', "link_cut: host0 (pty:x) is a stream of bytes"),
+        ('"half_answer"\ntarget = "host1"', "half_answer: host1 (zenoh:) carries messages"),
+        ('"message_lost"\nway = "there"', 'found "there"; allowed are "request", "reply"'),
+        ('"message_lost"\nevery = 0', "faults[1].every: found 0; out of range"),
+        ('"messages_reordered"\nevery = 2', "faults[1].every: unknown key"),
+        ('"messages_late"\nuntil = "once"', "messages_late lasts"),
+    ],
+)
+def test_a_fault_that_a_link_cannot_have_is_told_with_its_line(text: str, message: str) -> None:
+    with pytest.raises(BoardFileError) as error:
+        build(LM, DC, f"{HOSTS}[[faults]]\nfault = {text}\n")
+    assert message in str(error.value)
+    assert "board.toml:" in str(error.value)
+
+
+def test_a_link_has_the_faults_it_can_have() -> None:
+    names = ("messages_late", "message_lost", "message_doubled", "messages_reordered", "link_cut")
+    text = "".join(
+        f'[[faults]]\nfault = "{name}"\ntarget = "host{place}"\nwhen = "at 1 s"\n'
+        for place, own in enumerate((("half_answer", "link_dead"), (*names, "link_dead")))
+        for name in own
+    )
+    assert len(build(LM, DC, HOSTS + text).faults.all()) == 8
+
+
 def test_a_table_in_place_of_the_list_is_refused() -> None:
     with pytest.raises(BoardFileError, match="this is a list of tables"):
         build(LM, DC, '[faults]\nfault = "jam"\n')

@@ -5,6 +5,7 @@ import io
 from tests.unit.faults.bench import DC, LM, Lm, settle
 from vbus.board.build import load_board_text
 from vbus.kernel import MS
+from vbus.options import Value
 from vbus.tools.journal_lines import line
 from vbus.trace.findings.formats import text
 from vbus.trace.findings.report import Report
@@ -111,3 +112,58 @@ def test_a_report_shows_the_evidence() -> None:
     ]
     assert report.faults[0][0] == 2 * MS
     assert "fault: load_step x.1 at " in text(report)
+
+
+class Links:
+    """Two links of messages."""
+
+    def check(self, name: str, target: str) -> None:
+        assert target in ("host0", "host1")
+
+    def begin(
+        self, number: int, name: str, target: str, once: bool, values: dict[str, Value]
+    ) -> str:
+        return "so many sessions"
+
+    def end(self, number: int) -> None:
+        pass
+
+    def end_all(self) -> None:
+        pass
+
+
+def test_a_run_with_faults_of_messages_is_played_again_with_the_same_hash() -> None:
+    """Of the board file, at once and later, and by hand; for one message and for many."""
+    file = BOARD + (
+        '[[faults]]\nfault = "messages_late"\nuntil = "for 4 ms"\n'
+        '[[faults]]\nfault = "message_doubled"\nwhen = "rate 2 kHz"\nuntil = "for 9 ms"\n'
+        '[[faults]]\nfault = "link_cut"\ntarget = "host1"\nwhen = "at 6 ms"\nuntil = "for 1 ms"\n'
+    )
+    board = load_board_text(file)
+    board.start_trace()
+    written = io.BytesIO()
+    journal = Journal(board, written, file)
+    board.faults.links = Links()
+    host = Lm(board)
+    host.spin()
+    lost = board.faults.arm("message_lost", when="cycle 3", until="cleared", every=3, way="reply")
+    board.faults.arm("messages_reordered", "host1")
+    for _ in range(3):
+        host.status()
+    settle(board, 10)
+    board.faults.clear(lost)
+    host.port.close()
+    journal.close()
+    entries = list(JournalReader(io.BytesIO(written.getvalue())))
+    again = load_board_text(file)
+    again.start_trace()
+    outcome = Replay(again, entries, {"x": "lm628"}).run()
+    assert outcome.divergence is None
+    assert outcome.ended
+    told = [(one.name, one.what, one.text) for one in board.faults.log if one.what != "failed"]
+    assert ("message_lost", "begun", "one of 3 replies") in told
+    assert ("messages_late", "ended", "") in told
+    assert ("link_cut", "ended", "") in told
+    assert sum(name == "message_doubled" for name, *_ in told) > 5
+    assert [str(one) for one in again.faults.log] == [str(one) for one in board.faults.log]
+    assert again.trace_hash() == board.trace_hash()
