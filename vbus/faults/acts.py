@@ -89,7 +89,7 @@ class Acts:
             return self.axis(armed.target).begin(armed.number, armed.name, armed.values)
         if fault.target == LINK:
             if self.links is None:
-                raise ValueError("no link is served: this board runs without a server")
+                raise ValueError("no link is served: this board has no server, or none yet")
             text = self.links.begin(
                 armed.number, armed.name, armed.target, armed.single, armed.values
             )

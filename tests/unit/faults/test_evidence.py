@@ -146,6 +146,7 @@ def test_a_run_with_faults_of_messages_is_played_again_with_the_same_hash() -> N
     board.faults.links = Links()
     host = Lm(board)
     host.spin()
+    settle(board, 8)
     lost = board.faults.arm("message_lost", when="cycle 3", until="cleared", every=3, way="reply")
     board.faults.arm("messages_reordered", "host1")
     for _ in range(3):
