@@ -287,7 +287,7 @@ def test_a_link_fault_without_a_server_fails_and_says_so() -> None:
     board = build()
     fault = board.faults.arm("link_closed")
     assert fault in board.faults.unfired()
-    assert board.faults.log[-1].text == "no link is served: this board runs without a server"
+    assert board.faults.log[-1].text == "no link is served: this board has no server, or none yet"
 
 
 def test_a_command_to_the_only_chip_begins_a_fault_of_a_link() -> None:
