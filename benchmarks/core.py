@@ -24,7 +24,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from in_process import CHIPS, board, moving_lm629, moving_mc1241a, moving_mcp1200
+from in_process import CHIPS, board, moving_lm629, moving_mc1241a, moving_mcp1200, strobed_reads
 
 from vbus.bits import clamp
 from vbus.board.build import load_board_text
@@ -33,7 +33,6 @@ from vbus.compiled import core, is_compiled
 from vbus.kernel import SECOND
 from vbus.plant.dc_motor import DcMotor
 from vbus.protocols.byte import ByteProtocol
-from vbus.protocols.requests import REQUESTS
 from vbus.signals import Observer
 
 STEP = Path(__file__).with_name("lm629_step.c")
@@ -258,28 +257,9 @@ def interpreted_bus_cycle(chip: str) -> float:
 
 
 def pin_read(policy: str) -> float:
-    """Return nanoseconds for a status read by strobes, each with its own instant.
-
-    As a host sends it: LINES, DELAY and SAMPLE of the byte protocol, many in one message.
-    """
+    """Return nanoseconds for a status read by strobes, many in one message."""
     made = board("LM629", violations=policy)
-    port = made.open_port("bench")
-    names = port.info().lines
-    select, strobe = (1 << names.index(f"x.{name}") for name in ("/CS", "/RD"))
-    every = (1 << len(names)) - 1
-    port.lines(every, every & ~(1 << names.index("x./PS")))
-    wire = ByteProtocol(port)
-
-    def delay(ps: int) -> bytes:
-        return REQUESTS["DELAY"].pack(ps)
-
-    def lines(mask: int, levels: int) -> bytes:
-        return REQUESTS["LINES"].pack(mask, levels)
-
-    request = BATCH * (
-        delay(500_000) + lines(select, 0) + delay(100_000) + lines(strobe, 0) + delay(200_000)
-        + REQUESTS["SAMPLE"].pack() + lines(strobe, strobe) + delay(100_000) + lines(select, select)
-    )  # fmt: skip
+    wire, request = strobed_reads(made.open_port("bench"), BATCH)
 
     def batch() -> None:
         wire.receive(request)

@@ -15,8 +15,10 @@ from pathlib import Path
 
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
+from vbus.board.host_bus import HostBus
 from vbus.kernel import SECOND
 from vbus.protocols.byte import ByteProtocol
+from vbus.protocols.requests import REQUESTS
 
 ROUNDS = 7
 
@@ -62,6 +64,28 @@ def command(port: object, code: int, *words: int) -> None:
             pass
         port.write(1, word >> 8)  # type: ignore[attr-defined]
         port.write(1, word & 0xFF)  # type: ignore[attr-defined]
+
+
+def strobed_reads(port: HostBus, count: int) -> tuple[ByteProtocol, bytes]:
+    """Return an LM629's protocol, and a message of status reads by strobes.
+
+    As a host sends it: LINES, DELAY and SAMPLE of the byte protocol, each with its own instant.
+    """
+    names = port.info().lines
+    select, strobe = (1 << names.index(f"x.{name}") for name in ("/CS", "/RD"))
+    every = (1 << len(names)) - 1
+    port.lines(every, every & ~(1 << names.index("x./PS")))
+
+    def delay(ps: int) -> bytes:
+        return REQUESTS["DELAY"].pack(ps)
+
+    def lines(mask: int, levels: int) -> bytes:
+        return REQUESTS["LINES"].pack(mask, levels)
+
+    return ByteProtocol(port), count * (
+        delay(500_000) + lines(select, 0) + delay(100_000) + lines(strobe, 0) + delay(200_000)
+        + REQUESTS["SAMPLE"].pack() + lines(strobe, strobe) + delay(100_000) + lines(select, select)
+    )  # fmt: skip
 
 
 def start_lm629(port: object, kp: int, kd: int, acc: int, vel: int) -> None:

@@ -15,15 +15,17 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
-from benchmarks.in_process import CHIPS, board, command
+from benchmarks.in_process import CHIPS, board, command, strobed_reads
 from vbus.board.host_bus import HostBus
 from vbus.protocols.byte import ByteProtocol
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.replay import Replay
+from vbus.trace.wave.wave import Wave
 
 CYCLES = 40_000
 ROUNDS = 9
+BATCH = 64
 ORDER = [Random(number).randrange(0x40) for number in range(CYCLES)]
 
 
@@ -115,6 +117,59 @@ def replayed(chip: str, work: object) -> None:
     )
 
 
+def strobed(file: BinaryIO | None) -> float:
+    """Return ns for a status read by strobes, which a host sends as LINES, DELAY and SAMPLE."""
+    made = board("LM629")
+    journal = Journal(made, file) if file is not None else None
+    wire, request = strobed_reads(made.open_port("bench"), BATCH)
+    start = time.perf_counter_ns()
+    for _ in range(CYCLES // 10 // BATCH):
+        wire.receive(request)
+        wire.take()
+    if journal is not None:
+        journal.flush()
+    return (time.perf_counter_ns() - start) / (CYCLES // 10 // BATCH * BATCH)
+
+
+def compare_strobed(folder: Path) -> None:
+    """Print what a journal costs a host that moves the lines itself."""
+    plain, recorded = [], []
+    for _ in range(ROUNDS):
+        plain.append(strobed(None))
+        with io.FileIO(folder / "run.vbj", "w") as file:
+            recorded.append(strobed(file))  # type: ignore[arg-type]
+    without, with_journal = statistics.median(plain), statistics.median(recorded)
+    print(
+        f"LM629     strobes {without:6.0f} ns without, {with_journal:6.0f} ns with a journal:"
+        f" {with_journal / without:4.2f} x   goal <= 1.5 x"
+    )
+
+
+def waved(chip: str, work: object, folder: Path) -> None:
+    """Print what a waveform of a journal costs, playing it again included."""
+    file = io.BytesIO()
+    made = board(chip)
+    journal = Journal(made, file)
+    work(made.open_port("bench"), CHIPS[chip][2])  # type: ignore[operator]
+    journal.close()
+    costs = []
+    for _ in range(ROUNDS // 3):
+        file.seek(0)
+        reader = JournalReader(file)
+        again = board(chip)
+        with (folder / "run.vcd").open("w") as text:
+            wave = Wave(again, text)
+            start = time.perf_counter_ns()
+            wave.start()
+            outcome = Replay(again, reader, reader.header.families).run()
+            wave.stop()
+            costs.append((time.perf_counter_ns() - start) / outcome.cycles)
+    print(
+        f"{chip:9} {work.__name__:7} {statistics.median(costs) / 1000:5.1f} us a cycle as a"  # type: ignore[attr-defined]
+        f" waveform, {wave.changes / outcome.cycles:.1f} changes   goal <= 5 us"
+    )
+
+
 def messages(folder: Path, durable: str) -> float:
     """Return ns for a message of one read, with the journal settled as ``durable`` says."""
     made = board("LM629")
@@ -147,6 +202,9 @@ def main() -> None:
             compare(chip, polls, Path(folder))
         compare("LM629", moves, Path(folder))
         compare("MCP-1200", scatter, Path(folder))
+        compare_strobed(Path(folder))
+        waved("LM629", polls, Path(folder))
+        waved("LM629", moves, Path(folder))
     for chip in CHIPS:
         replayed(chip, polls)
     replayed("LM629", moves)

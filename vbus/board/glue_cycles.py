@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 from typing import ClassVar
 
+from mypy_extensions import i64
+
 from vbus.board import plugins
 from vbus.chips.base import Chip
 from vbus.glue.part import Glue
@@ -118,13 +120,11 @@ class GlueCycles:
         found: list[tuple[str, Cycle]] = []
         for row in self.rows:
             before, row.levels = row.levels, row.look()
-            if before == row.levels:
+            if before == row.levels or not row.busy(before):
                 continue
             if by is None and not row.remembers:
                 continue
-            data = row.chip.bus_net.before
-            cycles = row.watch.edges(now, before, row.levels, data, data)
-            found += [(row.chip.name, cycle) for cycle in cycles]
+            found += row.ended(now, before, row.chip.bus_net.before)
         if by is not None and found:
             by.tell_together(now, found)
 
@@ -139,9 +139,11 @@ class BusLines:
         self.watch: BusWatch = watch
         self.remembers: bool = bool(watch.save())
         """Whether earlier edges decide about cycles to come: a latched address, say."""
-        self.levels: tuple[int, ...] = ()
+        self.levels: i64 = 0
         self.data: int = 0
         self._nets: list[Net] = []
+        self._levels_of: dict[int, tuple[int, ...]] = {}
+        self._busy: dict[int, bool] = {}
 
     @property
     def nets(self) -> list[Net]:
@@ -150,6 +152,35 @@ class BusLines:
             self._nets = [self.chip.pins[name].net for name in self.watch.PINS]
         return self._nets
 
-    def look(self) -> tuple[int, ...]:
-        """Return the levels of the control lines."""
-        return tuple([net.value for net in self.nets])
+    def look(self) -> i64:
+        """Return the levels of the control lines, a bit each."""
+        levels: i64 = 0
+        for net in self.nets:
+            levels = levels << 1 | net.value
+        return levels
+
+    def busy(self, levels: i64) -> bool:
+        """Whether it is worth following how the lines move from these levels."""
+        known = self._busy.get(levels)
+        if known is None:
+            known = self._busy[levels] = self.watch.busy(self._tuple(levels))
+        return known
+
+    def ended(self, now: int, before: i64, data: int) -> list[tuple[str, Cycle]]:
+        """Return the cycles that end as lines move to where they are now, with the chip's name.
+
+        Args:
+            now: instant (ps).
+            before: levels they moved from.
+            data: what stood on the data bus.
+        """
+        moved = self._tuple(before), self._tuple(self.levels)
+        cycles = self.watch.edges(now, *moved, data, data)
+        return [(self.chip.name, cycle) for cycle in cycles]
+
+    def _tuple(self, levels: i64) -> tuple[int, ...]:
+        known = self._levels_of.get(levels)
+        if known is None:
+            places = range(len(self.nets) - 1, -1, -1)
+            known = self._levels_of[levels] = tuple([levels >> place & 1 for place in places])
+        return known

@@ -82,12 +82,17 @@ class StrobeWatch(CycleTeller):
         now = self._board.now
         found: list[tuple[str, Cycle]] = []
         for row in self._rows:
-            levels = row.look()
-            if levels == row.levels:
+            before = row.levels
+            if not row.busy(before):
                 continue
-            cycles = row.watch.edges(now, row.levels, levels, row.data, row.data)
-            found += [(row.chip.name, cycle) for cycle in cycles]
-        self.tell_together(now, found)
+            row.levels = row.look()
+            if row.levels != before:
+                found += row.ended(now, before, row.data)
+        if len(found) == 1:
+            ((name, cycle),) = found
+            self.tell(now, name, cycle.write, cycle.address, cycle.data)
+        elif found:
+            self.tell_together(now, found)
 
     @property
     def watches(self) -> list[BusWatch]:

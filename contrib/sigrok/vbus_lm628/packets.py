@@ -8,7 +8,7 @@ may need more than the standard library and the tables.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from .tables import Command, CommandTable, Register, RegisterMap
 
@@ -38,8 +38,7 @@ class NamedBit(Protocol):
         """Its name."""
 
 
-@dataclass(frozen=True, slots=True)
-class Cycle:
+class Cycle(NamedTuple):
     """One bus cycle.
 
     Attributes:

@@ -56,6 +56,10 @@ class BusWatch:
         """Tell whether no cycle is under way."""
         raise NotImplementedError
 
+    def busy(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether lines may move from these levels so that :meth:`edges` has work to do."""
+        return True
+
     def save(self) -> tuple[int, ...]:
         """Return what is remembered of earlier edges, beside the last levels."""
         return ()
@@ -92,3 +96,7 @@ class StrobedBus(BusWatch):
     def idle(self, levels: tuple[int, ...]) -> bool:
         """Tell whether the select, or both strobes, are high."""
         return bool(levels[0] or (levels[2] and levels[3]))
+
+    def busy(self, levels: tuple[int, ...]) -> bool:
+        """Tell whether a cycle is under way: without one none can end."""
+        return not self.idle(levels)

@@ -16,6 +16,7 @@ from vbus.board.build import load_board_text
 from vbus.kernel import MS
 from vbus.protocols.port import PortError
 from vbus.trace.journal.format import (
+    CODE,
     MAGIC,
     MAGICS,
     OPERATIONS,
@@ -30,7 +31,7 @@ from vbus.trace.journal.format import (
 )
 from vbus.trace.journal.journal import Journal, version_of
 from vbus.trace.journal.replay import Replay
-from vbus.trace.journal.rows import JournalRows
+from vbus.trace.journal.rows import FLAG, NO_REPLY, NUMBER, PAIR, JournalRows
 
 TWO = (
     LM629
@@ -49,7 +50,7 @@ def test_the_header_names_board_file_versions_seed_and_hash(moved: bytes) -> Non
     assert header.file == "board.toml"
     assert header.text == LM629
     assert header.digest == hashlib.sha256(LM629.encode()).hexdigest()
-    assert (header.seed, header.policy, header.format) == (0, "lockstep", 2)
+    assert (header.seed, header.policy, header.format) == (0, "lockstep", 3)
     assert header.families == {"x": "lm628"}
     assert header.vbus == vbus.__version__
     assert header.python == platform.python_version()
@@ -197,12 +198,12 @@ def test_a_missing_block_is_noticed() -> None:
 
 
 def test_a_file_of_another_kind_or_version_is_refused() -> None:
-    with pytest.raises(JournalError, match="no journal of version 1 to 2"):
+    with pytest.raises(JournalError, match="no journal of version 1 to 3"):
         JournalReader(io.BytesIO(b"$date today $end"))
     with pytest.raises(JournalError, match="the header of another version"):
         JournalReader(io.BytesIO(MAGIC + block({"new": 1})))
-    header = Header("b", "", "", "", 0, "lockstep", vbus="9.0", format=3)
-    with pytest.raises(JournalError, match=r"of format 3, written by vbus 9\.0; this vbus reads"):
+    header = Header("b", "", "", "", 0, "lockstep", vbus="9.0", format=4)
+    with pytest.raises(JournalError, match=r"of format 4, written by vbus 9\.0; this vbus reads"):
         JournalReader(io.BytesIO(header_block(header)))
 
 
@@ -376,6 +377,77 @@ def test_a_journal_of_the_first_version_is_still_read(moved: bytes) -> None:
         read(MAGIC + old[len(MAGIC) :])
 
 
+def test_a_journal_of_the_second_version_is_still_read(moved: bytes) -> None:
+    header = replace(read(moved)[0], format=2)
+    old = MAGICS[1] + block(asdict(header)) + rows_block(0, b"\xc0\0\0\x84\x80\2", [0, 0x84, 7, 2])
+    assert tell(read(old)[1]) == [
+        (number, 7 + 2 * number, 9 + 2 * number, 0, "read", (0,), 0x84) for number in range(4)
+    ]
+
+
+def test_calls_like_those_before_are_a_word_each() -> None:
+    rows = JournalRows(lambda: None)
+    lines, delay, sample = (CODE[name] for name in ("lines", "delay", "sample"))
+    for turn in range(3):
+        now = 100 * turn
+        rows.call(lines, 2, 3, 1, 0, 0, now, now)
+        rows.call(delay, 1 | FLAG << 2, 60, 0, 1, 0, now, now + 60)
+        rows.call(sample, PAIR << 2, 0, 0, 0x84 + turn // 2, 7, now + 60, now + 60)
+        rows.call(delay, 1 | FLAG << 2, 40, 0, 1, 0, now + 60, now + 100)
+    assert rows.pending == 12
+    words, others = rows.take()
+    assert words == bytes.fromhex("C000 C000 C000 C000 C001 C002 C003 C004 C001 C002 C000 C004")
+    assert others == [
+        lines, [[3, 1], None, 0, -1], 0, 0, delay, [[60], True, 0, -1], 0, 60,
+        sample, [[], (0x84, 7), 0, -1], 0, 0, delay, [[40], True, 0, -1], 0, 40,
+        sample, [[], (0x85, 7), 0, -1], 0, 0,
+    ]  # fmt: skip
+    # Each block stands for itself.
+    rows.call(lines, 2, 3, 1, 0, 0, 300, 300)
+    assert rows.take() == (bytes.fromhex("C000"), [lines, [[3, 1], None, 0, -1], 0, 0])
+
+
+def test_a_call_of_another_length_or_after_a_pause_is_another() -> None:
+    rows = JournalRows(lambda: None)
+    delay = CODE["delay"]
+    for when, after in ((0, 60), (60, 120), (130, 190), (190, 250)):
+        rows.call(delay, 1 | FLAG << 2, 60, 0, 1, 0, when, after)
+    rows.call(delay + 32, 1 | FLAG << 2, 60, 0, 1, 0, 250, 310)
+    rows.call(delay, 1 | NUMBER << 2, 60, 0, 1, 0, 310, 370)
+    words, others = rows.take()
+    assert words == bytes.fromhex("C000 C001 C000 C001 C000 C000")
+    assert others[4:8] == [delay, [[60], True, 0, -1], 10, 60]
+    assert others[8] == delay + 32
+    assert others[13] == [[60], 1, 0, -1]
+
+
+def test_strobed_cycles_have_the_names_of_their_chips() -> None:
+    rows = JournalRows(lambda: None)
+    key = 32 + CODE["cycle"]
+    for turn in range(2):
+        rows.strobed(key, "x", False, 0, 0x84, turn, turn)
+        rows.strobed(key, "x+y", True, 0x1234, 0x0A, turn, turn)
+    words, others = rows.take()
+    assert words == bytes.fromhex("C000 C000 C000 C002")
+    assert others[:8] == [
+        key, [["x", False, 0, 0x84], None, 0, -1], 0, 0,
+        key, [["x+y", True, 0x1234, 0x0A], None, 0, -1], 0, 0,
+    ]  # fmt: skip
+    assert others[8:] == [key, [["x", False, 0, 0x84], None, 0, -1], 1, 0]
+
+
+def test_a_call_between_cycles_stands_between_them() -> None:
+    rows = JournalRows(lambda: None)
+    lines = CODE["lines"]
+    for turn in range(2):
+        now = 10 * turn
+        rows.cycle(0, 0x84, now, now + 2)
+        rows.cycle(0, 0x84, now + 2, now + 4)
+        rows.call(lines, 2, 3, 1, 0, 0, now + 4, now + 10)
+    words, _ = rows.take()
+    assert words == bytes.fromhex("C000 8001 C000 8002 C002")
+
+
 @pytest.mark.parametrize(
     ("words", "others", "why"),
     [
@@ -384,6 +456,8 @@ def test_a_journal_of_the_first_version_is_still_read(moved: bytes) -> None:
         ("C000 C000", [0, 0x84, 0, 1], "entry 1: an entry is missing"),
         ("C000", [0, 0x84, 0, 1, 0, 0x84, 0, 1], "entry 1: an entry is left over"),
         ("C000 80", [0, 0x84, 0, 1], "entry 0: "),
+        ("C001", [], "entry 0: an entry comes once more that has not been"),
+        ("C000 C002", [0, 0x84, 0, 1], "entry 1: an entry comes once more that has not been"),
         ("C000", [0, 0x84, 0], "entry 0: "),
     ],
 )
@@ -406,7 +480,20 @@ CYCLES = st.tuples(
 )
 
 
-@given(st.lists(st.one_of(CYCLES, st.integers(0, 9)), max_size=40), st.integers(1, 50))
+FORMS: dict[str, tuple[int, int]] = {
+    "lines": (2, NO_REPLY), "delay": (1, FLAG), "getpin": (1, NUMBER), "sample": (0, PAIR)
+}  # fmt: skip
+CALLS = st.tuples(
+    st.sampled_from([*FORMS]),
+    st.integers(0, 1),
+    st.integers(0, 2),
+    st.integers(0, 1),
+    st.sampled_from([0, 0, 5]),
+    st.sampled_from([0, 60]),
+)
+
+
+@given(st.lists(st.one_of(CYCLES, CALLS, st.integers(0, 9)), max_size=60), st.integers(1, 50))
 def test_what_goes_into_the_rows_comes_out_of_the_file(
     moved: bytes, script: list[Any], every: int
 ) -> None:
@@ -422,6 +509,19 @@ def test_what_goes_into_the_rows_comes_out_of_the_file(
             written += count
 
     for step in script:
+        if isinstance(step, tuple) and step[0] in FORMS:
+            name, session, first, second, gap, span = step
+            count, kind = FORMS[name]
+            when, now = now + gap, now + gap + span
+            reply = 1 if kind == FLAG else second
+            key, form = session * 32 + CODE[name], count | kind << 2
+            rows.call(key, form, first, second, reply, first, when, now)
+            answer = {NO_REPLY: None, FLAG: True, NUMBER: second, PAIR: (second, first)}[kind]
+            args = (first, second)[:count]
+            expected.append((len(expected), when, now, session, name, args, answer))
+            if len(expected) % every == 0:
+                flush()
+            continue
         session, address, write, byte, gap, span, times = (
             (0, 0, False, 0, 0, 0, 0) if isinstance(step, int) else step
         )

@@ -9,14 +9,16 @@ plus 256 for a write, plus the byte. It is of the same session as the cycle befo
 entry before ended, and takes as long as the cycle before. 8000h plus a number is that cycle again,
 so many times more. C000h is the next of the other entries, each of which is four values in a row:
 key (32 times the session's number, plus the operation), value, start counted from the end of the
-entry before, and what it took, both in ps. The first cycle of a block is among them.
+entry before, and what it took, both in ps. The first cycle of a block is among them. C001h plus a
+number is one of the other entries that have been, counted from 0, once more; it is no bus cycle.
 
 A jump is a block with one entry, and is none of those that are counted: the board went back. Of the
 entries before it the first so many stay, and what follows begins there: its first number is theirs,
 its first instant counts from the instant gone to. What was undone stays in the file; what is read
 is the course that holds.
 
-Version 1, which is still read, had four columns in place of the words: keys, values, starts, times.
+Versions 1 and 2 are still read: 2 has no words above C000h, 1 had four columns in place of the
+words: keys, values, starts, times.
 """
 
 import zlib
@@ -35,9 +37,9 @@ from vbus.kernel import END, NEVER
 from vbus.trace.journal.rows import AGAIN, FULL, OTHER
 from vbus.trace.journal.shapes import checked
 
-FORMAT: Final = 2
-MAGIC: Final = b"vbus journal 2\n"
-MAGICS: Final = (b"vbus journal 1\n", MAGIC)
+FORMAT: Final = 3
+MAGIC: Final = b"vbus journal 3\n"
+MAGICS: Final = (b"vbus journal 1\n", b"vbus journal 2\n", MAGIC)
 """How the files begin that are read here, by version."""
 LARGEST: Final = 1 << 26
 """Bytes beyond which a block's length, packed or unpacked, is taken for damage."""
@@ -187,6 +189,7 @@ def _rows(words: bytes, others: list[Any]) -> Iterator[tuple[Row, int]]:
     """
     rest = iter(zip(others[0::4], others[1::4], others[2::4], others[3::4], strict=True))
     last: Row | None = None
+    had: list[Row] = []
     for (word,) in iter_unpack(">H", words):
         if word == OTHER:
             row = next(rest, None)
@@ -194,7 +197,13 @@ def _rows(words: bytes, others: list[Any]) -> Iterator[tuple[Row, int]]:
                 raise ValueError("an entry is missing")
             if row[0] % PORTS in (READ, WRITE) and isinstance(row[1], int):
                 last = (row[0], row[1], 0, row[3])
+            had.append(row)
             yield row, 1
+            continue
+        if word > OTHER:
+            if word - OTHER > len(had):
+                raise ValueError("an entry comes once more that has not been")
+            yield had[word - OTHER - 1], 1
             continue
         if last is None:
             raise ValueError("the first cycle is missing")

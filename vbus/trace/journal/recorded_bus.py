@@ -1,7 +1,7 @@
 """A host's port that writes down every call made on it."""
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from mypy_extensions import i64
 
@@ -11,9 +11,18 @@ from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
 from vbus.protocols.port import PortError
 from vbus.trace.journal.format import CODE, PORTS
-from vbus.trace.journal.rows import JournalRows
+from vbus.trace.journal.rows import FLAG, LARGEST, NUMBER, PAIR, JournalRows
 
 T = TypeVar("T")
+
+LINES: Final = CODE["lines"]
+DRIVE: Final = CODE["drive"]
+RELEASE: Final = CODE["release"]
+SAMPLE: Final = CODE["sample"]
+PIN: Final = CODE["pin"]
+GETPIN: Final = CODE["getpin"]
+DELAY: Final = CODE["delay"]
+CYCLE: Final = CODE["cycle"]
 
 
 class RecordedBus(HostBus):
@@ -116,7 +125,19 @@ class RecordedBus(HostBus):
 
     def delay(self, duration: int) -> bool:
         """Let time pass for this host."""
-        return self._called("delay", [duration], HostBus.delay, may_wait=True)
+        when = self._kernel.now
+        if duration >= LARGEST:
+            return self._called("delay", [duration], HostBus.delay, may_wait=True)
+        try:
+            passed = HostBus.delay(self, duration)
+        except PortError as error:
+            self._note(when, "delay", [duration], None, error.code)
+            raise
+        if passed:
+            self._done(DELAY, 1 | FLAG << 2, duration, 0, 1, 0, when)
+        else:
+            self._note(when, "delay", [duration], False, 0, self.board.limit)
+        return passed
 
     def at(self, when: int) -> None:
         """Set the host's own clock."""
@@ -132,30 +153,76 @@ class RecordedBus(HostBus):
 
     def lines(self, mask: int, levels: int) -> None:
         """Put control lines to levels."""
-        self._called("lines", [mask, levels], HostBus.lines)
+        when = self._kernel.now
+        try:
+            HostBus.lines(self, mask, levels)
+        except PortError as error:
+            self._note(when, "lines", [mask, levels], None, error.code)
+            raise
+        self._done(LINES, 2, mask, levels, 0, 0, when)
 
     def _strobed(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
-        self._note(when, "cycle", [chip, write, address, data], None)
+        key = self._session << 5 | CYCLE
+        self._rows.strobed(key, chip, write, address, data, when, self._kernel.now)
 
     def drive(self, data: int) -> None:
         """Drive D0-D7."""
-        self._called("drive", [data], HostBus.drive)
+        when = self._kernel.now
+        try:
+            HostBus.drive(self, data)
+        except PortError as error:
+            self._note(when, "drive", [data], None, error.code)
+            raise
+        self._done(DRIVE, 1, data, 0, 0, 0, when)
 
     def release(self) -> None:
         """Let D0-D7 float."""
-        self._called("release", [], HostBus.release)
+        when = self._kernel.now
+        try:
+            HostBus.release(self)
+        except PortError as error:
+            self._note(when, "release", [], None, error.code)
+            raise
+        self._done(RELEASE, 0, 0, 0, 0, 0, when)
 
     def sample(self) -> tuple[int, int]:
         """Return D0-D7 as they stand, and all output lines."""
-        return self._called("sample", [], HostBus.sample)
+        when = self._kernel.now
+        try:
+            data, outputs = HostBus.sample(self)
+        except PortError as error:
+            self._note(when, "sample", [], None, error.code)
+            raise
+        self._done(SAMPLE, PAIR << 2, 0, 0, data, outputs, when)
+        return data, outputs
 
     def pin(self, number: int, level: int) -> None:
         """Drive a side pin."""
-        self._called("pin", [number, level], HostBus.pin)
+        when = self._kernel.now
+        try:
+            HostBus.pin(self, number, level)
+        except PortError as error:
+            self._note(when, "pin", [number, level], None, error.code)
+            raise
+        self._done(PIN, 2, number, level, 0, 0, when)
 
     def getpin(self, number: int) -> int:
         """Return the level of a side pin."""
-        return self._called("getpin", [number], HostBus.getpin)
+        when = self._kernel.now
+        try:
+            level = HostBus.getpin(self, number)
+        except PortError as error:
+            self._note(when, "getpin", [number], None, error.code)
+            raise
+        self._done(GETPIN, 1 | NUMBER << 2, number, 0, level, 0, when)
+        return level
+
+    def _done(
+        self, code: i64, form: i64, first: i64, second: i64, reply: i64, more: i64, when: i64
+    ) -> None:
+        """Write an answered call down; it may be like one before."""
+        key = self._session << 5 | code
+        self._rows.call(key, form, first, second, reply, more, when, self._kernel.now)
 
     def events(self, mask: int) -> None:
         """Report edges of these output lines from now on."""

@@ -2,6 +2,9 @@
 
 A driver's cycles mostly follow each other: the same session, each from the end of the one before,
 each taking as long. Such a cycle is one word, and the same one again is only counted.
+
+A driver that moves lines makes the same calls for each cycle, in the same order. A call like one
+before is one word, too, and after the same one mostly the same follows: that is tried first.
 """
 
 from collections.abc import Callable
@@ -15,7 +18,54 @@ FULL: Final = 4096
 AGAIN: Final = 0x8000
 """A word of this and a number below 4000h: the cycle before so many times more."""
 OTHER: Final = 0xC000
-"""This word: the next entry is one of those beside the words."""
+"""This word: the next entry is one of those beside the words. More than this by 1, 2 and so on: the
+first, the second and so on of those beside the words, once more."""
+
+NO_REPLY: Final = 0
+FLAG: Final = 1
+"""The reply is true or false."""
+NUMBER: Final = 2
+PAIR: Final = 3
+"""The reply is two numbers."""
+STROBED: Final = 3
+"""In place of a number of arguments: a bus cycle that strobes have made. The first number is twice
+that of the chips' names, plus 1 for a write; the second 256 times the address, plus the byte."""
+LARGEST: Final = 1 << 62
+"""Numbers in a call are below this."""
+
+
+class Call:
+    """A call that is among the entries beside the words of this block.
+
+    Args:
+        place: the word that stands for it once more.
+        key: 32 times the session's number, plus the operation.
+        form: how many arguments it has (or :data:`STROBED`), plus 4 times the kind of its reply.
+        first: argument.
+        second: argument.
+        reply: or the first number of one that has two.
+        more: the second.
+        start: counted from the end of the entry before (ps).
+        span: what it took (ps).
+
+    Attributes:
+        following: the call that came after it the last time.
+    """
+
+    def __init__(
+        self, place: i64, key: i64, form: i64, first: i64, second: i64, reply: i64, more: i64,
+        start: i64, span: i64,
+    ) -> None:  # fmt: skip
+        self.place: i64 = place
+        self.key: i64 = key
+        self.form: i64 = form
+        self.first: i64 = first
+        self.second: i64 = second
+        self.reply: i64 = reply
+        self.more: i64 = more
+        self.start: i64 = start
+        self.span: i64 = span
+        self.following: Call | None = None
 
 
 class JournalRows:
@@ -39,6 +89,26 @@ class JournalRows:
         self._span: i64 = -1
         self._word: i64 = 0
         self._again: i64 = 0
+        self._calls: dict[tuple[int, ...], Call] = {}
+        self._latest: Call | None = None
+        self._names: dict[str, int] = {}
+
+    def strobed(
+        self, key: i64, chips: str, write: bool, address: i64, data: i64, when: i64, after: i64
+    ) -> None:
+        """Take a bus cycle that strobes have made.
+
+        Args:
+            key: 32 times the session's number, plus the operation.
+            chips: their names.
+            write: whether the host wrote.
+            address: 0 up.
+            data: the byte.
+            when: instant (ps).
+            after: instant that it is now (ps).
+        """
+        name = self._names.setdefault(chips, len(self._names))
+        self.call(key, STROBED, name << 1 | write, address << 8 | data, 0, 0, when, after)
 
     def cycle(self, session: i64, word: i64, when: i64, after: i64) -> None:
         """Take a bus cycle.
@@ -71,6 +141,75 @@ class JournalRows:
         self.pending += 1
         if self.pending >= FULL:
             self.full()
+
+    def call(
+        self, key: i64, form: i64, first: i64, second: i64, reply: i64, more: i64, when: i64,
+        after: i64,
+    ) -> None:  # fmt: skip
+        """Take a call that was answered; see :class:`Call`.
+
+        Args:
+            key: 32 times the session's number, plus the operation.
+            form: how many arguments it has, plus 4 times the kind of its reply.
+            first: argument.
+            second: argument.
+            reply: or the first number of one that has two.
+            more: the second.
+            when: instant of the call (ps).
+            after: instant of its end (ps).
+        """
+        start, span = when - self._end, after - when
+        latest = self._latest
+        known = latest.following if latest is not None else None
+        if (
+            known is None or known.key != key or known.form != form or known.first != first
+            or known.second != second or known.reply != reply or known.more != more
+            or known.start != start or known.span != span
+        ):  # fmt: skip
+            known = self._find(key, form, first, second, reply, more, start, span)
+            if latest is not None:
+                latest.following = known
+        else:
+            if self._again != 0:
+                self._put_again()
+            self._put(known.place)
+        self._latest = known
+        self._end = after
+        self.pending += 1
+        if self.pending >= FULL:
+            self.full()
+
+    def _find(
+        self, key: i64, form: i64, first: i64, second: i64, reply: i64, more: i64, start: i64,
+        span: i64,
+    ) -> Call:  # fmt: skip
+        """Write a call down in full, or once more; return it."""
+        names = (key, form, first, second, reply, more, start, span)
+        known = self._calls.get(names)
+        if known is not None:
+            if self._again != 0:
+                self._put_again()
+            self._put(known.place)
+            return known
+        place: i64 = OTHER + 1 + len(self._others) // 4
+        arguments: list[Any] = [first, second][: form & 3]
+        if form & 3 == STROBED:
+            chips = [*self._names][first >> 1]
+            arguments = [chips, first & 1 != 0, second >> 8, second & 0xFF]
+        kind = form >> 2
+        answer: Any = None
+        if kind == FLAG:
+            answer = reply != 0
+        elif kind == NUMBER:
+            answer = reply
+        elif kind == PAIR:
+            answer = (reply, more)
+        self._put_other(
+            key, [arguments, answer, 0, -1], self._end + start, self._end + start + span
+        )
+        known = Call(place, key, form, first, second, reply, more, start, span)
+        self._calls[names] = known
+        return known
 
     def _put_cycle(self, session: i64, word: i64, when: i64, after: i64) -> None:
         value = word >> 9 << 8 | word & 0xFF
@@ -118,6 +257,8 @@ class JournalRows:
         self._others = []
         self.pending = 0
         self._half = -1
+        self._calls = {}
+        self._latest = None
         # A block stands for itself: its first cycle is written in full.
         self._session = -1
         return words, others

@@ -1,7 +1,10 @@
-"""A VCD file in one of two profiles, written by pyvcd. Time scale 100 ps."""
+"""A VCD file in one of two profiles: its head by pyvcd, its changes many at a time.
+
+Time scale 100 ps.
+"""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final, TextIO
 
 from vbus.conditions.names import Value
@@ -11,6 +14,47 @@ from vbus.version import __version__
 
 TICK: Final = 100
 """Picoseconds of the time scale: limits of the MCP-1200 have tenths of nanoseconds."""
+
+
+Change = tuple[int, Signal, Value]
+"""Instant (ps), signal, value from then on."""
+
+MOST_TEXTS: Final = 4096
+"""Texts of values that are kept of a signal: the next is as likely as not one of them."""
+
+
+class _Written:
+    """A signal in the file, and what is written when it changes.
+
+    Args:
+        variables: of pyvcd: one, or one for each bit.
+        real: it is written as a real number.
+        value: that the head has.
+    """
+
+    def __init__(self, variables: list[Any], real: bool, value: Any) -> None:
+        self.variables: list[Any] = variables
+        self.real: bool = real
+        self.latest: Any = value
+        self.texts: dict[Any, str] = {}
+        """By value; or by the one before and the value, where only bits that differ are written."""
+
+    def text(self, value: Any) -> str:
+        """Return what stands in the file when it changes to ``value``."""
+        if len(self.texts) >= MOST_TEXTS:
+            self.texts.clear()
+        if len(self.variables) == 1:
+            shown = float(value) if self.real else value
+            text = self.variables[0].format_value(shown, True)
+            self.texts[value] = text
+        else:
+            differ = int(self.latest) ^ int(value)
+            text = "\n".join(
+                variable.format_value(int(value) >> bit & 1, True)
+                for bit, variable in enumerate(self.variables) if differ >> bit & 1
+            )  # fmt: skip
+            self.texts[self.latest, value] = text
+        return str(text)
 
 
 class VcdFile:
@@ -25,7 +69,9 @@ class VcdFile:
         self._file: TextIO = file
         self._full: bool = profile == FULL
         self._writer: Any = None
-        self._variables: dict[Signal, list[Any]] = {}
+        self._signals: dict[Signal, _Written] = {}
+        self._tick: int = -1
+        """The latest that stands in the file."""
         self._used: set[tuple[str, str]] = set()
 
     def begin(self, signals: list[Signal], values: Mapping[Signal, Value], first: int) -> None:
@@ -41,7 +87,12 @@ class VcdFile:
         )
         for signal in signals:
             if signal.shown and (self._full or signal.net is not None):
-                self._variables[signal] = self._declared(signal, values.get(signal))
+                value = values.get(signal)
+                real = signal.kind == "value" and not isinstance(value, str)
+                variables = self._declared(signal, value)
+                begun = variables[0].value if len(variables) == 1 else value
+                self._signals[signal] = _Written(variables, real, begun)
+        self._tick = first // TICK
         self._writer.flush()
         self._file.flush()
 
@@ -72,16 +123,25 @@ class VcdFile:
         self._used.add((scope, name))
         return name
 
-    def change(self, when: int, signal: Signal, value: Value) -> None:
-        """Write a change at ``when`` (ps)."""
-        variables = self._variables.get(signal, [])
-        tick = when // TICK
-        if len(variables) > 1:
-            for bit, variable in enumerate(variables):
-                self._writer.change(variable, tick, int(value) >> bit & 1)
-        elif variables:
-            real = signal.kind == "value" and not isinstance(value, str)
-            self._writer.change(variables[0], tick, float(value) if real else value)
+    def write(self, changes: Iterable[Change]) -> None:
+        """Write changes in order of time."""
+        signals, tick = self._signals, self._tick
+        lines: list[str] = []
+        for when, signal, value in changes:
+            written = signals.get(signal)
+            if written is None or value == written.latest:
+                continue
+            key = value if len(written.variables) == 1 else (written.latest, value)
+            text = written.texts.get(key) or written.text(value)
+            written.latest = value
+            if when // TICK != tick:
+                tick = when // TICK
+                lines.append(f"#{tick}")
+            lines.append(text)
+        self._tick = tick
+        if lines:
+            lines.append("")
+            self._file.write("\n".join(lines))
 
     def flush(self) -> None:
         """Hand on what was written."""
@@ -89,5 +149,6 @@ class VcdFile:
 
     def close(self, when: int) -> None:
         """End the text at ``when`` (ps)."""
-        self._writer.close(when // TICK)
+        if when // TICK > self._tick:
+            self._file.write(f"#{when // TICK}\n")
         self._file.flush()

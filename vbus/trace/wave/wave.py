@@ -1,5 +1,6 @@
 """Waveforms: what happens on a board as a VCD file for GTKWave, Surfer or sigrok."""
 
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterable
 from operator import itemgetter
@@ -14,7 +15,7 @@ from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.packets import Packet
 from vbus.trace.wave.signals import FULL, PROFILES, Signal, signals_of, values_of
-from vbus.trace.wave.vcd_file import VcdFile
+from vbus.trace.wave.vcd_file import Change, VcdFile
 
 RING: Final = 1_000_000
 """Changes kept while a trigger is waited for."""
@@ -22,9 +23,6 @@ RING: Final = 1_000_000
 WAITING: Final = "waiting"
 RECORDING: Final = "recording"
 DONE: Final = "done"
-
-Change = tuple[int, Signal, Value]
-"""Instant (ps), signal, new value."""
 
 
 class Wave(BoardPackets):
@@ -163,7 +161,9 @@ class Wave(BoardPackets):
 
     def edge(self, when: int, net: str, level: int) -> None:
         """Take down an edge of one of the nets."""
-        self._note(when, self._nets[net], level)
+        # In line: nothing else is called so often.
+        drained = self._drained
+        self._pending.append((when if when > drained else drained, self._nets[net], level))
 
     def _note(self, when: int, signal: Signal | None, value: Value) -> None:
         """Take down a change, if it is of a signal that is looked at.
@@ -219,6 +219,9 @@ class Wave(BoardPackets):
         self._drained = max(self._drained, now)
         pending = self._pending
         pending.sort(key=itemgetter(0))
+        if self.state == RECORDING and self._end < 0:
+            self._write_until(now)
+            return
         done = 0
         for change in pending:
             if change[0] >= now:
@@ -240,6 +243,18 @@ class Wave(BoardPackets):
             else:
                 self._guarded(self._file.flush)
 
+    def _write_until(self, now: int) -> None:
+        """Write what happened before ``now``: nothing waits for a trigger, or for an end."""
+        pending = self._pending
+        done = bisect_left(pending, now, key=itemgetter(0))
+        changes = pending[:done]
+        del pending[:done]
+        for _, signal, value in changes:
+            if signal.net is None:
+                self._latest[signal] = value
+        if self._write(changes):
+            self._guarded(self._file.flush)
+
     def _take(self, change: Change) -> None:
         when, signal, value = change
         self._latest[signal] = value
@@ -247,7 +262,7 @@ class Wave(BoardPackets):
             if 0 <= self._end < when:
                 self._finish(self._end)
             else:
-                self._write(change)
+                self._write([change])
             return
         if signal.kind in (COMMAND, VIOLATION):
             self._course.happen(signal.kind, signal.name.rpartition(".")[0], str(value))
@@ -281,12 +296,11 @@ class Wave(BoardPackets):
         if not self._guarded(lambda: self._file.begin(self.signals, self._values, first)):
             return
         ring, self._ring = self._ring, deque()
-        for change in ring:
-            if not self._write(change):
-                return
+        self._write([*ring])
 
-    def _write(self, change: Change) -> bool:
-        if not self._guarded(lambda: self._file.change(*change)):
+    def _write(self, changes: list[Change]) -> bool:
+        """Write some changes in order of time; tell whether it worked."""
+        if not self._guarded(lambda: self._file.write(changes)):
             return False
-        self.changes += 1
+        self.changes += len(changes)
         return True
