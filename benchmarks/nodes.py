@@ -8,12 +8,15 @@ round goes in the slowest of them. A raw Zenoh ping-pong
 beside it shows what a message costs here. Real time: the same in processes that follow the wall
 clock for 0.6 s.
 Ends within 15 s for 2, 4 and 8 nodes. With --soak the nodes follow the wall clock for so long
-instead, and how far apart they were comes as a histogram.
+instead, and how far apart they were comes as a histogram. With --axes two nodes have so many moving
+axes each instead, and a wire on which nothing happens: how much faster are two processes than one,
+beside two boards that know nothing of each other?
 """
 
 import argparse
 import json
 import os
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -22,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from vbus.board.config import read_board_text
-from vbus.kernel import US
+from vbus.kernel import MS, US
 from vbus.network.session import free_endpoint, open_session
 from vbus.nodes.machine import Machine
 from vbus.nodes.messages import encode
@@ -52,6 +55,113 @@ def script(nodes: int, end_us: int, step_us: int) -> str:
     """Every node reads its status every step: with 100 us of delay that makes a round each."""
     lines = [f"{at}us x{n} r 0" for at in range(100, end_us, step_us) for n in range(nodes)]
     return "\n".join([*lines, f"end {end_us}us"]) + "\n"
+
+
+def machine_of_axes(axes: int, nodes: int, endpoint: str) -> str:
+    """Return a board of nodes with so many LM629s each; without nodes, what one of them has."""
+    lines = ['[board]\nname = "axes"\ntime = "lockstep"\npower_on = "done"\n']
+    for n in range(nodes):
+        listen = f'listen = "{endpoint}"\n' if n == 0 else ""
+        lines.append(f'[nodes.n{n}]\n{listen}deadline = "60 s"\n')
+    for n in range(max(nodes, 1)):
+        node = f'node = "n{n}"\n' if nodes else ""
+        for axis in range(axes):
+            lines.append(f'[plants.m{n}_{axis}]\nmodel = "dc_motor"\n')
+            lines.append(
+                f'[chips.x{n}_{axis}]\npart = "LM629N-8"\nclock = "8 MHz"\n'
+                f'plant = "m{n}_{axis}"\n{node}'
+            )
+    if nodes:
+        lines.append('[nets]\nQUIET = { pins = ["x0_0.HI", "x1_0./IN"], delay = "100 us" }')
+    return "\n".join(lines) + "\n"
+
+
+def script_of_axes(axes: int, nodes: int, seconds: float) -> str:
+    """Every axis turns at one count a sample, from its first millisecond to the end."""
+    cycles = []
+    for code, words in (
+        (0x1E, (0x000A, 300, 2000)), (0x04, ()), (0x1F, (0x1828, 0, 1000, 1, 0)), (0x01, ())
+    ):  # fmt: skip
+        cycles += [f"w 0 {code:x}", *(f"w 1 {word >> 8:x} {word & 255:x}" for word in words)]
+    lines = [
+        f"{100 + step * 4 * axes + 4 * axis}us x{n}_{axis} {cycle}"
+        for step, cycle in enumerate(cycles)
+        for axis in range(axes)
+        for n in range(max(nodes, 1))
+    ]
+    return "\n".join([*lines, f"end {seconds * 1000:.0f}ms"]) + "\n"
+
+
+def together(commands: list[list[str]], folder: Path) -> float:
+    """Start processes; return how long the slowest took when its board was there (s)."""
+    env = {**os.environ, "VBUS_RUNTIME": str(folder / "run")}
+    started = [
+        subprocess.Popen(
+            [sys.executable, __file__, *command], env=env, stdout=subprocess.PIPE, text=True
+        )
+        for command in commands
+    ]
+    return max(float(process.communicate()[0].split()[-1]) for process in started)
+
+
+def run_nodes(board: str, script: str, nodes: str) -> None:
+    """The body of one process with some of the nodes: print how long they took."""
+    from vbus.board.config import read_board_file
+    from vbus.cluster.nodes import NodeOptions, serve_nodes
+
+    options = NodeOptions(tuple(nodes.split(",")), script)
+    began: list[float] = []
+    serve_nodes(
+        *read_board_file(board), options, lambda servers: began.append(time.perf_counter()),
+        lambda text: None,
+    )  # fmt: skip
+    print(time.perf_counter() - began[0])
+
+
+def run_alone(board: str, script: str) -> None:
+    """The body of one process with a board that has no nodes: print how long it took."""
+    from vbus.board.build import build
+    from vbus.board.config import read_board_file
+
+    made = build(*read_board_file(board))
+    port = made.open_port("bench")
+    start = time.perf_counter()
+    end = 0
+    for line in Path(script).read_text().splitlines():
+        at, *words = line.split()
+        if at == "end":
+            end = int(words[0].removesuffix("ms")) * MS
+            continue
+        made.run_until(max(int(at.removesuffix("us")) * US, made.now))
+        port.select(1 << [chip.name for chip in made.chips].index(words[0]))
+        for data in words[3:]:
+            port.write(int(words[2]), int(data, 16))
+    made.run_until(end)
+    made.catch_up()
+    print(time.perf_counter() - start)
+
+
+def cores(axes: int, seconds: float, turns: int = 5) -> None:
+    """Print how much faster two processes are than one, beside two boards on their own."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        ratios, limits = [], []
+        for nodes in (2, 0):
+            text = machine_of_axes(axes, nodes, free_endpoint())
+            (folder / f"{nodes}.toml").write_text(text)
+            (folder / f"{nodes}.txt").write_text(script_of_axes(axes, nodes, seconds))
+        of_nodes = [str(folder / "2.toml"), str(folder / "2.txt")]
+        alone = ["--alone", str(folder / "0.toml"), str(folder / "0.txt")]
+        for _ in range(turns):
+            one = together([["--part", *of_nodes, "n0,n1"]], folder)
+            two = together([["--part", *of_nodes, node] for node in ("n0", "n1")], folder)
+            ratios.append(one / two)
+            limits.append(2 * together([alone], folder) / together([alone, alone], folder))
+        print(
+            f"2 nodes of {axes} moving axes, {seconds:g} s: two processes"
+            f" {statistics.median(ratios):.2f} times as fast as one (goal 1.7); two boards on their"
+            f" own, at once and in turn: {statistics.median(limits):.2f}"
+        )
 
 
 def in_process(nodes: int) -> tuple[int, int, float]:
@@ -156,10 +266,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--nodes", default="2,4,8")
     parser.add_argument("--soak", type=float, metavar="SECONDS", help="an hour is 3600")
+    parser.add_argument("--axes", type=int, metavar="N", help="of each of two nodes; 300 is much")
+    parser.add_argument("--part", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--alone", nargs=2, help=argparse.SUPPRESS)
     parser.add_argument("--run", nargs=5, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.run:
         run_one(*options.run)
+        return
+    if options.part:
+        run_nodes(*options.part)
+        return
+    if options.alone:
+        run_alone(*options.alone)
+        return
+    if options.axes:
+        cores(options.axes, seconds=20.0)
         return
     counts = [int(word) for word in options.nodes.split(",")]
     if options.soak:

@@ -1,21 +1,25 @@
 """vbus beside programs that do something like it, in one run: round trips and bus cycles.
 
-    python benchmarks/peers.py
+    python benchmarks/peers.py [--one-cpu]
 
 Each peer that is not installed is left out, and said so: QEMU's qtest (Debian: qemu-system-x86),
-lewis and cocotb (PyPI), Icarus Verilog (Debian: iverilog). simavr stands in benchmarks/pins.py.
+sinstruments, lewis and cocotb (PyPI), Icarus Verilog (Debian: iverilog). simavr stands in
+benchmarks/pins.py.
 
-* A **round trip** is one question and its answer over a socket, asked by the same Python client:
-  QEMU's ``inb`` and vbus' ``inb`` over a Unix socket, a lewis device's position and vbus' ``r 0``
-  over TCP.
+* A **round trip** is one question and its answer over a socket, asked by the same Python client, of
+  the peer and of vbus by turns: QEMU's ``inb`` and vbus' ``inb`` over a Unix socket; a device of
+  sinstruments, a lewis device's position, and vbus' ``r 0`` over TCP. With ``--one-cpu`` client and
+  servers share one processor, else the system places them.
 * A **bus cycle** is a read at the pins: cocotb moves the strobes of a register in Icarus Verilog,
   which knows nothing but that register; vbus moves the strobes of an LM629 with its motor.
 """
 
+import argparse
 import importlib.util
 import os
 import shutil
 import socket
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -46,6 +50,23 @@ base = 0x340
 offset = 0
 chip = "x"
 address = 0
+"""
+DEVICE = """\
+from sinstruments.simulator import BaseDevice
+
+class Device(BaseDevice):
+    def handle_message(self, message):
+        return b"84\\n"
+"""
+SINSTRUMENTS = """\
+import sys
+sys.path.insert(0, {folder!r})
+from sinstruments.simulator import create_server_from_config
+device = {{
+    "name": "peer", "package": "peer_device", "class": "Device",
+    "transports": [{{"type": "tcp", "url": ["127.0.0.1", {port}]}}],
+}}
+create_server_from_config({{"devices": [device]}}).serve_forever()
 """
 VERILOG = """\
 `timescale 1ns/1ns
@@ -81,18 +102,21 @@ async def reads(dut):
 """
 
 
-def trips(link: socket.socket, question: bytes, count: int = TRIPS) -> float:
-    """Return microseconds per question, the median of ten blocks."""
-    blocks = []
-    for _ in range(10):
-        start = time.perf_counter()
-        for _ in range(count // 10):
-            link.sendall(question)
-            answer = b""
-            while not answer.endswith(b"\n"):
-                answer += link.recv(4096)
-        blocks.append((time.perf_counter() - start) / (count // 10) * 1e6)
-    return sorted(blocks)[5]
+def trips(
+    theirs: tuple[socket.socket, bytes], ours: tuple[socket.socket, bytes], count: int = TRIPS
+) -> tuple[float, float]:
+    """Return microseconds per question of two servers, medians of twenty blocks by turns."""
+    blocks: list[list[float]] = [[], []]
+    for _ in range(20):
+        for taken, (link, question) in zip(blocks, (theirs, ours), strict=True):
+            start = time.perf_counter()
+            for _ in range(count // 20):
+                link.sendall(question)
+                answer = b""
+                while not answer.endswith(b"\n"):
+                    answer += link.recv(4096)
+            taken.append((time.perf_counter() - start) / (count // 20) * 1e6)
+    return statistics.median(blocks[0]), statistics.median(blocks[1])
 
 
 def connected(make: Callable[[], socket.socket]) -> socket.socket:
@@ -150,11 +174,12 @@ def qtest(folder: Path) -> tuple[float, float]:
         "qemu-system-x86_64", "-nodefaults", "-display", "none", "-machine", "isapc", "-accel",
         "tcg", "-qtest", f"unix:{path},server=on,wait=off", "-S",
     )  # fmt: skip
-    with process(*command), connected(lambda: unix(path)) as link:
-        theirs = trips(link, b"inb 0x70\n")
     host = f'[[hosts]]\ntransport = "unix:{folder}/x"\nprotocol = "text"\ncard = "isa"\n'
-    with served(folder, host), connected(lambda: unix(folder / "x")) as link:
-        return theirs, trips(link, b"inb 0x340\n")
+    with (
+        process(*command), connected(lambda: unix(path)) as theirs,
+        served(folder, host), connected(lambda: unix(folder / "x")) as ours,
+    ):  # fmt: skip
+        return trips((theirs, b"inb 0x70\n"), (ours, b"inb 0x340\n"))
 
 
 def lewis(folder: Path) -> tuple[float, float]:
@@ -165,14 +190,31 @@ def lewis(folder: Path) -> tuple[float, float]:
         sys.executable, "-m", "lewis", "-o", "none", "-k", "lewis.examples", "example_motor",
         "-p", device,
     )  # fmt: skip
-    where = ("127.0.0.1", port)
-    with process(*command), connected(lambda: socket.create_connection(where)) as link:
-        theirs = trips(link, b"P?\r\n", 100)
+    with process(*command):
+        return over_tcp(folder, port, b"P?\r\n", 200)
+
+
+def sinstruments(folder: Path) -> tuple[float, float]:
+    """Round trips over TCP: a device of sinstruments that answers a position, vbus."""
     port = free_port()
-    host = f'[[hosts]]\ntransport = "tcp:{port}"\nprotocol = "text"\n'
-    where = ("127.0.0.1", port)
-    with served(folder, host), connected(lambda: socket.create_connection(where)) as link:
-        return theirs, trips(link, b"r 0\n")
+    (folder / "peer_device.py").write_text(DEVICE)
+    code = SINSTRUMENTS.format(folder=str(folder), port=port)
+    with process(sys.executable, "-c", code):
+        return over_tcp(folder, port, b"P?\n")
+
+
+def over_tcp(folder: Path, port: int, question: bytes, count: int = TRIPS) -> tuple[float, float]:
+    """Return round trips of a question to the peer at a port, and of ``r 0`` to vbus."""
+    mine = free_port()
+    host = f'[[hosts]]\ntransport = "tcp:{mine}"\nprotocol = "text"\n'
+    with (
+        connected(lambda: socket.create_connection(("127.0.0.1", port))) as theirs,
+        served(folder, host),
+        connected(lambda: socket.create_connection(("127.0.0.1", mine))) as ours,
+    ):
+        for link in (theirs, ours):
+            link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return trips((theirs, question), (ours, b"r 0\n"), count)
 
 
 def strobes(folder: Path) -> tuple[float, float]:
@@ -217,13 +259,22 @@ def show(work: str, peer: str, unit: str, theirs: float, ours: float) -> None:
 
 
 def main() -> None:
-    print(f"{core()} core")
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--one-cpu", action="store_true", help="client and servers share one")
+    if parser.parse_args().one_cpu:
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    cpus, load = len(os.sched_getaffinity(0)), os.getloadavg()[0]
+    print(f"{core()} core, {cpus} processors for client and servers, load {load:.1f} before")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if shutil.which("qemu-system-x86_64"):
             show("inb over a Unix socket", "QEMU qtest", "us", *qtest(folder))
         else:
             print("QEMU: not installed (Debian: qemu-system-x86)")
+        if importlib.util.find_spec("sinstruments"):
+            show("a query over TCP", "sinstruments", "us", *sinstruments(folder))
+        else:
+            print("sinstruments: not installed (pip install sinstruments)")
         if importlib.util.find_spec("lewis"):
             show("a query over TCP", "lewis", "us", *lewis(folder))
         else:

@@ -57,6 +57,8 @@ HOSTS = '[[hosts]]\ntransport = "pty:x"\n[[hosts]]\ntransport = "zenoh:"\n'
         ('"link_cut"\ntarget = "host0"', "link_cut: host0 (pty:x) is a stream of bytes"),
         ('"half_answer"\ntarget = "host1"', "half_answer: host1 (zenoh:) carries messages"),
         ('"message_lost"\nway = "there"', 'found "there"; allowed are "request", "reply"'),
+        ('"answer_lost"\ntarget = "host"', 'target "host": write "host0"'),
+        ('"answer_lost"\ntarget = "hostess"', 'target "hostess": write "host0"'),
         ('"message_lost"\nevery = 0', "faults[1].every: found 0; out of range"),
         ('"messages_reordered"\nevery = 2', "faults[1].every: unknown key"),
         ('"messages_late"\nuntil = "once"', "messages_late lasts"),

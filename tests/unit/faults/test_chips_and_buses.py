@@ -296,3 +296,37 @@ def test_hostrdy_rises_when_it_is_no_longer_stuck_with_nothing_to_do() -> None:
     assert board.chips[0].pins["HostRdy"].value == 0
     board.faults.clear(fault)
     assert board.chips[0].pins["HostRdy"].value == 1
+
+
+class Links:
+    """A server that can do the faults of links."""
+
+    def __init__(self) -> None:
+        self.begun: list[str] = []
+
+    def check(self, name: str, target: str) -> None:
+        pass
+
+    def begin(self, number: int, name: str, target: str, once: bool, values: object) -> str:
+        self.begun.append(name)
+        return "1 sessions"
+
+    def end(self, number: int) -> None:
+        pass
+
+    def end_all(self) -> None:
+        pass
+
+
+def test_a_server_that_comes_lets_faults_of_links_act_and_no_others_again() -> None:
+    board = build()
+    host = Lm(board)
+    stuck = board.faults.arm("bit_stuck", bit=0, level=1)
+    board.faults.arm("jam")
+    board.faults.arm("link_dead")
+    settle(board, 3)
+    assert host.status() & 1
+    board.faults.links = links = Links()
+    assert links.begun == ["link_dead"]
+    board.faults.clear(stuck)
+    assert not host.status() & 1

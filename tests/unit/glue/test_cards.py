@@ -10,6 +10,7 @@ from tests.unit.trace.conftest import record
 from tests.unit.trace.test_replay import played
 from vbus.board.board import Board
 from vbus.board.build import build, card_of, load_board_text
+from vbus.board.card_buses import BUSES
 from vbus.board.card_map import address_map, lines, remarks
 from vbus.board.config import read_board_text
 from vbus.board.host_bus import HostBus
@@ -375,3 +376,12 @@ def test_the_bus_stands_when_its_host_has_gone_right_after_a_cycle(watched: bool
     assert list(slot.board.violations) == []
     pins = [slot.board.find_pin(f"slot.{name}").net.value for name in ("A0", "A1", "A9", "AEN")]
     assert pins == [1, 1, 1, 0]
+
+
+def test_the_strobes_of_a_bus_are_those_of_its_ports_or_of_its_memory() -> None:
+    isa = BUSES["ISA"]
+    assert isa.strobes_of(memory=False) == ("/IOR", "/IOW")
+    assert isa.strobes_of(memory=True) == ("/MEMR", "/MEMW")
+    avr = BUSES["XMEM"]
+    assert not avr.ports
+    assert avr.strobes_of(memory=False) == avr.strobes_of(memory=True) == avr.memory

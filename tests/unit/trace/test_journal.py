@@ -31,7 +31,7 @@ from vbus.trace.journal.format import (
 )
 from vbus.trace.journal.journal import Journal, version_of
 from vbus.trace.journal.replay import Replay
-from vbus.trace.journal.rows import FLAG, NO_REPLY, NUMBER, PAIR, JournalRows
+from vbus.trace.journal.rows import FLAG, NUMBER, PAIR, JournalRows
 
 TWO = (
     LM629
@@ -385,6 +385,43 @@ def test_a_journal_of_the_second_version_is_still_read(moved: bytes) -> None:
     ]
 
 
+def test_a_cycle_by_strobes_that_repeats_takes_less_than_a_byte() -> None:
+    file = io.BytesIO()
+    board = load_board_text(LM629)
+    journal = Journal(board, file)
+    port = board.open_port("h")
+    select, strobe, place = (1 << port.line_number(name) for name in ("/CS", "/RD", "/PS"))
+    port.lines(place, 0)
+    for _ in range(1000):
+        for mask, level in ((select, 0), (strobe, 0), (strobe, strobe), (select, select)):
+            port.lines(mask, level)
+            port.delay(200_000)
+            port.sample()
+    journal.flush()
+    assert journal.bytes < 1000
+    assert len(read(file.getvalue())[1]) == 13_002
+
+
+def test_a_delay_is_written_down_however_long_and_also_if_it_is_refused() -> None:
+    file = io.BytesIO()
+    board = load_board_text(LM629.replace('plant = "m"', 'plant = "none"'))
+    journal = Journal(board, file, LM629)
+    port = board.open_port("h")
+    port.delay(1 << 62)
+    port.delay((1 << 62) - (1 << 60))
+    for duration in ((1 << 62) - 1, 1 << 62, (1 << 64) - 1):
+        with pytest.raises(PortError):
+            port.delay(duration)
+    journal.close()
+    _, (_, *entries, _) = read(file.getvalue())
+    assert [(entry.op, *entry.args) for entry in entries] == [
+        ("delay", 1 << 62), ("delay", (1 << 62) - (1 << 60)), ("delay", (1 << 62) - 1),
+        ("delay", 1 << 62), ("delay", (1 << 64) - 1),
+    ]  # fmt: skip
+    assert [entry.reply for entry in entries] == [True, True, None, None, None]
+    assert [entry.error > 0 for entry in entries] == [False, False, True, True, True]
+
+
 def test_calls_like_those_before_are_a_word_each() -> None:
     rows = JournalRows(lambda: None)
     lines, delay, sample = (CODE[name] for name in ("lines", "delay", "sample"))
@@ -481,7 +518,7 @@ CYCLES = st.tuples(
 
 
 FORMS: dict[str, tuple[int, int]] = {
-    "lines": (2, NO_REPLY), "delay": (1, FLAG), "getpin": (1, NUMBER), "sample": (0, PAIR)
+    "lines": (2, 0), "delay": (1, FLAG), "getpin": (1, NUMBER), "sample": (0, PAIR)
 }  # fmt: skip
 CALLS = st.tuples(
     st.sampled_from([*FORMS]),
@@ -516,7 +553,7 @@ def test_what_goes_into_the_rows_comes_out_of_the_file(
             reply = 1 if kind == FLAG else second
             key, form = session * 32 + CODE[name], count | kind << 2
             rows.call(key, form, first, second, reply, first, when, now)
-            answer = {NO_REPLY: None, FLAG: True, NUMBER: second, PAIR: (second, first)}[kind]
+            answer = {0: None, FLAG: True, NUMBER: second, PAIR: (second, first)}[kind]
             args = (first, second)[:count]
             expected.append((len(expected), when, now, session, name, args, answer))
             if len(expected) % every == 0:

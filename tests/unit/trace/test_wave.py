@@ -13,6 +13,8 @@ from vbus.errors import VbusError
 from vbus.kernel import MS, US
 from vbus.signals import Violation
 from vbus.trace.names import bit_names, plain
+from vbus.trace.wave.signals import Signal
+from vbus.trace.wave.vcd_file import VcdFile
 from vbus.trace.wave.wave import DONE, Wave
 
 Changes = dict[str, list[tuple[int, object]]]
@@ -346,3 +348,34 @@ def test_a_waveform_is_started_once() -> None:
     wave.stop()
     with pytest.raises(VbusError, match="can be started once"):
         wave.start()
+
+
+def test_of_single_bits_only_those_that_differ_are_written() -> None:
+    board = load_board_text(LM629)
+    bus = board.chip("x").bus_net
+    other = board.chip("x").pins["/CS"].net
+    signals = [Signal(bus.name, "net", True, bus), Signal(other.name, "net", True, other)]
+    text = io.StringIO()
+    file = VcdFile(text, "sigrok")
+    file.begin(signals, {signals[0]: 0x0F, signals[1]: 1}, 0)
+    head = len(text.getvalue())
+    file.write([(0, signals[1], 1), (200, signals[0], 0x1E), (200, signals[0], 0x1E)])
+    file.write([(250, signals[1], 0), (300, signals[0], 0x0F), (400, signals[0], 0x1E)])
+    file.close(400)
+    lines = text.getvalue()[head:].splitlines()
+    assert [line if line[0] == "#" else line[0] for line in lines] == [
+        "#2", "0", "1", "0", "#3", "1", "0", "#4", "0", "1"
+    ]  # fmt: skip
+
+
+def test_a_value_that_the_head_has_is_not_written_again() -> None:
+    board = load_board_text(LM629)
+    signal, word = Signal("x.real", "value"), Signal("x.packet", "command")
+    text = io.StringIO()
+    file = VcdFile(text, "full")
+    file.begin([signal, word], {signal: None}, 500)  # type: ignore[dict-item]
+    head = len(text.getvalue())
+    assert board.now == 0
+    file.write([(600, signal, 0), (700, word, ""), (800, signal, 1.5)])
+    file.close(800)
+    assert [line.split()[0] for line in text.getvalue()[head:].splitlines()] == ["#8", "r1.5"]

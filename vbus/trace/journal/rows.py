@@ -21,9 +21,8 @@ OTHER: Final = 0xC000
 """This word: the next entry is one of those beside the words. More than this by 1, 2 and so on: the
 first, the second and so on of those beside the words, once more."""
 
-NO_REPLY: Final = 0
 FLAG: Final = 1
-"""The reply is true or false."""
+"""A kind of replies: true or false. A call without one has 0 in its place."""
 NUMBER: Final = 2
 PAIR: Final = 3
 """The reply is two numbers."""
