@@ -9,8 +9,8 @@ beside it shows what a message costs here. Real time: the same in processes that
 clock for 0.6 s.
 Ends within 15 s for 2, 4 and 8 nodes. With --soak the nodes follow the wall clock for so long
 instead, and how far apart they were comes as a histogram. With --axes two nodes have so many
-moving axes each instead: how much faster are two processes than one, without a wire between them and
-with one on which nothing happens, beside two boards that know nothing of each other?
+moving axes each instead: how much faster are two processes than one, without a wire between
+them and with one on which nothing happens, beside two boards that know nothing of each other?
 """
 
 import argparse
@@ -167,9 +167,9 @@ def cores(axes: int, seconds: float, turns: int = 5) -> None:
             ratios["alone"].append(limit)
         found = {kind: statistics.median(values) for kind, values in ratios.items()}
         print(
-            f"2 nodes of {axes} moving axes, {seconds:g} s: two processes"
-            f" {found['apart']:.2f} times as fast as one (goal 1.7), {found['wired']:.2f} times with a quiet wire between them"
-            " while hosts are busy; two boards on their own, at once and in turn:"
+            f"2 nodes of {axes} moving axes, {seconds:g} s: two processes {found['apart']:.2f}"
+            f" times as fast as one (goal 1.7), {found['wired']:.2f} times with a quiet wire"
+            " between them while hosts are busy; two boards on their own, at once and in turn:"
             f" {found['alone']:.2f}"
         )
 

@@ -1,12 +1,15 @@
 """Bus cycles over Zenoh against a raw Zenoh echo, both in the same run; ratios are what counts.
 
-Two echoes, each as plain as Zenoh's own examples: one whose queryable answers in the callback, and
-one that does what any server with an event loop must, handing the query over to it. Rounds are
-interleaved, because the machine is never twice the same.
+Three echoes, each as plain as Zenoh's own examples: one whose queryable answers in the callback,
+one that does what any server with an event loop must, handing the query over to it, and one of
+samples that go the same way, as those of vbus do: the rest is what a bus cycle and its order cost.
+Rounds are interleaved, because the machine is never twice the same.
 
     python benchmarks/zenoh_bus.py
 """
 
+import os
+import select
 import statistics
 import subprocess
 import sys
@@ -14,6 +17,8 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+
+import zenoh
 
 from vbus.client import connect
 from vbus.network.session import close_session, free_endpoint, open_session
@@ -38,6 +43,8 @@ transport = "zenoh:"
 ECHO = """
 import asyncio, os, sys
 from collections import deque
+from zenoh import CongestionControl
+from zenoh.handlers import Callback
 from vbus.network.session import open_session
 session = open_session(listen=[sys.argv[1]], mode="router")
 queryable = session.declare_queryable(
@@ -54,8 +61,21 @@ def drain():
         query.reply("loop", query.payload)
         query.drop()
 handed = session.declare_queryable("loop", enter, complete=True)
+answers = session.declare_publisher(
+    "pair/answer", congestion_control=CongestionControl.BLOCK, express=True
+)
+samples, pair = deque(), os.eventfd(0, os.EFD_NONBLOCK)
+def came(sample):
+    samples.append(sample)
+    os.eventfd_write(pair, 1)
+def answer():
+    os.eventfd_read(pair)
+    while samples:
+        answers.put(samples.popleft().payload)
+posted = session.declare_subscriber("pair/question", Callback(came, indirect=False))
 loop = asyncio.new_event_loop()
 loop.add_reader(fd, drain)
+loop.add_reader(pair, answer)
 print("ready", flush=True)
 loop.run_forever()
 """
@@ -106,6 +126,16 @@ def main() -> None:
 
 def measure(echo_at: str, board_at: str) -> None:
     session = open_session(connect=[echo_at], mode="client")
+    here = os.eventfd(0, os.EFD_NONBLOCK)
+    waits = select.poll()
+    waits.register(here, select.POLLIN)
+    question = session.declare_publisher(
+        "pair/question", congestion_control=zenoh.CongestionControl.BLOCK, express=True
+    )
+    answered = session.declare_subscriber(
+        "pair/answer", zenoh.handlers.Callback(lambda _: os.eventfd_write(here, 1), indirect=False)
+    )
+    time.sleep(0.3)
     with connect(f"zenoh:bench/x?connect={board_at}") as bus:
 
         def raw(key: str = "echo") -> None:
@@ -115,10 +145,18 @@ def measure(echo_at: str, board_at: str) -> None:
         def handed() -> None:
             raw("loop")
 
+        def pair() -> None:
+            question.put(b"\x10")
+            assert waits.poll(2000)
+            os.eventfd_read(here)
+
         def cycle() -> None:
             bus.read(0)
 
-        calls = {"raw Zenoh echo": raw, "echo by a loop": handed, "one bus cycle": cycle}
+        calls = {
+            "raw Zenoh echo": raw, "echo by a loop": handed, "samples by a loop": pair,
+            "one bus cycle": cycle,
+        }  # fmt: skip
         times: dict[str, list[float]] = {name: [] for name in calls}
         medians: dict[str, list[float]] = {name: [] for name in calls}
         for _ in range(ROUNDS):
@@ -128,7 +166,7 @@ def measure(echo_at: str, board_at: str) -> None:
                 medians[name].append(statistics.median(found))
         for name in calls:
             show(name, times[name])
-        for name in ("raw Zenoh echo", "echo by a loop"):
+        for name in ("raw Zenoh echo", "echo by a loop", "samples by a loop"):
             pairs = zip(medians["one bus cycle"], medians[name], strict=True)
             ratio = statistics.median(cycle / echo for cycle, echo in pairs)
             print(f"bus cycle / {name}: {ratio:.2f}")
@@ -158,13 +196,14 @@ def measure(echo_at: str, board_at: str) -> None:
             return 200
 
         print(f"single posted writes:     {rate(post, 0.7):9,.0f} bus cycles/s")
+    answered.undeclare()
     close_session(session)
 
 
 def show(name: str, times: list[float]) -> None:
     times.sort()
     microseconds = [times[int(len(times) * part)] * 1e6 for part in (0.5, 0.99)]
-    print(f"{name:16} p50 {microseconds[0]:6.0f} us   p99 {microseconds[1]:6.0f} us")
+    print(f"{name:17} p50 {microseconds[0]:6.0f} us   p99 {microseconds[1]:6.0f} us")
 
 
 if __name__ == "__main__":
