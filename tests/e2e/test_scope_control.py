@@ -22,7 +22,7 @@ from tests.e2e.test_scope import folder as folder
 from tests.unit.faults.bench import build
 from tests.waiting import until
 from vbus.server.registry import ask, status_path
-from vbus.tools.monitor import Feed
+from vbus.tools.feed import Feed
 
 
 @contextmanager

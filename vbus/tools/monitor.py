@@ -1,19 +1,17 @@
 """``vbus monitor``: the buses of a running board in the manual's words, as it happens."""
 
-import io
-import json
-import socket
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import closing, suppress
 from typing import Any, Final
 
 import click
 
 from vbus.board import plugins
-from vbus.errors import TransportError, VbusError
+from vbus.errors import VbusError
 from vbus.signals import Violation
 from vbus.tools import exit_codes
+from vbus.tools.feed import Feed, Together, boards_of
 from vbus.tools.journal_lines import instant
 from vbus.tools.output import Line, complain, json_line
 from vbus.tools.telemetry_text import LIT, UNLIT, Number, Word, words_and_numbers
@@ -24,61 +22,6 @@ from vbus.trace.packets import STATUS, Packet
 SHOWN: Final = 16
 FEWEST: Final = 4
 """Packets on the screen, at most and at least."""
-
-
-class Feed:
-    """What a running board tells whoever watches it.
-
-    Args:
-        board: name of the board.
-
-    Raises:
-        TransportError: no board of that name can be watched.
-    """
-
-    def __init__(self, board: str) -> None:
-        from vbus.server.registry import watch_path
-        from vbus.transports.runtime import socket_address
-
-        self._socket: socket.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        try:
-            with socket_address(watch_path(board)) as address:
-                self._socket.connect(address)
-        except OSError as error:
-            self._socket.close()
-            raise TransportError(
-                f'no board called "{board}" can be watched ({error.strerror or error});'
-                ' "vbus ls" shows which run'
-            ) from error
-        self._lines: io.BufferedReader = self._socket.makefile("rb")
-        self.hello: dict[str, Any] = json.loads(next(self._lines, b"{}"))
-        """What ``vbus ls --json`` tells of the board."""
-
-    def __iter__(self) -> Iterator[list[Any]]:
-        for line in self._lines:
-            if line.endswith(b"\n"):
-                yield json.loads(line)
-
-    def raw(self) -> Iterator[bytes]:
-        """Give what follows as it comes."""
-        while data := self._lines.read1(1 << 16):
-            yield data
-
-    def messages(self) -> Iterator[bytes]:
-        """Give messages, each with its length in front, until the board ends."""
-        while len(head := self._lines.read(4)) == 4:
-            size = int.from_bytes(head, "little")
-            data = self._lines.read(size)
-            if len(data) == size:
-                yield data
-
-    def send(self, data: bytes) -> None:
-        """Ask for something else."""
-        self._socket.sendall(data)
-
-    def close(self) -> None:
-        """Watch no more."""
-        self._socket.close()
 
 
 @click.command("monitor")
@@ -94,17 +37,19 @@ def command(
 ) -> int:
     """Watch a running board: packets with their values, violations, and where the axes are.
 
-    BOARD is the name "vbus ls" shows. Ends with Ctrl-C, or with the board; with --until it exits
-    with 1 then.
+    BOARD is the name "vbus ls" shows, or that of a machine, whose nodes on this computer are
+    watched together. Ends with Ctrl-C, or with the board; with --until it exits with 1 then.
     """
     from rich.console import Console
 
-    with closing(Feed(board)) as feed, suppress(KeyboardInterrupt):
+    boards = boards_of([board])
+    watched = Feed(boards[0]) if len(boards) == 1 else Together(boards)
+    with closing(watched) as feed, suppress(KeyboardInterrupt):
         console = Console()
         view = View(feed.hello, status)
         if until:
-            feed.send(json.dumps({"until": until}).encode() + b"\n")
-            for item in feed:
+            feed.until(until)
+            for item in feed if isinstance(feed, Feed) else ():
                 view.take(item)
                 if item[0] == "waiting":
                     break
@@ -203,7 +148,9 @@ class View(BoardPackets):
         self.lines.add(when, line)
 
 
-def _print(feed: Feed, view: View, count: int | None, told: Callable[[str], str]) -> None:
+def _print(
+    feed: Feed | Together, view: View, count: int | None, told: Callable[[str], str]
+) -> None:
     board = feed.hello["board"]
     click.echo(told(Line(f"watching {board}", board=board)))
     for item in feed:
@@ -219,7 +166,7 @@ def _print(feed: Feed, view: View, count: int | None, told: Callable[[str], str]
             return
 
 
-def _live(feed: Feed, console: Any, view: View, count: int | None) -> None:
+def _live(feed: Feed | Together, console: Any, view: View, count: int | None) -> None:
     from rich.live import Live
 
     with Live(screen(feed.hello, view), console=console, auto_refresh=False) as live:

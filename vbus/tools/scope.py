@@ -360,7 +360,8 @@ def _serve_boards(
 ) -> None:
     """Serve running boards by what is made of what they tell."""
     from vbus.server.loop import run_until_signal
-    from vbus.tools.scope_feeds import Feeds, boards_of
+    from vbus.tools.feed import boards_of
+    from vbus.tools.scope_feeds import Feeds
 
     with closing(Feeds(boards_of(names), control, samples)) as feeds:
 

@@ -11,48 +11,15 @@ from typing import Any, Final
 
 from vbus.errors import TransportError, VbusError
 from vbus.scope.merged import Merged
-from vbus.tools.monitor import Feed
+from vbus.tools.feed import Feed
 from vbus.tools.output import complain
 
 Take = Callable[[bytes], None]
 
-NODES_SECONDS: Final = 2.0
-"""How long nodes of a machine may take to begin after the first of them."""
 LOOK_SECONDS: Final = 0.02
 """How often it is looked whether a node that has gone is back."""
 GONE_SECONDS: Final = 0.5
 """How long a node may be gone before it is said: at the end all go, one after the other."""
-
-
-def boards_of(names: Sequence[str]) -> list[str]:
-    """Return the boards of some names; a machine stands for its nodes on this computer.
-
-    Nodes that begin within two seconds are waited for; of those that do not, it is said.
-    """
-    from vbus.server.registry import watch_path
-
-    boards: list[str] = []
-    for name in names:
-        boards += [name] if watch_path(name).exists() else _nodes_of(name) or [name]
-    return list(dict.fromkeys(boards))
-
-
-def _nodes_of(machine: str) -> list[str]:
-    from vbus.server.registry import missing_of, nodes_of
-
-    end = time.monotonic() + NODES_SECONDS
-    while True:
-        here = nodes_of(machine)
-        missing = missing_of(here)
-        if not missing or time.monotonic() > end:
-            break
-        time.sleep(0.05)
-    if missing:
-        complain(
-            f"{machine}: shown without {', '.join(missing)}, which"
-            f" {'runs' if len(missing) == 1 else 'run'} on another computer, or not yet"
-        )
-    return [f"{machine}.{node}" for node in here]
 
 
 class Feeds:

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from vbus.errors import TransportError, VbusError
 from vbus.scope.sampling import Sampler
-from vbus.tools.monitor import Feed
+from vbus.tools.feed import Feed
 
 CHANNELS: Final = (
     "P8_45", "P8_46", "P8_43", "P8_44", "P8_41", "P8_42", "P8_39", "P8_40", "P8_27", "P8_29",

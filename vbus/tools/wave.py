@@ -144,7 +144,7 @@ def _played(path: Path, section: Any, into: TextIO | None, quiet: bool) -> int:
 def _of_board(name: str, section: Any) -> int:
     from msgspec import structs
 
-    from vbus.tools.monitor import Feed
+    from vbus.tools.feed import Feed
 
     written = 0
     with closing(Feed(name)) as feed, suppress(KeyboardInterrupt):
