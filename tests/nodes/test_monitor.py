@@ -70,3 +70,11 @@ def test_a_condition_that_no_node_can_look_for_is_refused(machine: Bench) -> Non
     code, _, errors = told(monitor(machine, "--json", "--until", "x.real > 1 and y.real > 1"))
     assert code == 1
     assert "a condition is about chips of one node" in errors
+
+
+def test_what_is_for_one_board_names_the_nodes_of_a_machine(machine: Bench) -> None:
+    named = '"four" is a machine of nodes; name one of them: four.a, four.b, four.c, four.d'
+    for command in (["fault", "list", "four"], ["wave", "four", "-o", "x.vcd"]):
+        done = machine.vbus(*command)
+        assert done.returncode == 4, command
+        assert named in done.stderr, command

@@ -138,6 +138,14 @@ def missing_of(nodes: Mapping[str, dict[str, Any]]) -> list[str]:
     return sorted({name for node in nodes.values() for name in node["others"]} - {*nodes})
 
 
+def not_there(board: str, does: str, reason: str) -> str:
+    """Say that no board of a name does something; of a machine, which nodes it has here."""
+    nodes = [f"{board}.{name}" for name in nodes_of(board)]
+    if nodes:
+        return f'"{board}" is a machine of nodes; name one of them: {", ".join(nodes)}'
+    return f'no board called "{board}" {does} ({reason}); "vbus ls" shows which run'
+
+
 def order(board: str, do: str, **values: Any) -> Any:
     """Give a running board an order (see :mod:`vbus.server.control`); return what came of it.
 
@@ -150,9 +158,7 @@ def order(board: str, do: str, **values: Any) -> Any:
         answer = _exchange(control_path(board), request, ORDER_SECONDS)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise TransportError(
-            f'no board called "{board}" takes orders ({reason}); "vbus ls" shows which run'
-        ) from error
+        raise TransportError(not_there(board, "takes orders", reason)) from error
     if "error" in answer:
         raise VbusError(f"{board}: {answer['error']}")
     return answer["done"]

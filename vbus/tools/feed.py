@@ -28,7 +28,7 @@ class Feed:
     """
 
     def __init__(self, board: str) -> None:
-        from vbus.server.registry import watch_path
+        from vbus.server.registry import not_there, watch_path
         from vbus.transports.runtime import socket_address
 
         self._socket: socket.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -37,10 +37,8 @@ class Feed:
                 self._socket.connect(address)
         except OSError as error:
             self._socket.close()
-            raise TransportError(
-                f'no board called "{board}" can be watched ({error.strerror or error});'
-                ' "vbus ls" shows which run'
-            ) from error
+            reason = error.strerror or str(error)
+            raise TransportError(not_there(board, "can be watched", reason)) from error
         self._lines: io.BufferedReader = self._socket.makefile("rb")
         self.hello: dict[str, Any] = json.loads(next(self._lines, b"{}"))
         """What ``vbus ls --json`` tells of the board."""
