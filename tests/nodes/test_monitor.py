@@ -5,6 +5,8 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ import pytest
 from tests.nodes.processes import Bench
 from tests.nodes.test_realtime import REAL, order
 from tests.waiting import PATIENCE
+from vbus.tools.feed import Together, boards_of
 
 
 @pytest.fixture
@@ -52,6 +55,20 @@ def test_packets_of_all_nodes_are_shown_together(machine: Bench) -> None:
     assert sorted((line["chip"], line["text"]) for line in lines) == [
         ("x", "STT"), ("y", "STT"),
     ]  # fmt: skip
+
+
+def test_values_of_all_nodes_come_together_at_the_instant_all_have_come_to(
+    machine: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VBUS_RUNTIME", str(machine.folder / "run"))
+    with closing(Together(boards_of(["four"]))) as together:
+        told = [rest for kind, *rest in islice(together, 20) if kind == "t"]
+    assert together.hello["board"] == "four"
+    assert [chip["name"] for chip in together.hello["chips"]] == ["x", "y", "m", "p"]
+    assert all({*values} == {"x", "y", "m", "p"} for _, values in told)
+    instants = [now for now, _ in told]
+    assert len({*instants}) > 10
+    assert instants == sorted(instants)
 
 
 def test_a_condition_is_looked_for_on_the_node_whose_chips_it_is_about(machine: Bench) -> None:

@@ -120,12 +120,18 @@ class Together:
         for part, feed in enumerate(self._feeds):
             self._running += 1
             Thread(target=self._read, args=(part, feed), daemon=True).start()
+        told: set[int] = set()
+        """Nodes that have told their values since all were."""
         while self._running:
             part, item = self._waiting.get()
             if item is None:
                 self._running -= 1
             elif item[0] == "t":
                 self._told[part] = item[1], item[2]
+                told.add(part)
+                if len(told) < self._running:
+                    continue
+                told.clear()
                 values = {chip: told for _, each in self._told for chip, told in each.items()}
                 yield ["t", min(now for now, _ in self._told), values]
             else:

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing, suppress
+from time import monotonic
 from typing import Any, Final
 
 import click
@@ -169,14 +170,18 @@ def _print(
 def _live(feed: Feed | Together, console: Any, view: View, count: int | None) -> None:
     from rich.live import Live
 
+    due = 0.0
     with Live(screen(feed.hello, view), console=console, auto_refresh=False) as live:
         for item in feed:
             view.take(item)
             view.new.clear()
-            if item[0] == "t":
+            begun = monotonic()
+            if item[0] == "t" and begun >= due:
                 others = len(console.render_lines(_others(view)))
                 room = max(FEWEST, min(SHOWN, console.height - others - 2))
                 live.update(screen(feed.hello, view, room), refresh=True)
+                # It is read for as long as it is drawn, else what is shown falls behind.
+                due = 2 * monotonic() - begun
             if view.over(count):
                 return
 
