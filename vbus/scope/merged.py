@@ -116,7 +116,7 @@ class Merged:
         return self._told_now()
 
     def came(self, part: int) -> int:
-        """How far a part has come (ps): what it does until then is told."""
+        """How far a part has come (ps): all before is told, and what is at that instant may be."""
         return self._came[part]
 
     def fits(self, part: int, description: dict[str, Any]) -> bool:

@@ -162,7 +162,7 @@ class Feeds:
             if "node" not in feed.hello:  # and gone again
                 continue
             try:
-                told = _begun(feed, False, self._samples, self._merged.came(part))
+                told = _begun(feed, False, self._samples, self._merged.came(part) - 1)
             except TransportError:  # and gone again
                 continue
             except VbusError as error:
