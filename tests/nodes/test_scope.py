@@ -144,7 +144,8 @@ def all_of(whole: Seen) -> Callable[[Seen], bool]:
 
 
 def outside(rows: list[tuple[Any, ...]], unseen: range) -> list[tuple[Any, ...]]:
-    return [row for row in rows if not unseen.start < row[0] <= unseen.stop]
+    """Rows but those of a time, its two ends among it: what is at an end may have been seen."""
+    return [row for row in rows if not unseen.start <= row[0] <= unseen.stop]
 
 
 def changes(rows: list[tuple[Any, ...]], unseen: range) -> list[tuple[Any, ...]]:
