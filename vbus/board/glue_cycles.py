@@ -28,11 +28,15 @@ class CycleTeller:
         """Tell of a cycle: instant (ps), names of the chips, direction, address, byte."""
         raise NotImplementedError
 
-    def tell_together(self, when: int, found: Iterable[tuple[str, Cycle]]) -> None:
+    def tell_together(self, when: int, found: list[tuple[str, Cycle]]) -> None:
         """Tell of the cycles at some chips at one instant.
 
         Chips written by one strobe are written together, as in a whole cycle.
         """
+        if len(found) == 1:
+            ((name, cycle),) = found
+            self.tell(when, name, cycle.write, cycle.address, cycle.data)
+            return
         writes: dict[tuple[int, int], list[str]] = {}
         for name, cycle in found:
             if cycle.write:

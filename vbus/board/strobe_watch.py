@@ -88,10 +88,7 @@ class StrobeWatch(CycleTeller):
             row.levels = row.look()
             if row.levels != before:
                 found += row.ended(now, before, row.data)
-        if len(found) == 1:
-            ((name, cycle),) = found
-            self.tell(now, name, cycle.write, cycle.address, cycle.data)
-        elif found:
+        if found:
             self.tell_together(now, found)
 
     @property

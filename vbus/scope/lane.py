@@ -88,11 +88,15 @@ class Lane:
             values = [values[place] for place in order]
         return times, values
 
-    def forget(self) -> None:
-        """Forget what nobody has taken, and take the next value whatever it is."""
+    def leave_out(self) -> None:
+        """Forget what nobody has taken; values go on from the latest there was."""
         self.rows.clear()
         self.times.clear()
         self.values.clear()
+
+    def forget(self) -> None:
+        """Forget what nobody has taken, and take the next value whatever it is."""
+        self.leave_out()
         self._step, self._fraction = NO_STEP, None
 
     def described(self) -> dict[str, Any]:

@@ -254,9 +254,7 @@ class Recorder(BoardPackets):
     def _leave_out_known(self) -> None:
         """Forget what is new; the values go on from those there are."""
         for lane in self.lanes.all:
-            lane.rows.clear()
-            lane.times.clear()
-            lane.values.clear()
+            lane.leave_out()
 
 
 class Ticks:
