@@ -7,6 +7,7 @@ polls busy after each write, and whose every write comes too early and is filed 
 Needs gcc-avr, avr-libc, libsimavr-dev, libelf-dev and g++.
 """
 
+import os
 import re
 import subprocess
 import sys
@@ -14,7 +15,8 @@ import tempfile
 import time
 from pathlib import Path
 
-EXAMPLES = Path(__file__).parents[1] / "firmware_host_examples"
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "firmware_host_examples"
 BUS = EXAMPLES / "lm629_avr_bitbang"
 WAIT = "while (lm629_bus_read_status() & LM629_BUSY) ;"
 INTERRUPT = ('PC4 = "/RST"', 'PC4 = "/RST"\nPB2 = "HI"')
@@ -43,11 +45,23 @@ int main(void) {{ lm629_bus_init(); {} return 0; }}
 
 def vbus(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "vbus", *map(str, arguments)]
-    return subprocess.run(command, check=True, capture_output=True, text=True)
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(done.stderr)
+    return done
+
+
+def simulator(folder: str) -> str:
+    """Build vbus-avr; the package that runs may be one without the source tree around it."""
+    source = ROOT / "contrib" / "simavr"
+    make = ["make", "-s", "-C", folder, "-f", source / "Makefile", f"VPATH={source}"]
+    subprocess.run([*make, f"NATIVE={ROOT / 'vbus' / 'native'}"], check=True)
+    return f"{folder}/vbus-avr"
 
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
+        os.environ["VBUS_AVR"] = simulator(folder)
         for name, body in HOSTS.items():
             source = Path(folder) / "main.c"
             source.write_text(MAIN.format(body))
@@ -68,7 +82,7 @@ def main() -> None:
                 f"{name}: simavr {speed} x real time, {cycles / seconds:.0f} bus cycles/s", end=""
             )
             flags = vbus("cflags", "--shim", "avr").stdout.split()
-            subprocess.run(["g++", *flags, *common], check=True)
+            subprocess.run(["g++", *flags, "-DVBUS_INT_IS_32_BITS", *common], check=True)
             began = time.perf_counter()
             vbus("exec", "--board", board, "--", f"{folder}/main")
             print(f"; shim {time.perf_counter() - began:.2f} s, start-up included")

@@ -22,7 +22,7 @@ from types import TracebackType
 from typing import Any, Final
 from unittest import mock
 
-from vbus.server import hang_ups, local_socket, loop, pacer, recording, session
+from vbus.server import hang_ups, local_socket, loop, pacer, recording, turns
 from vbus.transports import base, pty, runtime, sockets, zenoh_inbox
 
 FIRST: Final = 10_000
@@ -678,7 +678,7 @@ class System:
             _selector_cls = staticmethod(lambda: LoopEpoll(system))
 
         exchanged: list[tuple[Any, str, Any]] = [
-            (module, "os", face) for module in (session, local_socket, base, pty, zenoh_inbox)
+            (module, "os", face) for module in (turns, local_socket, base, pty, zenoh_inbox)
         ]
         exchanged += [(module, "select", polls) for module in (hang_ups, pty)]
         exchanged += [
@@ -689,7 +689,7 @@ class System:
             (pacer, "TimerFd", lambda: TimerFd(system)),
             (sockets, "socket", tried(socket, socket=lambda f, k: Listener(system, f, k))),
             (loop, "DirectSelector", Selector),
-            (session, "LOOKS", self.looks),
+            (turns, "LOOKS", self.looks),
             (sockets, "os", tried(os, open=os.open)),
             (runtime, "os", tried(os, open=os.open, ftruncate=os.ftruncate, write=os.write)),
             (runtime, "fcntl", tried(fcntl, flock=fcntl.flock)),

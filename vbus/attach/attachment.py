@@ -24,8 +24,9 @@ from vbus.server.host_entry import HostEntry, LinkSpec
 from vbus.server.local_socket import LocalSocket, Telling
 from vbus.server.pace import Pace
 from vbus.server.registry import control_path, status_path
-from vbus.server.session import Serving, Session, Turns
+from vbus.server.session import Serving, Session
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
+from vbus.server.turns import Turns
 from vbus.transports.base import Link
 from vbus.transports.runtime import mark_pause
 

@@ -34,9 +34,11 @@ COMPILED: Final = (
     "protocols/port.py", "board/board.py", "board/circuit.py", "board/host_*.py",
     "board/strobe_*.py", "board/card_bus.py", "board/card_path.py",
     "board/card_cycle.py", "board/card_edges.py", "board/glue_cycles.py",
-    "trace/journal/rows.py", "trace/journal/recorded_bus.py", "scope/lane.py", "scope/look.py",
+    "server/pace.py", "server/pacer.py", "server/session.py", "server/statistics.py",
+    "server/ticks.py", "trace/journal/rows.py", "trace/journal/recorded_bus.py", "scope/lane.py",
+    "scope/look.py",
 )  # fmt: skip
-"""What is compiled, but for :data:`COLD`: what works in every sample or bus cycle."""
+"""What is compiled, but for :data:`COLD`: what works in every sample, bus cycle or message."""
 
 COLD: Final = frozenset({
     "__init__.py", "clauses.py", "state_1.py", "tables.py",

@@ -12,6 +12,7 @@ from vbus.server.watchdog import Watchdog
 
 _Arguments = TypeVarTuple("_Arguments")
 _MOST_EVENTS: Final = 64
+_OUT: Final = select.EPOLLOUT
 
 
 class DirectSelector(selectors.EpollSelector):
@@ -41,7 +42,7 @@ class DirectSelector(selectors.EpollSelector):
             found = poll(wait, _MOST_EVENTS)
             for fd, event in found:
                 callback = direct.get(fd)
-                if callback is None or event & select.EPOLLOUT:
+                if callback is None or event & _OUT:
                     key = self.get_map().get(fd)
                     if key is not None:
                         indirect.append((key, _mask(event) & key.events))
@@ -72,7 +73,7 @@ def _ignore(error: Exception) -> None:
 
 def _mask(event: int) -> int:
     mask = selectors.EVENT_WRITE if event & ~select.EPOLLIN else 0
-    return mask | (selectors.EVENT_READ if event & ~select.EPOLLOUT else 0)
+    return mask | (selectors.EVENT_READ if event & ~_OUT else 0)
 
 
 class HostLoop(asyncio.SelectorEventLoop):

@@ -3,11 +3,14 @@
 import time
 from collections.abc import Callable
 
+from mypy_extensions import mypyc_attr
+
 
 def nothing() -> None:
     """Do nothing."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Pace:
     """Time as a session knows it; by itself that of chips elsewhere, which nobody here moves.
 

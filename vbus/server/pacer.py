@@ -9,6 +9,8 @@ from fractions import Fraction
 from math import isinf
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from vbus.board.board import Board
 from vbus.errors import TimeEndedError
 from vbus.kernel import END, MS, NEVER, SECOND
@@ -36,10 +38,10 @@ LEASE: Final = 20 * MS
 DAY: Final = 24 * 3600 * SECOND
 """How long before the end of time people are told that it comes near (ps)."""
 
-
 log = logging.getLogger("vbus")
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Pacer(Pace):
     """Moves a board's time with the wall clock.
 
@@ -273,8 +275,7 @@ class Pacer(Pace):
     def _note_lag(self, lag: int) -> None:
         self.lag = lag
         self.lags.note(lag)
-        if lag > self.worst_lag:
-            self.worst_lag = lag
+        self.worst_lag = max(self.worst_lag, lag)
 
     def jumped(self) -> None:
         """The board's time has been set: it goes on from there, with the wall clock as it is.

@@ -29,10 +29,11 @@ from vbus.server.pacer import Pacer
 from vbus.server.recording import Recording, no_journal
 from vbus.server.registry import control_path, status_path, watch_path
 from vbus.server.serial_lines import on_line
-from vbus.server.session import Serving, Session, Turns
+from vbus.server.session import Serving, Session
 from vbus.server.snapshots import SnapshotOrders
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 from vbus.server.steps import RUNNING, Steps
+from vbus.server.turns import Turns
 from vbus.server.watching import Watcher
 from vbus.trace.decode import settings_for_decoders
 from vbus.transports.base import Link, MessageLink, Served, Transport

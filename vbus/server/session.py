@@ -2,11 +2,12 @@
 
 import asyncio
 import logging
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
+
+from mypy_extensions import mypyc_attr
 
 from vbus.kernel import NEVER
 from vbus.protocols.base import Protocol
@@ -15,13 +16,11 @@ from vbus.server.departures import Departures
 from vbus.server.hang_ups import HangUps
 from vbus.server.pace import Pace
 from vbus.server.statistics import Histogram
+from vbus.server.turns import Turns
 from vbus.transports.base import Link, LinkFilter
 
 READ_SIZE: Final = 4096
 """Bytes read at a time, which is a turn: a host that sends without end leaves the others theirs."""
-LOOKS: Final = 24 if len(os.sched_getaffinity(0)) > 1 else 0
-"""How often to look for a next message before sleeping: some 30 us. On a single processor looking
-would only keep the host from running."""
 BURST: Final = 8
 """Messages served in a row before other sessions have their turn."""
 PATIENCE: Final = 8
@@ -34,15 +33,6 @@ MOST_PENDING: Final = 65536
 """Unsent bytes beyond which a host that does not read is not read from either."""
 
 log = logging.getLogger("vbus")
-
-
-class Turns:
-    """Whom a server served last: only a host alone is looked for, which takes time from others."""
-
-    __slots__ = ("last",)
-
-    def __init__(self) -> None:
-        self.last: Session | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +60,7 @@ class Serving:
     settle: Callable[[], bool] | None = None
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Session:
     """Serves one link in a single callback: read, carry out, write.
 
@@ -95,11 +86,13 @@ class Session:
         )
         self._pacer: Pace = serving.pacer
         self._turns: Turns = serving.turns
+        self._give_way: Callable[[], object] = serving.turns.give_way
         self._on_end: Callable[[Session], None] = serving.on_end
         self._settle: Callable[[], bool] | None = serving.settle
         self._clock: Callable[[], int] = serving.pacer.clock
         self._note: Callable[[int], None] = serving.round_trips.note
-        self._changed: Callable[[], bool] = link.changed
+        self._read: Callable[[int, int], bytes] = link.read
+        self._changed: Callable[[], object] = link.changed
         self._pending: bytearray = bytearray()
         self._reading: bool = False
         self._open: bool = True
@@ -139,15 +132,16 @@ class Session:
         bytes as are read at a time, the others have their turn.
         """
         served = looks = 0
-        most = LOOKS if self._patience and self._turns.last is self else 0
-        self._turns.last = self
+        turns = self._turns
+        most = turns.looks if self._patience and turns.last is self else 0
+        turns.last = self
         while True:
             try:
-                data = os.read(self._fd, READ_SIZE)
+                data = self._read(self._fd, READ_SIZE)
             except BlockingIOError:
                 if served and looks < most:
                     looks += 1
-                    os.sched_yield()
+                    self._give_way()
                     continue
                 break
             except OSError as error:
@@ -341,7 +335,7 @@ class Session:
     def _write(self, data: bytearray) -> int:
         """Return how many bytes were sent; -1 if the host has gone and the session has ended."""
         try:
-            sent = os.write(self._fd, data)
+            sent = self.link.write(self._fd, data)
         except BlockingIOError:
             return 0
         except OSError as error:
@@ -396,7 +390,7 @@ class Session:
         port = self.port
         while carry_out and self._open and not (port.held and port.hold_until == NEVER):
             try:
-                data = os.read(self._fd, READ_SIZE)
+                data = self._read(self._fd, READ_SIZE)
             except OSError:
                 break
             if not data:

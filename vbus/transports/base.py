@@ -36,7 +36,11 @@ class Link:
         self.on_end: Callable[[bool], None] = _ignore
         """Set by the session; called by the transport when the host has gone (where reading does
         not tell). True: what can still be read is that host's and is carried out."""
-        self.changed: Callable[[], bool] = _never
+        self.read: Callable[[int, int], bytes] = os.read
+        """Reads the descriptor: at most so many bytes of it."""
+        self.write: Callable[[int, bytearray], int] = os.write
+        """Writes to the descriptor; returns how many bytes it took."""
+        self.changed: Callable[[], object] = _never
         """Tells whether hosts have come or gone: asked after each read, because the bytes may then
         be another host's; :attr:`sort` gives them to the right session."""
         self.sort: Callable[[bytes], None] = _ignore
