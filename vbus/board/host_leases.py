@@ -44,8 +44,9 @@ class HostLeases:
         if board.policy == "realtime" or board.disturbed:
             return None
         outputs = self._pins.output_word()
-        until = min(board.kernel.next_due, chip.steady_until(address), END)
-        until = min([until, *(neighbour.next_event() for neighbour in self._selection.chips)])
+        until = min(min(board.kernel.next_due, chip.steady_until(address)), END)
+        for neighbour in self._selection.chips:
+            until = min(until, neighbour.next_event())
         now: int = board.kernel.now
         if until <= now + self._selection.cycle:
             return None
@@ -59,7 +60,7 @@ class HostLeases:
         if following is None:
             return None
         data, until = following
-        until = min(until, kernel.next_due, kernel.now + LONGEST_LEASE, END)
+        until = min(min(until, kernel.next_due), min(kernel.now + LONGEST_LEASE, END))
         for neighbour in self._selection.chips:
             if neighbour is not chip:
                 until = min(until, neighbour.next_event())

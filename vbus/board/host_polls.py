@@ -1,7 +1,6 @@
 """Polls a host has answered itself from a lease, and that its board has still to run."""
 
 from bisect import bisect_right
-from itertools import accumulate
 from typing import ClassVar
 
 from vbus.board.circuit import Circuit
@@ -62,7 +61,9 @@ class HostPolls:
     def run_at(self, address: int, first: int, steps: tuple[int, ...]) -> bool:
         """Run polls, each at its time stamp; False to be called again later."""
         session, clock = self._session, self._clock
-        instants = list(accumulate(steps, initial=first))
+        instants = [first]
+        for step in steps:
+            instants.append(instants[-1] + step)
         if self.left < 0:
             clock.check_at(first)
             if instants[-1] > END:

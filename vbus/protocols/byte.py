@@ -257,15 +257,10 @@ class ByteProtocol(Protocol):
             return bytes((_D, value))
         outputs, instant, until = lease
         following = self.port.foresee(address) if self._leasing == 2 else None
-        body = (
-            bytes((_L if following is None else _M, value))
-            + (outputs & _U32).to_bytes(4, "big")
-            + instant.to_bytes(8, "big")
-            + (NO_EDGE if until >= NEVER else until).to_bytes(8, "big")
-        )
+        end = NO_EDGE if until >= NEVER else until
         if following is None:
-            return body
-        return body + bytes((following[0],)) + following[1].to_bytes(8, "big")
+            return pack(">BBIQQ", _L, value, outputs & _U32, instant, end)
+        return pack(">BBIQQBQ", _M, value, outputs & _U32, instant, end, *following)
 
     def _do_write(self, data: bytes, start: int) -> bool:
         self.port.write(data[start], data[start + 1])

@@ -278,7 +278,8 @@ class LM628(HostInterface):
         flags = self.commands.foresee_flags() if self._mode == _RUNNING else UNKNOWN
         if flags == UNKNOWN or self.host.busy_end != when:
             return None
-        until = min(self._sample_at, self.encoder.due(), self._front.show_at, self._outputs.edge())
+        until = min(min(self._sample_at, self.encoder.due()), self._front.show_at)
+        until = min(until, self._outputs.edge())
         return flags | (ds.MOTOR_OFF if self.axis.motor_off else 0), until
 
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
@@ -408,7 +409,7 @@ class LM628(HostInterface):
 
     def next_edge(self) -> int:
         """Return an instant not later than the next change of HI, an output pin or D0-D7."""
-        due = min(self._next_inside(), self._front.show_at, self._outputs.edge())
+        due = min(min(self._next_inside(), self._front.show_at), self._outputs.edge())
         heard = self._outputs.heard()
         shows = heard or self._front.driving or self.axis.may_interrupt()
         if (shows and not self._still) or (heard and self.output.emits()):
