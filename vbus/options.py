@@ -1,7 +1,8 @@
 """Settings a board file may give to a chip, plant, protocol or transport, as a table."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 Value = int | float | str | bool
 """A setting after checking: times in ps (int), frequencies in Hz (int), the rest in SI."""
@@ -9,8 +10,7 @@ Value = int | float | str | bool
 Settings = Mapping[str, Value]
 
 
-@dataclass(frozen=True, slots=True)
-class Option:
+class Option(Struct, frozen=True):
     """One setting.
 
     Attributes:

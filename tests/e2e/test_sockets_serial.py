@@ -6,11 +6,11 @@ import select
 import socket
 import stat
 import termios
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 import vbus.transports.serial
 from tests.e2e.serving import served

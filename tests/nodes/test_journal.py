@@ -1,9 +1,9 @@
 """Journals of nodes: each process writes those of its own, and one process replays the machine."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from tests.nodes.four_chips import BOARD as FOUR
 from tests.nodes.processes import Bench, ended

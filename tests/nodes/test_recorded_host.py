@@ -1,9 +1,9 @@
 """The journal of one node, in one process: what hosts do to it and what reaches it."""
 
-from dataclasses import replace
 from io import BytesIO
 
 import pytest
+from msgspec.structs import replace
 
 from vbus.board.config import read_board_text
 from vbus.kernel import END, MS, US

@@ -1,7 +1,8 @@
 """The buses that cards plug into: their lines and their usual times, a row each."""
 
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.chips.tables import PinRow
 from vbus.kernel import NS
@@ -13,8 +14,7 @@ LATCH: Final = "ALE"
 """High while D0-D7 carry address lines 0 to 7, on a bus that has it."""
 
 
-@dataclass(frozen=True, slots=True)
-class BusRow:
+class BusRow(Struct, frozen=True):
     """One kind of bus.
 
     Attributes:

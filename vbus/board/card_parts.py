@@ -1,9 +1,10 @@
 """What a card has beside chips, as parts of glue: selects by address, and registers of its own."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.board.card_buses import BUSES, DATA, BusRow
 from vbus.board.card_interrupt import active_low
@@ -34,8 +35,7 @@ _PINS: Final[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
 """Inputs and outputs of each kind of register."""
 
 
-@dataclass(frozen=True, slots=True)
-class CardPart:
+class CardPart(Struct, frozen=True):
     """A part of a card.
 
     Attributes:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from vbus.glue.logic import Levels, Outcome
 
 
-@dataclass(slots=True)
-class Phase:
+class Phase(Struct):
     """Levels in one part of a cycle: of nets and pins, by identity, and what each block gives."""
 
     nets: dict[int, int]

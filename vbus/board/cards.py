@@ -1,7 +1,8 @@
 """Card adapters: how addresses on a plug-in card select a chip and its ports."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from vbus.board.card_interrupt import active_low
 from vbus.chips.base import Chip
@@ -27,8 +28,7 @@ def addresses(chip: Chip | type[Chip]) -> set[int]:
     return found
 
 
-@dataclass(slots=True)
-class Card:
+class Card(Struct):
     """Address decoding of a card, as data.
 
     Attributes:

@@ -12,10 +12,11 @@ nothing. With ``!`` in front of the output the wire is low while the equation ho
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import reduce
 from operator import and_, or_, xor
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.conditions.lexer import (
     END,
@@ -37,8 +38,7 @@ _KEYWORDS: Final = ("and", "or", "xor", "not")
 Value = Callable[[Levels], int]
 
 
-@dataclass(frozen=True, slots=True)
-class Equation:
+class Equation(Struct, frozen=True):
     """An equation that has been read.
 
     Attributes:

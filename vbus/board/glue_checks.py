@@ -1,8 +1,9 @@
 """What can be wrong with glue: names, open inputs, outputs that fight, loops."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.board.card_buses import BUSES
 from vbus.board.card_interrupt import ACK, INT
@@ -16,8 +17,7 @@ from vbus.board.toml_lines import Path
 from vbus.chips.base import Chip
 
 
-@dataclass(frozen=True, slots=True)
-class GlueEnds:
+class GlueEnds(Struct, frozen=True):
     """Where glue ends, for those who wire a microcontroller to it.
 
     Attributes:

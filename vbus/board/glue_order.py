@@ -1,9 +1,10 @@
 """The parts of glue as they will stand on the board, and which block comes before which."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
+
+from msgspec import Struct
 
 from vbus.board.settings import listed
 from vbus.board.toml_lines import Path
@@ -16,8 +17,7 @@ Place = tuple[str, int]
 """A block: name of its part, and its number among the blocks that are used."""
 
 
-@dataclass(frozen=True, slots=True)
-class Planned:
+class Planned(Struct, frozen=True):
     """A part of glue as it will stand on the board.
 
     Attributes:

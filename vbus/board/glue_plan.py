@@ -6,8 +6,9 @@ own name, in ``[nets]`` or not.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import partial
+
+from msgspec import Struct, field
 
 from vbus.board.card_buses import BUSES, DATA
 from vbus.board.card_parts import CardPart, names_of, parts_of
@@ -25,8 +26,7 @@ from vbus.glue.table import PARTS, PLD, Block, GlueRow
 from vbus.signals import HIGH, LOW
 
 
-@dataclass(slots=True)
-class GluePlan:
+class GluePlan(Struct):
     """The glue of a board file.
 
     Attributes:

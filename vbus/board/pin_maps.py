@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
+
+from msgspec import Struct
 
 from vbus.chips.base import Chip
 from vbus.glue.part import GluePart
@@ -25,8 +26,7 @@ LINE, BUS = "cb"
 """A control line, and a wire of a data bus, of a chip whose strobes go through glue."""
 
 
-@dataclass(frozen=True, slots=True)
-class PinMap:
+class PinMap(Struct, frozen=True):
     """A checked pin map of a board file.
 
     Attributes:
@@ -44,8 +44,7 @@ class PinMap:
     chips: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Wire:
+class Wire(Struct, frozen=True):
     """One end of a pin map: a chip's pin and what drives it.
 
     Attributes:

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Final
 
 import msgpack
 import msgspec
+from msgspec import Struct
 
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
@@ -36,8 +37,7 @@ Hosts = dict[int, Protocol]
 """Wire formats of sessions, by the place of their port in ``board.ports``."""
 
 
-@dataclass(frozen=True, slots=True)
-class HostState:
+class HostState(Struct, frozen=True):
     """A host's session at the time of a snapshot.
 
     Attributes:

@@ -4,8 +4,9 @@ import gc
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cached_property
+
+from msgspec import Struct
 
 from vbus.board.toml_lines import Path, TomlLines
 from vbus.errors import ConfigError
@@ -25,8 +26,7 @@ def collection_held() -> Iterator[None]:
             gc.enable()
 
 
-@dataclass(frozen=True, slots=True)
-class Problem:
+class Problem(Struct, frozen=True):
     """One mistake.
 
     Attributes:

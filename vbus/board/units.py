@@ -6,9 +6,10 @@ what may be written.
 """
 
 import re
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.kernel import END, SECOND
 
@@ -21,8 +22,7 @@ class UnitError(ValueError):
     """Something that is not a quantity of the kind wanted; the message says what is allowed."""
 
 
-@dataclass(frozen=True, slots=True)
-class Dimension:
+class Dimension(Struct, frozen=True):
     """One kind of quantity.
 
     Attributes:

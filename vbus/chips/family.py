@@ -1,10 +1,11 @@
 """A chip family: the one object that names all that is known of it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeVar
+
+from msgspec import Struct, field
 
 from vbus.chips.base import Chip
 from vbus.chips.strobes import AcTable
@@ -15,8 +16,7 @@ from vbus.signals import LaneRow, Rule
 _T = TypeVar("_T")
 
 
-@dataclass(frozen=True, slots=True)
-class InnerRegister:
+class InnerRegister(Struct, frozen=True):
     """A register that no address reaches: commands load it or read it. For people who look inside.
 
     Attributes:
@@ -52,8 +52,7 @@ class InnerRegister:
         return self.counts == REPORTED
 
 
-@dataclass(frozen=True, slots=True)
-class Family:
+class Family(Struct, frozen=True):
     """What tools ask of a chip family.
 
     What takes code is named, ``"module:name"`` inside :attr:`home`, and imported by whoever asks

@@ -1,14 +1,14 @@
 """Rows of which a datasheet is made: pins, commands, registers, bits. Data, and checks on it."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any, Final
+
+from msgspec import Struct
 
 from vbus.signals import HIGH
 
 
-@dataclass(frozen=True, slots=True)
-class PinRow:
+class PinRow(Struct, frozen=True):
     """A pin of the package.
 
     Attributes:
@@ -37,8 +37,7 @@ class PinRow:
         return (self.strobe or (self.direction == "io" and self.width == 8)) and not self.select
 
 
-@dataclass(frozen=True, slots=True)
-class CardRow:
+class CardRow(Struct, frozen=True):
     """One port of a plug-in card: what a read and a write at ``offset`` do at the chip.
 
     Attributes:
@@ -54,8 +53,7 @@ class CardRow:
     bits: int = 0xFF
 
 
-@dataclass(frozen=True, slots=True)
-class Bit:
+class Bit(Struct, frozen=True):
     """A named bit of a status byte, register or control word."""
 
     number: int
@@ -68,8 +66,7 @@ class Bit:
         return 1 << self.number
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+class Command(Struct, frozen=True):
     """One row of a command set.
 
     Attributes:
@@ -166,8 +163,7 @@ SAMPLED: Final = "with the next sample"
 REPORTED: Final = "as the last sample left it"
 
 
-@dataclass(frozen=True, slots=True)
-class Register:
+class Register(Struct, frozen=True):
     """One register, of one or more bytes.
 
     Attributes:

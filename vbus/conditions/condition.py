@@ -1,9 +1,10 @@
 """A condition that fits a board, and whether it holds as time goes on."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from operator import eq, ge, gt, le, lt, ne
 from typing import Any, Final
+
+from msgspec import Struct, field
 
 from vbus.board.circuit import Circuit
 from vbus.board.settings import rule_names, suggestion
@@ -40,8 +41,7 @@ _COMPARE: Final[dict[str, Callable[[Any, Any], bool]]] = {
 }  # fmt: skip
 
 
-@dataclass(slots=True, eq=False)
-class Course:
+class Course(Struct, eq=False):
     """What has been seen of a board so far, for one condition.
 
     Attributes:
@@ -84,8 +84,7 @@ class Course:
             self.broken[text] = self.broken.get(text, 0) + 1
 
 
-@dataclass(frozen=True, slots=True)
-class _Bound:
+class _Bound(Struct, frozen=True):
     """A part of a condition: what it gives, of which kind and unit."""
 
     give: Callable[[Course], Any]

@@ -5,8 +5,9 @@ make a name, or a part of one, of anything.
 """
 
 import re
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.errors import VbusError
 
@@ -48,8 +49,7 @@ class ConditionError(VbusError):
         self.at: int = at
 
 
-@dataclass(frozen=True, slots=True)
-class Token:
+class Token(Struct, frozen=True):
     """A word of a text."""
 
     kind: str

@@ -1,8 +1,9 @@
 """What the names in a condition stand for on a board."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.board import circuit, plugins
 from vbus.board.circuit import Circuit
@@ -21,8 +22,7 @@ PER_SAMPLE: Final = "counts/sample"
 PER_SECOND: Final = "counts/s"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Level:
+class Level(Struct, frozen=True, eq=False):
     """Something that has a value at every instant.
 
     Attributes:

@@ -1,7 +1,8 @@
 """A fault that is armed, and the evidence of what it did."""
 
-from dataclasses import dataclass, field
 from typing import ClassVar, Final, Protocol
+
+from msgspec import Struct
 
 from vbus.faults.row import COUNTED, ONCE, Fault
 from vbus.faults.trigger import RATE, Until, When
@@ -18,8 +19,7 @@ ENDED: Final = "ended"
 FAILED: Final = "failed"
 
 
-@dataclass(frozen=True, slots=True)
-class Evidence:
+class Evidence(Struct, frozen=True):
     """What a fault did, and when.
 
     Attributes:
@@ -43,8 +43,7 @@ class Evidence:
         return f"{self.when / 1e9:.6f} ms #{self.number} {self.name} {self.target}: {change}"
 
 
-@dataclass(slots=True)
-class Armed:
+class Armed(Struct):
     """One fault on one target.
 
     Attributes:
@@ -80,7 +79,7 @@ class Armed:
     cleared: bool = False
     writes: tuple[tuple[int, int], ...] = ()
     side: int = 0
-    watcher: ConditionWatch | None = field(default=None, repr=False)
+    watcher: ConditionWatch | None = None
 
     @property
     def name(self) -> str:

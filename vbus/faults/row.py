@@ -1,7 +1,8 @@
 """What the tables of faults are made of."""
 
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.options import Option
 
@@ -27,8 +28,7 @@ COUNTED: Final = "counted"
 """Acts on one bus cycle, answer or message at a time, or on all of them while it lasts."""
 
 
-@dataclass(frozen=True, slots=True)
-class Fault:
+class Fault(Struct, frozen=True):
     """One thing that can break.
 
     Attributes:

@@ -1,7 +1,8 @@
 """Every fault there is, family by family."""
 
-from dataclasses import replace
 from typing import Final
+
+from msgspec.structs import replace
 
 from vbus.board import plugins
 from vbus.faults.row import AXIS, CHIP, COUNTED, LASTS, LINK, NET, ONCE, PART, WIRE, Fault

@@ -1,7 +1,8 @@
 """When a fault begins and when it ends, as text and as numbers."""
 
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.board.settings import quoted, suggestion
 from vbus.board.units import UnitError, parse
@@ -29,8 +30,7 @@ WHEN_FORMS: Final = (
 UNTIL_FORMS: Final = '"once", "for 5 ms" or "cleared"'
 
 
-@dataclass(frozen=True, slots=True)
-class When:
+class When(Struct, frozen=True):
     """A trigger.
 
     Attributes:
@@ -47,8 +47,7 @@ class When:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Until:
+class Until(Struct, frozen=True):
     """An end.
 
     Attributes:

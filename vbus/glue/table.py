@@ -1,10 +1,11 @@
 """The parts of glue there are: a row each, with the pins as the data books name them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import reduce
 from operator import and_, or_, xor
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.glue import logic
 from vbus.glue.logic import Function, Levels
@@ -14,8 +15,7 @@ OPEN: Final = "od"
 THREE_STATE: Final = "io"
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
+class Block(Struct, frozen=True):
     """One block of a part: what its outputs follow from.
 
     Attributes:
@@ -40,8 +40,7 @@ class Block:
         return self.inputs if self.through is None else self.through
 
 
-@dataclass(frozen=True, slots=True)
-class GlueRow:
+class GlueRow(Struct, frozen=True):
     """A part number, what it is, and its blocks."""
 
     part: str

@@ -1,10 +1,9 @@
 """What HELLO tells of a session. Interpreted in every core: msgspec reads these annotations."""
 
-from dataclasses import dataclass, field
+from msgspec import Struct, field
 
 
-@dataclass(slots=True)
-class ChipInfo:
+class ChipInfo(Struct):
     """What HELLO tells of one chip.
 
     Attributes:
@@ -22,8 +21,7 @@ class ChipInfo:
     cycle_ps: int
 
 
-@dataclass(slots=True)
-class PortInfo:
+class PortInfo(Struct):
     """What HELLO tells of a session.
 
     Attributes:

@@ -7,8 +7,9 @@ picoseconds.
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Final
+
+from msgspec import Struct, field
 
 from vbus.protocols import codes
 
@@ -28,8 +29,7 @@ _FORMATS: Final = {"u8": "B", "u16": "H", "u32": "I", "u64": "Q"}
 _WIDTHS: Final = {"u8": 1, "u16": 2, "u32": 4, "u64": 8}
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
+class Field(Struct, frozen=True):
     """One argument of a request, or one value of a reply.
 
     Attributes:
@@ -107,8 +107,7 @@ class Layout:
         return result
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
+class Reply(Struct, frozen=True):
     """One kind of reply.
 
     Attributes:
@@ -127,8 +126,7 @@ class Reply:
         return ord(self.tag)
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(Struct, frozen=True):
     """One row of the protocol.
 
     Attributes:

@@ -1,7 +1,8 @@
 """A serial line between a host and a wire format: each byte takes its time, in chip time."""
 
-from dataclasses import dataclass
 from typing import ClassVar, Final
+
+from msgspec import Struct
 
 from vbus.kernel.kernel import SECOND
 from vbus.protocols.base import Protocol
@@ -34,8 +35,7 @@ def mark(lines: int) -> bytes:
     return bytes((MARK, lines))
 
 
-@dataclass(frozen=True, slots=True)
-class ModemPins:
+class ModemPins(Struct, frozen=True):
     """Side pins of a session that follow the lines of its host; low while a line is on.
 
     Attributes:

@@ -9,8 +9,9 @@ import struct
 from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any, Final
+
+from msgspec import Struct
 
 SAMPLES: Final = 1
 PACKETS: Final = 2
@@ -105,8 +106,7 @@ def frame(kind: int, lane: int, rows: int, first: int, *columns: Column) -> byte
     return b"".join(parts)
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(Struct, frozen=True):
     """A frame that was read.
 
     Attributes:

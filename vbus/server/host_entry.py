@@ -1,7 +1,8 @@
 """Host entries of a board while it runs: where hosts come from, and which are there."""
 
-from dataclasses import dataclass, field
 from typing import Any, TypeVar
+
+from msgspec import Struct, field
 
 from vbus.board import plugins
 from vbus.board.cards import Card
@@ -16,8 +17,7 @@ from vbus.transports.base import Transport, split_url
 _Base = TypeVar("_Base")
 
 
-@dataclass(slots=True)
-class LinkSpec:
+class LinkSpec(Struct):
     """One host entry of a board file.
 
     Attributes:

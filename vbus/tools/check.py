@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 import click
+from msgspec import structs
 
 from vbus.tools import exit_codes
 from vbus.tools.output import show
@@ -57,7 +58,7 @@ def _check(path: str, mapped: bool) -> dict[str, Any]:
             boards = [build(file, source)]
             check_records(file, boards[0], source)
     except BoardFileError as error:
-        problems = [asdict(problem) for problem in error.problems]
+        problems = [structs.asdict(problem) for problem in error.problems]
         return {"file": path, "ok": False, "problems": problems}
     used = {plant for chip in file.chips for plant in chip.axes}
     notes = [

@@ -5,8 +5,9 @@ may need more than the standard library and the tables.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
+
+from msgspec import Struct
 
 from vbus.chips.tables import Command, CommandTable, Register, RegisterMap
 
@@ -55,8 +56,7 @@ class Cycle(NamedTuple):
         return f"{WRITE if self.write else READ} {self.address:X} {self.data:02X}"
 
 
-@dataclass(frozen=True, slots=True)
-class Packet:
+class Packet(Struct, frozen=True):
     """Bus cycles that belong together.
 
     Attributes:

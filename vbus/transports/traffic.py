@@ -1,8 +1,9 @@
 """Messages of one host entry on their way, and what goes wrong with them while a fault acts."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.options import Value
 
@@ -47,8 +48,7 @@ class _Count:
         return self._left == self._every * self._draws >> 32
 
 
-@dataclass(slots=True)
-class Message:
+class Message(Struct):
     """A message on its way.
 
     Attributes:

@@ -1,10 +1,9 @@
 """A serial line: bytes take their time, and arrive when their frames have ended."""
 
-from dataclasses import replace
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from tests.unit.fake_port import FakePort
 from tests.unit.protocols.grammar import cuts, pieces

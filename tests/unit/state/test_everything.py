@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from msgspec import Struct
 
 from vbus import state
 from vbus.board.board import Board
@@ -80,6 +81,8 @@ def inside(value: Any) -> Iterator[Any]:
 
 def constant(value: Any) -> bool:
     """Tell whether nobody changes it once it is made: a row of a table."""
+    if isinstance(value, Struct):
+        return value.__struct_config__.frozen
     frozen = dataclasses.is_dataclass(value) and value.__dataclass_params__.frozen  # type: ignore[attr-defined]
     return frozen or isinstance(value, (tuple, Exception, RegisterMap))
 

@@ -3,12 +3,12 @@
 import hashlib
 import io
 import platform
-from dataclasses import asdict, replace
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import asdict, replace
 
 import vbus
 from tests.unit.trace.conftest import LM629, lm629_move, read, record, strobed

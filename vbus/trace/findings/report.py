@@ -2,8 +2,9 @@
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Final
+
+from msgspec import Struct, field
 
 from vbus.signals import Rule, Violation
 from vbus.trace.decode import NO_SETTINGS, BoardPackets, Settings
@@ -17,8 +18,7 @@ DETAILED: Final = 100
 """Violations of one rule by one chip that are kept whole; more are counted."""
 
 
-@dataclass(slots=True)
-class Line:
+class Line(Struct):
     """One bus cycle of a transcript.
 
     Attributes:
@@ -32,8 +32,7 @@ class Line:
     packets: list[str] = field(default_factory=list)
 
 
-@dataclass(slots=True)
-class Finding:
+class Finding(Struct):
     """One violation in its surroundings.
 
     Attributes:

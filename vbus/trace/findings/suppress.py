@@ -2,7 +2,8 @@
 
 import tomllib
 from collections.abc import Iterable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from vbus.board.settings import rule_hint, rule_names
 from vbus.errors import VbusError
@@ -11,8 +12,7 @@ from vbus.signals import Violation
 _KEYS = ("rule", "chip", "reason")
 
 
-@dataclass(slots=True)
-class Suppression:
+class Suppression(Struct):
     """One accepted kind of violation.
 
     Attributes:

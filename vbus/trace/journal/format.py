@@ -23,7 +23,6 @@ words: keys, values, starts, times.
 
 import zlib
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
 from itertools import repeat
 from struct import error as StructError
 from struct import iter_unpack
@@ -31,6 +30,7 @@ from typing import Any, BinaryIO, Final
 
 import msgpack
 import msgspec
+from msgspec import Struct, field
 
 from vbus.errors import VbusError
 from vbus.kernel import END, NEVER
@@ -76,8 +76,7 @@ class JournalError(VbusError):
     """A file that is no journal, or is damaged elsewhere than at its end."""
 
 
-@dataclass(frozen=True, slots=True)
-class Header:
+class Header(Struct, frozen=True):
     """What a journal says of the run it holds.
 
     Attributes:
@@ -107,8 +106,7 @@ class Header:
     settings: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """One call of a host on its port, or a finding.
 
     Attributes:
@@ -134,8 +132,7 @@ class Entry:
     limit: int = -1
 
 
-@dataclass(frozen=True, slots=True)
-class Jump:
+class Jump(Struct, frozen=True):
     """The board went back to an earlier instant.
 
     Attributes:
@@ -163,7 +160,7 @@ def block(value: object) -> bytes:
 
 def header_block(header: Header) -> bytes:
     """Return the beginning of a journal."""
-    return MAGIC + block(asdict(header))
+    return MAGIC + block(msgspec.structs.asdict(header))
 
 
 def rows_block(first: int, words: bytes, others: list[Any]) -> bytes:

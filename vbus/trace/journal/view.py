@@ -1,14 +1,14 @@
 """A journal as observers see a run: bus cycles with their chips, and violations."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from vbus.signals import Observer, Violation
 from vbus.trace.journal.format import Entry
 
 
-@dataclass(slots=True)
-class Session:
+class Session(Struct):
     """One host of a journal: its name, what it may select, and what it has selected."""
 
     label: str

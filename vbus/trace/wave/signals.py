@@ -2,8 +2,9 @@
 
 import fnmatch
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.board.board import Board
 from vbus.conditions.names import Level, Value, net_names
@@ -15,8 +16,7 @@ SIGROK: Final = "sigrok"
 PROFILES: Final = (FULL, SIGROK)
 
 
-@dataclass(eq=False, slots=True)
-class Signal:
+class Signal(Struct, eq=False):
     """One thing that changes.
 
     Attributes:
