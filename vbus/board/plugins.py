@@ -8,10 +8,9 @@ import difflib
 from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
-from importlib import metadata
-from importlib.metadata import EntryPoint
 from typing import Final, TypeVar
 
+from vbus.board.entry_points import EntryPoint, installed
 from vbus.chips.base import Chip
 from vbus.chips.family import Family
 from vbus.errors import PluginError
@@ -21,9 +20,6 @@ CHIPS: Final = "vbus.chips"
 PLANTS: Final = "vbus.plants"
 PROTOCOLS: Final = "vbus.protocols"
 TRANSPORTS: Final = "vbus.transports"
-
-_installed: Final = cache(metadata.entry_points)
-"""Finds the entry points of all groups at once: it reads a file of each installed distribution."""
 
 _LOADED: Final[dict[EntryPoint, Family]] = {}
 """Families by entry point, once they are loaded."""
@@ -39,7 +35,7 @@ _KINDS: Final = {
 
 def entry_points(group: str) -> Iterable[EntryPoint]:
     """Return the entry points of a group, as they are installed."""
-    return _installed().select(group=group)
+    return [entry for entry in installed() if entry.group == group]
 
 
 @cache
@@ -67,7 +63,7 @@ def _entries(group: str) -> dict[str, EntryPoint]:
 
 
 def _origin(entry: EntryPoint) -> str:
-    return f"{entry.dist.name} ({entry.value})" if entry.dist is not None else entry.value
+    return f"{entry.package} ({entry.value})" if entry.package else entry.value
 
 
 def names(group: str) -> list[str]:

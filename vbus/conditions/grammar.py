@@ -18,8 +18,10 @@ anything.
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
+
+from msgspec import Struct
+from msgspec.structs import astuple
 
 from vbus.board.units import UnitError, parse, show
 from vbus.conditions.lexer import (
@@ -49,19 +51,27 @@ _COMMAND: Final = re.compile(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Node:
+class Node(Struct, frozen=True, eq=False, kw_only=True):
     """A piece of a condition.
 
     Attributes:
         at: where it begins in the text.
     """
 
-    at: int = field(default=0, compare=False, kw_only=True)
+    at: int = 0
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both say the same, wherever that stands."""
+        return isinstance(other, Node) and self._said() == other._said()
+
+    def __hash__(self) -> int:
+        return hash(self._said())
+
+    def _said(self) -> tuple[Any, ...]:
+        return type(self), *astuple(self)[:-1]  # ``at`` comes last, as all that has a name only
 
 
-@dataclass(frozen=True, slots=True)
-class Number(Node):
+class Number(Node, frozen=True, eq=False):
     """A number, perhaps with its unit.
 
     Attributes:
@@ -73,8 +83,7 @@ class Number(Node):
     unit: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Name(Node):
+class Name(Node, frozen=True, eq=False):
     """The name of a pin, a net, a value, a register, a flag or a rule.
 
     Attributes:
@@ -89,23 +98,20 @@ class Name(Node):
         return ".".join(self.parts)
 
 
-@dataclass(frozen=True, slots=True)
-class Function(Node):
+class Function(Node, frozen=True, eq=False):
     """One of :data:`FUNCTIONS` of a value."""
 
     name: str
     of: Node
 
 
-@dataclass(frozen=True, slots=True)
-class Sum(Node):
+class Sum(Node, frozen=True, eq=False):
     """Values that are added, or taken away where the first of a pair says so."""
 
     terms: tuple[tuple[bool, Node], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Compare(Node):
+class Compare(Node, frozen=True, eq=False):
     """Two values and one of :data:`SIGNS`."""
 
     sign: str
@@ -113,31 +119,27 @@ class Compare(Node):
     right: Node
 
 
-@dataclass(frozen=True, slots=True)
-class Not(Node):
+class Not(Node, frozen=True, eq=False):
     """What holds where ``of`` does not."""
 
     of: Node
 
 
-@dataclass(frozen=True, slots=True)
-class Several(Node):
+class Several(Node, frozen=True, eq=False):
     """Conditions joined by ``word``, ``"and"`` or ``"or"``."""
 
     word: str
     parts: tuple[Node, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Stable(Node):
+class Stable(Node, frozen=True, eq=False):
     """What has held for ``span`` ps."""
 
     of: Node
     span: int
 
 
-@dataclass(frozen=True, slots=True)
-class Event(Node):
+class Event(Node, frozen=True, eq=False):
     """Something that happens: ``kind`` is ``"violation"`` or ``"command"``, ``text`` which one."""
 
     kind: str

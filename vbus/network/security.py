@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
-
-from msgspec import Struct
 
 from vbus.errors import TransportError
 from vbus.network.keys import ACCESS, ROOT, requests
@@ -37,7 +36,8 @@ SERVE: Final = "serve "
 """Stands before a right whose holder answers and publishes under the key, as a board does."""
 
 
-class Security(Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class Security:
     """Certificates of this session and rights of others.
 
     Attributes:

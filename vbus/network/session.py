@@ -6,9 +6,8 @@ import contextlib
 import json
 import socket
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
-
-from msgspec import Struct
 
 from vbus.addresses import refused_endpoint
 from vbus.errors import TransportError
@@ -29,7 +28,8 @@ MODES: Final = ("client", "peer", "router")
 _PROTOCOLS: Final = ("tcp", "tls")
 
 
-class Network(Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class Network:
     """Where a board or a router is on the network: ``[zenoh]`` of a board file.
 
     Attributes:

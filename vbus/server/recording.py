@@ -14,13 +14,10 @@ from vbus.board.board import Board
 from vbus.board.checks import all_rules
 from vbus.board.host_bus import HostBus
 from vbus.board.sections import RecordSection, WaveSection
-from vbus.errors import VbusError, read_errors, write_errors
+from vbus.errors import VbusError, write_errors
 from vbus.server.registry import journal_path
 from vbus.signals import Observer
 from vbus.trace.decode import settings_for_decoders
-from vbus.trace.findings.formats import FORMATS, format_of
-from vbus.trace.findings.report import Report
-from vbus.trace.findings.suppress import Suppression, read_suppressions
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.recorded_bus import RecordedBus
 from vbus.trace.wave.wave import Wave
@@ -48,19 +45,6 @@ def open_text(path: str) -> TextIO:
     """
     with write_errors(path):
         return Path(path).open("w", encoding="ascii", newline="\n")
-
-
-def suppressions_of(path: str) -> list[Suppression]:
-    """Return the accepted violations of a file; none if ``path`` is empty.
-
-    Raises:
-        VbusError: it cannot be read or is wrong.
-    """
-    if not path:
-        return []
-    with read_errors(path):
-        text = Path(path).read_text()
-    return read_suppressions(text, path, [rule.name for rule in all_rules()])
 
 
 def wave_of(board: Board, wave: WaveSection, file: TextIO, report: Callable[[str], None]) -> Wave:
@@ -155,6 +139,10 @@ class Recording:
         self.told = {"file": path, "durable": durable}
 
     def _open_report(self, path: str, suppress_file: str) -> None:
+        from vbus.trace.findings.formats import FORMATS, format_of
+        from vbus.trace.findings.report import Report
+        from vbus.trace.findings.suppress import suppressions_of
+
         try:
             style = FORMATS[format_of(path)]
         except ValueError as error:

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Final
 
 from vbus.errors import ConfigError
-from vbus.server.recording import suppressions_of
 from vbus.testing.judge import CHOICES, Judge, accepted
 from vbus.testing.limits import BUDGET, Limits, budget_of
 from vbus.testing.tolerance import NEAR, tolerance_of
+from vbus.trace.findings.suppress import suppressions_of
 from vbus.trace.runs.difference import Tolerance
 
 _KEYS: Final = (*CHOICES, "accept", "budget", "golden", "suppress")

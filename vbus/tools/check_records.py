@@ -8,7 +8,8 @@ from vbus.board.board import Board
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
 from vbus.errors import VbusError
-from vbus.server.recording import ALONE, suppressions_of
+from vbus.server.recording import ALONE
+from vbus.trace.findings.suppress import suppressions_of
 
 
 def check_records(file: BoardFile, board: Board, source: Source) -> None:

@@ -42,9 +42,9 @@ def command(
 ) -> int:
     """Show every violation of a journal with the 20 bus cycles before and after it."""
     from vbus.board.checks import all_rules
-    from vbus.server.recording import suppressions_of
     from vbus.trace.findings.formats import FORMATS
     from vbus.trace.findings.report import Report
+    from vbus.trace.findings.suppress import suppressions_of
     from vbus.trace.journal.view import play
 
     with opened(journal) as reader:

@@ -1,8 +1,7 @@
 """Parts of an invented maker, so that whole messages can be tested without a real chip's tables."""
 
-from importlib.metadata import EntryPoint
-
 from tests.unit.board.toy import Toy
+from vbus.board.entry_points import EntryPoint
 from vbus.chips.family import Family
 from vbus.chips.tables import CardRow, PinRow
 from vbus.options import Option

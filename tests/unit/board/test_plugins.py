@@ -1,12 +1,12 @@
 """Parts found by name through entry points."""
 
 import re
-from importlib.metadata import EntryPoint
 
 import pytest
 
 from tests.unit.board import parts
 from vbus.board import plugins
+from vbus.board.entry_points import EntryPoint
 from vbus.chips.family import Family
 from vbus.errors import PluginError
 from vbus.trace.bus_watch import BusWatch

@@ -2,11 +2,13 @@
 
 import tomllib
 from collections.abc import Iterable
+from pathlib import Path
 
 from msgspec import Struct
 
+from vbus.board.checks import all_rules
 from vbus.board.settings import rule_hint, rule_names
-from vbus.errors import VbusError
+from vbus.errors import VbusError, read_errors
 from vbus.signals import Violation
 
 _KEYS = ("rule", "chip", "reason")
@@ -31,6 +33,19 @@ class Suppression(Struct):
         """Tell whether a violation is accepted by it."""
         family = violation.rule.partition(".")[0]
         return self.rule in (violation.rule, family) and self.chip in ("", violation.chip)
+
+
+def suppressions_of(path: str) -> list[Suppression]:
+    """Return the accepted violations of a file; none if ``path`` is empty.
+
+    Raises:
+        VbusError: it cannot be read or is wrong.
+    """
+    if not path:
+        return []
+    with read_errors(path):
+        text = Path(path).read_text()
+    return read_suppressions(text, path, [rule.name for rule in all_rules()])
 
 
 def read_suppressions(text: str, file: str, rules: Iterable[str]) -> list[Suppression]:
