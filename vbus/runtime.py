@@ -3,7 +3,6 @@
 import fcntl
 import os
 import stat
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,7 +28,9 @@ def runtime_directory() -> Path:
         return _strict(Path(xdg) / "vbus")
     if os.access("/run/vbus", os.W_OK) or os.access("/run", os.W_OK):
         return _strict(Path("/run/vbus"))
-    return _private(Path(tempfile.gettempdir()) / f"vbus-{os.getuid()}")
+    from tempfile import gettempdir
+
+    return _private(Path(gettempdir()) / f"vbus-{os.getuid()}")
 
 
 def subdirectory(name: str) -> Path:
@@ -53,8 +54,10 @@ def private_runtime(unless_named: bool = False) -> Iterator[Path]:
     It is the runtime directory, or is not where the user has named one and that shall stay. So
     runs of one board beside each other, as in CI, do not meet.
     """
+    from tempfile import TemporaryDirectory
+
     named = os.environ.get("VBUS_RUNTIME")
-    with tempfile.TemporaryDirectory(prefix="vbus-") as folder:
+    with TemporaryDirectory(prefix="vbus-") as folder:
         if named is None or not unless_named:
             os.environ["VBUS_RUNTIME"] = folder
         try:

@@ -4,7 +4,6 @@ The parts that come with vbus are registered in its own ``pyproject.toml`` in th
 anybody else's. Nothing is scanned at import.
 """
 
-import difflib
 from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
@@ -85,8 +84,10 @@ def load(group: str, name: str) -> object:
 
 def known(group: str, name: str) -> str:
     """Return the end of a message about an unknown ``name``: the likely one, and all there are."""
+    from difflib import get_close_matches
+
     everything = names(group)
-    close = difflib.get_close_matches(name, everything, n=1)
+    close = get_close_matches(name, everything, n=1)
     hint = f'did you mean "{close[0]}"? ' if close else ""
     return f"{hint}known are {', '.join(everything)}"
 

@@ -1,6 +1,5 @@
 """One table of settings against its rows: units, ranges, spelling; every mistake at once."""
 
-import difflib
 import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final
@@ -37,11 +36,13 @@ def listed(names: Iterable[str]) -> str:
 
 def suggestion(name: str, known: Iterable[str]) -> str:
     """Return ``'did you mean "x"? '`` if one of ``known`` is close to ``name``, else nothing."""
+    from difflib import get_close_matches
+
     known = list(known)
-    close = difflib.get_close_matches(name, known, n=1)
+    close = get_close_matches(name, known, n=1)
     if not close:
         folded = {item.lower(): item for item in reversed(known)}
-        close = difflib.get_close_matches(name.lower(), list(folded), n=1)
+        close = get_close_matches(name.lower(), list(folded), n=1)
         close = [folded[item] for item in close]
     return f'did you mean "{close[0]}"? ' if close else ""
 

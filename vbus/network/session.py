@@ -6,8 +6,9 @@ import contextlib
 import json
 import socket
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
+
+from msgspec import Struct
 
 from vbus.addresses import refused_endpoint
 from vbus.errors import TransportError
@@ -28,8 +29,7 @@ MODES: Final = ("client", "peer", "router")
 _PROTOCOLS: Final = ("tcp", "tls")
 
 
-@dataclass(frozen=True, slots=True)
-class Network:
+class Network(Struct, frozen=True):
     """Where a board or a router is on the network: ``[zenoh]`` of a board file.
 
     Attributes:

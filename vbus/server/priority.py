@@ -2,8 +2,9 @@
 
 import os
 import resource
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.errors import VbusError
 from vbus.transports.linux import lock_memory, unlock_memory
@@ -13,8 +14,7 @@ FIFO: Final = 10
 LIMITS: Final = "/etc/security/limits.conf"
 
 
-@dataclass(frozen=True, slots=True)
-class Priority:
+class Priority(Struct, frozen=True):
     """What a process asks of the system, for itself and not for the processes it starts.
 
     Attributes:

@@ -3,7 +3,6 @@
 import asyncio
 import io
 import os
-import shutil
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from functools import partial
@@ -24,6 +23,8 @@ from vbus.trace.wave.wave import Wave
 
 FLUSH_SECONDS: Final = 0.2
 """How long an entry of a journal may wait for company."""
+LARGEST: Final = 1 << 30
+"""Bytes of a journal copied at once."""
 ALONE: Final = "durable is what a journal survives, and none is kept; give its file as journal"
 
 
@@ -221,10 +222,11 @@ class Recording:
         board = self._board
         path = journal_path(board.name, board.now)
         ending = self.journal.ending()
-        with write_errors(path):
-            shutil.copyfile(self.told["file"], path)
-            with path.open("ab") as file:
-                file.write(ending)
+        with write_errors(path), path.open("wb") as file:
+            with Path(self.told["file"]).open("rb") as kept:
+                while os.sendfile(file.fileno(), kept.fileno(), None, LARGEST):
+                    pass
+            file.write(ending)
         return {"file": str(path), "when_ps": str(board.now)}
 
     def close(self) -> None:

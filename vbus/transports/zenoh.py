@@ -4,10 +4,10 @@ import asyncio
 import time
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, Final
 
 import zenoh
+from msgspec.structs import replace
 
 from vbus.errors import NameInUseError, TransportError
 from vbus.network import envelope, keys, places
