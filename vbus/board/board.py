@@ -46,9 +46,9 @@ class Board(Circuit):
         "tail: list[(i64, i64, str, i64), ...]", "kernel: part", "chips: parts", "glue: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_by_name", "_fights", "_trace", "axes", "beyond", "buses", "clock_step", "file", "limit",
-        "listeners", "name", "nets", "observers", "pins", "plants", "player", "policy", "port_type",
-        "rate", "seed", "sliced", "text", "through", "violation_policy", "waits",
+        "_by_name", "_fights", "_on_clash", "_trace", "axes", "beyond", "buses", "clock_step",
+        "file", "limit", "listeners", "name", "nets", "observers", "pins", "plants", "player",
+        "policy", "port_type", "rate", "seed", "sliced", "text", "through", "violation_policy", "waits",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
         "_counters", "_faults", "_pin_nets", "caught", "disturbed", "hosts", "reads", "violations",

@@ -122,6 +122,7 @@ class Circuit:
         """Write cycles hosts have made."""
         self.player: StrobePlayer = StrobePlayer(self.kernel)
         self._fights: Fights = Fights(self.kernel, self._fight)
+        self._on_clash: Callable[[Net], None] = self._clash  # one for all nets
         self.disturbed: bool = False
         """Whether a fault is armed, so that nobody can promise what comes."""
 
@@ -214,7 +215,7 @@ class Circuit:
                     chip.pins[row.name].move(net)
 
     def _own(self, net: Net) -> None:
-        net.clash = self._clash
+        net.clash = self._on_clash
         self._pin_nets = []
 
     @property

@@ -102,11 +102,12 @@ class Chip:
         self.on_node: bool = False
         """Whether others wait for its outputs: :meth:`next_edge` sets its timer then."""
         self._heard: bool = False
+        heard = self.heard_changed
         for row in self.pin_rows:
             net = Net(kernel, f"{name}.{row.name}", rest=row.rest, width=row.width)
             pin = net.solder(row.name, open_drain=row.direction == "od")
             if row.direction != "in":
-                pin.on_heard = self.heard_changed
+                pin.on_heard = heard
             self.pins[row.name] = pin
         self.bus_pins: tuple[Pin, ...] = tuple(
             self.pins[row.name]

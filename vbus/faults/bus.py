@@ -54,10 +54,10 @@ class BusFault(Observer):
         text = f"{chip.bus_net.name}"
         if self._name == "bit_stuck":
             text = f"D{values['bit']} at {values['level']}"
-            chip.bus_net.bends.append(self._stuck)
+            chip.bus_net.bend(self._stuck)
         elif self._name == "byte_flipped":
             text = f"bits {int(values['mask']):02X}H of {self._way} cycles inverted"
-            chip.bus_net.bends.append(self._flip)
+            chip.bus_net.bend(self._flip)
         elif self._name == "contention":
             text = f"D0-D7 driven with {int(values['data']):02X}H"
             self._pin = chip.bus_net.solder("fault")
@@ -67,7 +67,7 @@ class BusFault(Observer):
             text = f"{', '.join(net.name for net in self.strobes)}"
             text += " stays high" if lost else " is broken in two"
             for net in self.strobes:
-                net.bends.append(self._high if lost else self._broken)
+                net.bend(self._high if lost else self._broken)
         if not again:
             self._work_out()
         return text
@@ -76,11 +76,11 @@ class BusFault(Observer):
         """Let the nets be as they are driven."""
         for bend in (self._stuck, self._flip):
             if bend in self._chip.bus_net.bends:
-                self._chip.bus_net.bends.remove(bend)
+                self._chip.bus_net.unbend(bend)
         for net in self.strobes:
             for strobe_bend in (self._high, self._broken):
                 if strobe_bend in net.bends:
-                    net.bends.remove(strobe_bend)
+                    net.unbend(strobe_bend)
         if self._pin is not None:
             self._pin.release()
             self._chip.bus_net.pins.remove(self._pin)

@@ -38,7 +38,7 @@ class ShortedNet:
 
     def begin(self, again: bool = False) -> str:
         """Short it."""
-        self._net.bends.append(self._bend)
+        self._net.bend(self._bend)
         if not again:
             self._resolve()
         return f"{self._net.name} is {'high' if self._level else 'low'}, whoever drives it"
@@ -50,7 +50,7 @@ class ShortedNet:
 
     def leave(self) -> None:
         """Bend it no more."""
-        self._net.bends.remove(self._bend)
+        self._net.unbend(self._bend)
 
     def _bend(self, level: int) -> int:
         return self._level

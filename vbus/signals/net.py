@@ -114,7 +114,7 @@ class Pin:
         net.pins.append(self)
         for watcher in old.watchers:
             if watcher not in net.watchers:
-                net.watchers.append(watcher)
+                net.watchers = (*net.watchers, watcher)
         net.resolve()
         net.tell_drivers()
 
@@ -157,11 +157,12 @@ class Net:
         self.let_go_at: int = -1
         self._batch: int = -1
         self.pins: list[Pin] = []
-        self.watchers: list[Watcher] = []
-        self.observers: list[Observer] = []
+        # Tuples: most nets of a large board have no listener, and share the empty one.
+        self.watchers: tuple[Watcher, ...] = ()
+        self.observers: tuple[Observer, ...] = ()
         self.clash: Callable[[Net], None] | None = None
         self.clashing: bool = False
-        self.bends: list[Callable[[int], int]] = []
+        self.bends: tuple[Callable[[int], int], ...] = ()
         self.guard: Guard | None = None
 
     def solder(self, name: str, *, open_drain: bool = False) -> Pin:
@@ -201,7 +202,7 @@ class Net:
     def watch(self, watcher: Watcher) -> None:
         """Notify ``watcher`` of every change from now on."""
         heard = self.heard
-        self.watchers.append(watcher)
+        self.watchers = (*self.watchers, watcher)
         self.first_heard(heard)
 
     def observe(self, observer: Observer) -> None:
@@ -209,7 +210,7 @@ class Net:
         if self.guard is not None:
             self.guard.touched()
         heard = self.heard
-        self.observers.append(observer)
+        self.observers = (*self.observers, observer)
         self._kernel.observed += 1
         self._kernel.observations += 1
         self.first_heard(heard)
@@ -225,9 +226,21 @@ class Net:
 
     def unobserve(self, observer: Observer) -> None:
         """Stop reporting to ``observer``."""
-        self.observers.remove(observer)
+        left = list(self.observers)
+        left.remove(observer)
+        self.observers = tuple(left)
         self._kernel.observed -= 1
         self.tell_drivers()
+
+    def bend(self, bend: Callable[[int], int]) -> None:
+        """Let a fault make another level of the one that is driven, after those that are there."""
+        self.bends = (*self.bends, bend)
+
+    def unbend(self, bend: Callable[[int], int]) -> None:
+        """Let a fault bend the net no more."""
+        left = list(self.bends)
+        left.remove(bend)
+        self.bends = tuple(left)
 
     def tell_drivers(self) -> None:
         """Let the driving chips know that somebody began or ceased to listen."""

@@ -33,7 +33,7 @@ def test_a_wire_that_is_shorted_selects_nobody_until_it_is_mended() -> None:
     slot.board.faults.clear(fault)
     assert slot.inb(0x302) == 0x84
     twin.faults.clear()
-    assert twin.find_pin("y./CS").net.bends == []
+    assert twin.find_pin("y./CS").net.bends == ()
     found = [(one.what, one.text) for one in slot.board.faults.log]
     assert found == [("begun", "y./CS is high, whoever drives it"), ("ended", "cleared")]
 

@@ -160,7 +160,7 @@ high = ["/MR"]
 def test_a_fault_bends_the_output_of_glue() -> None:
     board = load_board_text(BOARD + DECODER)
     net = board.find_pin("x./CS").net
-    net.bends.append(lambda level: 1)
+    net.bend(lambda level: 1)
     net.resolve()
     port = board.open_port("host")
     for name in ("u1.A", "u1./G2B"):

@@ -207,12 +207,12 @@ def test_a_stuck_wire_is_seen_and_then_cycles_are_made_at_the_chip_again() -> No
     slot = Slot(INDEXED)
     assert register(slot, 0x22, 0x12) == 0x12
     net = slot.board.find_pin("x./OE").net
-    net.bends.append(lambda level: HIGH)
+    net.bend(lambda level: HIGH)
     net.resolve()
     assert register(slot, 0x22) == 0xFF
     played = path_of(slot).played
     assert played > 0
-    net.bends.clear()
+    net.bends = ()
     net.resolve()
     assert register(slot, 0x22) == 0x12
     assert path_of(slot).played == played

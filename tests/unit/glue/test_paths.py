@@ -301,10 +301,10 @@ def test_a_stuck_net_is_seen_by_cycles(watched: bool) -> None:
         slot.board.watch("x./CS", Observer())
     assert slot.inb(0x300) & 1 == 0
     net = slot.board.find_pin("x./CS").net
-    net.bends.append(lambda level: HIGH)
+    net.bend(lambda level: HIGH)
     net.resolve()
     assert slot.inb(0x300) == 0xFF
-    net.bends.clear()
+    net.bends = ()
     net.resolve()
     assert slot.inb(0x300) & 1 == 0
 

@@ -68,7 +68,7 @@ async def test_an_edge_is_met_at_its_very_instant(board: Triggers, x: ChipBench)
     falls.cancel()
     net = x.board.find_pin("x.HI").net
     await asyncio.sleep(0)
-    assert net.observers == []
+    assert net.observers == ()
     x.board.run_until(edge)
     assert net.value == 1
 

@@ -1,5 +1,6 @@
 """The bus front-end: edges on /CS, /PS, /RD, /WR become bus cycles, and AC limits are judged."""
 
+from functools import lru_cache
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
@@ -7,7 +8,7 @@ from mypy_extensions import i64
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.lm628.host_port import HostPort
 from vbus.chips.lm628.interface import HostInterface
-from vbus.kernel import NEVER
+from vbus.kernel import NEVER, Clock
 from vbus.signals import HIGH, LOW, STRICT, Watcher, Z
 from vbus.state import Names, Saved, keep, take_back
 
@@ -27,6 +28,18 @@ def strobes(write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
     if write:
         edges.append((ds.AC["T16"].min_ps, "D0-D7", Z))
     return edges
+
+
+@lru_cache(maxsize=16)
+def _limits(hz: int) -> dict[str, int]:
+    """Return the AC limits of every chip at a clock (ps).
+
+    The chip's own promises are the longest that they say, all else the least.
+    """
+    clock = Clock(hz)
+    return {
+        row.symbol: row.max_ps if row.output else ds.AC.minimum(row.symbol, clock) for row in ds.AC
+    }
 
 
 class BusPins:
@@ -66,11 +79,7 @@ class BusPins:
         self._timer = chip.kernel.timer(self._hold_over)
         # What is shown changes at its instant, though nobody looks: the net keeps that instant.
         self._live = chip.kernel.timer(self._changes, saved=False)
-        # The chip's own promises are the longest that they say, all else the least.
-        self._limits: dict[str, int] = {
-            row.symbol: row.max_ps if row.output else ds.AC.minimum(row.symbol, chip.clock)
-            for row in ds.AC
-        }
+        self._limits: dict[str, int] = _limits(chip.clock.hz)
         self._late: bool = self._strict("T10")
         self._write_undone: bool = self._strict("T9") or self._strict("T16")
         self._read_undone: bool = self._strict("T9") or self._strict("T12")
