@@ -48,7 +48,8 @@ class Board(Circuit):
     WIRING: ClassVar[Names] = (
         "_by_name", "_fights", "_on_clash", "_trace", "axes", "beyond", "buses", "clock_step",
         "file", "limit", "listeners", "name", "nets", "observers", "pins", "plants", "player",
-        "policy", "port_type", "rate", "seed", "sliced", "text", "through", "violation_policy", "waits",
+        "policy", "port_type", "rate", "seed", "sliced", "text", "through", "violation_policy",
+        "waits",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
         "_counters", "_faults", "_pin_nets", "caught", "disturbed", "hosts", "reads", "violations",

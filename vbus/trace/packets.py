@@ -5,9 +5,8 @@ may need more than the standard library and the tables.
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
-
-from msgspec import Struct
 
 from vbus.chips.tables import Command, CommandTable, Register, RegisterMap
 
@@ -56,7 +55,8 @@ class Cycle(NamedTuple):
         return f"{WRITE if self.write else READ} {self.address:X} {self.data:02X}"
 
 
-class Packet(Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class Packet:
     """Bus cycles that belong together.
 
     Attributes:
