@@ -83,10 +83,9 @@ class LM628(HostInterface):
         self.axis: Axis = Axis(self.settings)
         self.output: Output = Output(pwm, int(self.settings["pwm_frame_clk"]))
         self.encoder: Encoder = Encoder(clock)
-        broke = self._host_broke
-        self.host: HostPort = HostPort(clock, self.settings, broke)
+        self.host: HostPort = HostPort(clock, self.settings, self._host_broke)
         self.commands: Commands = Commands(
-            self.host, self.axis, pwm, partial(self._reset, _RESET_BY_COMMAND), broke
+            self.host, self.axis, pwm, partial(self._reset, _RESET_BY_COMMAND), self._host_broke
         )
         self._mode: int = _UNPOWERED
         self._reset_end: i64 = NEVER
