@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 
@@ -64,6 +65,21 @@ def test_of_a_package_that_is_there_twice_the_first_counts(
     monkeypatch.setattr(sys, "path", [*sys.path, str(folder / "later")])
     mine = [entry for entry in installed() if entry.package.lower() == "acme-parts"]
     assert mine == [EntryPoint("ACME-2", "acme:New", "vbus.chips", "acme-parts")]
+
+
+def test_packages_in_zip_files_are_found_with_all_others(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    install(folder, "acme-1.0.dist-info", TEXT)
+    parts = folder / "parts.zip"
+    with ZipFile(parts, "w") as packed:
+        packed.writestr("lathe-1.0.dist-info/METADATA", "Name: lathe\nVersion: 1.0\n")
+        packed.writestr("lathe-1.0.dist-info/entry_points.txt", "[vbus.plants]\nlathe = a:B\n")
+    monkeypatch.setattr(sys, "path", [*sys.path, str(parts)])
+    here = installed()
+    assert {(entry.name, entry.value, entry.group) for entry in here} == as_python_finds_them()
+    assert EntryPoint("lathe", "a:B", "vbus.plants", "lathe") in here
+    assert EntryPoint("OLD", "acme.old [extra]", "vbus.chips", "acme") in here
 
 
 def test_what_is_registered_is_loaded_by_its_path() -> None:
