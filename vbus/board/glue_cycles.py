@@ -12,8 +12,9 @@ from vbus.kernel import Kernel
 from vbus.signals import Net, Watcher
 from vbus.state import Names
 from vbus.trace.bus_watch import BusWatch
-from vbus.trace.packets import Cycle
 
+Ended = tuple[str, bool, int, int]
+"""A bus cycle that has ended: name of the chip, whether the host wrote, address, byte."""
 
 class CycleTeller:
     """A host, as far as cycles are told that come of what it does."""
@@ -28,21 +29,21 @@ class CycleTeller:
         """Tell of a cycle: instant (ps), names of the chips, direction, address, byte."""
         raise NotImplementedError
 
-    def tell_together(self, when: int, found: list[tuple[str, Cycle]]) -> None:
+    def tell_together(self, when: int, found: list[Ended]) -> None:
         """Tell of the cycles at some chips at one instant.
 
         Chips written by one strobe are written together, as in a whole cycle.
         """
         if len(found) == 1:
-            ((name, cycle),) = found
-            self.tell(when, name, cycle.write, cycle.address, cycle.data)
+            name, write, address, data = found[0]
+            self.tell(when, name, write, address, data)
             return
         writes: dict[tuple[int, int], list[str]] = {}
-        for name, cycle in found:
-            if cycle.write:
-                writes.setdefault((cycle.address, cycle.data), []).append(name)
+        for name, write, address, data in found:
+            if write:
+                writes.setdefault((address, data), []).append(name)
             else:
-                self.tell(when, name, False, cycle.address, cycle.data)
+                self.tell(when, name, False, address, data)
         for (address, data), names in writes.items():
             self.tell(when, "+".join(names), True, address, data)
 
@@ -115,13 +116,13 @@ class GlueCycles:
         assert self.by is not None
         places_of = zip(chips, places, strict=True)
         self.by.tell_together(
-            when, [(chip.name, Cycle(when, write, place, data)) for chip, place in places_of]
+            when, [(chip.name, write, place, data) for chip, place in places_of]
         )
 
     def _moved(self) -> None:
         now = self._kernel.now
         by = self.by if self.by is not None and self.by.wanted() else None
-        found: list[tuple[str, Cycle]] = []
+        found: list[Ended] = []
         for row in self.rows:
             before, row.levels = row.levels, row.look()
             if before == row.levels or not row.busy(before):
@@ -148,6 +149,8 @@ class BusLines:
         self._nets: list[Net] = []
         self._levels_of: dict[int, tuple[int, ...]] = {}
         self._busy: dict[int, bool] = {}
+        self._ends: dict[tuple[int, int], list[tuple[bool, int]]] = {}
+        """By levels before and after: of each cycle that ends, whether it is a write, and where."""
 
     @property
     def nets(self) -> list[Net]:
@@ -170,17 +173,24 @@ class BusLines:
             known = self._busy[levels] = self.watch.busy(self._tuple(levels))
         return known
 
-    def ended(self, now: int, before: i64, data: int) -> list[tuple[str, Cycle]]:
-        """Return the cycles that end as lines move to where they are now, with the chip's name.
+    def ended(self, now: int, before: i64, data: int) -> list[Ended]:
+        """Return the cycles that end as lines move to where they are now.
 
         Args:
             now: instant (ps).
             before: levels they moved from.
             data: what stood on the data bus.
         """
+        name = self.chip.name
+        key = (int(before), int(self.levels))
+        ends = self._ends.get(key)
+        if ends is not None:
+            return [(name, write, address, data) for write, address in ends]
         moved = self._tuple(before), self._tuple(self.levels)
         cycles = self.watch.edges(now, *moved, data, data)
-        return [(self.chip.name, cycle) for cycle in cycles]
+        if not self.remembers:  # then the levels alone decide
+            self._ends[key] = [(cycle.write, cycle.address) for cycle in cycles]
+        return [(name, cycle.write, cycle.address, cycle.data) for cycle in cycles]
 
     def _tuple(self, levels: i64) -> tuple[int, ...]:
         known = self._levels_of.get(levels)

@@ -5,11 +5,10 @@ from typing import ClassVar, Final
 
 from vbus.board import plugins
 from vbus.board.circuit import Circuit
-from vbus.board.glue_cycles import BusLines, CycleTeller
+from vbus.board.glue_cycles import BusLines, CycleTeller, Ended
 from vbus.chips.base import Chip
 from vbus.state import Names
 from vbus.trace.bus_watch import BusWatch
-from vbus.trace.packets import Cycle
 
 SETTLE_EVERY: Final = 4096
 """Bus cycles after which lazy chips are brought up to date, to bound what observers hold."""
@@ -80,7 +79,7 @@ class StrobeWatch(CycleTeller):
             return
         self._noted = False
         now = self._board.now
-        found: list[tuple[str, Cycle]] = []
+        found: list[Ended] = []
         for row in self._rows:
             before = row.levels
             if not row.busy(before):

@@ -49,6 +49,7 @@ class Call:
 
     Attributes:
         following: the call that came after it the last time.
+        earlier: another one that came after it before that.
     """
 
     def __init__(
@@ -65,6 +66,24 @@ class Call:
         self.start: i64 = start
         self.span: i64 = span
         self.following: Call | None = None
+        self.earlier: Call | None = None
+
+    def like(
+        self, key: i64, form: i64, first: i64, second: i64, reply: i64, more: i64, start: i64,
+        span: i64,
+    ) -> bool:  # fmt: skip
+        """Whether another call is the same."""
+        return (
+            self.key == key and self.form == form and self.first == first
+            and self.second == second and self.reply == reply and self.more == more
+            and self.start == start and self.span == span
+        )  # fmt: skip
+
+    def follow(self, call: "Call") -> None:
+        """Note what has come after it."""
+        if self.following is not call:
+            self.earlier = self.following
+            self.following = call
 
 
 class JournalRows:
@@ -160,36 +179,30 @@ class JournalRows:
         start, span = when - self._end, after - when
         latest = self._latest
         known = latest.following if latest is not None else None
-        if (
-            known is None or known.key != key or known.form != form or known.first != first
-            or known.second != second or known.reply != reply or known.more != more
-            or known.start != start or known.span != span
-        ):  # fmt: skip
-            known = self._find(key, form, first, second, reply, more, start, span)
-            if latest is not None:
-                latest.following = known
+        if known is None or not known.like(key, form, first, second, reply, more, start, span):
+            known = latest.earlier if latest is not None else None
+            if known is None or not known.like(key, form, first, second, reply, more, start, span):
+                names = (key, form, first, second, reply, more, start, span)
+                known = self._calls.get(names)
+        if known is None:
+            known = self._new(key, form, first, second, reply, more, start, span)
         else:
             if self._again != 0:
                 self._put_again()
             self._put(known.place)
+        if latest is not None:
+            latest.follow(known)
         self._latest = known
         self._end = after
         self.pending += 1
         if self.pending >= FULL:
             self.full()
 
-    def _find(
+    def _new(
         self, key: i64, form: i64, first: i64, second: i64, reply: i64, more: i64, start: i64,
         span: i64,
     ) -> Call:  # fmt: skip
-        """Write a call down in full, or once more; return it."""
-        names = (key, form, first, second, reply, more, start, span)
-        known = self._calls.get(names)
-        if known is not None:
-            if self._again != 0:
-                self._put_again()
-            self._put(known.place)
-            return known
+        """Write a call down in full; return it."""
         place: i64 = OTHER + 1 + len(self._others) // 4
         arguments: list[Any] = [first, second][: form & 3]
         if form & 3 == STROBED:
@@ -207,7 +220,7 @@ class JournalRows:
             key, [arguments, answer, 0, -1], self._end + start, self._end + start + span
         )
         known = Call(place, key, form, first, second, reply, more, start, span)
-        self._calls[names] = known
+        self._calls[key, form, first, second, reply, more, start, span] = known
         return known
 
     def _put_cycle(self, session: i64, word: i64, when: i64, after: i64) -> None:
