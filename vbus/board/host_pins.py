@@ -1,7 +1,9 @@
 """The pins of one host: its numbered control lines, side pins and output lines."""
 
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, Final
+
+from mypy_extensions import i64
 
 from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
@@ -14,6 +16,26 @@ from vbus.state import Names
 
 WORD: int = 32
 """Output lines that fit the word of SAMPLE, SYNC and event reports."""
+MOST_CYCLES: Final = 4096
+"""So many different bus cycles are kept as edges."""
+
+
+class Strobe:
+    """One edge of a whole bus cycle.
+
+    Args:
+        offset: when, counted from the latching edge (ps).
+        pin: which the host drives.
+        level: to which; :data:`~vbus.signals.Z` lets go.
+    """
+
+    __slots__ = ("level", "offset", "pin")
+    WIRING: ClassVar[Names] = ("*",)
+
+    def __init__(self, offset: i64, pin: Pin, level: int) -> None:
+        self.offset: i64 = offset
+        self.pin: Pin = pin
+        self.level: int = level
 
 
 class HostPins:
@@ -36,7 +58,7 @@ class HostPins:
         "_soldered", "_word",
         "lines", "outputs", "sides",
     )  # fmt: skip
-    DERIVED: ClassVar[Names] = ("_edges", "_watched", "_watches")
+    DERIVED: ClassVar[Names] = ("_cycles", "_edges", "_watched", "_watches")
 
     def __init__(
         self,
@@ -51,6 +73,7 @@ class HostPins:
         self._chips: list[Chip] = chips
         self._on_edge: Callable[[], None] = on_edge
         self._soldered: dict[int, Pin] = {}
+        self._cycles: dict[tuple[str, bool, int, int], list[Strobe]] = {}
         self._connector: dict[int, Pin] = {
             id(pin.net): pin for chip in chips if chip.CONNECTOR for pin in chip.pins.values()
         }
@@ -119,6 +142,26 @@ class HostPins:
             pin = net.solder(f"{self._label}:{chip_pin.name}")
             self._soldered[id(net)] = pin
         return pin
+
+    def strobes(self, chip: Chip, write: bool, address: int, data: int) -> list[Strobe]:
+        """Return the edges of a whole cycle at ``chip``, in order; not to be changed.
+
+        Those at a connector depend on how its lines stand, those at any other chip do not.
+        """
+        key = (chip.name, write, address, data)
+        strobes = self._cycles.get(key)
+        if strobes is None:
+            strobes = [
+                Strobe(offset, self.of(chip.pins[name]), level)
+                for offset, name, level in chip.strobes(write, address, data)
+            ]
+            # What a computer's bus moves at one instant is in order.
+            if not chip.CONNECTOR:
+                strobes.sort(key=offset_of)
+                if len(self._cycles) == MOST_CYCLES:
+                    self._cycles.clear()
+                self._cycles[key] = strobes
+        return strobes
 
     def set_lines(self, mask: int, levels: int) -> None:
         """Put the control lines in ``mask`` to ``levels``, all in one batch."""
@@ -223,6 +266,7 @@ class HostPins:
         for pin in self._let_go:
             pin.release()
         self._soldered = {}
+        self._cycles = {}
         self._own_lines = []
         self._kernel.settle()
 
@@ -268,6 +312,11 @@ class HostPins:
             pin.level = Z
         for full_name, level in levels:
             self.named(full_name).level = level
+
+
+def offset_of(strobe: Strobe) -> int:
+    """Return when an edge is, counted from the latching edge (ps)."""
+    return strobe.offset
 
 
 class _EdgeWatch(Observer):

@@ -3,7 +3,7 @@
 from collections import deque
 from typing import ClassVar
 
-from vbus.board.host_pins import HostPins
+from vbus.board.host_pins import HostPins, Strobe, offset_of
 from vbus.chips.base import Chip
 from vbus.kernel import NEVER, Kernel
 from vbus.signals import Guard, Pin
@@ -37,20 +37,20 @@ class StrobePlayer:
         """
         self.flush()
         kernel = self._kernel
-        steps: list[tuple[int, int, Pin, int]] = []
+        strobes: list[Strobe] = []
         for chip in chips:
             chip.judged = False
-            for offset, name, level in chip.strobes(write, address, data):
-                steps.append((offset, len(steps), pins.of(chip.pins[name]), level))
-        if not steps:
+            strobes = strobes + pins.strobes(chip, write, address, data)
+        if not strobes:
             return self._answer(chips, write, address, data, when)
         # What a computer's bus moves at one instant moves together; no decoder sees it half.
         at_once = chips[0].CONNECTOR
-        if not at_once:  # those of a bus are in order
-            steps.sort(key=_offset_and_order)
+        if len(chips) > 1 and not at_once:
+            strobes.sort(key=offset_of)
         value = 0
         latched = False
-        for number, (offset, _, pin, level) in enumerate(steps):
+        for number, strobe in enumerate(strobes):
+            offset, pin, level = strobe.offset, strobe.pin, strobe.level
             if offset >= 0 and not latched:
                 kernel.run_until(when)
                 for chip in chips:
@@ -64,7 +64,7 @@ class StrobePlayer:
             if when + offset > kernel.now:
                 kernel.run_until(when + offset)
             pin.drive(level)
-            if offset < 0 and not (at_once and steps[number + 1][0] == offset):
+            if offset < 0 and not (at_once and strobes[number + 1].offset == offset):
                 kernel.settle()
         kernel.settle()
         if self._tail and self._timer.due == NEVER:
@@ -130,7 +130,3 @@ def together(chips: list[Chip]) -> int:
     for chip in chips:
         data &= chip.bus_net.value
     return data
-
-
-def _offset_and_order(step: tuple[int, int, Pin, int]) -> tuple[int, int]:
-    return step[0], step[1]

@@ -399,17 +399,16 @@ class LM628(HostInterface):
         self._outputs.show(self.kernel.now)
         if self._front.driving:
             self._front.show()
-        due = self._next_inside()
-        if self._sample_at < due:
-            due = self._sample_at
-        if self._outputs.due < due:
-            due = self._outputs.due
-        self._due_at = due if due < self._front.show_at else self._front.show_at
+        due = min(self._next_inside(), self._sample_at)
+        due = min(due, self._outputs.due)
+        self._due_at = min(due, self._front.show_at)
 
     def next_edge(self) -> int:
         """Return an instant not later than the next change of HI, an output pin or D0-D7."""
-        due = min(min(self._next_inside(), self._front.show_at), self._outputs.edge())
+        due = min(self._next_inside(), self._front.show_at)
         heard = self._outputs.heard()
+        if heard:
+            due = min(due, self._outputs.due)
         shows = heard or self._front.driving or self.axis.may_interrupt()
         if (shows and not self._still) or (heard and self.output.emits()):
             due = min(due, self._sample_at)
@@ -417,7 +416,8 @@ class LM628(HostInterface):
 
     def next_event(self) -> int:
         """Return the next sample too, unless samples repeat themselves."""
-        return min(self.next_edge(), NEVER if self._still else self._sample_at)
+        due: i64 = self.next_edge()
+        return due if self._still else min(due, self._sample_at)
 
     def resting(self) -> bool:
         """Whether samples repeat themselves and nothing else is due."""
