@@ -5,7 +5,6 @@ may need more than the standard library and the tables.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
 
 from vbus.chips.tables import Command, CommandTable, Register, RegisterMap
@@ -55,8 +54,7 @@ class Cycle(NamedTuple):
         return f"{WRITE if self.write else READ} {self.address:X} {self.data:02X}"
 
 
-@dataclass(frozen=True, slots=True)
-class Packet:
+class Packet(NamedTuple):
     """Bus cycles that belong together.
 
     Attributes:
