@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
+from mypy_extensions import mypyc_attr
+
 from vbus.board import plugins
 from vbus.board.card_bus import CONNECTOR
 from vbus.chips.base import Chip
@@ -86,6 +88,7 @@ def settings_for_decoders(chips: Iterable[Chip]) -> dict[str, dict[str, Value]]:
     return found
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class BoardPackets(Observer):
     """Packets of every chip of a board, as they are completed.
 
@@ -109,18 +112,21 @@ class BoardPackets(Observer):
         }
         self._give: Callable[[str, Packet], None] = take
         self._lost: dict[str, tuple[int, str]] = {}
+        self.latest: int = 0
+        """Instant of the latest bus cycle (ps)."""
 
     def bus_cycle(
         self, when: int, host: str, chip: str, write: bool, address: int, data: int
     ) -> None:
         """Decode one more cycle."""
+        self.latest = when
         cycle = Cycle(when, write, address, data)
-        for name in chip.split("+"):
+        for name in chip.split("+") if "+" in chip else (chip,):
             decoder = self._decoders.get(name)
             if decoder is None:
                 continue
-            instant, rule = self._lost.pop(name, (-1, ""))
-            for packet in decoder.feed(cycle, rule if instant == when else ""):
+            instant, rule = self._lost.pop(name, (-1, "")) if self._lost else (-1, "")
+            for packet in decoder.feed(cycle, rule) if instant == when else decoder.take(cycle):
                 self._give(name, packet)
 
     def violation(self, violation: Violation) -> None:

@@ -4,8 +4,10 @@ Time scale 100 ps.
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final, TextIO
+
+from mypy_extensions import i64
 
 from vbus.conditions.names import Value
 from vbus.trace.names import bit_names
@@ -123,9 +125,10 @@ class VcdFile:
         self._used.add((scope, name))
         return name
 
-    def write(self, changes: Iterable[Change]) -> None:
+    def write(self, changes: list[Change]) -> None:
         """Write changes in order of time."""
-        signals, tick = self._signals, self._tick
+        signals = self._signals
+        tick: i64 = self._tick
         lines: list[str] = []
         for when, signal, value in changes:
             written = signals.get(signal)
@@ -134,8 +137,9 @@ class VcdFile:
             key = value if len(written.variables) == 1 else (written.latest, value)
             text = written.texts.get(key) or written.text(value)
             written.latest = value
-            if when // TICK != tick:
-                tick = when // TICK
+            instant: i64 = when
+            if instant // TICK != tick:
+                tick = instant // TICK
                 lines.append(f"#{tick}")
             lines.append(text)
         self._tick = tick

@@ -14,6 +14,7 @@ from vbus.kernel import MS
 from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.packets import Packet
+from vbus.trace.wave.edges import Edges
 from vbus.trace.wave.signals import FULL, PROFILES, Signal, signals_of, values_of
 from vbus.trace.wave.vcd_file import Change, VcdFile
 
@@ -89,16 +90,21 @@ class Wave(BoardPackets):
         watched = list(self._trigger.levels.values()) if self._trigger is not None else []
         self._registers = {one.key: one for one in watched if one.register is not None}
         self.signals: list[Signal] = signals_of(board, list(signals), watched)
-        self._nets: dict[str, Signal] = {one.name: one for one in self.signals if one.net}
+        nets = {one.name: one for one in self.signals if one.net}
         self._others: dict[str, Signal] = {one.name: one for one in self.signals if not one.net}
+        self._words = {name: self._others[f"{name}.packet"] for name in families}
         self._values: dict[Signal, Value] = {}
         """Values at the beginning of the ring, and later the latest written."""
         self._latest: dict[Signal, Value] = {}
+        """What the chips have told of themselves."""
+        self._looked: deque[Change] = deque()
+        """Of what is pending, what the chips have told of themselves."""
         self._pending: list[Change] = []
+        self._in_order: bool = True
+        """Whether what is pending is in order of time."""
+        self._edges: Edges = Edges(nets, self._pending)
         self._ring: deque[Change] = deque()
         self._timer = board.kernel.onlooker(self._look)
-        self._cycle: int = 0
-        """Instant of the latest bus cycle."""
         self._drained: int = 0
         """What happened before this is in the file, or has been left out."""
 
@@ -114,7 +120,7 @@ class Wave(BoardPackets):
         self._values |= {self._others[name]: v for name, v in self._told().items()}
         self._latest = dict(self._values)
         for _, net in nets:
-            net.observe(self)
+            net.observe(self._edges)
         self.board.observe(self)
         self._timer.at(now + self._sample)
         self.state = WAITING
@@ -140,7 +146,7 @@ class Wave(BoardPackets):
             self.board.unobserve(self)
             for signal in self.signals:
                 if signal.net is not None:
-                    signal.net.unobserve(self)
+                    signal.net.unobserve(self._edges)
             if recording and not self.error:
                 self._guarded(lambda: self._file.close(when))
 
@@ -159,36 +165,29 @@ class Wave(BoardPackets):
 
     # -- what happens -------------------------------------------------------------------------
 
-    def edge(self, when: int, net: str, level: int) -> None:
-        """Take down an edge of one of the nets."""
-        # In line: nothing else is called so often.
-        drained = self._drained
-        self._pending.append((when if when > drained else drained, self._nets[net], level))
-
-    def _note(self, when: int, signal: Signal | None, value: Value) -> None:
-        """Take down a change, if it is of a signal that is looked at.
+    def _note(self, when: int, signal: Signal, value: Value) -> Change:
+        """Take down a change.
 
         A hold time is known to be broken only some time later; a file has no way back.
         """
-        if signal is not None:
-            self._pending.append((max(when, self._drained), signal, value))
-
-    def bus_cycle(
-        self, when: int, host: str, chip: str, write: bool, address: int, data: int
-    ) -> None:
-        """Follow the packets."""
-        self._cycle = when
-        super().bus_cycle(when, host, chip, write, address, data)
+        pending = self._pending
+        change = (when if when > self._drained else self._drained, signal, value)
+        if pending and pending[-1][0] > change[0]:
+            self._in_order = False
+        pending.append(change)
+        return change
 
     def _packet(self, chip: str, packet: Packet) -> None:
         # A packet that was cut short is known to have ended only now.
-        self._note(self._cycle, self._others[f"{chip}.packet"], packet.text)
+        self._note(self.latest, self._words[chip], packet.text)
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
         super().violation(violation)
         signal = self._others.get(f"{violation.chip}.violation")
-        self._note(violation.when, signal, violation.rule)
+        if signal is not None:
+            self._in_order = False
+            self._note(violation.when, signal, violation.rule)
 
     def settled(self, now: int) -> None:
         """Everything before ``now`` has been reported."""
@@ -200,7 +199,7 @@ class Wave(BoardPackets):
         for name, value in self._told().items():
             signal = self._others.get(name)
             if signal is not None and self._latest.get(signal) != value:
-                self._note(now, signal, value)
+                self._looked.append(self._note(now, signal, value))
         self._drain(now)
         if self.state in (WAITING, RECORDING):
             self._timer.at(now + self._sample)
@@ -218,7 +217,12 @@ class Wave(BoardPackets):
         """Sort out what happened before ``now``: lazy chips report late."""
         self._drained = max(self._drained, now)
         pending = self._pending
-        pending.sort(key=itemgetter(0))
+        if not self._in_order:
+            pending.sort(key=itemgetter(0))
+            self._in_order = True
+        while self._looked and self._looked[0][0] < now:
+            _, signal, value = self._looked.popleft()
+            self._latest[signal] = value
         if self.state == RECORDING and self._end < 0:
             self._write_until(now)
             return
@@ -249,15 +253,11 @@ class Wave(BoardPackets):
         done = bisect_left(pending, now, key=itemgetter(0))
         changes = pending[:done]
         del pending[:done]
-        for _, signal, value in changes:
-            if signal.net is None:
-                self._latest[signal] = value
         if self._write(changes):
             self._guarded(self._file.flush)
 
     def _take(self, change: Change) -> None:
         when, signal, value = change
-        self._latest[signal] = value
         if self.state == RECORDING:
             if 0 <= self._end < when:
                 self._finish(self._end)
