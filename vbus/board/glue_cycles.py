@@ -16,6 +16,7 @@ from vbus.trace.bus_watch import BusWatch
 Ended = tuple[str, bool, int, int]
 """A bus cycle that has ended: name of the chip, whether the host wrote, address, byte."""
 
+
 class CycleTeller:
     """A host, as far as cycles are told that come of what it does."""
 
@@ -115,9 +116,7 @@ class GlueCycles:
         """Tell the present host of a cycle that was made at chips without moving their lines."""
         assert self.by is not None
         places_of = zip(chips, places, strict=True)
-        self.by.tell_together(
-            when, [(chip.name, write, place, data) for chip, place in places_of]
-        )
+        self.by.tell_together(when, [(chip.name, write, place, data) for chip, place in places_of])
 
     def _moved(self) -> None:
         now = self._kernel.now
@@ -146,6 +145,8 @@ class BusLines:
         """Whether earlier edges decide about cycles to come: a latched address, say."""
         self.levels: i64 = 0
         self.data: int = 0
+        self.under_way: bool = False
+        """Whether a cycle was, when the lines were looked at."""
         self._nets: list[Net] = []
         self._levels_of: dict[int, tuple[int, ...]] = {}
         self._busy: dict[int, bool] = {}

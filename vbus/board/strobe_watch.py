@@ -63,15 +63,18 @@ class StrobeWatch(CycleTeller):
     def before(self) -> None:
         """Lines are about to move: note how they stand, if anybody wants to know."""
         self.goes_through_glue()
+        self._noted = False
         if not self.wanted():
             return
-        self._noted = True
         for row in self._rows:
             row.chip.advance()
         self._board.kernel.settle()
         for row in self._rows:
             row.levels = row.look()
-            row.data = row.chip.bus_net.value
+            row.under_way = row.busy(row.levels)
+            if row.under_way:
+                row.data = row.chip.bus_net.value
+                self._noted = True
 
     def after(self) -> None:
         """Lines have moved: tell the cycles that ended."""
@@ -82,7 +85,7 @@ class StrobeWatch(CycleTeller):
         found: list[Ended] = []
         for row in self._rows:
             before = row.levels
-            if not row.busy(before):
+            if not row.under_way:
                 continue
             row.levels = row.look()
             if row.levels != before:
