@@ -458,6 +458,17 @@ def test_a_call_of_another_length_or_after_a_pause_is_another() -> None:
     assert others[13] == [[60], 1, 0, -1]
 
 
+def test_after_a_call_either_of_two_may_come_again() -> None:
+    rows = JournalRows(lambda: None)
+    delay, now = CODE["delay"], 0
+    for span in (10, 20, 10, 30, 10, 20, 10, 30, 10, 40):
+        rows.call(delay, 1 | FLAG << 2, 60, 0, 1, 0, now, now + span)
+        now += span
+    words, others = rows.take()
+    assert words == bytes.fromhex("C000 C000 C001 C000 C001 C002 C001 C003 C001 C000")
+    assert others[3::4] == [10, 20, 30, 40]
+
+
 def test_strobed_cycles_have_the_names_of_their_chips() -> None:
     rows = JournalRows(lambda: None)
     key = 32 + CODE["cycle"]

@@ -341,6 +341,26 @@ def test_what_is_told_late_stands_as_early_as_the_file_allows() -> None:
     assert [(when, v) for when, v in changes["x.violation"] if v] == [(5 * MS, "lm628.T16")]
 
 
+def test_what_is_told_after_a_later_edge_stands_before_it() -> None:
+    board = load_board_text(LM629)
+    file = io.StringIO()
+    wave = Wave(board, file)
+    wave.start()
+    port = board.open_port("h")
+    port.lines(0xF, 0xF)
+    board.run_until(300 * US)
+    port.lines(0xF, 0xE)
+    board.file_violation(
+        Violation(200 * US, "x", "lm628.T16", "LM-TIM-16", "error", 0, 0, "found out late")
+    )
+    wave.stop()
+    _, changes = read(file.getvalue())
+    assert [(when, v) for when, v in changes["x.violation"] if v] == [(200 * US, "lm628.T16")]
+    ticks = [int(line[1:]) for line in file.getvalue().splitlines() if line[:1] == "#"]
+    assert ticks == sorted(ticks)
+    assert ticks[-1] * 100 == 300 * US
+
+
 def test_a_waveform_is_started_once() -> None:
     wave = Wave(load_board_text(LM629), io.StringIO())
     wave.start()

@@ -186,7 +186,6 @@ class Wave(BoardPackets):
         super().violation(violation)
         signal = self._others.get(f"{violation.chip}.violation")
         if signal is not None:
-            self._in_order = False
             self._note(violation.when, signal, violation.rule)
 
     def settled(self, now: int) -> None:
