@@ -39,7 +39,7 @@ class FaultyPlant(Plant):
         super().__init__()
         self.inner: Plant = inner
         self.switches = inner.switches
-        self.count: int = inner.count
+        self.count = inner.count
         self.frozen: bool = False
         """The shaft stands."""
         self.drive_sign: int = 1
@@ -166,7 +166,7 @@ class FaultyPlant(Plant):
         if self._stood:
             return self.count
         if self.mode == PLAY:
-            ahead = self.count - self._before
+            ahead: int = self.count - self._before
             return self._before + int(ahead * fraction)
         return self._show(int(self.inner.count_at(fraction)))
 

@@ -156,9 +156,11 @@ class DcMotor(Shaft):
 
     def _exchange(self) -> None:
         """Let what the last two periods were prepared with change places."""
-        response = self._response
-        self._response, self._other_response = self._other_response, response
-        self._travel.response = self._response
+        if self.solved_exactly:
+            response = self._response
+            self._response = self._other_response
+            self._other_response = response
+            return
         keep, admit, induced = self._keep, self._admit, self._induced
         self._keep, self._admit = self._other_keep, self._other_admit
         self._induced = self._other_induced
@@ -194,7 +196,6 @@ class DcMotor(Shaft):
             self._resistance, self._inductance, self._torque_constant, self._back_emf,
             self._inertia, self._viscous,
         )  # fmt: skip
-        travel.response = self._response
         travel.load, travel.coulomb, travel.static = self._load, self._coulomb, self._static
         self._travel = travel
 
@@ -251,6 +252,7 @@ class DcMotor(Shaft):
             return self._go(TICKS)
         if way * pull < 0.0 and way * (constant * after - viscous * faster + torque) > 0.0:
             travel = self._travel
+            travel.response = response
             travel.volts = volts
             if not travel.clear(way, current, speed, torque, span.seconds):
                 return self._go(TICKS)
@@ -277,6 +279,7 @@ class DcMotor(Shaft):
 
     def _from_the_beginning(self) -> None:
         travel = self._travel
+        travel.response = self._response
         travel.volts = self._volts
         travel.current = self._began
         travel.speed = self._departed

@@ -34,8 +34,9 @@ class Encoder:
         index_offset: a count at which the index lies; the others are whole revolutions away.
     """
 
-    __slots__ = ("_offset", "_turn", "counts", "index", "index_offset")
-    WIRING: ClassVar[Names] = ("*",)
+    __slots__ = ("_above", "_below", "_turn", "counts", "index", "index_offset")
+    WIRING: ClassVar[Names] = ("_turn", "counts", "index", "index_offset")
+    DERIVED: ClassVar[Names] = ("_above", "_below")
 
     def __init__(self, lines: int, index: bool = True, index_offset: int = 0) -> None:
         if index_offset % 4:
@@ -47,9 +48,10 @@ class Encoder:
         """Counts a revolution."""
         self.index: bool = index
         self.index_offset: int = index_offset % self.counts
-        # The same as words.
-        self._turn: i64 = self.counts
-        self._offset: i64 = self.index_offset
+        self._turn: i64 = self.counts  # the same as a word
+        # The indices about the count that was asked for last; a division takes its time.
+        self._below: i64 = self.index_offset
+        self._above: i64 = self._below + self._turn
 
     def levels(self, count: int) -> tuple[int, int, int]:
         """Return the levels of A, B and index at ``count``.
@@ -68,12 +70,16 @@ class Encoder:
         """
         if not self.index or start == end:
             return False, 0
+        if not self._below <= start < self._above:
+            self._below = start - (start - self._below) % self._turn
+            self._above = self._below + self._turn
         if start < end:
-            count = start + 1 + (self._offset - start - 1) % self._turn
-            if count <= end:
-                return True, count
+            if self._above <= end:
+                return True, self._above
             return False, 0
-        count = start - 1 - (start - 1 - self._offset) % self._turn
+        count = self._below
+        if count == start:
+            count -= self._turn
         if count >= end:
             return True, count
         return False, 0

@@ -77,7 +77,7 @@ class Plant:
 
     def __init__(self, settings: Settings | None = None) -> None:
         self.settings: dict[str, Value] = with_defaults(self.OPTIONS, settings)
-        self.count: int = 0
+        self.count: i64 = 0
         self.switches: dict[str, Switch] = {}
         """The switches on the axis' way; names are from :data:`SWITCHES`."""
 

@@ -93,7 +93,7 @@ class robot:
         plant = tested.board.axes.get(axis)
         if plant is None:
             raise VbusError(f"there is no axis {axis!r}; there are {', '.join(tested.board.axes)}")
-        if abs(plant.count - expected) > within:
+        if abs(int(plant.count) - expected) > within:
             raise AssertionError(f"axis {axis} is at {plant.count}, not at {expected} +- {within}")
 
     def arm_fault(self, name: str, target: str = "", when: str = "now", **parameters: Any) -> None:

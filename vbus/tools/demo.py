@@ -167,7 +167,7 @@ class _Run:
         for number, (plant, rest) in enumerate(
             zip(self._board.plants, self.demo.rest, strict=True), 1
         ):
-            if self._ended and abs(plant.count - rest) > self.demo.tolerance:
+            if self._ended and abs(int(plant.count) - rest) > self.demo.tolerance:
                 self.reasons.append(
                     f"the encoder of motor {number} stands at {plant.count}, not at {rest}"
                 )

@@ -186,7 +186,8 @@ class Bench:
 
     def sample_start(self) -> int:
         """Cycle of the next sample start."""
-        return self.chip.axis.timer.next_zero()
+        timer = self.chip.axis.timer
+        return timer.start + timer.period
 
     def results(self) -> int:
         """Come to the end of BUSY of the next sample that begins; return that cycle."""

@@ -141,7 +141,8 @@ def test_any_walk_that_passes_the_filter_is_counted(walk: list[tuple[bool, int]]
 def test_an_edge_of_the_very_cycle_in_which_a_setting_changes_is_still_to_come() -> None:
     encoder = Encoder(8_000_000)
     encoder.connect(IdealPlant(), limits=False, home=False)
-    encoder.begin(0, 512, 0.0, 100, 0, False)
+    encoder.end = 0
+    encoder.drive(512, 0.0, True, 100)
     for _ in range(2):
         encoder.plan(armed=True, compare=50)
         assert (encoder.at, encoder.at_count) == (254, 50)

@@ -69,12 +69,13 @@ class Axis(Blocks):
 
     def next(self) -> int:
         """Cycle of the next thing due inside, written bytes included."""
-        return min(self._next_own(), self.writes.due)
+        return min(self._next_own(self._next_count()), self.writes.due)
 
-    def _next_own(self) -> i64:
+    def _next_own(self, count: i64) -> i64:
+        """Cycle of the next thing due but what is written; ``count``: of the position counter."""
         # Two at a time: a compiled core makes comparisons of these.
-        first = min(self._at_reset, min(self._at_results, self._at_sample))
-        return min(min(first, self._at_routine), min(self.encoder.end, self._next_count()))
+        first = min(min(count, self.encoder.end), min(self._at_results, self._at_sample))
+        return min(first, min(self._at_routine, self._at_reset))
 
     def _next_count(self) -> i64:
         """When the position counter has something to do."""
@@ -122,15 +123,15 @@ class Axis(Blocks):
         self._target = target
         writes = self.writes
         while True:
-            cycle = self._next_own()
+            count = self._next_count()
+            cycle = self._next_own(count)
             first = writes.due
-            if first <= target and first <= cycle:
-                if first < cycle or self._next_count() > cycle:
-                    self._take_write(first)
-                    continue
+            if first <= target and first <= cycle and first < count:
+                self._take_write(first)
+                continue
             if cycle > target:
                 return
-            if self._next_count() <= cycle:
+            if count <= cycle:
                 self._count(cycle)
             elif self._at_reset == cycle:
                 self._end_reset(cycle)
@@ -249,7 +250,9 @@ class Axis(Blocks):
             self._begin_control_sample(cycle, position, request == ds.HALT_CODE)
         if self.state == STANDING:
             self.loop.idle_sample(position)
-        self._at_routine = cycle + ds.BREAK_ROUTINE_CLK if self.breakpoint.sample() else FAR
+        self._at_routine = FAR
+        if self.breakpoint.sample():
+            self._at_routine = cycle + ds.BREAK_ROUTINE_CLK
         if self.state == STANDING and self.side.sync == 0:
             self.hold_timer()
 
@@ -314,9 +317,9 @@ class Axis(Blocks):
     def _skip(self, cycle: i64) -> i64:
         """Pass over samples that would change nothing; return the one to compute."""
         control = self.state == CONTROL
-        if self._request != NO_REQUEST or self.breakpoint.sample():
+        if self._request != NO_REQUEST or not self.rest.possible(cycle, control):
             return cycle
-        if not self.rest.possible(cycle, control):
+        if self.breakpoint.sample():
             return cycle
         last = min(self._target, min(self._next_count(), self.writes.due) - 1)
         period = self.timer.period
@@ -336,7 +339,7 @@ class Axis(Blocks):
             end = self._at_results
         if end == FAR:
             end = cycle + self.timer.period
-        self.drive.period(cycle, end, self._aiming, self.loop.following.aim())
+        self.drive.period(end, self._aiming, self.loop.following.aim())
         self.counter.plan()
 
     # -- state --------------------------------------------------------------------------------

@@ -71,10 +71,10 @@ class Blocks:
         self.pwm: Pwm = Pwm(registers)
         self.drive: PlantDrive = PlantDrive(registers, self.encoder, self.stepper, settings)
         self.rest: Rest = Rest(self.loop, self.drive, self.encoder)
-        self.state: int = HELD
+        self.state: i64 = HELD
         self.released: i64 = NOT_RELEASED
         self.writes: Writes = Writes()
-        self._request: int = NO_REQUEST
+        self._request: i64 = NO_REQUEST
         self._aiming: bool = False
         """The loop has closed: followers may follow its aim."""
         self._at_reset: i64 = FAR
@@ -127,5 +127,4 @@ class Blocks:
 
     def start_timer(self, cycle: i64) -> None:
         """The sample timer begins a period."""
-        self.timer.reload(cycle)
-        self._at_sample = self.timer.next_zero()
+        self._at_sample = self.timer.reload(cycle)

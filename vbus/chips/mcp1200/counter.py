@@ -215,5 +215,5 @@ class PositionCounter:
 
     def plan(self) -> None:
         """Look for what the encoder will reach in its present period."""
-        armed = self._breakpoint.armed and not self._registers.step_mode
+        armed = self._registers.config & (ds.BREAK_ENABLE | ds.STEP_MODE) == ds.BREAK_ENABLE
         self._encoder.plan(armed, self._breakpoint.compare)

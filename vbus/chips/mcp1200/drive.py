@@ -4,7 +4,6 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap_word
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.encoder import Encoder
 from vbus.chips.mcp1200.registers import RegisterFile
@@ -68,23 +67,18 @@ class PlantDrive:
         """Whether another period would change nothing."""
         return self._encoder.resting() and self._given == self.level()
 
-    def period(self, cycle: i64, end: i64, aiming: bool, aim: i64) -> None:
-        """Run the plant from ``cycle`` to ``end``.
+    def period(self, end: i64, aiming: bool, aim: i64) -> None:
+        """Run the plant from where its last period ended to ``end``.
 
         Args:
-            cycle: where its last period ended.
             end: next instant at which its drive may change.
             aiming: the loop is closed, and pulls the axis to ``aim``.
             aim: position for plants that follow exactly.
         """
-        error: i64 = 0
-        steps: i64 = 0
         self._given = self.level()
-        stepping = self._registers.step_mode
-        if stepping:
-            sent: i64 = self._stepper.sent(end)
-            steps = sent - self._steps
+        if self._registers.step_mode:
+            sent = self._stepper.sent(end)
+            self._encoder.step(end, sent - self._steps)
             self._steps = sent
-        elif aiming:
-            error = wrap_word(aim - self._encoder.position(cycle), 0x800000)
-        self._encoder.begin(cycle, end, self._given, error, steps, stepping)
+        else:
+            self._encoder.drive(end, self._given, aiming, aim)

@@ -81,10 +81,8 @@ class Encoder:
 
     def count(self, cycle: i64) -> i64:
         """Plant count at ``cycle`` of the present period."""
-        if self._first == self._last or self.plant is None:
-            return self._last
         past = cycle - self._start
-        if past >= self._length:
+        if past >= self._length or self._first == self._last or self.plant is None:
             return self._last
         if past <= 0:
             return self._first
@@ -122,28 +120,51 @@ class Encoder:
         if length and self.plant is not None:
             self.plant.prepare(float(length) / self.clk_hz)
 
-    def begin(
-        self, cycle: i64, end: i64, command: float, error: i64, steps: i64, stepping: bool
-    ) -> None:
-        """Run the plant from ``cycle`` to ``end`` with steps, or with a motor command.
+    def drive(self, end: i64, command: float, aiming: bool, aim: i64) -> None:
+        """Run the plant on to ``end`` with a motor command; a plant for steps stands.
 
-        A plant that takes only the other kind stands without a drive.
+        Args:
+            end: cycle at which the period ends.
+            command: fraction of full scale.
+            aiming: a plant that follows exactly goes to ``aim``.
+            aim: a position.
         """
         plant = self.plant
         if plant is None:
             return
-        length = end - cycle
+        error: i64 = 0
+        if aiming:
+            error = wrap_word(aim - self.offset - self.direction * self._last, 0x800000)
+        self._begin(plant, end)
+        if self._servo:
+            self._last = plant.drive(command, error * self.direction)
+        else:
+            self._last = plant.pulses(0)
+
+    def step(self, end: i64, steps: i64) -> None:
+        """Run the plant on to ``end`` with ``steps``; a plant for motor commands stands."""
+        plant = self.plant
+        if plant is None:
+            return
+        self._begin(plant, end)
+        if self._pulses:
+            self._last = plant.pulses(steps)
+        else:
+            self._last = plant.drive(0.0, 0)
+
+    def _begin(self, plant: Plant, end: i64) -> None:
+        """Begin a period where the last one has ended."""
+        start = self.end
+        length = end - start
+        self._start = start
+        self._length = length
+        self.end = end
         if length != self._prepared:
             self._prepared = length
             plant.prepare(float(length) / self.clk_hz)
-        self._first = self.seen = plant.count
-        if self._pulses and (stepping or not self._servo):
-            self._last = plant.pulses(steps)
-        else:
-            self._last = plant.drive(command, error * self.direction)
-        self._start = cycle
-        self._length = length
-        self.end = end
+        count = plant.count
+        self._first = count
+        self.seen = count
 
     def skip(self, cycles: int) -> None:
         """Time has passed in which nothing moved."""
@@ -178,8 +199,10 @@ class Encoder:
         """
         self.at = FAR
         here = self.seen
+        if here == self._last:
+            return
         plant = self.plant
-        if plant is None or here == self._last:
+        if plant is None:
             return
         towards: i64 = 1 if self._last > here else -1
         far = (self._last - here) * towards

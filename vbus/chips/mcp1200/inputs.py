@@ -139,9 +139,9 @@ class SidePins:
         self._blocks: Blocks = blocks
         self._levels: list[int] = [1, 1, 1, 1]
         self._fell: list[int] = [LONG_AGO] * 4
-        self.limit: int = 1
-        self.stop: int = 1
-        self.sync: int = 1
+        self.limit: i64 = 1
+        self.stop: i64 = 1
+        self.sync: i64 = 1
         self._trigger: int = 1
         self._home_index: int = 1
         self._home: str = str(chip.settings["home_switch"])

@@ -94,24 +94,26 @@ class Pwm:
         """Begin a frame at ``cycle`` with nothing before it."""
         self.start = cycle
         self.sign = self._sign()
-        self._begin(False)
+        self.length = self._clocks()
+        self.high = self._duty(self.length)
 
-    def _begin(self, inhibited: bool) -> None:
+    def _clocks(self) -> i64:
+        """Clocks of a frame that begins now."""
+        return frame_clocks(self._registers.encoder_pwm & 0x0F)
+
+    def _duty(self, length: i64) -> i64:
+        """Clocks for which Pulse is high in a frame of ``length`` clocks that begins now."""
         registers = self._registers
         command = registers.pwm
         if command > ds.PWM_FULL:
             command = ds.PWM_FULL
         elif command < -ds.PWM_FULL:
             command = -ds.PWM_FULL
-        self.length = frame_clocks(registers.encoder_pwm & 0x0F)
-        if inhibited:
-            self.high = 0
-        elif registers.config & ds.PWM_BIAS:
-            self.high = (ds.PWM_FULL + command) * self.length // (2 * ds.PWM_FULL)
-        elif command < 0:
-            self.high = -command * self.length // ds.PWM_FULL
-        else:
-            self.high = command * self.length // ds.PWM_FULL
+        if registers.config & ds.PWM_BIAS:
+            return (ds.PWM_FULL + command) * length // (2 * ds.PWM_FULL)
+        if command < 0:
+            command = -command
+        return command * length // ds.PWM_FULL
 
     def _sign(self) -> i64:
         if self._registers.pwm < 0:
@@ -120,18 +122,21 @@ class Pwm:
 
     def roll(self, cycle: i64) -> None:
         """Come to the frame that is under way at ``cycle``."""
-        if cycle < self.start + self.length:
+        start = self.start + self.length
+        if cycle < start:
             return
-        self.start += self.length
         sign = self._sign()
         changed = sign != self.sign
         self.sign = sign
+        length = self._clocks()
+        self.length = length
+        past = cycle - start
         # Only the first whole frame after a change of sign is held low (MCP-OUT-8).
-        self._begin(changed and self._registers.config & ds.SIGN_INHIBIT != 0)
-        if cycle >= self.start + self.length:
-            self.start += self.length
-            self._begin(False)
-            self.start += (cycle - self.start) // self.length * self.length
+        if past < length and changed and self._registers.config & ds.SIGN_INHIBIT:
+            self.high = 0
+        else:
+            self.high = self._duty(length)
+        self.start = cycle - past % length
 
     def level(self, cycle: int) -> int:
         """Level of Pulse in a cycle of the frame under way."""
@@ -150,8 +155,6 @@ class Pwm:
         """Whether every further frame is the same level throughout, as long as nobody writes."""
         if 0 < self.high < self.length or self.sign != self._sign():
             return False
-        high, length = self.high, self.length
-        self._begin(False)
-        same = (self.high == 0) == (high == 0) and (self.high == self.length) == (high == length)
-        self.high, self.length = high, length
-        return same
+        length = self._clocks()
+        high = self._duty(length)
+        return (high == 0) == (self.high == 0) and (high == length) == (self.high == self.length)

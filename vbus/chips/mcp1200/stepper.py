@@ -4,7 +4,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.bits import wrap
+from vbus.bits import wrap_word
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.chips.mcp1200.timer import FAR
@@ -36,14 +36,14 @@ class Stepper:
 
     def __init__(self, registers: RegisterFile) -> None:
         self._registers: RegisterFile = registers
-        self.base: int = 0
-        self.offset: int = 0
-        self.sign: int = 0
-        self._begin: int = 0
-        self._span: int = 1
-        self._spacing: int = 1
-        self._limit: int = 0
-        self._tail: int = 0
+        self.base: i64 = 0
+        self.offset: i64 = 0
+        self.sign: i64 = 0
+        self._begin: i64 = 0
+        self._span: i64 = 1
+        self._spacing: i64 = 1
+        self._limit: i64 = 0
+        self._tail: i64 = 0
         """End of the last pulse of the batch before."""
 
     def clear(self, cycle: int) -> None:
@@ -53,28 +53,30 @@ class Stepper:
         self._tail = 0
         self.sign = 0
 
-    def emitted(self, cycle: int) -> int:
+    def emitted(self, cycle: i64) -> i64:
         """How many steps of the batch have started by ``cycle``."""
-        past = cycle - self._begin
-        if past < 0 or self._limit == 0:
+        if self._limit == 0 or cycle < self._begin:
             return 0
+        past = cycle - self._begin
+        if past >= self._span:
+            return self._limit
         # Step j starts at begin + j * span // spacing.
         return min(((past + 1) * self._spacing - 1) // self._span + 1, self._limit)
 
-    def sent(self, cycle: int) -> int:
+    def sent(self, cycle: i64) -> i64:
         """Steps sent by ``cycle``, backward ones negative."""
         done = self.emitted(cycle)
         return self.base - done if self.sign else self.base + done
 
-    def position(self, cycle: int) -> int:
+    def position(self, cycle: i64) -> i64:
         """The 24-bit position counter at ``cycle``."""
-        return wrap(self.offset + self.sent(cycle), 24)
+        return wrap_word(self.offset + self.sent(cycle), 0x800000)
 
-    def preset(self, position: int, cycle: int) -> None:
+    def preset(self, position: i64, cycle: i64) -> None:
         """Load the counter."""
         self.offset = position - self.sent(cycle)
 
-    def batch(self, cycle: int, steps: int, period: int) -> None:
+    def batch(self, cycle: i64, steps: i64, period: i64) -> None:
         """Begin a batch of ``steps`` (signed) at ``cycle``, to last ``period`` clocks."""
         done = self.emitted(cycle)
         if done > 0:
@@ -82,11 +84,14 @@ class Stepper:
         left = self._limit - done
         self.base = self.sent(cycle)
         steps += -left if self.sign else left
-        self._limit = abs(steps)
+        sign: i64 = 0
+        if steps < 0:
+            sign = 1
+            steps = -steps
+        self._limit = steps
         if steps == 0:
             return
-        setup = 0
-        sign = int(steps < 0)
+        setup: i64 = 0
         if sign != self.sign:
             self.sign = sign
             setup = ds.DIRECTION_SETUP_CLK
@@ -94,27 +99,31 @@ class Stepper:
         self._spacing = self._limit
         self._span = max(period - setup, 1)
 
-    def stop(self, cycle: int) -> None:
+    def stop(self, cycle: i64) -> None:
         """Take back the steps that have not started."""
         self._limit = self.emitted(cycle)
 
-    def instant(self, step: int) -> int:
+    def instant(self, step: i64) -> i64:
         """Cycle at which step ``step`` (0-based) of the batch starts."""
         return self._begin + step * self._span // self._spacing
 
-    def when(self, ahead: int, cycle: int) -> int:
+    def when(self, ahead: i64, cycle: i64) -> i64:
         """Cycle at which the position has moved by ``ahead`` (signed) from that at ``cycle``."""
-        if ahead == 0 or (ahead < 0) != bool(self.sign):
+        if self.sign:
+            ahead = -ahead
+        if ahead <= 0:
             return FAR
-        step = self.emitted(cycle) + abs(ahead) - 1
-        return self.instant(step) if step < self._limit else FAR
+        step = self.emitted(cycle) + ahead - 1
+        if step < self._limit:
+            return self.instant(step)
+        return FAR
 
     @property
-    def width(self) -> int:
+    def width(self) -> i64:
         """Clocks of a step pulse (MCP-STP-2)."""
         return self._registers.step_width + 1
 
-    def overrun(self, period: int) -> bool:
+    def overrun(self, period: i64) -> bool:
         """Whether the pulses of the batch do not fit into ``period`` clocks (MCP-STP-3)."""
         return self._limit * self.width > period
 

@@ -48,18 +48,13 @@ class SampleTimer:
         """Clocks of the next period, as the registers stand now."""
         return (self._registers.prescaler + 1) * (self._registers.sample_timer + 1)
 
-    def reload(self, cycle: i64) -> None:
-        """Begin a period at ``cycle`` with the values now in the registers."""
+    def reload(self, cycle: i64) -> i64:
+        """Begin a period at ``cycle`` with the values now in the registers; return its end."""
         self.start = cycle
         self.pre = self._registers.prescaler + 1
         self.counts = self._registers.sample_timer + 1
         self.running = True
-
-    def next_zero(self) -> i64:
-        """Cycle of the next sample start."""
-        if not self.running:
-            return FAR
-        return self.start + self.pre * self.counts
+        return cycle + self.pre * self.counts
 
     def count(self, cycle: int) -> int:
         """What R0F reads at ``cycle``: the reload value down to 0."""
