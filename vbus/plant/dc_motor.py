@@ -201,35 +201,30 @@ class DcMotor(Shaft):
 
     def drive(self, command: float, error: i64) -> i64:
         """Run one period with ``command`` of full scale (-1.0 to 1.0) at the amplifier."""
-        volts = command * self._amplifier
-        if volts > self._supply:
-            volts = self._supply
-        elif volts < -self._supply:
-            volts = -self._supply
-        self._volts = volts
-        self._began = self.current
-        self._departed = self.velocity
         first = self._depart()
+        volts = command * self._amplifier
+        supply = self._supply
+        if volts > supply:
+            volts = supply
+        elif volts < -supply:
+            volts = -supply
+        current, speed = self.current, self.velocity
+        self._volts, self._began, self._departed = volts, current, speed
         self._untraced = True
         if self.solved_exactly:
             self._solved = True
-            here = self._leap(first)
+            here = self._leap(first, volts, current, speed)
         else:
             here = self._spin(None)
-        self._resting = (
-            self.current == self._began and self.velocity == self._departed and here == first
-        )
+        self._resting = here == first and self.velocity == speed and self.current == current
         return self._arrive(here)
 
     # -- exactly ------------------------------------------------------------------------------
 
-    def _leap(self, first: float) -> float:
+    def _leap(self, first: float, volts: float, current: float, speed: float) -> float:
         """Run the period in one, if nothing happens in it; return where it leads."""
         response = self._response
         span = response.whole
-        volts = self._volts
-        current = self._began
-        speed = self._departed
         if speed == 0.0 or response.coarsest > 0 or response.instant:
             return self._go(TICKS)
         way = 1.0 if speed > 0.0 else -1.0

@@ -349,6 +349,7 @@ class LM628(HostInterface):
         left = (cycle - self._cycle) // ds.SAMPLE_CLK
         axis, encoder, output = self.axis, self.encoder, self.output
         running = self._mode == _RUNNING
+        command = output.command
         while left > 0:
             if self._still:
                 self._cycle += left * ds.SAMPLE_CLK
@@ -359,8 +360,8 @@ class LM628(HostInterface):
             self._cycle += ds.SAMPLE_CLK
             if running:
                 axis.sample(encoder.count())
-                output.put(axis.command, axis.port8)
-            encoder.run(output.command, axis.following)
+                command = output.put(axis.command, axis.port8)
+            encoder.run(command, axis.following)
             if axis.sip:
                 self._place_sample()
                 encoder.seek(self.clock.ps(self._cycle) - 1)

@@ -58,10 +58,9 @@ class Encoder:
     def run(self, command: float, following: i64) -> None:
         """Let the plant run through one sample with the drive that holds meanwhile."""
         self.index_at = _NEVER
-        plant = self.plant
-        if plant is not None:
+        if self.plant is not None:
             self._from = self._to
-            self._to = plant.drive(command, following)
+            self._to = self.plant.drive(command, following)
 
     def lasts(self, start: i64, end: i64) -> None:
         """The last sample lasts from ``start`` to ``end``: say so before asking for instants."""

@@ -65,8 +65,8 @@ class Output:
             self._mode = ZEROING
             self._code = ds.ZERO_12
 
-    def put(self, command: i64, port8: bool) -> None:
-        """Put out the motor command of a sample (LM-PID-8 to LM-PID-10).
+    def put(self, command: i64, port8: bool) -> float:
+        """Put out the motor command of a sample (LM-PID-8 to LM-PID-10); return :attr:`command`.
 
         Args:
             command: 16 bits signed.
@@ -74,20 +74,26 @@ class Output:
         """
         if self._pwm:
             value = command >> 8
-            magnitude = value if value >= 0 else -value
-            if magnitude > 127:
-                magnitude = 127
-            self._sign = SIGN if value < 0 else 0
+            if value < -127:
+                value = -127
+            sign: i64 = 0
+            magnitude = value
+            if value < 0:
+                sign = SIGN
+                magnitude = -value
+            self._sign = sign
             self._high_clk = magnitude * self._frame_clk >> 7
-            self.command = float(-magnitude if value < 0 else magnitude) / 128.0
+            level = float(value) / 128.0
         elif port8:
             self._mode = DAC8
             self._code = (command >> 8) + ds.ZERO_8
-            self.command = float(command >> 8) / 128.0
+            level = float(command >> 8) / 128.0
         else:
             self._mode = DAC12
             self._code = (command >> 4) + ds.ZERO_12
-            self.command = float(command >> 4) / 2048.0
+            level = float(command >> 4) / 2048.0
+        self.command = level
+        return level
 
     def code(self) -> int:
         """Return the offset-binary code, 8 or 12 bits; on the LM629 the duty in frame clocks."""

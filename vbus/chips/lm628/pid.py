@@ -61,7 +61,7 @@ class Pid:
         self.il: i64 = 0
         self.ds: i64 = 0
         self.loaded: list[int] = [0, 0, 0, 0, 0]
-        self.send()
+        self.sent: list[int] = [0, 0, 0, 0, 0]
         self.sum: i64 = 0
         self.term: i64 = 0
         self.derivative: i64 = 0
@@ -74,7 +74,7 @@ class Pid:
 
     def send(self) -> None:
         """UDF: what is loaded goes with it; later data is for the next UDF (NOTES 18)."""
-        self.sent: list[int] = self.loaded[:]
+        self.sent = self.loaded[:]
 
     def update(self) -> None:
         """Use what UDF has taken; the coming sample is a derivative sample (LM-PID-3)."""
@@ -95,16 +95,19 @@ class Pid:
             error: desired minus real position, saturated to 16 bits.
         """
         wraps, limits_sum = self._wraps, self._limits_sum
-        if self.phase == 0:
+        phase = self.phase
+        if phase == 0:
             change = self.kd * (error - self.last_error)
             self.derivative = wrap_word(change, _HALF) if wraps else _sat16(change)
             self.last_error = error
-        self.phase += 1
-        if self.phase > self.ds:
-            self.phase = 0
+        phase += 1
+        if phase > self.ds:
+            phase = 0
+        self.phase = phase
 
         # LM-PID-4, LM-PID-5: a sum that has reached its limit may only come back.
-        total = self.sum + error
+        before = self.sum
+        total = before + error
         if total > _SUM_MAX:
             total = _SUM_MAX
         elif total < -_SUM_MAX:
@@ -113,10 +116,11 @@ class Pid:
         if not limits_sum:
             term = self.ki * term
             term = wrap_word(term, _HALF) if wraps else _sat16(term)
-        if term > self.il or term < -self.il:
-            term = self.il if term > 0 else -self.il
+        limit = self.il
+        if term > limit or term < -limit:
+            term = limit if term > 0 else -limit
             # Nearer to zero.
-            if -self.sum <= total <= self.sum or self.sum <= total <= -self.sum:
+            if -before <= total <= before or before <= total <= -before:
                 self.sum = total
         else:
             self.sum = total

@@ -15,8 +15,7 @@ VELOCITY: Final = 1
 POSITION: Final = 2
 
 _WRAPPED: Final = ds.POSITION_BITS + 16
-_LOW: Final = ds.POSITION_MIN << 16
-_HIGH: Final = (ds.POSITION_MAX + 1) << 16
+_HALF: Final = (ds.POSITION_MAX + 1) << 16
 
 
 class Profile:
@@ -188,8 +187,9 @@ class Profile:
 
     def _move(self) -> None:
         position = self.position + self.velocity
-        if position < _LOW or position >= _HIGH:
-            position = wrap_word(position, _HIGH)
+        counts = position >> 16
+        if counts < ds.POSITION_MIN or counts > ds.POSITION_MAX:
+            position = wrap_word(position, _HALF)
             self.wrapped = True
         self.position = position
 

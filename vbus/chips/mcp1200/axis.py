@@ -339,7 +339,7 @@ class Axis(Blocks):
             end = self._at_results
         if end == FAR:
             end = cycle + self.timer.period
-        self.drive.period(end, self._aiming, self.loop.following.aim())
+        self.drive.period(end, self._aiming)
         self.counter.plan()
 
     # -- state --------------------------------------------------------------------------------

@@ -69,7 +69,9 @@ class Blocks:
             settings["index"] == "high",
         )
         self.pwm: Pwm = Pwm(registers)
-        self.drive: PlantDrive = PlantDrive(registers, self.encoder, self.stepper, settings)
+        self.drive: PlantDrive = PlantDrive(
+            registers, self.encoder, self.stepper, self.loop.following, settings
+        )
         self.rest: Rest = Rest(self.loop, self.drive, self.encoder)
         self.state: i64 = HELD
         self.released: i64 = NOT_RELEASED

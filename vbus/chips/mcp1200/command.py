@@ -39,15 +39,19 @@ class Command:
         self.position: i64 = 0
         self.accel_delta: i64 = 0
         self.decel_position: i64 = 0
-        self.rest()
-
-    def rest(self) -> None:
-        """Stand where the command is; the fraction is dropped."""
         self.fraction: i64 = 0
         self.velocity: i64 = 0
         self.moving: bool = False
         self.phase: i64 = 0
         self.left: i64 = 0
+
+    def rest(self) -> None:
+        """Stand where the command is; the fraction is dropped."""
+        self.fraction = 0
+        self.velocity = 0
+        self.moving = False
+        self.phase = 0
+        self.left = 0
 
     def move(self, velocity: i64) -> None:
         """Go on by ``velocity``."""

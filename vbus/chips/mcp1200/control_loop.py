@@ -86,6 +86,14 @@ class ControlLoop:
         self._entering: bool = False
         self._sampled_point: i64 = 0
         self._sampled_velocity: i64 = 0
+        self._last_mode: i64 = 0
+        self._dropped: i64 = 0
+        self._stopping: bool = False
+        self.halted: bool = False
+        self.mc: i64 = 0
+        self.last_position: i64 = 0
+        self.point: i64 = 0
+        self.velocity_point: i64 = 0
 
     # -- modes --------------------------------------------------------------------------------
 
@@ -104,10 +112,10 @@ class ControlLoop:
         self.command.rest()
         registers.phase = 0
         registers.interpolator_count = 0
-        self.halted: bool = False
-        self.mc: i64 = 0
-        self._last_mode: i64 = 0
-        self._stopping: bool = False
+        self.halted = False
+        self.mc = 0
+        self._last_mode = 0
+        self._stopping = False
 
     def hard_reset(self) -> None:
         """Load what a soft reset loads, too; no flag is up, not even that of idle (MCP-RST-1)."""
@@ -115,16 +123,16 @@ class ControlLoop:
         self.registers.flag = 0
         self.registers.mode = 0
         self.command = Command()
-        self.point: i64 = 0
-        self.velocity_point: i64 = 0
+        self.point = 0
+        self.velocity_point = 0
 
     def soft_reset(self) -> None:
         """Load what a soft reset loads, then idle (MCP-RST-4)."""
         self.registers.reset(*ds.SOFT_RESET)
         self.command.position = 0
         self.following.clear()
-        self.last_position: i64 = 0
-        self._dropped: i64 = 0
+        self.last_position = 0
+        self._dropped = 0
         self.enter_idle()
 
     def enter_control(self, position: i64) -> None:

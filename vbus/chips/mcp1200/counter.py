@@ -31,7 +31,11 @@ class Breakpoint:
     def __init__(self, registers: RegisterFile) -> None:
         self._registers: RegisterFile = registers
         self._loaded: i64 = 0
-        self.clear()
+        self.compare: i64 = -0x800000
+        self._reached: bool = False
+        """Repeat mode: reached since the last look at a sample's start."""
+        self._found: bool = False
+        """Reached before the present sample's start: the routine moves on."""
 
     @property
     def armed(self) -> bool:
@@ -48,11 +52,9 @@ class Breakpoint:
 
     def clear(self) -> None:
         """Back to the state after reset."""
-        self.compare: i64 = -0x800000
-        self._reached: bool = False
-        """Repeat mode: reached since the last look at a sample's start."""
-        self._found: bool = False
-        """Reached before the present sample's start: the routine moves on."""
+        self.compare = -0x800000
+        self._reached = False
+        self._found = False
 
     def reached(self) -> None:
         """The position has become equal to :attr:`compare`."""

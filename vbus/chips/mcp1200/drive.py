@@ -6,6 +6,7 @@ from mypy_extensions import i64
 
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.encoder import Encoder
+from vbus.chips.mcp1200.following import Following
 from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.chips.mcp1200.stepper import Stepper
 from vbus.options import Value
@@ -23,23 +24,26 @@ class PlantDrive:
         registers: the registers.
         encoder: runs the plant.
         stepper: source of steps.
+        following: where plants go that follow exactly.
         settings: the chip's board file keys: which output the amplifier takes, and what a
             unipolar one means.
     """
 
     STATE: ClassVar[Names] = ("_given: float", "_steps")
-    WIRING: ClassVar[Names] = ("_clip", "_dac", "_encoder", "_registers", "_stepper")
+    WIRING: ClassVar[Names] = ("_clip", "_dac", "_encoder", "_following", "_registers", "_stepper")
 
     def __init__(
         self,
         registers: RegisterFile,
         encoder: Encoder,
         stepper: Stepper,
+        following: Following,
         settings: dict[str, Value],
     ) -> None:
         self._registers: RegisterFile = registers
         self._encoder: Encoder = encoder
         self._stepper: Stepper = stepper
+        self._following: Following = following
         self._dac: bool = settings["drive"] == "dac"
         self._clip: bool = settings["unipolar"] == "clip"
         self._given: float = 0.0
@@ -67,13 +71,12 @@ class PlantDrive:
         """Whether another period would change nothing."""
         return self._encoder.resting() and self._given == self.level()
 
-    def period(self, end: i64, aiming: bool, aim: i64) -> None:
+    def period(self, end: i64, aiming: bool) -> None:
         """Run the plant from where its last period ended to ``end``.
 
         Args:
             end: next instant at which its drive may change.
-            aiming: the loop is closed, and pulls the axis to ``aim``.
-            aim: position for plants that follow exactly.
+            aiming: the loop is closed; it pulls the axis to where it aims.
         """
         self._given = self.level()
         if self._registers.step_mode:
@@ -81,4 +84,4 @@ class PlantDrive:
             self._encoder.step(end, sent - self._steps)
             self._steps = sent
         else:
-            self._encoder.drive(end, self._given, aiming, aim)
+            self._encoder.drive(end, self._given, aiming, self._following.aim())

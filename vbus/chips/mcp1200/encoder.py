@@ -34,7 +34,7 @@ class Encoder:
         "direction", "offset", "seen", "at", "at_count", "end", "inside: bool", "external",
         "_start", "_length", "_first", "_last", "prepared", "plant: part | None",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_home", "_pulses", "_servo", "clk_hz", "limits")
+    WIRING: ClassVar[Names] = ("_home", "_pulses", "_servo", "_switched", "clk_hz", "limits")
     DERIVED: ClassVar[Names] = ("_prepared",)
 
     def __init__(self, clk_hz: int) -> None:
@@ -42,6 +42,7 @@ class Encoder:
         self.plant: Plant | None = None
         self.limits: list[Switch] = []
         self._home: Switch | None = None
+        self._switched: bool = False
         self.direction: i64 = 1
         self.offset: i64 = 0
         self.seen: i64 = 0
@@ -76,6 +77,7 @@ class Encoder:
                     self.limits.append(plant.switches[name])
         if home:
             self._home = plant.switches.get("home")
+        self._switched = len(self.limits) > 0 or self._home is not None
 
     # -- where it stands ----------------------------------------------------------------------
 
@@ -129,9 +131,9 @@ class Encoder:
             aiming: a plant that follows exactly goes to ``aim``.
             aim: a position.
         """
-        plant = self.plant
-        if plant is None:
+        if self.plant is None:
             return
+        plant: Plant = self.plant
         error: i64 = 0
         if aiming:
             error = wrap_word(aim - self.offset - self.direction * self._last, 0x800000)
@@ -143,9 +145,9 @@ class Encoder:
 
     def step(self, end: i64, steps: i64) -> None:
         """Run the plant on to ``end`` with ``steps``; a plant for motor commands stands."""
-        plant = self.plant
-        if plant is None:
+        if self.plant is None:
             return
+        plant: Plant = self.plant
         self._begin(plant, end)
         if self._pulses:
             self._last = plant.pulses(steps)
@@ -199,28 +201,29 @@ class Encoder:
         """
         self.at = FAR
         here = self.seen
-        if here == self._last:
+        last = self._last
+        if here == last or self.plant is None:
             return
-        plant = self.plant
-        if plant is None:
-            return
-        towards: i64 = 1 if self._last > here else -1
-        far = (self._last - here) * towards
+        towards: i64 = 1
+        if last < here:
+            towards = -1
+        far = (last - here) * towards
         nearest = far + 1
         if armed:
             away = wrap_word(compare - self.offset - self.direction * here, 0x800000)
             away *= self.direction
             if 0 < away * towards < nearest:
                 nearest = away * towards
-        found, count = plant.index_between(here, self._last)
+        found, count = self.plant.index_between(here, last)
         if found:
             nearest = min(nearest, (count - here) * towards)
         if self.inside:
             nearest = 1
-        for switch in self.limits:
-            nearest = min(nearest, _boundary(switch, here, towards, nearest))
-        if self._home is not None:
-            nearest = min(nearest, _boundary(self._home, here, towards, nearest))
+        if self._switched:
+            for switch in self.limits:
+                nearest = min(nearest, _boundary(switch, here, towards, nearest))
+            if self._home is not None:
+                nearest = min(nearest, _boundary(self._home, here, towards, nearest))
         if nearest > far:
             return
         self.at_count = here + towards * nearest

@@ -25,16 +25,19 @@ class Following:
     )  # fmt: skip
 
     def __init__(self) -> None:
-        self.clear()
+        self._command: i64 = 0
+        self._direction: i64 = 0
+        self.offset: i64 = 0
+        self.error: i64 = 0
         self.in_position: bool = False
         self.too_large: bool = False
 
     def clear(self) -> None:
         """Forget the compensation: a reset."""
-        self._command: i64 = 0
-        self._direction: i64 = 0
-        self.offset: i64 = 0
-        self.error: i64 = 0
+        self._command = 0
+        self._direction = 0
+        self.offset = 0
+        self.error = 0
 
     def begin(self, command: i64) -> None:
         """Control starts with this command position: no change so far."""

@@ -41,6 +41,7 @@ class EncoderPins:
     DERIVED: ClassVar[Names] = ("at",)
 
     def __init__(self, chip: HostInterface, blocks: Blocks) -> None:
+        self.at: i64 = FAR
         self._chip: HostInterface = chip
         self._blocks: Blocks = blocks
         self._pins: list[Pin] = [chip.pins[name] for name in ("CHA", "CHB", "INDEX")]
@@ -70,7 +71,7 @@ class EncoderPins:
     def after_load(self) -> None:
         """Find out when the next edge is believed."""
         due = self.decoder.due()
-        self.at: i64 = FAR if due == NEVER else due
+        self.at = FAR if due == NEVER else due
 
     def settle(self, cycle: int) -> None:
         """Take what has passed the filter by ``cycle``."""
