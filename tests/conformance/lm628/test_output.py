@@ -206,3 +206,11 @@ def test_the_mechanics_get_the_output_of_the_sample_for_the_coming_period():
     bench.move(0x0100)
     bench.next_sample()
     assert plant.commands[-1] == 0
+
+
+@pytest.mark.spec("LM-PID-10")
+def test_the_amplifier_of_an_lm629_gets_127_parts_at_most() -> None:
+    output = Output(True, 1024)
+    for command, parts in ((-32768, -127), (-127 * 256, -127), (32767, 127), (-126 * 256, -126)):
+        assert output.put(command, True) == output.command == parts / 128
+        assert output.code() == abs(parts) * 8

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from tests.conformance.mcp1200.conftest import Bench, Follower, Rail
 from vbus.chips.mcp1200.encoder import Encoder
 from vbus.plant.ideal import IdealPlant
+from vbus.plant.stepper import StepperMotor
 
 UP = ((0, 1), (0, 0), (1, 0), (1, 1))
 """Levels of A and B from the resting state 11, A before B."""
@@ -148,6 +149,17 @@ def test_an_edge_of_the_very_cycle_in_which_a_setting_changes_is_still_to_come()
         assert (encoder.at, encoder.at_count) == (254, 50)
         encoder.look_from(254)
         assert encoder.seen == 49
+
+
+@pytest.mark.spec("MCP-STP-1")
+def test_a_plant_for_steps_stands_while_the_chip_gives_a_motor_command() -> None:
+    encoder = Encoder(8_000_000)
+    motor = StepperMotor()
+    encoder.connect(motor, limits=False, home=False)
+    encoder.end = 0
+    for period in range(1, 100):
+        encoder.drive(80_000 * period, 1.0, True, 100)
+    assert motor.count == 0
 
 
 @pytest.mark.spec("MCP-ENC-1")

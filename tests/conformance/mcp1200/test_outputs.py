@@ -5,6 +5,9 @@ import itertools
 import pytest
 
 from tests.conformance.mcp1200.conftest import RESET_CLK, Bench, Rail
+from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.motor_command import Pwm
+from vbus.chips.mcp1200.registers import RegisterFile
 from vbus.kernel import NEVER
 
 # Gains with which an error of n gives a motor command of 16 * n.
@@ -430,3 +433,22 @@ def test_idle_may_move_at_every_sample_of_control_mode_and_no_other(chip: Bench)
     chip.write(0x05, 0x01)
     chip.samples()
     assert chip.chip.next_edge() == NEVER
+
+
+@pytest.mark.spec("MCP-OUT-8")
+@pytest.mark.parametrize("cycle", [99, 100, 399, 400, 5000])
+def test_frames_that_nobody_looked_at_are_as_if_somebody_had(cycle: int) -> None:
+    pair = []
+    for step in (1, cycle):
+        registers = RegisterFile()
+        registers.config = ds.SIGN_INHIBIT
+        pwm = Pwm(registers)
+        pwm.restart(0)
+        registers.drive(0, -800)
+        registers.encoder_pwm = 3
+        for now in range(0, cycle + 1, step):
+            pwm.roll(now)
+        pair.append((pwm.start, pwm.length, pwm.high, pwm.sign))
+    assert pair[0] == pair[1]
+    # Frames are of 100 clocks, then 300, of which the first is held low.
+    assert pair[0][2] == (0 if cycle < 400 else 150)

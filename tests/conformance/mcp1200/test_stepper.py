@@ -7,6 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.conformance.mcp1200.conftest import Bench, Rail
+from vbus.chips.mcp1200.registers import RegisterFile
+from vbus.chips.mcp1200.stepper import Stepper
 from vbus.plant.stepper import StepperMotor
 from vbus.signals import Plant
 
@@ -432,3 +434,17 @@ def test_a_servo_plant_is_refused_only_if_it_takes_neither_drive() -> None:
         Bench(plant=Phased())
     with pytest.raises(ValueError, match="one axis"):
         Bench().chip.connect(1, Rail())
+
+
+@pytest.mark.spec("MCP-STP-1")
+@given(st.integers(1, 300), st.integers(1, 200), st.integers(1, 600), st.integers(0, 200))
+def test_steps_of_a_batch_start_evenly_up_to_its_last_clock(
+    steps: int, period: int, again: int, cycle: int
+) -> None:
+    sent = Stepper(RegisterFile())
+    sent.batch(1000, steps, period)
+    starts = [1000 + step * period // steps for step in range(steps)]
+    for now in (1000 + cycle, 1000 + again):
+        assert sent.emitted(now) == sum(start <= now for start in starts)
+    sent.stop(1000 + cycle)
+    assert sent.emitted(1000 + cycle + period) == sum(start <= 1000 + cycle for start in starts)

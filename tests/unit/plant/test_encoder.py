@@ -1,7 +1,9 @@
 """The encoder: levels, index, and the course of a shaft through a period."""
 
+from itertools import pairwise
+
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from vbus.plant.encoder import EncodedPlant, Encoder
@@ -49,6 +51,17 @@ def test_an_index_where_a_and_b_are_not_low_is_refused():
 )
 def test_the_first_index_on_the_way_is_told_and_the_start_does_not_count(start, end, found):
     assert Encoder(25, index_offset=40).index_between(start, end) == found
+
+
+@example([5, 24, 30, 24, 4, -30])
+@given(st.lists(st.integers(-60, 60), min_size=2))
+def test_an_index_is_found_wherever_it_was_looked_for_before(places):
+    asked = Encoder(5, index_offset=4)
+    for start, end in pairwise(places):
+        fresh = Encoder(5, index_offset=4)
+        way = range(start + 1, end + 1) if start < end else range(start - 1, end - 1, -1)
+        found = [count for count in way if fresh.levels(count)[2] == 0]
+        assert asked.index_between(start, end) == ((True, found[0]) if found else (False, 0))
 
 
 @given(

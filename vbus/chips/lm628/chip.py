@@ -348,8 +348,7 @@ class LM628(HostInterface):
         cycle: i64 = self.clock.cycle_at(stop)
         left = (cycle - self._cycle) // ds.SAMPLE_CLK
         axis, encoder, output = self.axis, self.encoder, self.output
-        running = self._mode == _RUNNING
-        command = output.command
+        running, command = self._mode == _RUNNING, output.command
         while left > 0:
             if self._still:
                 self._cycle += left * ds.SAMPLE_CLK
