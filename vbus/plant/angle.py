@@ -5,32 +5,40 @@ from typing import Final
 NEAR: Final = 6.0
 """Turns up to which taking away one after the other is quicker than rounding."""
 
+FIRST: Final = 6.283185307179586
+"""Of Taylor's series of sin(2 pi x), up to the 13th power."""
+THIRD: Final = -41.341702240399755
+FIFTH: Final = 81.60524927607504
+SEVENTH: Final = -76.70585975306136
+NINTH: Final = 42.058693944897634
+ELEVENTH: Final = -15.094642576822984
+LAST: Final = 3.8199525848482803
+
 
 def sine(turns: float) -> float:
     """Return the sine of an angle given in turns (1.0 is a full circle), to about 1e-9."""
-    if 0.0 <= turns < NEAR:
-        # Exact, as every difference here is: the same as without whole turns.
-        while turns >= 1.0:
-            turns -= 1.0
-    else:
-        turns -= int(turns)
-        if turns < 0.0:
-            turns += 1.0
+    turns = part(turns)
     if turns > 0.75:
         turns -= 1.0
     elif turns > 0.25:
         turns = 0.5 - turns
-    square = turns * turns
-    # Taylor's series of sin(2 pi x) up to the 13th power.
+    x = turns * turns
     return turns * (
-        6.283185307179586
-        + square * (-41.341702240399755
-        + square * (81.60524927607504
-        + square * (-76.70585975306136
-        + square * (42.058693944897634
-        + square * (-15.094642576822984
-        + square * 3.8199525848482803)))))
+        FIRST + x * (THIRD + x * (FIFTH + x * (
+            SEVENTH + x * (NINTH + x * (ELEVENTH + x * LAST))
+        )))
     )  # fmt: skip
+
+
+def part(turns: float) -> float:
+    """Return an angle without its whole turns: 0.0 to 1.0."""
+    if 0.0 <= turns < NEAR:
+        # Exact, as every difference here is: the same as without whole turns.
+        while turns >= 1.0:
+            turns -= 1.0
+        return turns
+    turns -= int(turns)
+    return turns + 1.0 if turns < 0.0 else turns
 
 
 def turns_of(sine_part: float, cosine_part: float) -> float:

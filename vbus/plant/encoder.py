@@ -134,6 +134,10 @@ class EncodedPlant(Plant):
     def _arrive(self, position: float) -> i64:
         """End the period at ``position``; return the count there."""
         self._last = position
+        if 0.0 <= position < 1.0:
+            self._part = position
+            self.count = self._base
+            return self._base
         whole: i64 = int(position)
         back = float(whole)
         if position < back:

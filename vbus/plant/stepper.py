@@ -9,7 +9,7 @@ from vbus.plant.angle import sine
 from vbus.plant.response import TICKS
 from vbus.plant.shaft import SHAFT_OPTIONS, Mechanics, Shaft, mass_options
 from vbus.plant.travel import MOST_EVENTS, NOWHERE
-from vbus.plant.windings import STEP_OPTIONS, field
+from vbus.plant.windings import STEP_OPTIONS, field, torque
 from vbus.state import Names
 
 MOST_PIECES: Final = 4096
@@ -52,7 +52,7 @@ class StepperMotor(Shaft):
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
         "_finest", "_divided", "_ran", "_across", "_along", "_pulsed", "_issued", "_issued_from",
-        "_due", "_explicit", "_where",
+        "_due", "_explicit", "_whole", "_whole_of",
     )  # fmt: skip
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -84,10 +84,12 @@ class StepperMotor(Shaft):
         self._issued: i64 = 0
         self._issued_from: i64 = 0
         self._due: i64 = 0
-        # Integrated by steps of fourth order, where they are stable; the place they have led to.
+        # Integrated by steps of fourth order, where they are stable.
         self._integrated: bool = self._substeps == 0
         self._explicit: bool = False
-        self._where: float = 0.0
+        # The electrical place of a count, and of which.
+        self._whole: float = 0.0
+        self._whole_of: i64 = 0
         # What it is built for; a motor that has become weaker is followed as finely.
         self._stiffness: float = (self._holding + 4.0 * self._detent) * self._turns
         self.prepare(256e-6)
@@ -128,9 +130,8 @@ class StepperMotor(Shaft):
         self._divided = 0
 
     def _divide(self, substeps: i64) -> None:
-        if substeps != self._divided:
-            self._divided = substeps
-            super()._divide(substeps)
+        self._divided = substeps
+        super()._divide(substeps)
 
     def pulses(self, steps: i64) -> i64:
         """Run one period with ``steps`` signed step pulses spread evenly over it."""
@@ -159,7 +160,8 @@ class StepperMotor(Shaft):
 
     def _run(self, pieces: i64) -> float:
         """Run a period in so many pieces; return where it leads."""
-        self._divide(pieces)
+        if pieces != self._divided:
+            self._divide(pieces)
         self._ran = pieces
         self._departed = self.velocity
         self._depart()
@@ -171,8 +173,12 @@ class StepperMotor(Shaft):
 
     def _spin(self, points: list[float] | None) -> float:
         """Run the period from its beginning; return where it leads, and note its pieces."""
-        # The middle of count 0 is angle 0.
-        whole = float(self._base * self._cycles % self._whole_turn)
+        if self._base != self._whole_of:
+            self._whole_of = self._base
+            self._whole = float(self._base * self._cycles % self._whole_turn)
+        if self._explicit:
+            return self._integrate(points)
+        whole = self._whole
         cycles = self._turns
         turn = self._turn_counts
         speed = self._departed
@@ -181,104 +187,101 @@ class StepperMotor(Shaft):
         while piece < self._ran:
             if self._pulsed:
                 self._see_pulse(piece)
-            piece += 1
-            if self._explicit:
-                speed = self._step(here, speed, whole)
-                here = self._where
-                if points is not None:
-                    points[piece] = here
-                continue
+            # The middle of count 0 is angle 0.
             speed = self._accelerate(speed, self._pull(whole + (here - 0.5) * cycles))
             here += speed * turn
             if self._stopped:
                 here = self._meet_stop(here, speed)
                 speed = self.velocity
+            piece += 1
             if points is not None:
                 points[piece] = here
         self.velocity = speed
         return here
 
-    def _step(self, here: float, speed: float, whole: float) -> float:
-        """Return the speed after one step of fourth order; the place is :attr:`_where`.
-
-        Args:
-            here: place at its beginning.
-            speed: speed at its beginning.
-            whole: electrical place of the count that places are counted from.
-        """
+    def _integrate(self, points: list[float] | None) -> float:
+        """Run it by steps of fourth order."""
         low, high = -NOWHERE, NOWHERE
         if self._stopped:
             low = float(self._low - self._base) + 0.5
             high = float(self._high - self._base) + 0.5
+        # What an N*m adds to the speed in a step, and what a rad/s to the place.
+        gain, turn = self._gain, self._turn_counts
+        holding, detent, damping = self._holding, self._detent, self._damping
+        whole, cycles, counts = self._whole, self._turns, self._counts
+        speed = self._departed
+        here = self._first
+        piece: i64 = 0
+        while piece < self._ran:
+            if self._pulsed:
+                self._see_pulse(piece)
+            across, along = self._across, self._along
             if here <= low:
                 here = low
                 speed = speed if speed > 0.0 else 0.0
             elif here >= high:
                 here = high
                 speed = speed if speed < 0.0 else 0.0
-        # What an N*m adds to the speed in a step, and what a rad/s to the place.
-        gain, turn = self._gain, self._turn_counts
-        size: i64 = TICKS
-        tick: i64 = 0
-        part = 1.0
-        way = 0.0
-        events: i64 = 0
-        while tick < TICKS:
-            if speed == 0.0 and way == 0.0:
-                torque = self._torque(here, whole) - self._load
-                up = NOWHERE if here >= high else self._static
-                down = NOWHERE if here <= low else self._static
-                if -down <= torque <= up or events >= MOST_EVENTS:
-                    break
-                way = 1.0 if torque > 0.0 else -1.0
-            elif way == 0.0:
-                way = 1.0 if speed > 0.0 else -1.0
-            against = -self._load - way * self._coulomb
-            damping = self._damping
-            # Of the part of a step: half of it, and all.
-            half, full = 0.5 * part * turn, part * turn
-            gained = part * gain
-            first = gained * (self._torque(here, whole) + against - damping * speed)
-            middle = speed + 0.5 * first
-            second = gained * (
-                self._torque(here + half * speed, whole) + against - damping * middle
-            )
-            later = speed + 0.5 * second
-            third = gained * (self._torque(here + half * middle, whole) + against - damping * later)
-            last = speed + third
-            fourth = gained * (self._torque(here + full * later, whole) + against - damping * last)
-            after = speed + (first + 2.0 * (second + third) + fourth) / 6.0
-            there = here + full * (speed + (first + second + third) / 6.0)
-            stops = way * after <= 0.0
-            hits = there >= high if way > 0.0 else there <= low
-            # It falls at the beginning and rises at the end, and might be zero between.
-            dips = way * first < 0.0 and way * fourth > 0.0 and way * (speed + first) <= 0.0
-            if size > 1 and (stops or hits or dips):
-                size = size >> 1
-                part *= 0.5
-                continue
-            here, speed = there, after
-            if hits:
-                here = high if way > 0.0 else low
-            if hits or stops:
-                speed = way = 0.0
-                events += 1
-            tick += size
-            while size < TICKS and tick & size == 0:
-                size = size << 1
-                part *= 2.0
-        self._where = here
-        return speed
-
-    def _torque(self, here: float, whole: float) -> float:
-        """Return the torque of the field, and of the detents, on a rotor at a place."""
-        turns = (whole + (here - 0.5) * self._turns) / self._counts
-        across, along = sine(turns), sine(turns + 0.25)
-        torque = self._holding * (self._across * along - self._along * across)
-        if self._detent > 0.0:
-            # The sine of four times the angle.
-            torque -= self._detent * 4.0 * across * along * (1.0 - 2.0 * across * across)
-        return torque
+            size: i64 = TICKS
+            tick: i64 = 0
+            part = 1.0
+            way = 0.0
+            events: i64 = 0
+            while tick < TICKS:
+                if speed == 0.0 and way == 0.0:
+                    turns = (whole + (here - 0.5) * cycles) / counts
+                    pull = torque(turns, across, along, holding, detent) - self._load
+                    up = NOWHERE if here >= high else self._static
+                    down = NOWHERE if here <= low else self._static
+                    if -down <= pull <= up or events >= MOST_EVENTS:
+                        break
+                    way = 1.0 if pull > 0.0 else -1.0
+                elif way == 0.0:
+                    way = 1.0 if speed > 0.0 else -1.0
+                against = -self._load - way * self._coulomb
+                # Of the part of a step: half of it, and all.
+                half, full = 0.5 * part * turn, part * turn
+                gained = part * gain
+                turns = (whole + (here - 0.5) * cycles) / counts
+                pull = torque(turns, across, along, holding, detent)
+                first = gained * (pull + against - damping * speed)
+                turns = (whole + (here + half * speed - 0.5) * cycles) / counts
+                pull = torque(turns, across, along, holding, detent)
+                middle = speed + 0.5 * first
+                second = gained * (pull + against - damping * middle)
+                turns = (whole + (here + half * middle - 0.5) * cycles) / counts
+                pull = torque(turns, across, along, holding, detent)
+                later = speed + 0.5 * second
+                third = gained * (pull + against - damping * later)
+                turns = (whole + (here + full * later - 0.5) * cycles) / counts
+                pull = torque(turns, across, along, holding, detent)
+                last = speed + third
+                fourth = gained * (pull + against - damping * last)
+                after = speed + (first + 2.0 * (second + third) + fourth) / 6.0
+                there = here + full * (speed + (first + second + third) / 6.0)
+                stops = way * after <= 0.0
+                hits = there >= high if way > 0.0 else there <= low
+                # It falls at the beginning and rises at the end, and might be zero between.
+                dips = way * first < 0.0 and way * fourth > 0.0 and way * (speed + first) <= 0.0
+                if size > 1 and (stops or hits or dips):
+                    size = size >> 1
+                    part *= 0.5
+                    continue
+                here, speed = there, after
+                if hits:
+                    here = high if way > 0.0 else low
+                if hits or stops:
+                    speed = way = 0.0
+                    events += 1
+                tick += size
+                while size < TICKS and tick & size == 0:
+                    size = size << 1
+                    part *= 2.0
+            piece += 1
+            if points is not None:
+                points[piece] = here
+        self.velocity = speed
+        return here
 
     def _see_pulse(self, piece: i64) -> None:
         """Turn the field to where step pulses have brought it by the start of a sub-step."""
@@ -296,7 +299,7 @@ class StepperMotor(Shaft):
     def _pull(self, place: float) -> float:
         """Return the torque of the field on a rotor at ``place`` (cycles, times encoder counts)."""
         turns = place / self._counts
-        torque = self._holding * (self._across * sine(turns + 0.25) - self._along * sine(turns))
+        pull = torque(turns, self._across, self._along, self._holding, 0.0)
         if self._detent > 0.0:
-            torque -= self._detent * sine(4.0 * turns)
-        return torque
+            pull -= self._detent * sine(4.0 * turns)
+        return pull

@@ -1,8 +1,9 @@
-"""What the windings of a stepper motor make of step pulses and phase currents."""
+"""What the windings of a stepper motor make of step pulses and phase currents, and its torque."""
 
 from typing import Final
 
 from vbus.options import Option
+from vbus.plant.angle import ELEVENTH, FIFTH, FIRST, LAST, NINTH, SEVENTH, THIRD, part
 
 STEP_OPTIONS: Final = (
     Option("full_steps", "count", 200, "full steps a revolution, four for each electrical cycle"
@@ -31,3 +32,43 @@ def field(a: float, b: float, c: float, three: bool) -> tuple[float, float, bool
     if three:
         return a, (b - c) / _ROOT_THREE, True
     return a, b, False
+
+
+def torque(turns: float, across: float, along: float, holding: float, detent: float) -> float:
+    """Return the torque (N*m) of a field, and of the detents, on a rotor.
+
+    Args:
+        turns: electrical angle of the rotor (1.0 is a full circle).
+        across: sine part of the field.
+        along: its cosine part.
+        holding: torque of a field of 1.0 across the rotor (N*m).
+        detent: torque of the detents half way between two (N*m).
+    """
+    ahead = turns + 0.25
+    if not 0.0 <= turns < 1.0:
+        turns, ahead = part(turns), part(ahead)
+    # Two times sine(), side by side: a processor takes little longer for both than for one.
+    if turns > 0.75:
+        turns -= 1.0
+    elif turns > 0.25:
+        turns = 0.5 - turns
+    if ahead > 0.75:
+        ahead -= 1.0
+    elif ahead > 0.25:
+        ahead = 0.5 - ahead
+    x, y = turns * turns, ahead * ahead
+    sine = turns * (
+        FIRST + x * (THIRD + x * (FIFTH + x * (
+            SEVENTH + x * (NINTH + x * (ELEVENTH + x * LAST))
+        )))
+    )  # fmt: skip
+    cosine = ahead * (
+        FIRST + y * (THIRD + y * (FIFTH + y * (
+            SEVENTH + y * (NINTH + y * (ELEVENTH + y * LAST))
+        )))
+    )  # fmt: skip
+    pull = holding * (across * cosine - along * sine)
+    if detent > 0.0:
+        # The sine of four times the angle.
+        pull -= detent * 4.0 * sine * cosine * (1.0 - 2.0 * sine * sine)
+    return pull
