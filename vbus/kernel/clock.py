@@ -74,6 +74,8 @@ class Clock:
         if cycle > self._last:
             return _NEVER
         if self._plain:
+            if self._den == 1:
+                return cycle * self._num
             whole = cycle // self._den
             return whole * self._num + (cycle - whole * self._den) * self._num // self._den
         exact: int = cycle
