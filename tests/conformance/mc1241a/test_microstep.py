@@ -14,6 +14,7 @@ from vbus.chips.mc1241a.microstep import (
     scaled,
 )
 from vbus.kernel import NEVER, NS, US
+from vbus.plant.ideal import IdealPlant
 from vbus.signals import Observer
 
 spec = pytest.mark.spec
@@ -209,6 +210,41 @@ def test_what_acts_at_the_instant_of_a_look_up_is_used_in_it() -> None:
     assert bench.seen("phase B") == 0
     bench.run_until(at)
     assert bench.seen("phase B") == 32767
+
+
+class Noted(IdealPlant):
+    """Notes the currents it is driven with."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.currents: list[tuple[float, float, float]] = []
+
+    def phases(self, a: float, b: float, c: float) -> int:
+        self.currents.append((a, b, c))
+        return super().phases(a, b, c)
+
+
+@spec("PMD-USTP-2", "PMD-BUS-7")
+@pytest.mark.parametrize("slot", range(8))
+def test_a_motor_has_the_new_currents_from_that_look_up_on_however_late_one_looks(
+    slot: int,
+) -> None:
+    bench = Bench(host_busy="slot")
+    motor = Noted()
+    bench.chip.connect(0, motor)
+    bench.send("SET_PHASE_2")
+    bench.run_until(8 * CYCLE + slot * SLOT + 1 * US)
+    bench.command(0x62)  # SET_MTR_CMD
+    bench.chip.busy_stretch = 2 * SLOT
+    bench.write_word(32767)
+    at = bench.chip.ready_at()
+    assert at % SLOT == 0
+    assert at - 3 * SLOT < bench.now < at - 2 * SLOT
+    before = len(motor.currents)
+    bench.run_until(at + CYCLE)
+    bench.chip.advance()
+    late = motor.currents[before:]
+    assert late == [(0.0, 0.0, 0.0)] * 2 + [(0.0, 1.0, 0.0)] * 9
 
 
 @spec("PMD-AMB-23")

@@ -258,6 +258,9 @@ class MC1241A(ChipSet):
                     self.interrupts.look()
                 if self.cycles.heard:
                     self.output.begin_slot()
+                else:
+                    due = self._next_due()
+                    self.cycles.run_on(now if now < due else due - 1)
             else:
                 self.output.run(when)
             self._reckon()
@@ -265,16 +268,19 @@ class MC1241A(ChipSet):
 
     def _reckon(self) -> None:
         """Work out when the next thing is due."""
-        wake = self.cycles.boundary
+        due = self._next_due()
+        boundary = self.cycles.boundary
+        self._wake = due if due < boundary else boundary
+
+    def _next_due(self) -> i64:
+        """Return when the next thing is due that is no slot."""
         due = self.port.due()
-        if due < wake:
-            wake = due
-        due = self.output.due()
-        if due < wake:
-            wake = due
-        if self.interrupts.quiet_until < wake:
-            wake = self.interrupts.quiet_until
-        self._wake = min(wake, self._hold_at)
+        output = self.output.due()
+        if output < due:
+            due = output
+        if self.interrupts.quiet_until < due:
+            due = self.interrupts.quiet_until
+        return due if due < self._hold_at else self._hold_at
 
     def _host_effect(self) -> None:
         mode = self.shared.output_mode

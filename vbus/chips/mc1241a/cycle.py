@@ -7,13 +7,65 @@ from mypy_extensions import i64
 from vbus.chips.mc1241a.axis import FOR_EVER, Axis
 from vbus.chips.mc1241a.chipset import ChipSet
 from vbus.chips.mc1241a.datasheet import CYCLE_CLK, SLOT_CLK, SLOTS
-from vbus.chips.mc1241a.parameters import Shared
+from vbus.chips.mc1241a.encoder import Encoder
+from vbus.chips.mc1241a.microstep import Microstepper
+from vbus.chips.mc1241a.parameters import Registers, Shared
 from vbus.kernel import NEVER
 from vbus.signals import Plant
 from vbus.state import Names
 
 _SCALE: Final = 32_767.0
 """FULL_SCALE as a float."""
+
+
+class Windings:
+    """What the outputs of an axis drive: the windings of a motor, if there is one.
+
+    Args:
+        axis: whose outputs they are.
+    """
+
+    DERIVED: ClassVar[Names] = ("*",)
+
+    def __init__(self, axis: Axis) -> None:
+        self._stepper: Microstepper = axis.stepper
+        self._active: Registers = axis.active
+        self.motor: Plant | None = None
+        self.a: i64 = 0
+        """Current in phase A that the motor runs with (-32767 to 32767)."""
+        self.b: i64 = 0
+        self.c: i64 = 0
+        # The same, of full scale.
+        self._share_a: float = 0.0
+        self._share_b: float = 0.0
+        self._share_c: float = 0.0
+
+    def take(self, a: i64, b: i64, c: i64) -> None:
+        """Run the motor with these currents from now on."""
+        self.a, self.b, self.c = a, b, c
+        self._share_a = float(a) / _SCALE
+        self._share_b = float(b) / _SCALE
+        self._share_c = float(c) / _SCALE
+
+    def drive(self, slot: i64) -> None:
+        """Run the motor through the slot that begins, with the currents just looked up."""
+        if self.motor is not None:
+            a, b = self._stepper.outputs(slot, self._active.motor_command)
+            c = self._third(a, b)
+            if a != self.a or b != self.b or c != self.c:
+                self.take(a, b, c)
+            self.motor.phases(self._share_a, self._share_b, self._share_c)
+
+    def steady(self, slot: i64) -> bool:
+        """Tell whether the axis puts out in a slot what the motor runs with."""
+        a, b = self._stepper.outputs(slot, self._active.motor_command)
+        return a == self.a and b == self.b and self._third(a, b) == self.c
+
+    def _third(self, a: i64, b: i64) -> i64:
+        """Return the third phase current, which the amplifier makes (PMD-USTP-3)."""
+        if self._stepper.two_phase:
+            return 0
+        return -(a + b)
 
 
 class Cycles:
@@ -29,14 +81,15 @@ class Cycles:
         "shared: part", "_driven: list[(i64, i64, i64)]", "motors: parts", "_origin", "_slot",
         "boundary", "_reset_since", "_slot_start", "_slot_end",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_axes", "_chip", "skipping")
-    DERIVED: ClassVar[Names] = ("_slotted", "heard", "run_count")
+    WIRING: ClassVar[Names] = ("_axes", "_chip", "_encoders", "skipping")
+    DERIVED: ClassVar[Names] = ("_slotted", "_windings", "heard", "run_count")
 
     def __init__(self, chip: ChipSet, axes: list[Axis], shared: Shared) -> None:
         self._chip: ChipSet = chip
         self._axes: list[Axis] = axes
         self.shared: Shared = shared
-        self.motors: list[Plant | None] = [None] * len(axes)
+        self._encoders: list[Encoder] = [axis.encoder for axis in axes]
+        self._windings: list[Windings] = [Windings(axis) for axis in axes]
         self.boundary: i64 = NEVER
         """Instant at which the next slot or cycle begins (ps); NEVER while ~Reset is held."""
         self.heard: bool = False
@@ -49,8 +102,6 @@ class Cycles:
         self._reset_since: i64 = 0
         self._slot_start: i64 = 0
         self._slot_end: i64 = 0
-        self._driven: list[tuple[int, int, int]] = [(0, 0, 0) for _ in axes]
-        """The phase currents each motor runs with (-32767 to 32767)."""
 
     # -- reset --------------------------------------------------------------------------------
 
@@ -116,30 +167,43 @@ class Cycles:
         """Run the slot that begins at :attr:`boundary`; tell whether a cycle began with it.
 
         Args:
-            now: the instant up to which the chip set is being brought.
+            now: the instant up to which whole cycles may be passed over.
         """
         slot = self._slot
         cycle = slot % SLOTS == 0 and slot != 0
         if cycle and self._skip_rest(now):
             return False
-        chip = self._chip
-        for axis in self._axes:
-            axis.encoder.follow(chip.instant, 1.0)
+        instant = self._chip.instant
+        for encoder in self._encoders:
+            encoder.follow(instant, 1.0)
         if slot == 0:
             self._end_reset()
         elif cycle:
             self._cycle()
-        self._slot = slot + 1
         if self._slotted:
-            self._slot_start = chip.instant
-            self._slot_end = self.ps_of((slot + 1) * SLOT_CLK)
-            for number, motor in enumerate(self.motors):
-                if motor is not None:
-                    self._drive(number, motor, slot)
-            self.boundary = self._slot_end
+            self._run_slot(instant)
         else:
+            self._slot = slot + 1
             self._plan()
         return cycle
+
+    def run_on(self, until: i64) -> None:
+        """Run the other slots of the cycle under way, as far as they begin by an instant."""
+        while self._slot & SLOTS - 1 and self.boundary <= until:
+            instant = self._chip.instant = self.boundary
+            for encoder in self._encoders:
+                encoder.follow(instant, 1.0)
+            self._run_slot(instant)
+
+    def _run_slot(self, instant: i64) -> None:
+        """Drive the motors through the slot that begins at an instant."""
+        slot = self._slot
+        end = self.ps_of((slot + 1) * SLOT_CLK)
+        self._slot = slot + 1
+        self._slot_start = instant
+        self._slot_end = self.boundary = end
+        for windings in self._windings:
+            windings.drive(slot)
 
     def _plan(self) -> None:
         """Find the next boundary; slots between cycles count only if something takes them."""
@@ -179,14 +243,14 @@ class Cycles:
     def connect(self, axis: int, motor: Plant) -> None:
         """Attach the motor of an axis, with its encoder and switches."""
         motor.prepare(SLOT_CLK / self._chip.clock.hz)
-        self.motors[axis] = motor
+        self._windings[axis].motor = motor
         for other in self._axes:
             other.encoder.attach(axis, motor)
         self.choose_slots()
 
     def exchange(self, axis: int, motor: Plant) -> None:
         """Put another motor behind an axis, and behind every encoder that hears the one there."""
-        old, self.motors[axis] = self.motors[axis], motor
+        old, self._windings[axis].motor = self._windings[axis].motor, motor
         for each in self._axes:
             each.encoder.exchange(old, motor)
 
@@ -200,29 +264,26 @@ class Cycles:
                     self._slot = self.slot_at(self._chip.instant) + 1
                 self._plan()
 
-    def _drive(self, number: int, motor: Plant, slot: i64) -> None:
-        """Run a motor through the slot that begins, with the currents just looked up."""
-        a, b, c = self._currents(number, slot)
-        self._driven[number] = (a, b, c)
-        motor.phases(float(a) / _SCALE, float(b) / _SCALE, float(c) / _SCALE)
+    @property
+    def motors(self) -> list[Plant | None]:
+        """The motor of each axis."""
+        return [windings.motor for windings in self._windings]
 
-    def _currents(self, number: int, slot: i64) -> tuple[i64, i64, i64]:
-        """Return the phase currents of an axis; the amplifier makes the third (PMD-USTP-3)."""
-        axis = self._axes[number]
-        a, b = axis.stepper.outputs(slot, slot % SLOTS + 1, axis.active.motor_command)
-        if axis.stepper.two_phase:
-            return a, b, 0
-        return a, b, -(a + b)
+    @property
+    def _driven(self) -> list[tuple[int, int, int]]:
+        """The phase currents that each motor runs with, as they are kept."""
+        return [(windings.a, windings.b, windings.c) for windings in self._windings]
 
-    def _same_currents(self, number: int, slot: i64) -> bool:
-        """Tell whether an axis still puts out what its motor was last driven with."""
-        return self._currents(number, slot) == self._driven[number]
+    @_driven.setter
+    def _driven(self, driven: list[tuple[int, int, int]]) -> None:
+        for windings, currents in zip(self._windings, driven, strict=True):
+            windings.take(*currents)
 
     def phase_outputs(self, number: int) -> tuple[i64, i64]:
         """Return phases A and B of an axis as they are now (-32767 to 32767)."""
         slot = self.slot_at(self._chip.instant)
         axis = self._axes[number]
-        return axis.stepper.outputs(slot, slot % SLOTS + 1, axis.active.motor_command)
+        return axis.stepper.outputs(slot, axis.active.motor_command)
 
     def hold_outputs(self, number: int) -> None:
         """Keep an axis's outputs until the next look-up: its amplitude or waveform changes.
@@ -231,7 +292,7 @@ class Cycles:
         """
         slot = self.slot_at(self._chip.instant - 1)
         axis = self._axes[number]
-        axis.stepper.hold(slot, slot % SLOTS + 1, axis.active.motor_command)
+        axis.stepper.hold(slot, axis.active.motor_command)
 
     def follow_encoders(self) -> None:
         """Bring the position counters up to the present instant inside a slot."""
@@ -242,8 +303,8 @@ class Cycles:
         if instant < self._slot_end:
             into = float(instant - self._slot_start)
             fraction = into / float(self._slot_end - self._slot_start)
-        for axis in self._axes:
-            axis.encoder.follow(instant, fraction)
+        for encoder in self._encoders:
+            encoder.follow(instant, fraction)
 
     # -- rest ---------------------------------------------------------------------------------
 
@@ -255,10 +316,10 @@ class Cycles:
             quiet = axis.idle_cycles()
             if quiet == 0:
                 return 0
-            motor = self.motors[number]
-            if motor is not None:
-                if not self._same_currents(number, slot) or not motor.resting():
-                    return 0
+            windings = self._windings[number]
+            motor = windings.motor
+            if motor is not None and not (windings.steady(slot) and motor.resting()):
+                return 0
             idle = min(idle, quiet)
         return idle
 
@@ -300,7 +361,7 @@ class Cycles:
         if not self._slot or self.heard or not self.skipping:
             return False
         # A command may have changed what the next look-up gives.
-        for number, motor in enumerate(self.motors):
-            if motor is not None and not self._same_currents(number, self._slot):
+        for windings in self._windings:
+            if windings.motor is not None and not windings.steady(self._slot):
                 return False
         return self._idle() >= FOR_EVER

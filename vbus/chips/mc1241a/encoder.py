@@ -135,10 +135,18 @@ class Encoder:
 
         Everything that happens by then is seen with the capture set-up as it is.
         """
-        if not self._home_wired and self._mechanics is not None:
-            self._follow_home(self._mechanics, fraction)
-        if not self._wired and self._plant is not None:
-            self._follow_plant(self._plant, fraction)
+        if self._mechanics is not None and not self._home_wired:
+            count: i64 = self._mechanics.count
+            if fraction < 1.0:
+                count = self._mechanics.count_at(fraction)
+            if count != self._mechanics_seen:
+                self._follow_home(self._mechanics, count)
+        if self._plant is not None and not self._wired:
+            count = self._plant.count
+            if fraction < 1.0:
+                count = self._plant.count_at(fraction)
+            if count != self._seen:
+                self._follow_plant(self._plant, count)
         if self._unsettled:
             self._settle(instant)
 
@@ -154,24 +162,15 @@ class Encoder:
         """For how long (ps) a channel must stand for its filter to believe it."""
         return self._decoder.filter_dwell
 
-    def _follow_plant(self, plant: Plant, fraction: float) -> None:
-        count: i64 = plant.count
-        if fraction < 1.0:
-            count = plant.count_at(fraction)
-        if count != self._seen:
-            if self._armed and self._capture_source == CAPTURE_INDEX:
-                found, at = plant.index_between(self._seen, count)
-                if found:
-                    self._capture(self.count + at - self._seen)
-            self.count += count - self._seen
-            self._seen = count
+    def _follow_plant(self, plant: Plant, count: i64) -> None:
+        if self._armed and self._capture_source == CAPTURE_INDEX:
+            found, at = plant.index_between(self._seen, count)
+            if found:
+                self._capture(self.count + at - self._seen)
+        self.count += count - self._seen
+        self._seen = count
 
-    def _follow_home(self, plant: Plant, fraction: float) -> None:
-        count: i64 = plant.count
-        if fraction < 1.0:
-            count = plant.count_at(fraction)
-        if count == self._mechanics_seen:
-            return
+    def _follow_home(self, plant: Plant, count: i64) -> None:
         if self._armed and self._capture_source == CAPTURE_HOME:
             switch = plant.switches.get("home")
             if switch is not None:
@@ -213,6 +212,9 @@ class Encoder:
 
     def read(self) -> int:
         """Take the counter over at the start of a cycle; return the counts since the last."""
+        if self.count == self._read:
+            self.wrapped = False
+            return 0
         moved = self.count - self._read
         self._read = self.count
         self.counted = self.count - self._zero
@@ -269,14 +271,14 @@ class Encoder:
 
     def limit_levels(self) -> tuple[int, int]:
         """Return the levels of the positive and the negative limit input."""
-        positive, negative = self._levels
+        positive, negative = self._levels[0], self._levels[1]
         return (
             self._switch("limit+", LOW) if positive < 0 else positive,
             self._switch("limit-", LOW) if negative < 0 else negative,
         )
 
     def _switch(self, name: str, rest: int) -> int:
-        if self._mechanics is None:
+        if self._mechanics is None or not self._mechanics.switches:
             return rest
         switch = self._mechanics.switches.get(name)
         return rest if switch is None else switch.level(self._mechanics_seen)

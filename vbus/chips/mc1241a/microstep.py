@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.chips.mc1241a.datasheet import FULL_SCALE, TWO_PHASE
+from vbus.chips.mc1241a.datasheet import FULL_SCALE, SLOTS, TWO_PHASE
 from vbus.state import Names
 
 STEPS: Final = 256
@@ -54,6 +54,22 @@ def pwm_magnitude(output: int) -> int:
     return abs(output) + 64 >> 7
 
 
+class Place:
+    """What both phases put out at one place in the electrical cycle, of full scale."""
+
+    __slots__ = ("a", "b")
+    WIRING: ClassVar[Names] = ("a", "b")
+
+    def __init__(self, a: i64, b: i64) -> None:
+        self.a: i64 = a
+        self.b: i64 = b
+
+
+def _places(two_phase: bool, b_leads: bool) -> list[Place]:
+    """Return one electrical cycle of both phases, in the machine words of a compiled core."""
+    return [Place(a, b) for a, b in zip(PHASE_A, PHASE_B[two_phase, b_leads], strict=True)]
+
+
 class Microstepper:
     """The look-ups of one axis: eight angles a cycle, two outputs each (PMD-USTP-2).
 
@@ -66,11 +82,19 @@ class Microstepper:
         "_held_b",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_three", "_two")
-    DERIVED: ClassVar[Names] = ("_start", "_way")
+    DERIVED: ClassVar[Names] = (
+        "_a", "_angle", "_b", "_command", "_start", "_two_looked_up", "_way",
+    )  # fmt: skip
 
     def __init__(self, b_leads: bool) -> None:
-        self._two: tuple[int, ...] = PHASE_B[True, b_leads]
-        self._three: tuple[int, ...] = PHASE_B[False, b_leads]
+        self._two: list[Place] = _places(True, b_leads)
+        self._three: list[Place] = _places(False, b_leads)
+        # What was looked up last, and what came of it.
+        self._angle: i64 = -1
+        self._command: i64 = 0
+        self._two_looked_up: bool = False
+        self._a: i64 = 0
+        self._b: i64 = 0
         self.two_phase: bool = False
         self._shift: int = 0
         self._from: int = 0
@@ -101,7 +125,8 @@ class Microstepper:
 
     def _reduce(self) -> None:
         """Leave whole electrical cycles out: what makes a difference to the angle fits words."""
-        self._start = 8 * (self._from & _CYCLE)
+        self._start = self._from & _CYCLE
+        self._start *= 8
         self._way = self._moved & _WAY
 
     def renumber(self, before: int, after: int) -> None:
@@ -116,28 +141,37 @@ class Microstepper:
         """Return the place in the electrical cycle (0..255) of slot 1 to 8 of this cycle."""
         return (self._start + self._way * slot >> 35) & (STEPS - 1)
 
-    def hold(self, slot_number: i64, slot: i64, command: i64) -> None:
+    def hold(self, slot: i64, command: i64) -> None:
         """Remember the present outputs until the next look-up: the command is about to change.
 
         Args:
-            slot_number: number of the present slot since reset.
-            slot: the same inside its cycle, 1 to 8.
+            slot: number of the present slot since reset.
             command: motor command of that look-up.
         """
-        if self._held_slot != slot_number:
+        if self._held_slot != slot:
             self._held_a, self._held_b = self._look_up(slot, command)
-            self._held_slot = slot_number
+            self._held_slot = slot
 
-    def outputs(self, slot_number: i64, slot: i64, command: i64) -> tuple[i64, i64]:
-        """Return both phase outputs (-32767 to 32767) as looked up in a slot."""
-        if slot_number == self._held_slot:
+    def outputs(self, slot: i64, command: i64) -> tuple[i64, i64]:
+        """Return both phase outputs (-32767 to 32767) as looked up in a slot since reset."""
+        if slot == self._held_slot:
             return self._held_a, self._held_b
         return self._look_up(slot, command)
 
     def _look_up(self, slot: i64, command: i64) -> tuple[i64, i64]:
-        angle = self.angle(slot)
-        waves = self._two if self.two_phase else self._three
-        return scaled(command, PHASE_A[angle]), scaled(command, waves[angle])
+        angle = self.angle((slot & SLOTS - 1) + 1)
+        if (
+            angle != self._angle
+            or command != self._command
+            or self.two_phase != self._two_looked_up
+        ):
+            place = self._two[angle] if self.two_phase else self._three[angle]
+            self._a = scaled(command, place.a)
+            self._b = scaled(command, place.b)
+            self._angle = angle
+            self._command = command
+            self._two_looked_up = self.two_phase
+        return self._a, self._b
 
     @property
     def phase_info(self) -> int:

@@ -2,6 +2,8 @@
 
 from typing import ClassVar
 
+from mypy_extensions import i64
+
 from vbus.chips.mc1241a.datasheet import OUTPUT_PWM
 from vbus.state import Names
 
@@ -31,7 +33,7 @@ class Registers:
         """S-curve (2^-32 usteps/cycle^3)."""
         self.ratio: int = 0
         """Gear (1/65536 usteps per encoder count)."""
-        self.motor_command: int = 0
+        self.motor_command: i64 = 0
         """Amplitude of the microstep waveforms, -32767 to 32767."""
         self.stop: int = 0
         self.smooth_stop: int = 0
