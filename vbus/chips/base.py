@@ -251,6 +251,9 @@ class Chip:
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:
         """Return the edges of a whole bus cycle, for when somebody watches the bus.
 
+        The same cycle has the same edges, whatever the chip's state: a host asks once. Only a
+        :attr:`CONNECTOR` is asked each time.
+
         Returns:
             ``(offset, pin name, level)`` in order of time; the offset in ps is counted from the
             latching edge (negative before it). The name ``"D0-D7"`` with level -1 lets go.
