@@ -321,6 +321,9 @@ class TextProtocol(Protocol):
             self._card_cycle(access, data)
         return "OK"
 
+    def _do_writeb(self, arguments: list[str]) -> str | None:
+        return self._do_outb(arguments)
+
     def _card_cycle(self, access: CardAccess, written: int | None) -> int:
         """Run a cycle of the card, a write if there is a byte for it; return what was read."""
         data = access.floating
@@ -337,8 +340,6 @@ class TextProtocol(Protocol):
             self.port.pin(access.pulsed, 0)
             self.port.pin(access.pulsed, 2)
         return data
-
-    _do_writeb = _do_outb
 
 
 def _line_end(data: bytearray, start: int) -> int:

@@ -3,10 +3,10 @@
 import asyncio
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from msgspec import Struct
 from mypy_extensions import mypyc_attr
 
 from vbus.kernel import NEVER
@@ -35,7 +35,8 @@ MOST_PENDING: Final = 65536
 log = logging.getLogger("vbus")
 
 
-class Serving(Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class Serving:
     """What serves the sessions of one host entry.
 
     Attributes:

@@ -44,9 +44,9 @@ class BusWatch:
     ) -> list[Cycle]:
         """Return the cycles that end when lines move from ``before`` to ``after``.
 
-        ``old`` stood on the bus until then, ``data`` stands there at the edge. Which cycles end, and
-        where, must follow from ``before`` and ``after`` alone, unless :meth:`save` gives what else
-        decides: boards ask once for what is always the same.
+        ``old`` stood on the bus until then, ``data`` stands there at the edge. Which cycles end,
+        and where, must follow from ``before`` and ``after`` alone, unless :meth:`save` gives what
+        else decides: boards ask once for what is always the same.
         """
         raise NotImplementedError
 
