@@ -99,6 +99,12 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+def resident(pid: int) -> int:
+    """Return the memory of a process (KiB)."""
+    text = Path(f"/proc/{pid}/status").read_text()
+    return int(text.partition("VmRSS:")[2].split()[0])
+
+
 def hosts(count: int) -> str:
     """Return a host entry for every 16 axes: as many as SELECT reaches."""
     return "".join(
@@ -146,8 +152,8 @@ def told(environment: dict[str, str]) -> dict[str, Any]:
 def served(
     count: int, turning: bool, seconds: float, chip: str = LM629, model: str = "dc_motor",
     rate: str = "1",
-) -> tuple[float, float]:  # fmt: skip
-    """Return the share of a core ``vbus run`` takes in real time, and its worst lag (ms).
+) -> tuple[float, float, int]:  # fmt: skip
+    """Return the share of a core ``vbus run`` takes, its worst lag (ms), and its memory (KiB).
 
     The share is computing for each second of chip time, also where that does not follow.
     """
@@ -170,18 +176,22 @@ def served(
             computed, after = cpu_seconds(server.pid) - begun, told(environment)
             share = computed * SECOND / (after["time_ps"] - before["time_ps"])
             lag = after["worst_lag_ps"] / 1e9
+            memory = resident(server.pid)
         finally:
             server.terminate()
             server.wait()
             server.stdout.close()
-    return share, lag
+    return share, lag, memory
 
 
 def in_real_time(seconds: float) -> list[Row]:
     """Rows of ``vbus run``."""
     rows = []
+    at_rest = {}
     for count, turning in ((FEW, True), (FEW, False), (2000, False)):
-        share, lag = served(count, turning, seconds)
+        share, lag, memory = served(count, turning, seconds)
+        if not turning:
+            at_rest[count] = memory
         rows.append(
             Row(
                 f"vbus run, {count} axes {'moving' if turning else 'at rest'}, real time",
@@ -190,7 +200,7 @@ def in_real_time(seconds: float) -> list[Row]:
             )
         )
     for part, (chip, model) in OTHERS.items():
-        share, lag = served(500, False, seconds, chip, model)
+        share, lag, _ = served(500, False, seconds, chip, model)
         rows.append(
             Row(
                 f"vbus run, 500 {part} at rest, real time",
@@ -198,6 +208,8 @@ def in_real_time(seconds: float) -> list[Row]:
                 "-",
             )
         )
+    more = (at_rest[2000] - at_rest[FEW]) / (2000 - FEW)
+    rows.append(Row("memory of an LM629 at rest with its motor", f"{more:.1f} KiB", "16 KiB"))
     return rows
 
 
