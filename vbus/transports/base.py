@@ -4,9 +4,8 @@ import asyncio
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
-
-from msgspec import Struct
 
 from vbus.board.sections import NO_HOST, HostSection
 from vbus.errors import TransportError
@@ -89,7 +88,8 @@ class MessageLink(Link):
         raise NotImplementedError
 
 
-class Served(Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class Served:
     """What stands behind a transport, for those that tell of it.
 
     Attributes:
