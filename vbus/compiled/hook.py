@@ -31,14 +31,12 @@ COMPILED: Final = (
     "bits.py", "state/fields.py", "state/kinds.py", "kernel/*.py", "signals/*.py",
     "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py", "plant/*.py",
     "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
-    "protocols/port.py", "protocols/quantities.py", "protocols/text.py",
-    "board/board.py", "board/circuit.py", "board/host_*.py", "board/strobe_*.py",
-    "board/card_bus.py", "board/card_path.py", "board/card_cycle.py", "board/card_edges.py",
-    "board/glue_cycles.py",
+    "protocols/port.py", "protocols/text.py", "board/board.py", "board/circuit.py",
+    "board/host_*.py", "board/strobe_*.py", "board/card_bus.py", "board/card_path.py",
+    "board/card_cycle.py", "board/card_edges.py", "board/glue_cycles.py",
     "server/pace.py", "server/pacer.py", "server/session.py", "server/statistics.py",
-    "server/ticks.py", "trace/decode.py", "trace/journal/rows.py",
-    "trace/journal/recorded_bus.py", "trace/wave/edges.py", "trace/wave/vcd_file.py",
-    "scope/lane.py", "scope/look.py",
+    "server/ticks.py", "trace/journal/rows.py", "trace/journal/recorded_bus.py",
+    "trace/wave/edges.py", "trace/wave/vcd_file.py", "scope/lane.py", "scope/look.py",
 )  # fmt: skip
 """What is compiled, but for :data:`COLD`: what works in every sample, bus cycle or message."""
 

@@ -155,11 +155,11 @@ class Pacer(Pace):
         if self.bound < NEVER:
             return self._catch_up_to_bound()
         if not self._paced:
-            target = kernel.now + LEASE
-            board.limit = target if target <= self._near else self._nearing(target)
+            lease: int = kernel.now + LEASE
+            board.limit = lease if lease <= self._near else self._nearing(lease)
             return True
         numerator, denominator = self._ps_per_ns
-        target = self._anchor_ps + (self.clock() - self._anchor_ns) * numerator // denominator
+        target: int = self._anchor_ps + (self.clock() - self._anchor_ns) * numerator // denominator
         if target > self._near:
             target = self._nearing(target)
         if target - kernel.now > self._stalled and target - self._asleep > self._stalled:

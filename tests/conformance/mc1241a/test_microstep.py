@@ -14,8 +14,7 @@ from vbus.chips.mc1241a.microstep import (
     scaled,
 )
 from vbus.kernel import NEVER, NS, US
-from vbus.plant.ideal import IdealPlant
-from vbus.signals import Observer
+from vbus.signals import Observer, Plant
 
 spec = pytest.mark.spec
 
@@ -212,16 +211,27 @@ def test_what_acts_at_the_instant_of_a_look_up_is_used_in_it() -> None:
     assert bench.seen("phase B") == 32767
 
 
-class Noted(IdealPlant):
-    """Notes the currents it is driven with."""
+class Noted(Plant):
+    """Stands still, and notes the currents it is driven with."""
+
+    TAKES = ("phases",)
 
     def __init__(self) -> None:
         super().__init__()
         self.currents: list[tuple[float, float, float]] = []
 
+    def prepare(self, period: float) -> None:
+        pass
+
     def phases(self, a: float, b: float, c: float) -> int:
         self.currents.append((a, b, c))
-        return super().phases(a, b, c)
+        return 0
+
+    def count_at(self, fraction: float) -> int:
+        return 0
+
+    def fraction_at(self, count: int) -> float:
+        return 0.0
 
 
 @spec("PMD-USTP-2", "PMD-BUS-7")
