@@ -1,4 +1,4 @@
-"""Build hook: the pure core, compiled by mypyc into the wheel, where a C compiler is.
+"""Build hook: the core, compiled by mypyc into the wheel, where a C compiler is.
 
 Runs when a wheel is built, by hatchling, and never later; it imports nothing of vbus.
 

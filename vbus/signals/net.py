@@ -1,7 +1,7 @@
 """Wires and the pins connected to them."""
 
 from collections.abc import Callable
-from typing import ClassVar, Final
+from typing import ClassVar, Final, TypeVar
 
 from mypy_extensions import mypyc_attr
 
@@ -13,6 +13,14 @@ LOW: Final = 0
 HIGH: Final = 1
 Z: Final = -1
 """A pin that drives nothing (three-state off, or open drain released)."""
+
+Listed = TypeVar("Listed")
+
+
+def _without(listed: tuple[Listed, ...], one: Listed) -> tuple[Listed, ...]:
+    left = list(listed)
+    left.remove(one)
+    return tuple(left)
 
 
 class Watcher(Task):
@@ -226,9 +234,7 @@ class Net:
 
     def unobserve(self, observer: Observer) -> None:
         """Stop reporting to ``observer``."""
-        left = list(self.observers)
-        left.remove(observer)
-        self.observers = tuple(left)
+        self.observers = _without(self.observers, observer)
         self._kernel.observed -= 1
         self.tell_drivers()
 
@@ -238,9 +244,7 @@ class Net:
 
     def unbend(self, bend: Callable[[int], int]) -> None:
         """Let a fault bend the net no more."""
-        left = list(self.bends)
-        left.remove(bend)
-        self.bends = tuple(left)
+        self.bends = _without(self.bends, bend)
 
     def tell_drivers(self) -> None:
         """Let the driving chips know that somebody began or ceased to listen."""

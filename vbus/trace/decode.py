@@ -4,8 +4,6 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
-from mypy_extensions import mypyc_attr
-
 from vbus.board import plugins
 from vbus.board.card_bus import CONNECTOR
 from vbus.chips.base import Chip
@@ -88,7 +86,6 @@ def settings_for_decoders(chips: Iterable[Chip]) -> dict[str, dict[str, Value]]:
     return found
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class BoardPackets(Observer):
     """Packets of every chip of a board, as they are completed.
 

@@ -172,7 +172,8 @@ class Wave(BoardPackets):
         """
         pending = self._pending
         change = (when if when > self._drained else self._drained, signal, value)
-        if pending and pending[-1][0] > change[0]:
+        # Edges of nets come at the present instant, after all that is pending by then.
+        if (pending and pending[-1][0] > change[0]) or change[0] > self.board.now:
             self._in_order = False
         pending.append(change)
         return change
