@@ -37,6 +37,8 @@ def part(turns: float) -> float:
         while turns >= 1.0:
             turns -= 1.0
         return turns
+    if -1.0 < turns < 0.0:
+        return turns + 1.0
     turns -= int(turns)
     return turns + 1.0 if turns < 0.0 else turns
 

@@ -7,13 +7,14 @@ from mypy_extensions import i64
 from vbus.options import Option, Settings
 from vbus.plant.angle import sine
 from vbus.plant.response import TICKS
-from vbus.plant.shaft import SHAFT_OPTIONS, Mechanics, Shaft, mass_options
+from vbus.plant.shaft import SHAFT_OPTIONS, TWO_PI, Mechanics, Shaft, mass_options
 from vbus.plant.travel import MOST_EVENTS, NOWHERE
 from vbus.plant.windings import STEP_OPTIONS, field, torque
 from vbus.state import Names
 
 MOST_PIECES: Final = 4096
 """Sub-steps a period is cut into at most; pulses that come faster move the field in leaps."""
+SIXTH: Final = 1.0 / 6.0
 
 
 class StepperMotor(Shaft):
@@ -200,7 +201,7 @@ class StepperMotor(Shaft):
         return here
 
     def _integrate(self, points: list[float] | None) -> float:
-        """Run it by steps of fourth order."""
+        """Run it by steps of fourth order: Runge and Kutta's, as Nyström has them."""
         low, high = -NOWHERE, NOWHERE
         if self._stopped:
             low = float(self._low - self._base) + 0.5
@@ -208,7 +209,10 @@ class StepperMotor(Shaft):
         # What an N*m adds to the speed in a step, and what a rad/s to the place.
         gain, turn = self._gain, self._turn_counts
         holding, detent, damping = self._holding, self._detent, self._damping
-        whole, cycles, counts = self._whole, self._turns, self._counts
+        # The electrical angle of a place: the middle of count 0 is angle 0.
+        rate = self._turns / self._counts
+        start = self._whole / self._counts - 0.5 * rate
+        arc = TWO_PI * rate
         speed = self._departed
         here = self._first
         piece: i64 = 0
@@ -229,11 +233,10 @@ class StepperMotor(Shaft):
             events: i64 = 0
             while tick < TICKS:
                 if speed == 0.0 and way == 0.0:
-                    turns = (whole + (here - 0.5) * cycles) / counts
-                    pull = torque(turns, across, along, holding, detent) - self._load
-                    up = NOWHERE if here >= high else self._static
-                    down = NOWHERE if here <= low else self._static
-                    if -down <= pull <= up or events >= MOST_EVENTS:
+                    pull = self._pull(self._whole + (here - 0.5) * self._turns) - self._load
+                    most = NOWHERE if here >= high else self._static
+                    least = -NOWHERE if here <= low else -self._static
+                    if least <= pull <= most or events >= MOST_EVENTS:
                         break
                     way = 1.0 if pull > 0.0 else -1.0
                 elif way == 0.0:
@@ -242,23 +245,34 @@ class StepperMotor(Shaft):
                 # Of the part of a step: half of it, and all.
                 half, full = 0.5 * part * turn, part * turn
                 gained = part * gain
-                turns = (whole + (here - 0.5) * cycles) / counts
-                pull = torque(turns, across, along, holding, detent)
-                first = gained * (pull + against - damping * speed)
-                turns = (whole + (here + half * speed - 0.5) * cycles) / counts
-                pull = torque(turns, across, along, holding, detent)
-                middle = speed + 0.5 * first
-                second = gained * (pull + against - damping * middle)
-                turns = (whole + (here + half * middle - 0.5) * cycles) / counts
-                pull = torque(turns, across, along, holding, detent)
-                later = speed + 0.5 * second
-                third = gained * (pull + against - damping * later)
-                turns = (whole + (here + full * later - 0.5) * cycles) / counts
-                pull = torque(turns, across, along, holding, detent)
-                last = speed + third
-                fourth = gained * (pull + against - damping * last)
-                after = speed + (first + 2.0 * (second + third) + fourth) / 6.0
-                there = here + full * (speed + (first + second + third) / 6.0)
+                # Torque of the field and of the detents, and how much of it a radian takes away.
+                angle = start + rate * here
+                sin, cos = sine(angle), sine(angle + 0.25)
+                sin_2, cos_2 = 2.0 * sin * cos, 1.0 - 2.0 * sin * sin
+                sin_4, cos_4 = 2.0 * sin_2 * cos_2, 1.0 - 2.0 * sin_2 * sin_2
+                pull = holding * (across * cos - along * sin)
+                grip = holding * (across * sin + along * cos)
+                notch, catch = detent * sin_4, detent * cos_4
+                first = gained * (pull - notch + against - damping * speed)
+                # The same half a step on, and a whole one, as far as it would go unaccelerated.
+                angle = rate * half * speed
+                sin, cos = sine(angle), sine(angle + 0.25)
+                sin_2, cos_2 = 2.0 * sin * cos, 1.0 - 2.0 * sin * sin
+                sin_4, cos_4 = 2.0 * sin_2 * cos_2, 1.0 - 2.0 * sin_2 * sin_2
+                pull, grip = pull * cos - grip * sin, grip * cos + pull * sin
+                notch, catch = notch * cos_4 + catch * sin_4, catch * cos_4 - notch * sin_4
+                # From there to where it is, a hundredth of a radian, a straight line does.
+                off = arc * half * 0.25 * first
+                pulled = pull - notch - off * (grip + 4.0 * catch) + against
+                second = gained * (pulled - damping * (speed + 0.5 * first))
+                third = gained * (pulled - damping * (speed + 0.5 * second))
+                pull, grip = pull * cos - grip * sin, grip * cos + pull * sin
+                notch, catch = notch * cos_4 + catch * sin_4, catch * cos_4 - notch * sin_4
+                off = arc * full * 0.5 * third
+                pulled = pull - notch - off * (grip + 4.0 * catch) + against
+                fourth = gained * (pulled - damping * (speed + third))
+                after = speed + SIXTH * (first + 2.0 * (second + third) + fourth)
+                there = here + full * (speed + SIXTH * (first + second + third))
                 stops = way * after <= 0.0
                 hits = there >= high if way > 0.0 else there <= low
                 # It falls at the beginning and rises at the end, and might be zero between.
@@ -299,7 +313,7 @@ class StepperMotor(Shaft):
     def _pull(self, place: float) -> float:
         """Return the torque of the field on a rotor at ``place`` (cycles, times encoder counts)."""
         turns = place / self._counts
-        pull = torque(turns, self._across, self._along, self._holding, 0.0)
+        pull = torque(turns, self._across, self._along, self._holding)
         if self._detent > 0.0:
             pull -= self._detent * sine(4.0 * turns)
         return pull

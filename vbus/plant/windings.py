@@ -34,15 +34,14 @@ def field(a: float, b: float, c: float, three: bool) -> tuple[float, float, bool
     return a, b, False
 
 
-def torque(turns: float, across: float, along: float, holding: float, detent: float) -> float:
-    """Return the torque (N*m) of a field, and of the detents, on a rotor.
+def torque(turns: float, across: float, along: float, holding: float) -> float:
+    """Return the torque (N*m) of a field on a rotor.
 
     Args:
         turns: electrical angle of the rotor (1.0 is a full circle).
         across: sine part of the field.
         along: its cosine part.
         holding: torque of a field of 1.0 across the rotor (N*m).
-        detent: torque of the detents half way between two (N*m).
     """
     ahead = turns + 0.25
     if not 0.0 <= turns < 1.0:
@@ -67,8 +66,4 @@ def torque(turns: float, across: float, along: float, holding: float, detent: fl
             SEVENTH + y * (NINTH + y * (ELEVENTH + y * LAST))
         )))
     )  # fmt: skip
-    pull = holding * (across * cosine - along * sine)
-    if detent > 0.0:
-        # The sine of four times the angle.
-        pull -= detent * 4.0 * sine * cosine * (1.0 - 2.0 * sine * sine)
-    return pull
+    return holding * (across * cosine - along * sine)
