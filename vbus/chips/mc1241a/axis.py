@@ -90,14 +90,14 @@ class Axis:
         report: Report,
     ) -> None:
         self.number: int = number
-        self._shared: Shared = shared
-        self.encoder: Encoder = encoder
-        self.stepper: Microstepper = stepper
-        self.profile: Profile = Profile()
-        self.limits: LimitDetector = LimitDetector()
-        self.buffer: Registers = Registers()
-        self.active: Registers = Registers()
-        self._taken: Registers = Registers()
+        self._shared: Final[Shared] = shared
+        self.encoder: Final[Encoder] = encoder
+        self.stepper: Final[Microstepper] = stepper
+        self.profile: Final[Profile] = Profile()
+        self.limits: Final[LimitDetector] = LimitDetector()
+        self.buffer: Final[Registers] = Registers()
+        self.active: Final[Registers] = Registers()
+        self._taken: Final[Registers] = Registers()
         self._report: Report = report
         self.reset()
 

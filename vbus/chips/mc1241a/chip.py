@@ -1,7 +1,7 @@
 """The chip set: two axes, one host port, one time."""
 
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -87,17 +87,17 @@ class MC1241A(ChipSet):
         self.read_low_ps = 100_000
         self.cycle_ps = 200_000
         b_leads = self.settings["phase_b"] == "leads"
-        self.shared: Shared = Shared()
+        self.shared: Final[Shared] = Shared()
         self.axes: list[Axis] = [
             Axis(number, self.shared, Encoder(self, number, self._encoder_source(number)),
                  Microstepper(b_leads), self.find)
             for number in range(self.axis_count)
         ]  # fmt: skip
-        self.cycles: Cycles = Cycles(self, self.axes, self.shared)
-        self.interrupts: Interrupts = Interrupts(self, self.axes)
-        self.commands: Commands = Commands(self, self.axes, self.cycles, self.interrupts)
-        self.port: HostPort = HostPort(self, self.commands, self.cycles)
-        self.output: Output = Output(self, self.cycles, self.axis_count)
+        self.cycles: Final[Cycles] = Cycles(self, self.axes, self.shared)
+        self.interrupts: Final[Interrupts] = Interrupts(self, self.axes)
+        self.commands: Final[Commands] = Commands(self, self.axes, self.cycles, self.interrupts)
+        self.port: Final[HostPort] = HostPort(self, self.commands, self.cycles)
+        self.output: Final[Output] = Output(self, self.cycles, self.axis_count)
         self._wake: i64 = 0
         self._hold_at: i64 = NEVER
         self._adapter_read: bool = False

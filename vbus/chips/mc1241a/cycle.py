@@ -28,8 +28,8 @@ class Windings:
     DERIVED: ClassVar[Names] = ("*",)
 
     def __init__(self, axis: Axis) -> None:
-        self._stepper: Microstepper = axis.stepper
-        self._active: Registers = axis.active
+        self._stepper: Final[Microstepper] = axis.stepper
+        self._active: Final[Registers] = axis.active
         self.motor: Plant | None = None
         self.a: i64 = 0
         """Current in phase A that the motor runs with (-32767 to 32767)."""
@@ -85,11 +85,11 @@ class Cycles:
     DERIVED: ClassVar[Names] = ("_slotted", "_windings", "heard", "run_count")
 
     def __init__(self, chip: ChipSet, axes: list[Axis], shared: Shared) -> None:
-        self._chip: ChipSet = chip
-        self._axes: list[Axis] = axes
-        self.shared: Shared = shared
-        self._encoders: list[Encoder] = [axis.encoder for axis in axes]
-        self._windings: list[Windings] = [Windings(axis) for axis in axes]
+        self._chip: Final[ChipSet] = chip
+        self._axes: Final[list[Axis]] = axes
+        self.shared: Final[Shared] = shared
+        self._encoders: Final[list[Encoder]] = [axis.encoder for axis in axes]
+        self._windings: Final[list[Windings]] = [Windings(axis) for axis in axes]
         self.boundary: i64 = NEVER
         """Instant at which the next slot or cycle begins (ps); NEVER while ~Reset is held."""
         self.heard: bool = False
@@ -99,6 +99,8 @@ class Cycles:
         self.run_count: int = 0
         """Cycles run, not passed over, since the chip set was made."""
         self._slotted: bool = False
+        self._origin: i64 = 0
+        self._slot: i64 = 0
         self._reset_since: i64 = 0
         self._slot_start: i64 = 0
         self._slot_end: i64 = 0
@@ -114,8 +116,8 @@ class Cycles:
 
     def begin(self, ready: int) -> None:
         """Count from the first clock at which the host port is ready (ps)."""
-        self._origin: i64 = self._chip.clock.cycle_at(ready - 1) + 1
-        self._slot: i64 = 0
+        self._origin = self._chip.clock.cycle_at(ready - 1) + 1
+        self._slot = 0
         self.boundary = self.ps_of(0)
 
     def _end_reset(self) -> None:

@@ -72,7 +72,7 @@ class Encoder:
 
     def __init__(self, chip: ChipSet, number: int, source: int) -> None:
         n = number + 1
-        self._chip: ChipSet = chip
+        self._chip: Final[ChipSet] = chip
         self._number: int = number
         self._source: int = source
         self._plant: Plant | None = None
@@ -82,16 +82,10 @@ class Encoder:
         self._home: Pin = pins[f"~Home{n}"]
         self._limits = (pins[f"PosLimit{n}"], pins[f"NegLimit{n}"])
         dwell = chip.clock.span_up(FILTER_CLK)
-        self._decoder: Quadrature = Quadrature(
+        self._decoder: Final[Quadrature] = Quadrature(
             dwell, dwell, dwell_limit=AC["T2"].min_ps, pulse_limit=AC["T1"].min_ps
         )
-        self._home_filter: InputFilter = InputFilter(dwell)
-        for pin in self._quadrature:
-            pin.net.watch(Watcher(chip.kernel, self._encoder_moved))
-        self._home.net.watch(Watcher(chip.kernel, self._home_moved))
-        limits = Watcher(chip.kernel, self.limit_moved)
-        for pin in self._limits:
-            pin.net.watch(limits)
+        self._home_filter: Final[InputFilter] = InputFilter(dwell)
         self._wired: bool = False
         self._home_wired: bool = False
         self._levels: list[int] = [-1, -1]
@@ -101,12 +95,20 @@ class Encoder:
         self._mechanics_seen: i64 = 0
         self.count: i64 = 0
         """The hardware counter since the board was made; plain, never wraps."""
+        self._zero: i64 = 0
+        self._read: i64 = 0
         self.reset()
+        for pin in self._quadrature:
+            pin.net.watch(Watcher(chip.kernel, self._encoder_moved))
+        self._home.net.watch(Watcher(chip.kernel, self._home_moved))
+        limits = Watcher(chip.kernel, self.limit_moved)
+        for pin in self._limits:
+            pin.net.watch(limits)
 
     def reset(self) -> None:
         """Position 0, no capture, source index, ready to capture (PMD-RST-2)."""
-        self._zero: i64 = self.count
-        self._read: i64 = self.count
+        self._zero = self.count
+        self._read = self.count
         self.counted: int = 0
         """Actual position as of the last cycle, as if it did not wrap."""
         self.actual: int = 0

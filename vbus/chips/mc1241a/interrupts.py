@@ -25,7 +25,7 @@ class Interrupts:
     WIRING: ClassVar[Names] = ("_axes", "_chip", "_pin")
 
     def __init__(self, chip: ChipSet, axes: list[Axis]) -> None:
-        self._chip: ChipSet = chip
+        self._chip: Final[ChipSet] = chip
         self._axes: list[Axis] = axes
         self._pin: Pin = chip.pins["~HostIntrpt"]
         self.axis: int = NOBODY

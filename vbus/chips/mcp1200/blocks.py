@@ -51,16 +51,16 @@ class Blocks:
     """
 
     def __init__(self, clock: Clock, settings: dict[str, Value], report: Report) -> None:
-        self._clock: Clock = clock
+        self._clock: Final[Clock] = clock
         self._report: Report = report
         registers = RegisterFile()
-        self.registers: RegisterFile = registers
-        self.loop: ControlLoop = ControlLoop(registers, settings["unipolar"] == "clip")
-        self.timer: SampleTimer = SampleTimer(registers)
-        self.encoder: Encoder = Encoder(clock.hz)
-        self.stepper: Stepper = Stepper(registers)
-        self.breakpoint: Breakpoint = Breakpoint(registers)
-        self.counter: PositionCounter = PositionCounter(
+        self.registers: Final[RegisterFile] = registers
+        self.loop: Final[ControlLoop] = ControlLoop(registers, settings["unipolar"] == "clip")
+        self.timer: Final[SampleTimer] = SampleTimer(registers)
+        self.encoder: Final[Encoder] = Encoder(clock.hz)
+        self.stepper: Final[Stepper] = Stepper(registers)
+        self.breakpoint: Final[Breakpoint] = Breakpoint(registers)
+        self.counter: Final[PositionCounter] = PositionCounter(
             registers,
             self.encoder,
             self.stepper,
@@ -68,14 +68,14 @@ class Blocks:
             self.loop.faults,
             settings["index"] == "high",
         )
-        self.pwm: Pwm = Pwm(registers)
-        self.drive: PlantDrive = PlantDrive(
+        self.pwm: Final[Pwm] = Pwm(registers)
+        self.drive: Final[PlantDrive] = PlantDrive(
             registers, self.encoder, self.stepper, self.loop.following, settings
         )
-        self.rest: Rest = Rest(self.loop, self.drive, self.encoder)
+        self.rest: Final[Rest] = Rest(self.loop, self.drive, self.encoder)
         self.state: i64 = HELD
         self.released: i64 = NOT_RELEASED
-        self.writes: Writes = Writes()
+        self.writes: Final[Writes] = Writes()
         self._request: i64 = NO_REQUEST
         self._aiming: bool = False
         """The loop has closed: followers may follow its aim."""

@@ -70,7 +70,7 @@ class MCP1200(HostInterface):
         self.ac = ds.AC[str(self.settings["supply"])]
         self.read_low_ps = self.ac["tALDB"].max_ps
         self.cycle_ps = STROBE_PS + self.ac.minimum("tCSAL", clock)
-        self.axis: Axis = Axis(clock, self.settings, self.report)
+        self.axis: Final[Axis] = Axis(clock, self.settings, self.report)
         self._reading: int = NO_READ
         self._latch: int = 0
         self._last_rise: int = LONG_AGO

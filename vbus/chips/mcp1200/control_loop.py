@@ -62,19 +62,19 @@ class ControlLoop:
     WIRING: ClassVar[Names] = ("_clip", "registers")
 
     def __init__(self, registers: RegisterFile, clip: bool) -> None:
-        self.registers: RegisterFile = registers
+        self.registers: Final[RegisterFile] = registers
         self._clip: bool = clip
         self.command: Command = Command()
-        self.trapezoid: Trapezoid = Trapezoid()
-        self.scurve: SCurveMove = SCurveMove()
-        self.velocity: IntegralVelocity = IntegralVelocity()
-        self.interpolation: PositionInterpolation = PositionInterpolation()
-        self.ramps: VelocityInterpolation = VelocityInterpolation()
-        self.following: Following = Following()
+        self.trapezoid: Final[Trapezoid] = Trapezoid()
+        self.scurve: Final[SCurveMove] = SCurveMove()
+        self.velocity: Final[IntegralVelocity] = IntegralVelocity()
+        self.interpolation: Final[PositionInterpolation] = PositionInterpolation()
+        self.ramps: Final[VelocityInterpolation] = VelocityInterpolation()
+        self.following: Final[Following] = Following()
         self.lead: LeadFilter = LeadFilter()
         self.pid: PidFilter = PidFilter()
-        self.stall: StallCheck = StallCheck()
-        self.faults: Faults = Faults()
+        self.stall: Final[StallCheck] = StallCheck()
+        self.faults: Final[Faults] = Faults()
         self.mode: i64 = 0
         self.abrupt: bool = False
         self.steps: i64 = 0

@@ -1,7 +1,7 @@
 """The actual position counter, and the hardware that watches every count of it: breakpoint compare,
 index and trigger capture."""
 
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -29,7 +29,7 @@ class Breakpoint:
     WIRING: ClassVar[Names] = ("_registers",)
 
     def __init__(self, registers: RegisterFile) -> None:
-        self._registers: RegisterFile = registers
+        self._registers: Final[RegisterFile] = registers
         self._loaded: i64 = 0
         self.compare: i64 = -0x800000
         self._reached: bool = False
@@ -132,11 +132,11 @@ class PositionCounter:
         faults: Faults,
         index_high: bool,
     ) -> None:
-        self._registers: RegisterFile = registers
-        self._encoder: Encoder = encoder
-        self._stepper: Stepper = stepper
-        self._breakpoint: Breakpoint = breakpoint
-        self._faults: Faults = faults
+        self._registers: Final[RegisterFile] = registers
+        self._encoder: Final[Encoder] = encoder
+        self._stepper: Final[Stepper] = stepper
+        self._breakpoint: Final[Breakpoint] = breakpoint
+        self._faults: Final[Faults] = faults
         self._index_high: bool = index_high
         self.at_match: i64 = FAR
 

@@ -40,10 +40,10 @@ class PlantDrive:
         following: Following,
         settings: dict[str, Value],
     ) -> None:
-        self._registers: RegisterFile = registers
-        self._encoder: Encoder = encoder
-        self._stepper: Stepper = stepper
-        self._following: Following = following
+        self._registers: Final[RegisterFile] = registers
+        self._encoder: Final[Encoder] = encoder
+        self._stepper: Final[Stepper] = stepper
+        self._following: Final[Following] = following
         self._dac: bool = settings["drive"] == "dac"
         self._clip: bool = settings["unipolar"] == "clip"
         self._given: float = 0.0

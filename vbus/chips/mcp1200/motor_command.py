@@ -1,6 +1,6 @@
 """The motor command outputs: the 12-bit DAC port and the PWM frames."""
 
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -84,7 +84,7 @@ class Pwm:
     WIRING: ClassVar[Names] = ("_registers",)
 
     def __init__(self, registers: RegisterFile) -> None:
-        self._registers: RegisterFile = registers
+        self._registers: Final[RegisterFile] = registers
         self.start: i64 = 0
         self.length: i64 = frame_clocks(0)
         self.high: i64 = 0

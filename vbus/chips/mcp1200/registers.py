@@ -1,6 +1,6 @@
 """The registers: as they stand, and as they were when the last control sample began."""
 
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -50,7 +50,7 @@ class RegisterFile(Registers):
 
     def __init__(self) -> None:
         super().__init__()
-        self.sampled: SampledRegisters = SampledRegisters()
+        self.sampled: Final[SampledRegisters] = SampledRegisters()
 
     def sample(self) -> None:
         """A control sample begins: it computes from the registers as they are now."""

@@ -1,6 +1,6 @@
 """Rest: samples that would repeat the one before bit for bit need not be computed."""
 
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
@@ -27,9 +27,9 @@ class Rest:
     DERIVED: ClassVar[Names] = ("_repeats", "_state")
 
     def __init__(self, loop: ControlLoop, drive: PlantDrive, encoder: Encoder) -> None:
-        self._loop: ControlLoop = loop
-        self._drive: PlantDrive = drive
-        self._encoder: Encoder = encoder
+        self._loop: Final[ControlLoop] = loop
+        self._drive: Final[PlantDrive] = drive
+        self._encoder: Final[Encoder] = encoder
         self._state: tuple[object, ...] = ()
         self._repeats: bool = False
 

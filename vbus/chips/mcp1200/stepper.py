@@ -35,7 +35,7 @@ class Stepper:
     WIRING: ClassVar[Names] = ("_registers",)
 
     def __init__(self, registers: RegisterFile) -> None:
-        self._registers: RegisterFile = registers
+        self._registers: Final[RegisterFile] = registers
         self.base: i64 = 0
         self.offset: i64 = 0
         self.sign: i64 = 0

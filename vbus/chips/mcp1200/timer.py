@@ -32,7 +32,7 @@ class SampleTimer:
     WIRING: ClassVar[Names] = ("_registers",)
 
     def __init__(self, registers: RegisterFile) -> None:
-        self._registers: RegisterFile = registers
+        self._registers: Final[RegisterFile] = registers
         self.start: i64 = 0
         self.pre: i64 = 1
         self.counts: i64 = 1
