@@ -26,7 +26,7 @@ def texts(*folders: Path) -> list[Path]:
 
 
 TEXTS = texts(ROOT, ROOT.parent / "docs", ROOT.parent / "firmware_host_examples")
-LEAVES = {"addresses", "bits", "errors", "options", "state", "version"}
+LEAVES = {"addresses", "bits", "collection", "errors", "options", "state", "version"}
 SIGNALS = LEAVES | {"kernel", "signals"}
 BOARD = SIGNALS | {"board", "chips", "conditions", "faults", "glue", "plant", "protocols", "trace"}
 SCOPE = BOARD | {"scope"}
@@ -36,6 +36,7 @@ EDGE = NODES | {"network", "runtime", "scope", "server", "transports"}
 MAY_IMPORT = {
     "addresses": set(),
     "bits": set(),
+    "collection": set(),
     "errors": set(),
     "options": set(),
     "state": {"errors", "state"},
@@ -62,7 +63,7 @@ MAY_IMPORT = {
     "client": NETWORK | {"chips", "client", "kernel", "protocols"},
     "testing": EDGE | {"client", "cluster", "native", "testing", "tools"},
     "tools": EDGE | {"attach", "client", "cluster", "compiled", "native", "tools"},
-    "__main__": {"tools"},
+    "__main__": {"collection", "tools"},
     "compiled": set(),
     "__init__": EDGE | {"client", "compiled", "version"},  # all but the last for type checkers only
 }

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from vbus.client.bus import connect as connect
     from vbus.errors import VbusError as VbusError
     from vbus.server.serving import serve as serve
-    from vbus.signals.violation import Violation as Violation
+    from vbus.signals.tables import Violation as Violation
 
 if compiled.pure_wanted():
     compiled.interpret()
@@ -20,7 +20,7 @@ if compiled.pure_wanted():
 _HOMES = {
     "Board": "vbus.board.board",
     "VbusError": "vbus.errors",
-    "Violation": "vbus.signals.violation",
+    "Violation": "vbus.signals.tables",
     "connect": "vbus.client.bus",
     "load_board": "vbus.board.build",
     "serve": "vbus.server.serving",

@@ -11,7 +11,12 @@ def main() -> None:
 
             print(version_line())  # without the parser of the command line, which takes longer
             return
-        from vbus.tools.cli import main as run
+        from vbus.collection import collection_held, keep_what_is_made
+
+        with collection_held():
+            from vbus.tools.cli import main as run
+
+            keep_what_is_made()
     except KeyboardInterrupt:
         from vbus.tools.exit_codes import INTERRUPTED
 

@@ -1,6 +1,7 @@
 """Roles in docstrings, such as ``:class:`~vbus.board.board.Board```, lead to what they name."""
 
 import ast
+import contextlib
 import importlib
 import inspect
 import re
@@ -61,17 +62,16 @@ def known(target: str, module: ModuleType, classes: list[str]) -> bool:
         places.append(getattr(places[-1], name, None))
     if any(leads(target, place) for place in places):
         return True
+    with contextlib.suppress(ImportError):
+        importlib.import_module(target)
+        return True
     home, _, name = target.rpartition(".")
     while home:
         try:
             return leads(target[len(home) + 1 :], importlib.import_module(home))
         except ImportError:
             home, _, name = home.rpartition(".")
-    try:
-        importlib.import_module(target)
-    except ImportError:
-        return False
-    return True
+    return False
 
 
 def texts(node: ast.AST, classes: list[str]) -> Iterator[tuple[str, list[str]]]:

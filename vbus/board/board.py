@@ -18,6 +18,7 @@ from vbus.state import Names, Saved, save
 from vbus.state.first import to_tuple
 
 if TYPE_CHECKING:
+    from vbus.faults.armed import LinkActs
     from vbus.faults.faults import Faults
 
 
@@ -46,10 +47,10 @@ class Board(Circuit):
         "tail: list[(i64, i64, str, i64), ...]", "kernel: part", "chips: parts", "glue: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_by_name", "_fights", "_on_clash", "_trace", "axes", "beyond", "buses", "clock_step",
-        "file", "limit", "listeners", "name", "nets", "observers", "pins", "plants", "player",
-        "policy", "port_type", "rate", "seed", "sliced", "text", "through", "violation_policy",
-        "waits",
+        "_by_name", "_fights", "_links", "_on_clash", "_trace", "axes", "beyond", "buses",
+        "clock_step", "file", "limit", "listeners", "name", "nets", "observers", "pins", "plants",
+        "player", "policy", "port_type", "rate", "seed", "sliced", "text", "through",
+        "violation_policy", "waits",
     )  # fmt: skip
     DERIVED: ClassVar[Names] = (
         "_counters", "_faults", "_pin_nets", "caught", "disturbed", "hosts", "reads", "violations",
@@ -82,6 +83,7 @@ class Board(Circuit):
         """What :meth:`wait_until` does; a test that counts its hosts' time puts its own there."""
         self._trace: TraceHash | None = None
         self._faults: Faults | None = None
+        self._links: LinkActs | None = None
 
     @property
     def faults(self) -> "Faults":
@@ -90,7 +92,14 @@ class Board(Circuit):
             from vbus.faults.faults import Faults
 
             self._faults = Faults(self)
+            self._faults.links = self._links
         return self._faults
+
+    def serve_links(self, links: "LinkActs") -> None:
+        """Let ``links`` do the faults of links, whenever there are any."""
+        self._links = links
+        if self._faults is not None:
+            self._faults.links = links
 
     @property
     def broken(self) -> bool:

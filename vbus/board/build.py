@@ -10,10 +10,8 @@ from vbus.board import cards, pin_maps, plugins
 from vbus.board.board import Board
 from vbus.board.card_bus import CLOCK, CardBus
 from vbus.board.card_interrupt import ACK, INT, add_interrupt
-from vbus.board.card_path import CardPath
 from vbus.board.card_section import SIGNALS
 from vbus.board.config import read_board_file, read_board_text
-from vbus.board.glue_plan import plan_glue
 from vbus.board.sections import (
     RESTS,
     BoardFile,
@@ -21,10 +19,11 @@ from vbus.board.sections import (
     NetSection,
     PlantSection,
 )
-from vbus.board.source import Source, collection_held
+from vbus.board.source import Source
 from vbus.board.toml_lines import Path
 from vbus.chips.base import Chip
 from vbus.chips.tables import CardRow
+from vbus.collection import collection_held
 from vbus.errors import ConfigError
 from vbus.glue.part import GluePart
 from vbus.options import Option, Value
@@ -114,10 +113,17 @@ def assemble(
             )
     source.finish()
     board.power_on(done=file.board.power_on == "done")
+    if file.has_glue:
+        _card_paths(board)
+    return board
+
+
+def _card_paths(board: Board) -> None:
+    from vbus.board.card_path import CardPath
+
     for part in board.chips:
         if isinstance(part, CardBus):
             part.path = CardPath(board, part)
-    return board
 
 
 def _card_buses(board: Board, file: BoardFile) -> None:
@@ -148,6 +154,10 @@ def _interrupts(board: Board, file: BoardFile) -> dict[str, list[str]]:
 
 def _glue(board: Board, file: BoardFile, source: Source) -> list[NetSection]:
     """Put the parts of glue on the board; return the nets that join them to the rest."""
+    if not file.has_glue:
+        return list(file.nets)
+    from vbus.board.glue_plan import plan_glue
+
     parts: list[Chip | GluePart] = [*board.chips, *board.glue.parts]
     rows = {f"{part.name}.{row.name}": row for part in parts for row in part.pin_rows}
     plan = plan_glue(file, rows, source.fail)

@@ -194,7 +194,7 @@ def _kept_from(board: Board, chips: list[Chip], known: Mapping[str, Mapping[str,
                 if any(pin.net is net for pin in block.outputs):
                     levels = [
                         f"{pin.net.name} {pin.net.value}" for pin, _ in block.inputs
-                        if pin.net.width == 1 and pin.net.pins != [pin]
+                        if pin.net.width == 1 and pin.net.pins != (pin,)
                     ]  # fmt: skip
                     shown = f" ({', '.join(levels)})" if len(levels) <= MOST_SHOWN else ""
                     told.append(f"{chip.name}.{name} is high by {owners[id(block)]}{shown}")

@@ -1,15 +1,13 @@
 """What cannot be seen in one key alone: names that must exist, owners there may be one of."""
 
 from collections.abc import Hashable
+from typing import TYPE_CHECKING
 
 from vbus.board import cards, circuit, plugins
 from vbus.board.card_section import ACCESSES, CardSection
-from vbus.board.fault_checks import check_links
-from vbus.board.glue_checks import check_card_bus, check_card_without_bus, check_glue
 from vbus.board.metrics_checks import check_metrics
 from vbus.board.network_checks import NETWORK_SCHEME, check_network
 from vbus.board.node_checks import NodeChecks
-from vbus.board.pin_map_checks import PinMapChecks
 from vbus.board.scope_checks import check_scope
 from vbus.board.sections import NO_PLANT, BoardFile, ChipSection
 from vbus.board.serial_checks import check_serial
@@ -20,6 +18,9 @@ from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
 from vbus.kernel import Clock, Kernel
 from vbus.signals import Rule
+
+if TYPE_CHECKING:
+    pass
 
 MOST_CHIPS = 16
 """Chips one session can select: SELECT carries 16 bits."""
@@ -58,17 +59,16 @@ class _Checks:
         self._nets()
         for card in self._file.cards:
             self._card(card)
-        ends = check_glue(self._file, self._parts, self._source)
-        self._pin_maps = PinMapChecks(
-            self._parts, self._known["chips"], self._file, ends, self._source
-        )
-        for section in self._file.pinmaps:
-            self._pin_maps.check(section)
+        if self._file.has_glue or self._file.pinmaps:
+            self._wiring()
         self._hosts()
         check_serial(self._file, self._parts, self._source)
         NodeChecks(self._file, self._known, self._source).run()
         check_network(self._file, self._source)
-        check_links(self._file, NETWORK_SCHEME, self._source)
+        if self._file.faults:
+            from vbus.board.fault_checks import check_links
+
+            check_links(self._file, NETWORK_SCHEME, self._source)
         check_metrics(self._file, self._source)
         check_scope(self._file, self._source)
         self._violations()
@@ -222,9 +222,22 @@ class _Checks:
             if not net.pins:
                 self._source.fail(("nets", net.name), "a net joins at least one pin")
 
+    def _wiring(self) -> None:
+        from vbus.board.glue_checks import check_glue
+        from vbus.board.pin_map_checks import PinMapChecks
+
+        ends = check_glue(self._file, self._parts, self._source)
+        self._pin_maps: PinMapChecks = PinMapChecks(
+            self._parts, self._known["chips"], self._file, ends, self._source
+        )
+        for section in self._file.pinmaps:
+            self._pin_maps.check(section)
+
     # -- cards and hosts ----------------------------------------------------------------------
 
     def _card(self, card: CardSection) -> None:
+        from vbus.board.glue_checks import check_card_bus, check_card_without_bus
+
         path: Path = ("cards", card.name)
         if card.bus:
             check_card_bus(card, self._known["chips"], self._file.glue, self._source)

@@ -10,15 +10,14 @@ import msgspec
 
 from vbus.board import checks, plugins, sections
 from vbus.board.card_section import NO_PORT, CardPortSection, CardRegisterSection, CardSection
-from vbus.board.fault_checks import check_fault
 from vbus.board.glue_section import GlueSection
 from vbus.board.network_checks import check_zenoh
 from vbus.board.section import NAMES, Section, rows
 from vbus.board.settings import NAME_FORM, check_table, listed, quoted, suggestion
-from vbus.board.source import BoardFileError, Problem, Source, collection_held
+from vbus.board.source import BoardFileError, Problem, Source
 from vbus.board.toml_lines import Path
+from vbus.collection import collection_held
 from vbus.errors import PluginError
-from vbus.faults.table import faults
 from vbus.options import Option
 from vbus.signals.axis import SWITCHES
 
@@ -426,7 +425,12 @@ class _Reader:
 
     def _faults(self) -> Iterator[sections.FaultSection]:
         value = self._data.get("faults", [])
-        known = faults() if value else {}
+        if not value:
+            return
+        from vbus.board.fault_checks import check_fault
+        from vbus.faults.table import faults
+
+        known = faults()
         for where, table in self._tables(("faults",), value):
             if table is None:
                 continue

@@ -40,7 +40,7 @@ def check_glue(file: BoardFile, chips: Mapping[str, Chip], source: Source) -> Gl
         chips: a specimen of each chip that could be read.
         source: takes the mistakes.
     """
-    if not (file.glue or any(card.bus for card in file.cards)):
+    if not file.has_glue:
         return NO_GLUE
     rows = {f"{name}.{row.name}": row for name, chip in chips.items() for row in chip.pin_rows}
     taken = {name: f"[chips.{name}]" for name in chips}

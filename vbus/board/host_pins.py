@@ -262,7 +262,7 @@ class HostPins:
         self.watch(0)
         for pin in self._soldered.values():
             pin.release()
-            pin.net.pins.remove(pin)
+            pin.net.unsolder(pin)
         for pin in self._let_go:
             pin.release()
         self._soldered = {}

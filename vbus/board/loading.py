@@ -5,7 +5,6 @@ from typing import Any
 
 from vbus.board.state_1 import parts_and_faults
 from vbus.errors import SnapshotError
-from vbus.faults.state import prepare as prepare_faults
 from vbus.state import plan
 from vbus.state.first import from_tuple
 from vbus.state.kinds import Load
@@ -28,6 +27,8 @@ def prepare(board: Any, saved: Any) -> Callable[[], None]:
         )
     breaking, unwrap = None, None
     if board.broken or broken:
+        from vbus.faults.state import prepare as prepare_faults
+
         breaking, unwrap = prepare_faults(board.faults, board, broken)
     try:
         fields = from_tuple(board, saved) if isinstance(saved, tuple) else dict(saved)

@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 
 from vbus.addresses import refused_endpoint
-from vbus.board.fault_checks import homes_of
 from vbus.board.sections import BoardFile
 from vbus.board.settings import NAME_FORM, listed, suggestion
 from vbus.board.source import Source
@@ -131,6 +130,8 @@ class NodeChecks:
             )
 
     def _faults(self) -> None:
+        from vbus.board.fault_checks import homes_of
+
         for fault in self._file.faults:
             try:
                 homes_of(self._file, fault)

@@ -350,3 +350,8 @@ class BoardFile(Section, frozen=True, kw_only=True):
     metrics: MetricsSection = MetricsSection()
     scope: ScopeSection = ScopeSection()
     faults: tuple[FaultSection, ...] = ()
+
+    @property
+    def has_glue(self) -> bool:
+        """Whether there is glue, be it a card's own."""
+        return bool(self.glue) or any(card.bus for card in self.cards)

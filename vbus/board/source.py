@@ -1,9 +1,6 @@
 """Mistakes in a board file: collected with their lines, raised together."""
 
-import gc
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cached_property
 
 from msgspec import Struct
@@ -12,18 +9,6 @@ from vbus.board.toml_lines import Path, TomlLines
 from vbus.errors import ConfigError
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
-
-
-@contextmanager
-def collection_held() -> Iterator[None]:
-    """A board is many objects that stay: while it is made, nobody looks for garbage among them."""
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
 
 
 class Problem(Struct, frozen=True):

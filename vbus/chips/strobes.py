@@ -1,37 +1,12 @@
 """AC limits: the manual's timing table, and the check of measured intervals."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import ClassVar
 
+from vbus.chips.tables import AcLimit
 from vbus.kernel.clock import Clock
-from vbus.signals.violation import Rule
+from vbus.signals.tables import Rule
 from vbus.state import Names
-
-
-@dataclass(frozen=True, slots=True)
-class AcLimit:
-    """One row of an AC characteristics table.
-
-    A limit is ``clocks`` clock periods plus ``ps`` picoseconds.
-
-    Attributes:
-        symbol: the manual's number, e.g. ``"T14"``.
-        clause: clause id of the specification.
-        title: the interval in the manual's words.
-        min_ps: constant part of the minimum.
-        min_clk: clock periods in the minimum.
-        max_ps: maximum, or 0 for none.
-        output: the chip's own promise; broken by a host that looks too early.
-    """
-
-    symbol: str
-    clause: str
-    title: str
-    min_ps: int = 0
-    min_clk: float = 0
-    max_ps: int = 0
-    output: bool = False
 
 
 class AcTable:

@@ -1,14 +1,14 @@
-"""Rows of which a datasheet is made: pins, commands, registers, bits. Data, and checks on it."""
+"""Rows of a datasheet: pins, commands, registers, bits, limits. Data, and checks on it."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any, Final
+
+from msgspec import Struct
 
 from vbus.signals import HIGH
 
 
-@dataclass(frozen=True, slots=True)
-class PinRow:
+class PinRow(Struct, frozen=True):
     """A pin of the package.
 
     Attributes:
@@ -37,8 +37,7 @@ class PinRow:
         return (self.strobe or (self.direction == "io" and self.width == 8)) and not self.select
 
 
-@dataclass(frozen=True, slots=True)
-class CardRow:
+class CardRow(Struct, frozen=True):
     """One port of a plug-in card: what a read and a write at ``offset`` do at the chip.
 
     Attributes:
@@ -54,8 +53,7 @@ class CardRow:
     bits: int = 0xFF
 
 
-@dataclass(frozen=True, slots=True)
-class Bit:
+class Bit(Struct, frozen=True):
     """A named bit of a status byte, register or control word."""
 
     number: int
@@ -68,8 +66,7 @@ class Bit:
         return 1 << self.number
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+class Command(Struct, frozen=True):
     """One row of a command set.
 
     Attributes:
@@ -161,13 +158,36 @@ class CommandTable:
         return found
 
 
+class AcLimit(Struct, frozen=True):
+    """One row of an AC characteristics table.
+
+    A limit is ``clocks`` clock periods plus ``ps`` picoseconds.
+
+    Attributes:
+        symbol: the manual's number, e.g. ``"T14"``.
+        clause: clause id of the specification.
+        title: the interval in the manual's words.
+        min_ps: constant part of the minimum.
+        min_clk: clock periods in the minimum.
+        max_ps: maximum, or 0 for none.
+        output: the chip's own promise; broken by a host that looks too early.
+    """
+
+    symbol: str
+    clause: str
+    title: str
+    min_ps: int = 0
+    min_clk: float = 0
+    max_ps: int = 0
+    output: bool = False
+
+
 LIVE: Final = "at once"
 SAMPLED: Final = "with the next sample"
 REPORTED: Final = "as the last sample left it"
 
 
-@dataclass(frozen=True, slots=True)
-class Register:
+class Register(Struct, frozen=True):
     """One register, of one or more bytes.
 
     Attributes:

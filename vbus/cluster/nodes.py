@@ -19,6 +19,7 @@ from vbus.cluster.peers import Group, Peers
 from vbus.cluster.realtime_nodes import RealTime
 from vbus.cluster.saving import saved
 from vbus.cluster.timebase import Timebase
+from vbus.collection import keep_what_is_made
 from vbus.errors import ConfigError, VbusError, read_errors, write_errors
 from vbus.nodes.conductor import Conductor
 from vbus.nodes.machine import conductor_of, node_of
@@ -294,6 +295,7 @@ class _Run:
             closing.callback(self._stop_servers)
             closing.callback(peers.stop)
             if await self._begin(ends):
+                keep_what_is_made()
                 if on_ready is not None:
                     on_ready(self._servers)
                 tell_ready()

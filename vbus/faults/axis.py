@@ -231,7 +231,7 @@ class AxisFaults:
         pin.drive(level)
         self.chip.kernel.settle()
         if level == Z:
-            pin.net.pins.remove(self._pins.pop(which))
+            pin.net.unsolder(self._pins.pop(which))
 
     def _break(self, which: str, switch: Switch, broken: bool) -> None:
         if broken and which not in self._open:

@@ -83,7 +83,7 @@ class BusFault(Observer):
                     net.unbend(strobe_bend)
         if self._pin is not None:
             self._pin.release()
-            self._chip.bus_net.pins.remove(self._pin)
+            self._chip.bus_net.unsolder(self._pin)
             self._pin = None
         self._work_out()
         self._chip.bus_net.unobserve(self)

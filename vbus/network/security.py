@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+
+from msgspec import Struct
 
 from vbus.errors import TransportError
 from vbus.network.keys import ACCESS, ROOT, requests
@@ -36,8 +37,7 @@ SERVE: Final = "serve "
 """Stands before a right whose holder answers and publishes under the key, as a board does."""
 
 
-@dataclass(frozen=True, slots=True)
-class Security:
+class Security(Struct, frozen=True):
     """Certificates of this session and rights of others.
 
     Attributes:

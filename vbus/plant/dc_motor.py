@@ -6,7 +6,7 @@ from mypy_extensions import i64
 
 from vbus.options import Option, Settings
 from vbus.plant.encoder import floor
-from vbus.plant.response import TICKS, Motor, Response, response_of
+from vbus.plant.response import NONE, TICKS, Motor, Response, response_of
 from vbus.plant.shaft import SHAFT_OPTIONS, TORQUE_STEP, TWO_PI, Mechanics, Shaft, mass_options
 from vbus.plant.travel import NOWHERE, Travel
 from vbus.signals import LaneRow, nearest
@@ -23,6 +23,8 @@ CORNERS: Final = 64
 """Straight pieces that the course of a period is drawn in, if the motor changes in its midst."""
 _PARTS: Final = 17179869184.0
 """Ticks of a period."""
+_STANDS: Final = Travel(1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+"""The way of all motors that are not solved: none."""
 
 
 class DcMotor(Shaft):
@@ -102,9 +104,9 @@ class DcMotor(Shaft):
         """Its equations are solved, not its sub-steps made."""
         # The course of the last period follows from its beginning.
         self._solved: bool = False
-        self._response: Response = Response()
+        self._response: Response = NONE
         self._other_response: Response = self._response
-        self._travel: Travel = Travel(1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+        self._travel: Travel = _STANDS
         self.prepare(256e-6)
 
     def after_load(self) -> None:

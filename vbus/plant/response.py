@@ -239,6 +239,9 @@ class Response:
         """The current follows volts and speed at once."""
 
 
+NONE: Final = Response()
+"""Of a motor that is not solved."""
+
 _KNOWN: Final[dict[tuple[float, ...], Response]] = {}
 _MOST_KNOWN: Final = 256
 

@@ -18,7 +18,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.plant.response import LEVELS, TICKS, Response
+from vbus.plant.response import LEVELS, NONE, TICKS, Response
 from vbus.state import Names
 
 MOST_EVENTS: Final = 64
@@ -39,7 +39,7 @@ class Travel:
         self, resistance: float, inductance: float, torque_constant: float, back_emf: float,
         inertia: float, viscous: float,
     ) -> None:  # fmt: skip
-        self.response: Response = Response()
+        self.response: Response = NONE
         self.resistance: float = resistance
         self.inductance: float = inductance
         self.torque_constant: float = torque_constant

@@ -1,7 +1,6 @@
 """What a host can ask of a board, whatever the wire it comes over."""
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from mypy_extensions import mypyc_attr
 
@@ -33,8 +32,7 @@ class NotYet(Exception):
     """
 
 
-@dataclass(frozen=True, slots=True)
-class CardAccess:
+class CardAccess(NamedTuple):
     """What an access at a card address reaches.
 
     Attributes:

@@ -1,8 +1,7 @@
 """The text protocol: one line, one request, one line back; for people, expect scripts and qtest."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from vbus.kernel.kernel import END, NEVER, NS
 from vbus.protocols.base import Protocol
@@ -23,8 +22,7 @@ _LF: Final = 0x0A
 _CR: Final = 0x0D
 
 
-@dataclass(frozen=True, slots=True)
-class Verb:
+class Verb(NamedTuple):
     """One row of the text protocol.
 
     Attributes:

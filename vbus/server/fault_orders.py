@@ -1,10 +1,9 @@
 """Faults of a running board: ordered (see :mod:`vbus.server.control`), and those of its links."""
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from vbus.faults.armed import Armed
-from vbus.faults.faults import Faults
+from vbus.board.board import Board
 from vbus.faults.messages import MESSAGES, misfit
 from vbus.options import Value
 from vbus.server.control import Order
@@ -12,6 +11,9 @@ from vbus.server.message_session import MessageSession
 from vbus.server.session import Session
 from vbus.transports.base import LinkFilter, Transport
 from vbus.transports.traffic import MessageFault, Traffic
+
+if TYPE_CHECKING:
+    from vbus.faults.armed import Armed
 
 _KEYS: Final = ("name", "target", "when", "until", "parameters")
 
@@ -57,18 +59,18 @@ class FaultOrders:
     """``fault.arm``, ``fault.clear``, ``fault.list`` and ``fault.log``; and faults of links.
 
     Args:
-        faults: those of the board.
+        board: the board.
         sessions_of: gives the sessions of a host entry, None if there is no such entry.
         transport_of: gives its transport.
     """
 
     def __init__(
         self,
-        faults: Faults,
+        board: Board,
         sessions_of: Callable[[int], list[Session] | None],
         transport_of: Callable[[int], Transport | None],
     ) -> None:
-        self._faults: Faults = faults
+        self._board: Board = board
         self._sessions_of: Callable[[int], list[Session] | None] = sessions_of
         self._transport_of: Callable[[int], Transport | None] = transport_of
         self._of_messages: dict[int, tuple[Traffic, MessageFault]] = {}
@@ -91,17 +93,17 @@ class FaultOrders:
         parameters = given["parameters"] or {}
         if not isinstance(parameters, dict):
             raise ValueError("parameters are a JSON object")
-        armed = self._faults.arm(
+        armed = self._board.faults.arm(
             str(request["name"]), given["target"] or "", given["when"], given["until"], **parameters
         )
         return _as_json(armed)
 
     def _clear(self, request: dict[str, Any]) -> list[dict[str, Any]]:
         which = request.get("which", "all")
-        return [_as_json(armed) for armed in self._faults.clear(which)]
+        return [_as_json(armed) for armed in self._board.faults.clear(which)]
 
     def _list(self, request: dict[str, Any]) -> list[dict[str, Any]]:
-        return [_as_json(armed) for armed in self._faults.all()]
+        return [_as_json(armed) for armed in self._board.faults.all()]
 
     def _log(self, request: dict[str, Any]) -> list[dict[str, Any]]:
         return [
@@ -113,7 +115,7 @@ class FaultOrders:
                 "what": evidence.what,
                 "text": evidence.text,
             }
-            for evidence in self._faults.log
+            for evidence in self._board.faults.log
         ]
 
     # -- links --------------------------------------------------------------------------------
@@ -124,7 +126,7 @@ class FaultOrders:
         Raises:
             ValueError: it is of messages and the link carries bytes, or the other way round.
         """
-        fault, transport = self._faults.find(name), self._transport_of(int(target[4:]))
+        fault, transport = self._board.faults.find(name), self._transport_of(int(target[4:]))
         if transport is None:
             if fault.family == MESSAGES:
                 raise ValueError(_no_link(target))
@@ -191,7 +193,7 @@ def _no_link(target: str) -> str:
     return f"there is no link {target}: count the [[hosts]] from 0"
 
 
-def _as_json(armed: Armed) -> dict[str, Any]:
+def _as_json(armed: "Armed") -> dict[str, Any]:
     return {
         "number": armed.number,
         "name": armed.name,

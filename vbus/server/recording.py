@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, Final, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, NoReturn, TextIO
 
 from vbus.board.board import Board
 from vbus.board.checks import all_rules
@@ -17,9 +17,10 @@ from vbus.errors import VbusError, write_errors
 from vbus.server.registry import journal_path
 from vbus.signals import Observer
 from vbus.trace.decode import settings_for_decoders
-from vbus.trace.journal.journal import Journal
-from vbus.trace.journal.recorded_bus import RecordedBus
-from vbus.trace.wave.wave import Wave
+
+if TYPE_CHECKING:
+    from vbus.trace.journal.journal import Journal
+    from vbus.trace.wave.wave import Wave
 
 FLUSH_SECONDS: Final = 0.2
 """How long an entry of a journal may wait for company."""
@@ -48,12 +49,14 @@ def open_text(path: str) -> TextIO:
         return Path(path).open("w", encoding="ascii", newline="\n")
 
 
-def wave_of(board: Board, wave: WaveSection, file: TextIO, report: Callable[[str], None]) -> Wave:
+def wave_of(board: Board, wave: WaveSection, file: TextIO, report: Callable[[str], None]) -> "Wave":
     """Return the waveform a board file, or a command line, asks for; it is not started.
 
     Raises:
         VbusError: trigger or signals make no sense, or pyvcd is not installed.
     """
+    from vbus.trace.wave.wave import Wave
+
     return Wave(
         board, file, wave.profile, wave.signals, wave.trigger, wave.before, wave.duration,
         wave.sample, report,
@@ -99,9 +102,9 @@ class Recording:
         text: str,
         name: str,
         report: Callable[[str], None],
-        port: Callable[..., HostBus] = RecordedBus,
+        port: Callable[..., HostBus] | None = None,
     ) -> None:
-        self._port: Callable[..., HostBus] = port
+        self._port: Callable[..., HostBus] | None = port
         self.journal: Journal | None = None
         self.settle: Callable[[], bool] | None = None
         self.told: dict[str, str] = {}
@@ -131,8 +134,13 @@ class Recording:
             self._open_wave(wave)
 
     def _open_journal(self, path: str, durable: str) -> None:
+        from vbus.trace.journal.journal import Journal
+        from vbus.trace.journal.recorded_bus import RecordedBus
+
         file = self._opened.enter_context(create(path))
-        self.journal = Journal(self._board, file, self._text, self._name, self._report, self._port)
+        self.journal = Journal(
+            self._board, file, self._text, self._name, self._report, self._port or RecordedBus
+        )
         self._opened.callback(self.journal.close)
         if durable != "no":
             sync = partial(os.fdatasync, file.fileno()) if durable == "machine" else None

@@ -7,20 +7,18 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vbus.board.board import Board
 from vbus.compiled import core
 from vbus.errors import NameInUseError, TransportError
 from vbus.kernel import END
-from vbus.scope.lanes import Lateness
 from vbus.server.control import Control, ControlConnection
 from vbus.server.departures import Departures
 from vbus.server.fault_orders import FaultOrders
 from vbus.server.hang_ups import HangUps
 from vbus.server.host_entry import HostEntry
 from vbus.server.host_entry import LinkSpec as LinkSpec
-from vbus.server.jump import Jump
 from vbus.server.local_socket import LocalSocket, OnEnd, Telling
 from vbus.server.loop import run_until_signal
 from vbus.server.message_session import MessageSession
@@ -34,10 +32,14 @@ from vbus.server.snapshots import SnapshotOrders
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 from vbus.server.steps import RUNNING, Steps
 from vbus.server.turns import Turns
-from vbus.server.watching import Watcher
 from vbus.trace.decode import settings_for_decoders
 from vbus.transports.base import Link, MessageLink, Served, Transport
 from vbus.transports.runtime import mark_pause
+
+if TYPE_CHECKING:
+    from vbus.scope.lanes import Lateness
+    from vbus.server.jump import Jump
+    from vbus.server.watching import Watcher
 
 log = logging.getLogger("vbus")
 
@@ -76,13 +78,14 @@ class Server:
         self._report: Callable[[str], None] = report if report is not None else log.warning
         self.pacer.report = self._report
         self._hosts: list[HostEntry] = [HostEntry(spec, f"host{n}") for n, spec in enumerate(links)]
-        self.faults: FaultOrders = FaultOrders(board.faults, self.sessions_of, self.transport_of)
+        self.faults: FaultOrders = FaultOrders(board, self.sessions_of, self.transport_of)
         self.control: Control = Control(self.pacer.catch_up)
         self.control.orders |= SnapshotOrders(board, self.pacer, self.sessions).orders()
         self.control.orders |= self.faults.orders()
         self.steps: Steps = Steps(board, self.pacer, self.sessions)
         self.control.orders |= self.steps.orders()
-        self.jump: Jump = Jump(board, self.pacer, self.steps, self._onlookers)
+        self._jump: Jump | None = None
+        self._recording: Recording | None = None
         self.control.orders["journal.save"] = no_journal
         self.round_trips: Histogram = Histogram(ROUND_TRIP_NS)
         self._turns: Turns = Turns()
@@ -106,7 +109,7 @@ class Server:
         if recording.told:
             self.details = partial(dict, journal=recording.told)
             self.control.orders["journal.save"] = recording.save
-            self.jump.recording = recording
+            self._recording = recording
 
     def sessions(self) -> Iterator[Session]:
         """Give every session that is open, host by host."""
@@ -126,7 +129,7 @@ class Server:
                 nothing is left open.
         """
         self._loop = loop
-        self.board.faults.links = self.faults
+        self.board.serve_links(self.faults)
         try:
             self._open_local_sockets(loop)
             hang_ups = HangUps(loop)
@@ -176,10 +179,16 @@ class Server:
         for session in self.sessions():
             session.tell_pause(paused)
 
-    def _watcher(self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd) -> Watcher:
+    def _watcher(self, loop: asyncio.AbstractEventLoop, link: Link, on_end: OnEnd) -> "Watcher":
+        from vbus.server.jump import Jump
+        from vbus.server.watching import Watcher
+
+        if self._jump is None:
+            self._jump = Jump(self.board, self.pacer, self.steps, self._onlookers)
+            self._jump.recording = self._recording
         return Watcher(
             loop, link, on_end, self.board, self.status(), self._late, self.control,
-            self.steps, self.jump,
+            self.steps, self._jump,
         )  # fmt: skip
 
     def _onlookers(self) -> list[Any]:
@@ -277,7 +286,9 @@ class Server:
 
     # -- telling about itself -------------------------------------------------------------------
 
-    def _late(self) -> Lateness:
+    def _late(self) -> "Lateness":
+        from vbus.scope.lanes import Lateness
+
         return Lateness(self.pacer.lag, self.pacer.overload.times, self.skew())
 
     def status(self) -> bytes:

@@ -1,7 +1,6 @@
 """Serving what a board file describes."""
 
 import asyncio
-import gc
 import logging
 from collections.abc import Callable, Mapping
 from contextlib import closing
@@ -14,8 +13,8 @@ from vbus.board.build import build, card_of, pin_map_of
 from vbus.board.config import read_board_file
 from vbus.board.metrics_checks import metrics_address
 from vbus.board.sections import BoardFile, WaveSection, ZenohSection
-from vbus.board.snapshot import read
 from vbus.board.source import Source
+from vbus.collection import keep_what_is_made
 from vbus.errors import ConfigError, VbusError, read_errors
 from vbus.network.security import Security
 from vbus.network.session import Network
@@ -159,25 +158,22 @@ def serve_read(
         )
     file = paced(file, rate)
     address = metrics_of(file)
-    # All that is made from here on stays: to look for what could go takes a third of the start.
-    gc.disable()
-    try:
-        board = build(file, source)
-    finally:
-        gc.enable()
+    board = build(file, source)
     if snapshot:
         if file.record.journal:
             raise VbusError(
                 "a journal begins at power-on: it cannot be kept of a run that goes on from a"
                 " snapshot"
             )
+        from vbus.board.snapshot import read
+
         load_into(board, read(_content(snapshot), snapshot))
     recording = Recording(board, source.text, file.path, report or log.warning)
 
     def ready(server: Server) -> None:
         server.keep(recording)
         recording.start(asyncio.get_running_loop())
-        gc.freeze()
+        keep_what_is_made()
         if on_ready is not None:
             on_ready(server)
         tell_ready()

@@ -2,23 +2,27 @@
 
 import base64
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.board.snapshot import Hosts, Snapshot, read, restore, take, write
 from vbus.errors import SnapshotError
 from vbus.server.control import Order
 from vbus.server.pacer import Pacer
 from vbus.server.session import Session
 
+if TYPE_CHECKING:
+    from vbus.board.snapshot import Hosts, Snapshot
 
-def load_into(board: Board, snapshot: Snapshot, wires: Hosts | None = None) -> None:
+
+def load_into(board: Board, snapshot: "Snapshot", wires: "Hosts | None" = None) -> None:
     """Bring a board to a snapshot.
 
     Raises:
         SnapshotError: the snapshot is of another board, or the board writes a journal.
     """
+    from vbus.board.snapshot import restore
+
     if board.port_type is not HostBus:
         raise SnapshotError(
             f'"{board.name}" writes a journal, which begins at power-on and could not be replayed'
@@ -50,7 +54,7 @@ class SnapshotOrders:
         """Return the orders by name."""
         return {"snap.save": self._save, "snap.load": self._load}
 
-    def _wires(self) -> Hosts:
+    def _wires(self) -> "Hosts":
         """Return the wire formats of all sessions, by the place of their port."""
         wires = {id(session.port): session.protocol for session in self._sessions()}
         return {
@@ -60,6 +64,8 @@ class SnapshotOrders:
         }
 
     def _save(self, request: dict[str, Any]) -> dict[str, Any]:
+        from vbus.board.snapshot import take, write
+
         snapshot = take(self._board, self._wires())
         data = write(snapshot)
         return {
@@ -69,6 +75,8 @@ class SnapshotOrders:
         }
 
     def _load(self, request: dict[str, Any]) -> dict[str, Any]:
+        from vbus.board.snapshot import read
+
         snapshot = read(base64.b64decode(request["data"], validate=True))
         load_into(self._board, snapshot, self._wires())
         self._pacer.jumped()

@@ -9,11 +9,10 @@ pass.
 
 import asyncio
 from collections.abc import Callable, Iterator
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
-from vbus.conditions.watch import Watch
 from vbus.kernel import NEVER
 from vbus.protocols.quantities import format_instant, parse_duration
 from vbus.server.control import Order
@@ -21,7 +20,9 @@ from vbus.server.pacer import LEASE, Pacer
 from vbus.server.session import Session
 from vbus.server.slices import SLICE_NS
 from vbus.signals import Observer
-from vbus.trace.until import PacketWatch
+
+if TYPE_CHECKING:
+    from vbus.conditions.watch import Watch
 
 RUNNING: Final = "running"
 PAUSED: Final = "paused"
@@ -41,7 +42,12 @@ class _Goal:
     """
 
     def __init__(
-        self, board: Board, text: str, at: int = NEVER, cycles: int = -1, watch: Watch | None = None
+        self,
+        board: Board,
+        text: str,
+        at: int = NEVER,
+        cycles: int = -1,
+        watch: "Watch | None" = None,
     ) -> None:
         self.text: str = text
         self.cycles: int = cycles
@@ -163,6 +169,8 @@ class Steps(Observer):
             return _Goal(board, f"a sample of {chip.name}", due)
         if by not in STEPS:
             raise ValueError(f'there is no step by "{by}"; there are {", ".join(STEPS)}')
+        from vbus.trace.until import PacketWatch
+
         text = str(request["until"]) if by == "condition" else f"changed({request['pin']})"
         return _Goal(board, text, watch=PacketWatch(text, board))
 
@@ -222,7 +230,7 @@ class Steps(Observer):
             if not poll and goal.met():
                 self.pause(goal.text)
 
-    def _is_poll(self, watch: Watch, chip: str, write: bool, address: int) -> bool:
+    def _is_poll(self, watch: "Watch", chip: str, write: bool, address: int) -> bool:
         """Whether a condition is after a cycle what it was before: drivers poll a lot."""
         if write or watch.condition.events or "+" in chip or chip == "-":
             return False

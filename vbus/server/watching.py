@@ -35,7 +35,6 @@ import json
 import os
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import astuple
 from functools import partial
 from typing import Annotated, Any, Final
 
@@ -160,7 +159,7 @@ class Watcher(Connection, Observer):
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
-        self._add(["v", *astuple(violation)])
+        self._add(["v", *msgspec.structs.astuple(violation)])
 
     def _add(self, line: list[Any]) -> None:
         if len(self._lines) < MOST_LINES:

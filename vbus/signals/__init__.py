@@ -1,11 +1,12 @@
 """Wires, pins, the seam to the mechanics, and those who look on."""
 
 from vbus.signals.axis import Plant, Switch
-from vbus.signals.lane import LaneRow, nearest
+from vbus.signals.lane import nearest
 from vbus.signals.net import HIGH, LOW, Guard, Net, Pin, Watcher, Z
 from vbus.signals.observer import Observer
+from vbus.signals.tables import LaneRow, Rule, Violation
 from vbus.signals.trace_hash import TraceHash
-from vbus.signals.violation import OFF, STRICT, WARN, Policy, Rule, Violation
+from vbus.signals.violation import OFF, STRICT, WARN, Policy
 
 __all__ = [
     "HIGH",

@@ -5,7 +5,7 @@ from typing import ClassVar, Final
 from mypy_extensions import i64, mypyc_attr
 
 from vbus.options import Option, Settings, Value, with_defaults
-from vbus.signals.lane import LaneRow
+from vbus.signals.tables import LaneRow
 from vbus.state import UNDECLARED, Names
 from vbus.state.first import load_tuple, save_tuple
 

@@ -1,27 +1,4 @@
-"""What a number that a part tells of itself means to people, and how exactly it is told."""
-
-from dataclasses import dataclass
-
-
-@dataclass(frozen=True, slots=True)
-class LaneRow:
-    """A number told by ``telemetry()``, as people draw it over time.
-
-    Attributes:
-        name: short, the same for the same thing of every part: ``"real"``.
-        title: for people: ``"real position"``.
-        unit: ``"counts"``; "" for a fraction of full scale.
-        key: its name in the telemetry, ``{}`` for the number of the axis.
-        scale: the step it is told in, in that unit.
-        register: the register that reads the same, if there is one.
-    """
-
-    name: str
-    title: str
-    unit: str
-    key: str
-    scale: float = 1.0
-    register: str = ""
+"""How exactly a number that a part tells of itself is told."""
 
 
 def nearest(steps: float) -> int:

@@ -117,9 +117,9 @@ class Pin:
 
     def move(self, net: "Net") -> None:
         """Solder the pin to another net: how a board joins wires before it starts."""
-        self.net.pins.remove(self)
         old, self.net = self.net, net
-        net.pins.append(self)
+        old.unsolder(self)
+        net.pins = (*net.pins, self)
         for watcher in old.watchers:
             if watcher not in net.watchers:
                 net.watchers = (*net.watchers, watcher)
@@ -164,8 +164,8 @@ class Net:
         self.changed_at: int = 0
         self.let_go_at: int = -1
         self._batch: int = -1
-        self.pins: list[Pin] = []
-        # Tuples: most nets of a large board have no listener, and share the empty one.
+        # Tuples take less than lists, and most nets of a large board share the empty ones.
+        self.pins: tuple[Pin, ...] = ()
         self.watchers: tuple[Watcher, ...] = ()
         self.observers: tuple[Observer, ...] = ()
         self.clash: Callable[[Net], None] | None = None
@@ -176,8 +176,12 @@ class Net:
     def solder(self, name: str, *, open_drain: bool = False) -> Pin:
         """Join a part's pin to the net."""
         pin = Pin(name, self, open_drain)
-        self.pins.append(pin)
+        self.pins = (*self.pins, pin)
         return pin
+
+    def unsolder(self, pin: Pin) -> None:
+        """Take a pin off the net."""
+        self.pins = _without(self.pins, pin)
 
     @property
     def before(self) -> int:

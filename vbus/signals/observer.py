@@ -2,7 +2,7 @@
 
 from mypy_extensions import mypyc_attr
 
-from vbus.signals.violation import Violation
+from vbus.signals.tables import Violation
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -5,7 +5,7 @@ import hashlib
 from mypy_extensions import mypyc_attr
 
 from vbus.signals.observer import Observer
-from vbus.signals.violation import Violation
+from vbus.signals.tables import Violation
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -99,7 +99,7 @@ def _rules() -> list[dict[str, Any]]:
     from vbus.board.checks import all_rules
     from vbus.trace.tables import ac_limits
 
-    return [{**asdict(rule), "rows": ac_limits(rule.name)} for rule in all_rules()]
+    return [{**structs.asdict(rule), "rows": ac_limits(rule.name)} for rule in all_rules()]
 
 
 def _lines(report: dict[str, Any]) -> Iterator[str]:

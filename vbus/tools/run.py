@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vbus.collection import collection_held
 from vbus.tools import exit_codes
 from vbus.tools.output import (
     SCOPE_ADDRESS,
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
 )
 @click.option("--listen", multiple=True, metavar="ENDPOINT", help="Nodes: let the others connect.")
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Nodes: meet the others there.")
+@collection_held()
 def command(
     board: str,
     rate: float | None,

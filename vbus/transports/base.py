@@ -4,8 +4,7 @@ import asyncio
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from vbus.board.sections import NO_HOST, HostSection
 from vbus.errors import TransportError
@@ -88,8 +87,7 @@ class MessageLink(Link):
         raise NotImplementedError
 
 
-@dataclass(frozen=True, slots=True)
-class Served:
+class Served(NamedTuple):
     """What stands behind a transport, for those that tell of it.
 
     Attributes:

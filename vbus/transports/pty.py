@@ -8,9 +8,10 @@ import termios
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from vbus.errors import TransportError
 from vbus.transports.base import REST_SECONDS, Link, Transport
@@ -39,8 +40,7 @@ class PtyLink(Link):
         self._transport.replace(self)
 
 
-@dataclass(slots=True)
-class _Terminal:
+class _Terminal(Struct):
     """A terminal in raw mode, and what tells of those who have it open.
 
     Attributes:

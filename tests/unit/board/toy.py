@@ -1,8 +1,8 @@
 """A chip small enough to read: what HostBus needs, and nothing else."""
 
 from vbus.chips.base import Chip
-from vbus.chips.strobes import AcLimit, AcTable
-from vbus.chips.tables import PinRow
+from vbus.chips.strobes import AcTable
+from vbus.chips.tables import AcLimit, PinRow
 from vbus.kernel import NEVER, US
 from vbus.signals import HIGH, LOW, Watcher, Z
 

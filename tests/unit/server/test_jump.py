@@ -301,8 +301,8 @@ def test_refused_it_is_as_it_was_and_says_who_is_there(
 
 def test_while_a_link_is_broken_there_is_no_way_back(hand: Hand) -> None:
     hand.drive(READ * 5)
-    hand.board.faults.links = FaultOrders(
-        hand.board.faults, lambda place: [], lambda place: Transport("", {})
+    hand.board.serve_links(
+        FaultOrders(hand.board, lambda place: [], lambda place: Transport("", {}))
     )
     hand.board.faults.arm("link_dead", "host0")
     hand.order("pause")

@@ -1,9 +1,9 @@
 """The trace hash: what it covers, and that it does not depend on when something was told."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from vbus.signals import TraceHash, Violation
 

@@ -1,7 +1,6 @@
 """The LM628 and LM629: their parts put together, and time."""
 
 from collections.abc import Callable
-from functools import partial
 from typing import ClassVar, Final
 
 from mypy_extensions import i64
@@ -84,9 +83,7 @@ class LM628(HostInterface):
         self.output: Output = Output(pwm, int(self.settings["pwm_frame_clk"]))
         self.encoder: Encoder = Encoder(clock)
         self.host: HostPort = HostPort(clock, self.settings, self._host_broke)
-        self.commands: Commands = Commands(
-            self.host, self.axis, pwm, partial(self._reset, _RESET_BY_COMMAND), self._host_broke
-        )
+        self.commands: Commands = Commands(self.host, self.axis, pwm, self._reset, self._host_broke)
         self._mode: int = _UNPOWERED
         self._reset_end: i64 = NEVER
         self._fails_left: i64 = int(self.settings["reset_fail"])
@@ -179,7 +176,7 @@ class LM628(HostInterface):
         """Return the first clock cycle that starts at ``when`` or later."""
         return self.clock.cycle_at(when - 1) + 1 if when else 0
 
-    def _reset(self, mode: int) -> None:
+    def _reset(self, mode: int = _RESET_BY_COMMAND) -> None:
         """A reset begins (LM-RST-2 to LM-RST-4, LM-RST-9)."""
         self._mode = mode
         if self._fails_left:

@@ -7,8 +7,8 @@ or contradicts itself, NOTES.md says what was chosen.
 from typing import Final
 
 from vbus.chips.lm628.generated.bits import *  # noqa: F403
-from vbus.chips.strobes import AcLimit, AcTable
-from vbus.chips.tables import Bit, Command, CommandTable, PinRow
+from vbus.chips.strobes import AcTable
+from vbus.chips.tables import AcLimit, Bit, Command, CommandTable, PinRow
 from vbus.kernel import MS, NS, US
 from vbus.options import Option
 from vbus.signals import HIGH, LOW, Rule, Z
@@ -173,9 +173,9 @@ _PWM: Final = (
     PinRow("MAG", "out", LOW, title="Pin 19 (13): PWM magnitude"),
 )
 
-PINS_LM628: Final = _HOST + _DAC
-PINS_LM629: Final = _HOST + _PWM
-PINS: Final = _HOST + _DAC + _PWM
+PINS_LM628: Final[tuple[PinRow, ...]] = _HOST + _DAC
+PINS_LM629: Final[tuple[PinRow, ...]] = _HOST + _PWM
+PINS: Final[tuple[PinRow, ...]] = _HOST + _DAC + _PWM
 """Pins of either part."""
 
 # -- AC electrical characteristics --------------------------------------------------------------

@@ -3,8 +3,8 @@
 from typing import Final
 
 from vbus.chips.mc1241a.generated.bits import *  # noqa: F403
-from vbus.chips.strobes import AcLimit, AcTable
-from vbus.chips.tables import Bit, CardRow, Command, CommandTable, PinRow
+from vbus.chips.strobes import AcTable
+from vbus.chips.tables import AcLimit, Bit, CardRow, Command, CommandTable, PinRow
 from vbus.options import Option
 from vbus.signals import LOW, Rule, Z
 

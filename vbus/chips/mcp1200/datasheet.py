@@ -7,8 +7,8 @@ silent or contradicts itself, NOTES.md says what was chosen.
 from typing import Final
 
 from vbus.chips.mcp1200.generated.bits import *  # noqa: F403
-from vbus.chips.strobes import AcLimit, AcTable
-from vbus.chips.tables import LIVE, REPORTED, SAMPLED, Bit, PinRow, Register, RegisterMap
+from vbus.chips.strobes import AcTable
+from vbus.chips.tables import LIVE, REPORTED, SAMPLED, AcLimit, Bit, PinRow, Register, RegisterMap
 from vbus.options import Option
 from vbus.signals import LOW, Rule, Z
 

@@ -8,8 +8,8 @@ from typing import Final
 from vbus.board import plugins, units
 from vbus.chips.clauses import Clause, clauses_of
 from vbus.chips.family import Family
-from vbus.chips.strobes import AcLimit, AcTable
-from vbus.chips.tables import Bit, Command, PinRow, Register
+from vbus.chips.strobes import AcTable
+from vbus.chips.tables import AcLimit, Bit, Command, PinRow, Register
 from vbus.options import Option
 from vbus.signals import Rule
 from vbus.tools.generate.board_file import option_table

@@ -1,0 +1,23 @@
+"""Python's search for garbage, held while what stays is made."""
+
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def collection_held() -> Iterator[None]:
+    """What is imported, and a board, is many objects that stay: nobody looks for garbage there."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
+def keep_what_is_made() -> None:
+    """Search from now on, and never among what there is already."""
+    gc.freeze()
+    gc.enable()

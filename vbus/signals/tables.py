@@ -1,0 +1,64 @@
+"""Rows that parts declare, lanes and rules, and the breach of a rule. Data."""
+
+from msgspec import Struct
+
+
+class LaneRow(Struct, frozen=True):
+    """A number told by ``telemetry()``, as people draw it over time.
+
+    Attributes:
+        name: short, the same for the same thing of every part: ``"real"``.
+        title: for people: ``"real position"``.
+        unit: ``"counts"``; "" for a fraction of full scale.
+        key: its name in the telemetry, ``{}`` for the number of the axis.
+        scale: the step it is told in, in that unit.
+        register: the register that reads the same, if there is one.
+    """
+
+    name: str
+    title: str
+    unit: str
+    key: str
+    scale: float = 1.0
+    register: str = ""
+
+
+class Rule(Struct, frozen=True):
+    """One thing a host can break, declared beside the chip's tables.
+
+    Attributes:
+        name: stable name, e.g. ``"lm628.T14"`` or ``"lm628.busy-write"``.
+        clause: clause of the chip's specification, e.g. ``"LM-TIM-14"``.
+        title: one plain sentence saying what is required.
+        severity: ``"error"`` (silicon may fail), ``"warning"`` (it works, but is not meant)
+            or ``"note"`` (worth knowing).
+    """
+
+    name: str
+    clause: str
+    title: str
+    severity: str = "error"
+
+
+class Violation(Struct, frozen=True):
+    """One breach of a rule.
+
+    Attributes:
+        when: instant (ps).
+        chip: the chip's name on the board.
+        rule: name of the :class:`Rule`.
+        clause: its clause id.
+        severity: ``"error"``, ``"warning"`` or ``"note"``.
+        measured: what the host did (ps for intervals, else a count or 0).
+        limit: what is allowed, in the same unit.
+        detail: a sentence for a person.
+    """
+
+    when: int
+    chip: str
+    rule: str
+    clause: str
+    severity: str
+    measured: int
+    limit: int
+    detail: str
