@@ -1,7 +1,6 @@
 """What cannot be seen in one key alone: names that must exist, owners there may be one of."""
 
 from collections.abc import Hashable
-from typing import TYPE_CHECKING
 
 from vbus.board import cards, circuit, plugins
 from vbus.board.card_section import ACCESSES, CardSection
@@ -18,9 +17,6 @@ from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
 from vbus.kernel import Clock, Kernel
 from vbus.signals import Rule
-
-if TYPE_CHECKING:
-    pass
 
 MOST_CHIPS = 16
 """Chips one session can select: SELECT carries 16 bits."""
