@@ -45,11 +45,11 @@ class Timer:
         self.kernel: Kernel = kernel
         self.rank: int = rank
         self.callback: Callable[[], None] = callback
-        self.due: int = NEVER
+        self.due: i64 = NEVER
         self.saved: bool = saved
         self.looks: bool = looks
 
-    def at(self, when: int) -> None:
+    def at(self, when: i64) -> None:
         """Set the timer to instant ``when`` (ps); an earlier setting is forgotten."""
         if when == self.due:
             return
@@ -130,7 +130,7 @@ class Kernel:
         self._timers.append(timer)
         return timer
 
-    def push(self, when: int, rank: int, looks: bool) -> None:
+    def push(self, when: i64, rank: int, looks: bool) -> None:
         """Queue the timer ``rank``; for :class:`Timer` only."""
         if looks:
             heappush(self._looks, (when, rank))
@@ -175,7 +175,7 @@ class Kernel:
         self._done = 0
         self._waiting = False
 
-    def run_until(self, when: int) -> None:
+    def run_until(self, when: i64) -> None:
         """Let time pass to instant ``when`` (ps), inclusive of everything due at it.
 
         Raises:
@@ -222,5 +222,5 @@ class Kernel:
                 self.push(due, timer.rank, timer.looks)
         for timer in self._timers:
             if not timer.saved and timer.due != NEVER:
-                timer.due = max(timer.due, int(self.now))
+                timer.due = max(timer.due, self.now)
                 self.push(timer.due, timer.rank, timer.looks)
