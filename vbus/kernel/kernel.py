@@ -35,9 +35,10 @@ class Task:
 class Timer:
     """One callback that can be set to one instant; made by :meth:`Kernel.timer`."""
 
-    __slots__ = ("callback", "due", "kernel", "looks", "rank", "saved")
+    __slots__ = ("callback", "due", "kernel", "looks", "queued", "rank", "saved")
     STATE: ClassVar[Names] = ("due",)
     WIRING: ClassVar[Names] = ("callback", "kernel", "looks", "rank", "saved")
+    DERIVED: ClassVar[Names] = ("queued",)
 
     def __init__(
         self, kernel: "Kernel", rank: int, callback: Callable[[], None], saved: bool, looks: bool
@@ -46,6 +47,8 @@ class Timer:
         self.rank: int = rank
         self.callback: Callable[[], None] = callback
         self.due: i64 = NEVER
+        self.queued: i64 = NEVER
+        """An instant for which the kernel's queue has this timer; NEVER: it may have none."""
         self.saved: bool = saved
         self.looks: bool = looks
 
@@ -56,7 +59,9 @@ class Timer:
         if when < self.kernel.now:
             raise ValueError(f"instant {when} ps is past; it is {self.kernel.now} ps now")
         self.due = when
-        if when != NEVER:
+        # One that is cancelled, and set to the same instant again, still stands there.
+        if when != NEVER and when != self.queued:
+            self.queued = when
             self.kernel.push(when, self.rank, self.looks)
 
     def cancel(self) -> None:
@@ -191,6 +196,8 @@ class Kernel:
             due, rank = heappop(self._heap if own else self._looks)
             self._find_next()
             timer = self._timers[rank]
+            if timer.queued == due:
+                timer.queued = NEVER
             if timer.due == due:
                 timer.due = NEVER
                 self.now = due
@@ -224,3 +231,4 @@ class Kernel:
             if not timer.saved and timer.due != NEVER:
                 timer.due = max(timer.due, self.now)
                 self.push(timer.due, timer.rank, timer.looks)
+            timer.queued = timer.due
