@@ -140,6 +140,12 @@ def samples(made: Board, period_ps: int, count: int) -> float:
     return statistics.median(times)
 
 
+def resident(pid: int | str = "self") -> int:
+    """Return the memory of a process (KB)."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") // 1024
+
+
 def first_answer() -> float:
     """Return seconds from starting ``vbus run`` to the first status byte over its PTY."""
     with tempfile.TemporaryDirectory() as folder:

@@ -15,8 +15,9 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
-from benchmarks.in_process import CHIPS, board, command, strobed_reads
+from benchmarks.in_process import CHIPS, board, command, resident, start_lm629, strobed_reads
 from vbus.board.host_bus import HostBus
+from vbus.kernel import MS, US
 from vbus.protocols.byte import ByteProtocol
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
@@ -26,6 +27,8 @@ from vbus.trace.wave.wave import Wave
 CYCLES = 40_000
 ROUNDS = 9
 BATCH = 64
+MINUTES = 3
+"""Chip time over which memory is looked at."""
 ORDER = [Random(number).randrange(0x40) for number in range(CYCLES)]
 
 
@@ -193,6 +196,34 @@ def durable(folder: Path) -> None:
         print(f"durable = {mode or 'without a journal':18} {cost / 1000:8.1f} us a message")
 
 
+def memory(folder: Path) -> None:
+    """Print what a journal and a waveform take of memory, written for minutes by a busy host."""
+    made = board("LM629")
+    with io.FileIO(folder / "run.vbj", "w") as file, (folder / "run.vcd").open("w") as text:
+        journal, wave = Journal(made, file), Wave(made, text)  # type: ignore[arg-type]
+        port = made.open_port("bench")
+        start_lm629(port, kp=300, kd=2000, acc=1000, vel=1)
+        wire, request = strobed_reads(port, BATCH)
+        wave.start()
+        sizes = []
+        for second in range(1, 60 * MINUTES + 1):
+            while made.now < second * 1000 * MS:
+                wire.receive(request)
+                wire.take()
+                for _ in range(BATCH):
+                    port.read(0)
+                    port.delay(400 * US)
+            sizes.append(resident())
+        wave.stop()
+        journal.close()
+        written = file.tell() + text.tell()
+    grown = max(sizes) - sizes[len(sizes) // 10]
+    print(
+        f"LM629     {MINUTES} min of chip time with a journal and a waveform,"
+        f" {written / 1e6:.0f} MB of them: memory grown by {grown} KB of {sizes[-1]}   goal 0"
+    )
+
+
 def main() -> None:
     with TemporaryDirectory(dir=".") as folder:
         if "durable" in sys.argv:
@@ -205,6 +236,7 @@ def main() -> None:
         compare_strobed(Path(folder))
         waved("LM629", polls, Path(folder))
         waved("LM629", moves, Path(folder))
+        memory(Path(folder))
     for chip in CHIPS:
         replayed(chip, polls)
     replayed("LM629", moves)

@@ -27,7 +27,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from in_process import CHIPS, board, command, start_lm629
+from in_process import CHIPS, board, command, resident, start_lm629
 from snapshots import TEXT
 
 from vbus.board.build import load_board_text
@@ -44,12 +44,6 @@ PATIENCE = 30
 """Seconds in which a host is answered."""
 GROWTH_KB = 1024
 """What memory may grow after the first tenth of a run."""
-
-
-def resident(pid: int | str = "self") -> int:
-    """Return the memory of a process (KB)."""
-    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") // 1024
 
 
 # -- virtual hours --------------------------------------------------------------------------------

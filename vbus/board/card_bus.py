@@ -146,7 +146,7 @@ class CardBus(Chip):
         for chip in self.chips:
             chip.advance()
 
-    def next_event(self) -> int:
+    def next_event(self) -> i64:
         """Nothing happens of itself."""
         return NEVER
 

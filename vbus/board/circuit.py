@@ -272,7 +272,7 @@ class Circuit:
         """Chip time (ps)."""
         return self.kernel.now
 
-    def run_until(self, when: int) -> None:
+    def run_until(self, when: i64) -> None:
         """Let time pass to ``when`` (ps). Chips nobody listens to stay lazy by :data:`STRETCH`
         at the most, so that no single step takes long and Ctrl-C is heard; see :meth:`catch_up`.
 
@@ -320,10 +320,14 @@ class Circuit:
         for observer in (*self.listeners, *self.observers):
             observer.settled(when)
 
-    def stride(self) -> int:
+    def stride(self) -> i64:
         """Return how much chip time takes no long while to compute (ps)."""
-        step = min([chip.step_ps() for chip in self.chips], default=NEVER)
-        return step * MOST_STEPS if step < END // MOST_STEPS else END
+        step: i64 = NEVER
+        for chip in self.chips:
+            step = min(step, chip.step_ps())
+        if step < END // MOST_STEPS:
+            return step * MOST_STEPS
+        return END
 
     def end_leases(self) -> None:
         """Somebody is about to touch the board: what was promised to hosts comes true first."""

@@ -149,8 +149,9 @@ class BusLines:
         """Whether a cycle was, when the lines were looked at."""
         self._nets: list[Net] = []
         self._levels_of: dict[int, tuple[int, ...]] = {}
-        self._busy: dict[int, bool] = {}
-        self._ends: dict[tuple[int, int], list[tuple[bool, int]]] = {}
+        self._busy: list[bool] = []
+        """By levels, once somebody has asked."""
+        self._ends: dict[int, list[tuple[bool, int]]] = {}
         """By levels before and after: of each cycle that ends, whether it is a write, and where."""
 
     @property
@@ -169,10 +170,10 @@ class BusLines:
 
     def busy(self, levels: i64) -> bool:
         """Whether it is worth following how the lines move from these levels."""
-        known = self._busy.get(levels)
-        if known is None:
-            known = self._busy[levels] = self.watch.busy(self._tuple(levels))
-        return known
+        if not self._busy:
+            every = range(1 << len(self.nets))
+            self._busy = [self.watch.busy(self._tuple(one)) for one in every]
+        return self._busy[levels]
 
     def ended(self, now: int, before: i64, data: int) -> list[Ended]:
         """Return the cycles that end as lines move to where they are now.
@@ -183,7 +184,7 @@ class BusLines:
             data: what stood on the data bus.
         """
         name = self.chip.name
-        key = (int(before), int(self.levels))
+        key = int(before << len(self.nets) | self.levels)
         ends = self._ends.get(key)
         if ends is not None:
             return [(name, write, address, data) for write, address in ends]

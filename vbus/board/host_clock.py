@@ -93,19 +93,15 @@ class HostClock:
             self._board.run_until(when)
         self._board.player.flush()
 
-    def pass_to(self, when: int) -> bool:
+    def pass_to(self, when: i64) -> bool:
         """Let time pass to ``when`` if the wall clock allows; else hold the session."""
         board = self._board
-        limit: int = board.limit
-        if when <= limit and board.sliced and when > self._kernel.now:
+        if when <= board.limit and board.sliced and when > self._kernel.now:
             # A chip may have been set to samples so short that the rest is too much in one go.
-            caught: int = board.caught
-            now: int = self._kernel.now
-            most = max(caught + board.stride(), now)
-            if when > most:
-                limit = most
-                board.limit = most
-        if when > limit:
+            reach = board.stride()
+            if when - board.caught > reach:
+                board.limit = max(board.caught + reach, self._kernel.now)
+        if when > board.limit:
             self.hold(when)
             return False
         self._session.held = False

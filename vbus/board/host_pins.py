@@ -171,9 +171,13 @@ class HostPins:
             )
         own = self._own_lines or self._all_lines()
         for number, line in enumerate(self.lines):
-            if mask >> number & 1:
+            if mask & 1:
                 pin = own[number] if own else self.of(line)
-                pin.drive(levels >> number & 1)
+                pin.drive(levels & 1)
+            mask >>= 1
+            levels >>= 1
+            if mask == 0:
+                break
         self._kernel.settle()
 
     def _all_lines(self) -> list[Pin]:

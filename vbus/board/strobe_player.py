@@ -95,11 +95,12 @@ class StrobePlayer:
             guard.come_true()
             if self._tail:
                 guard.cut_short()
-        while self._tail:
-            _, pin, level = self._tail.popleft()
-            pin.drive(level)
-            self._kernel.settle()
-        self._timer.cancel()
+        if self._tail:
+            while self._tail:
+                _, pin, level = self._tail.popleft()
+                pin.drive(level)
+                self._kernel.settle()
+            self._timer.cancel()
 
     def tail(self, hosts: list[HostPins]) -> list[tuple[int, int, str, int]]:
         """Return the hold edges that are still to come: instant, host, pin, level."""

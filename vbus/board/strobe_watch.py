@@ -84,12 +84,12 @@ class StrobeWatch(CycleTeller):
         now = self._board.now
         found: list[Ended] = []
         for row in self._rows:
-            before = row.levels
-            if not row.under_way:
-                continue
-            row.levels = row.look()
-            if row.levels != before:
-                found += row.ended(now, before, row.data)
+            if row.under_way:
+                before = row.levels
+                row.levels = row.look()
+                if row.levels != before:
+                    ended = row.ended(now, before, row.data)
+                    found = found + ended if found else ended
         if found:
             self.tell_together(now, found)
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import ClassVar
 
-from mypy_extensions import mypyc_attr
+from mypy_extensions import i64, mypyc_attr
 
 from vbus.chips.tables import CardRow, PinRow
 from vbus.kernel import NEVER, Clock, Kernel
@@ -147,14 +147,14 @@ class Chip:
         """Bring the chip's state up to ``kernel.now``, inclusive of what is due at it."""
         raise NotImplementedError
 
-    def next_event(self) -> int:
+    def next_event(self) -> i64:
         """Return an instant after now, not later than the next change of any output (ps).
 
         Holds as long as nothing from outside touches the chip; :data:`NEVER` if nothing will.
         """
         raise NotImplementedError
 
-    def next_edge(self) -> int:
+    def next_edge(self) -> i64:
         """Return the same as :meth:`next_event`, or a later bound that takes more looking (ps).
 
         Other nodes are told so before when no edge comes from here: of a line that cannot move
@@ -171,7 +171,7 @@ class Chip:
         """
         return False
 
-    def step_ps(self) -> int:
+    def step_ps(self) -> i64:
         """Return how far apart the samples are that are computed one by one now (ps).
 
         NEVER of a chip that rests, and of one whose samples cannot be set so short that a server

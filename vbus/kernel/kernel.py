@@ -35,9 +35,10 @@ class Task:
 class Timer:
     """One callback that can be set to one instant; made by :meth:`Kernel.timer`."""
 
-    __slots__ = ("callback", "due", "kernel", "looks", "rank", "saved")
+    __slots__ = ("callback", "due", "kernel", "looks", "queued", "rank", "saved")
     STATE: ClassVar[Names] = ("due",)
     WIRING: ClassVar[Names] = ("callback", "kernel", "looks", "rank", "saved")
+    DERIVED: ClassVar[Names] = ("queued",)
 
     def __init__(
         self, kernel: "Kernel", rank: int, callback: Callable[[], None], saved: bool, looks: bool
@@ -45,18 +46,22 @@ class Timer:
         self.kernel: Kernel = kernel
         self.rank: int = rank
         self.callback: Callable[[], None] = callback
-        self.due: int = NEVER
+        self.due: i64 = NEVER
+        self.queued: i64 = NEVER
+        """An instant for which the kernel's queue has this timer; NEVER: it may have none."""
         self.saved: bool = saved
         self.looks: bool = looks
 
-    def at(self, when: int) -> None:
+    def at(self, when: i64) -> None:
         """Set the timer to instant ``when`` (ps); an earlier setting is forgotten."""
         if when == self.due:
             return
         if when < self.kernel.now:
             raise ValueError(f"instant {when} ps is past; it is {self.kernel.now} ps now")
         self.due = when
-        if when != NEVER:
+        # One that is cancelled, and set to the same instant again, still stands there.
+        if when != NEVER and when != self.queued:
+            self.queued = when
             self.kernel.push(when, self.rank, self.looks)
 
     def cancel(self) -> None:
@@ -130,7 +135,7 @@ class Kernel:
         self._timers.append(timer)
         return timer
 
-    def push(self, when: int, rank: int, looks: bool) -> None:
+    def push(self, when: i64, rank: int, looks: bool) -> None:
         """Queue the timer ``rank``; for :class:`Timer` only."""
         if looks:
             heappush(self._looks, (when, rank))
@@ -175,7 +180,7 @@ class Kernel:
         self._done = 0
         self._waiting = False
 
-    def run_until(self, when: int) -> None:
+    def run_until(self, when: i64) -> None:
         """Let time pass to instant ``when`` (ps), inclusive of everything due at it.
 
         Raises:
@@ -191,6 +196,8 @@ class Kernel:
             due, rank = heappop(self._heap if own else self._looks)
             self._find_next()
             timer = self._timers[rank]
+            if timer.queued == due:
+                timer.queued = NEVER
             if timer.due == due:
                 timer.due = NEVER
                 self.now = due
@@ -222,5 +229,6 @@ class Kernel:
                 self.push(due, timer.rank, timer.looks)
         for timer in self._timers:
             if not timer.saved and timer.due != NEVER:
-                timer.due = max(timer.due, int(self.now))
+                timer.due = max(timer.due, self.now)
                 self.push(timer.due, timer.rank, timer.looks)
+            timer.queued = timer.due

@@ -9,8 +9,8 @@ from vbus.board.host_bus import Hosts
 from vbus.chips.base import Chip
 from vbus.nodes.host import NodeBus
 from vbus.protocols.port import NotYet, PortError
-from vbus.trace.journal.format import CODE, NOT_YET, PORTS
-from vbus.trace.journal.rows import JournalRows
+from vbus.trace.journal.format import CODE, NOT_YET
+from vbus.trace.journal.rows import PORTS, JournalRows
 
 
 def _recorded(op: str, waits: bool = False) -> Callable[..., Any]:

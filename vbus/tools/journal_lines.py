@@ -16,7 +16,8 @@ from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
 from vbus.tools.output import Line, bar, reading
 from vbus.trace.decode import BoardPackets
-from vbus.trace.journal.format import NOT_YET, PORTS, WRITE, Entry, Header, JournalReader, Jump
+from vbus.trace.journal.format import NOT_YET, Entry, Header, JournalReader, Jump
+from vbus.trace.journal.rows import PORTS, WRITE
 from vbus.trace.journal.view import Sessions, show, violation_of
 from vbus.trace.packets import STATUS, CommandPackets, Cycle, Decoder, Packet
 

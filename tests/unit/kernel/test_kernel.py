@@ -101,6 +101,37 @@ def test_time_does_not_run_backwards() -> None:
         kernel.run_until(9)
 
 
+@pytest.mark.parametrize("saved", [True, False])
+def test_a_timer_cancelled_and_set_to_the_same_instant_fires_once(saved: bool) -> None:
+    kernel = Kernel()
+    fired: list[int] = []
+    timer = kernel.timer(lambda: fired.append(kernel.now), saved)
+    for _ in range(3):
+        timer.at(50)
+        timer.at(70)
+        timer.cancel()
+    timer.at(70)
+    kernel.run_until(60)
+    assert fired == []
+    kernel.run_until(100)
+    assert fired == [70]
+
+
+@pytest.mark.parametrize("saved", [True, False])
+def test_a_timer_cancelled_before_a_state_is_loaded_can_be_set_to_the_same_instant(
+    saved: bool,
+) -> None:
+    kernel = Kernel()
+    fired: list[int] = []
+    timer = kernel.timer(lambda: fired.append(kernel.now), saved)
+    timer.at(50)
+    timer.cancel()
+    kernel.dues = kernel.dues
+    timer.at(50)
+    kernel.run_until(100)
+    assert fired == [50]
+
+
 def test_a_timer_cannot_be_set_to_the_past() -> None:
     kernel = Kernel()
     timer = kernel.timer(lambda: None)

@@ -31,9 +31,10 @@ from vbus.protocols.requests import LEASED, REQUESTS
 from vbus.server.recording import wave_of
 from vbus.signals import Observer
 from vbus.trace.journal.difference import Divergence
-from vbus.trace.journal.format import OPERATIONS, PORTS, Entry, JournalReader
+from vbus.trace.journal.format import OPERATIONS, Entry, JournalReader
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.replay import Outcome, Replay
+from vbus.trace.journal.rows import PORTS
 from vbus.trace.packets import Cycle, Decoder, Packet
 
 MC1241A = """\

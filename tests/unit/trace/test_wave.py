@@ -399,3 +399,21 @@ def test_a_value_that_the_head_has_is_not_written_again() -> None:
     file.write([(600, signal, 0), (700, word, ""), (800, signal, 1.5)])
     file.close(800)
     assert [line.split()[0] for line in text.getvalue()[head:].splitlines()] == ["#8", "r1.5"]
+
+
+def test_a_value_that_changes_for_one_look_is_shown_until_the_next(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    board = load_board_text(LM629)
+    told = {"x.real": 7}
+    monkeypatch.setattr("vbus.trace.wave.wave.values_of", lambda _: dict(told))
+    file = io.StringIO()
+    wave = Wave(board, file, sample=100 * US)
+    wave.start()
+    for value in (7, 8, 7, 7, 9, 9, 7):
+        told["x.real"] = value
+        board.run_for(100 * US)
+    wave.stop()
+    _, changes = read(file.getvalue())
+    shown = [(when // (100 * US), value) for when, value in changes["x.real"]]
+    assert shown == [(0, 7.0), (2, 8.0), (3, 7.0), (5, 9.0), (7, 7.0)]

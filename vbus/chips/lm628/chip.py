@@ -400,7 +400,7 @@ class LM628(HostInterface):
         due = min(due, self._outputs.due)
         self._due_at = min(due, self._front.show_at)
 
-    def next_edge(self) -> int:
+    def next_edge(self) -> i64:
         """Return an instant not later than the next change of HI, an output pin or D0-D7."""
         due = min(self._next_inside(), self._front.show_at)
         heard = self._outputs.heard()
@@ -411,9 +411,9 @@ class LM628(HostInterface):
             due = min(due, self._sample_at)
         return due
 
-    def next_event(self) -> int:
+    def next_event(self) -> i64:
         """Return the next sample too, unless samples repeat themselves."""
-        due: i64 = self.next_edge()
+        due = self.next_edge()
         return due if self._still else min(due, self._sample_at)
 
     def resting(self) -> bool:

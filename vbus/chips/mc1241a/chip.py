@@ -301,7 +301,7 @@ class MC1241A(ChipSet):
         ready = self.port.busy_until
         return min(due, ready) if ready > self.kernel.now else due
 
-    def next_event(self) -> int:
+    def next_event(self) -> i64:
         """Return a lower bound of the next change of an output (ps)."""
         self.advance()
         due = min(self.port.due(), self.interrupts.quiet_until, self._hold_at, self.output.due())

@@ -67,7 +67,7 @@ class Axis(Blocks):
 
     # -- order --------------------------------------------------------------------------------
 
-    def next(self) -> int:
+    def next(self) -> i64:
         """Cycle of the next thing due inside, written bytes included."""
         return min(self._next_own(self._next_count()), self.writes.due)
 
@@ -81,9 +81,9 @@ class Axis(Blocks):
         """When the position counter has something to do."""
         return min(self.encoder.at, min(self.encoder_pins.at, self.counter.at_match))
 
-    def next_output(self) -> int:
+    def next_output(self) -> i64:
         """A cycle not later than the next change of an output other than Pulse and Sign."""
-        due = min(self._next_count(), self._at_reset, self._at_results, self._at_routine)
+        due = min(min(self._next_count(), self._at_reset), min(self._at_results, self._at_routine))
         due = min(due, self.writes.due)
         awake = self.state == CONTROL or self._request != NO_REQUEST or self.breakpoint.armed
         if awake:
@@ -92,7 +92,7 @@ class Axis(Blocks):
             due = min(due, self.encoder.end)
         return due
 
-    def next_order(self) -> int:
+    def next_order(self) -> i64:
         """Cycle of what comes next of the bus or a reset, whatever the samples do."""
         return min(self.writes.due, self._at_reset)
 

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import ClassVar, Final
 
+from mypy_extensions import i64
+
 from vbus.chips.mcp1200 import datasheet as ds
 from vbus.chips.mcp1200.axis import Axis
 from vbus.chips.mcp1200.blocks import STANDING
@@ -74,8 +76,8 @@ class MCP1200(HostInterface):
         self._reading: int = NO_READ
         self._latch: int = 0
         self._last_rise: int = LONG_AGO
-        self._due_ps: int = NEVER
-        self._quiet_ps: int = 0  # Pulse and Sign stay before this instant
+        self._due_ps: i64 = NEVER
+        self._quiet_ps: i64 = 0  # Pulse and Sign stay before this instant
         self._pulse_heard: bool = False
         self._own: dict[str, Watcher] = {}
         self.outputs: OutputPins = OutputPins(self, self.axis)
@@ -145,10 +147,12 @@ class MCP1200(HostInterface):
         if self.axis.stall():
             self._refresh_due()
 
-    def step_ps(self) -> int:
+    def step_ps(self) -> i64:
         """Return the shortest sample period to come, which may be a single clock (MCP-SMP-1)."""
         self.advance()
-        return NEVER if self.resting() else self.clock.span(self.axis.shortest_period())
+        if self.resting():
+            return NEVER
+        return self.clock.span(self.axis.shortest_period())
 
     def next_sample(self) -> int:
         """Return when the next sample starts, or the results of this one show (MCP-SMP-5)."""
@@ -195,7 +199,7 @@ class MCP1200(HostInterface):
             cycle = self.cycle_now()
             self.outputs.show_pulse(cycle)
             edge = self.outputs.pulse_edge(cycle)
-            self._quiet_ps = NEVER if edge == FAR else self.clock.ps(edge)
+            self._quiet_ps = self._instant(edge)
         if self._reading != NO_READ:
             self.bus.refresh()
 
@@ -208,25 +212,29 @@ class MCP1200(HostInterface):
         super().touched()
 
     def _refresh_due(self) -> None:
-        due = self.axis.next()
-        self._due_ps = NEVER if due == FAR else self.clock.ps(due)
+        self._due_ps = self._instant(self.axis.next())
 
-    def next_edge(self) -> int:
+    def _instant(self, cycle: i64) -> i64:
+        """Return when a cycle is that may not come (ps)."""
+        if cycle == FAR:
+            return NEVER
+        return self.clock.ps(cycle)
+
+    def next_edge(self) -> i64:
         """Return the next event, or a later one if samples can move nothing that is heard."""
         self.advance()
         if self._reading != NO_READ or self.outputs.may_move():
             return self.next_event()
-        due = self.axis.next_order()
-        return NEVER if due == FAR else self.clock.ps(due)
+        return self._instant(self.axis.next_order())
 
-    def next_event(self) -> int:
+    def next_event(self) -> i64:
         """Return an instant not later than the next change of an output (ps)."""
         self.advance()
         # The data bus follows a register that is read, in idle mode too (MCP-BUS-6).
-        due = self.axis.next_output() if self._reading == NO_READ else self.axis.next()
+        due: i64 = self.axis.next_output() if self._reading == NO_READ else self.axis.next()
         if self._pulse_heard:
             due = min(due, self.outputs.pulse_edge(self.cycle_now()))
-        return NEVER if due == FAR else self.clock.ps(due)
+        return self._instant(due)
 
     def resting(self) -> bool:
         """Whether samples repeat themselves and nothing else is due, nor is a read under way."""

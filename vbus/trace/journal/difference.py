@@ -8,6 +8,7 @@ from operator import attrgetter
 from typing import Any
 
 from vbus.signals import Observer, Violation
+from vbus.trace.journal.again import Again
 from vbus.trace.journal.format import Entry
 from vbus.trace.journal.view import violation_of
 from vbus.trace.packets import Cycle, Decoder, Packet
@@ -42,12 +43,15 @@ class Findings(Observer):
     """Violations by chip, and cycles that were ordered: what the journal has and what the run has.
 
     Each is kept until it is matched.
+
+    Args:
+        making: knows which entry is played.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, making: Again) -> None:
         self.recorded: dict[str, deque[tuple[int, Violation]]] = {}
         self.found: dict[str, deque[tuple[int, Violation]]] = {}
-        self.entry: int = 0
+        self._making: Again = making
         self.expecting: int = 0
         """How much the journal has that the run has not found yet."""
         self.ordered: deque[tuple[int, tuple[Any, ...]]] = deque()
@@ -58,11 +62,11 @@ class Findings(Observer):
     def outside(self, order: str, values: list[object]) -> None:
         """Note a bus cycle of the run that came of an order."""
         if order == "made":
-            self.made.append((self.entry, tuple(values)))
+            self.made.append((self._making.entry, tuple(values)))
 
     def violation(self, violation: Violation) -> None:
         """Note one of the run."""
-        self.found.setdefault(violation.chip, deque()).append((self.entry, violation))
+        self.found.setdefault(violation.chip, deque()).append((self._making.entry, violation))
 
     def expect(self, entry: Entry) -> None:
         """Note a violation, or a cycle that was ordered, of the journal."""

@@ -23,9 +23,7 @@ words: keys, values, starts, times.
 
 import zlib
 from collections.abc import Iterator
-from itertools import repeat
 from struct import error as StructError
-from struct import iter_unpack
 from typing import Any, BinaryIO, Final
 
 import msgpack
@@ -34,7 +32,7 @@ from msgspec import Struct, field
 
 from vbus.errors import VbusError
 from vbus.kernel import END, NEVER
-from vbus.trace.journal.rows import AGAIN, FULL, OTHER
+from vbus.trace.journal.rows import FULL, PORTS, READ, WRITE, Row, rows_of
 from vbus.trace.journal.shapes import checked
 
 FORMAT: Final = 3
@@ -62,12 +60,8 @@ OUTSIDE: Final = ("arrive", "orders", "order")
 """What reaches a node beside its hosts' calls."""
 NOT_YET: Final = 1 << 16
 """Stands for a refusal where a call at a node could not be made before time had run on."""
-READ: Final = 0
-WRITE: Final = 1
 CODE: Final = {name: number for number, name in enumerate(OPERATIONS)}
 JUMP: Final = CODE["jump"]
-PORTS: Final = 32
-"""Keys per port."""
 JUMP_BYTES: Final = 256
 """A jump's block is no longer, packed: longer ones need not be unpacked to find it."""
 
@@ -172,46 +166,6 @@ def rows_block(first: int, words: bytes, others: list[Any]) -> bytes:
         others: what it gives with them.
     """
     return block((first, words, others))
-
-
-Row = tuple[int, Any, int, int]
-"""Key, value, start counted from the end of the entry before, and what the entry took (ps)."""
-
-
-def _rows(words: bytes, others: list[Any]) -> Iterator[tuple[Row, int]]:
-    """Give the entries of a block, each with how often it comes in a row.
-
-    Raises:
-        ValueError: the words make no sense.
-    """
-    rest = iter(zip(others[0::4], others[1::4], others[2::4], others[3::4], strict=True))
-    last: Row | None = None
-    had: list[Row] = []
-    for (word,) in iter_unpack(">H", words):
-        if word == OTHER:
-            row = next(rest, None)
-            if row is None:
-                raise ValueError("an entry is missing")
-            if row[0] % PORTS in (READ, WRITE) and isinstance(row[1], int):
-                last = (row[0], row[1], 0, row[3])
-            had.append(row)
-            yield row, 1
-            continue
-        if word > OTHER:
-            if word - OTHER > len(had):
-                raise ValueError("an entry comes once more that has not been")
-            yield had[word - OTHER - 1], 1
-            continue
-        if last is None:
-            raise ValueError("the first cycle is missing")
-        if word < AGAIN:
-            key = last[0] // PORTS * PORTS + (WRITE if word & 0x100 else READ)
-            last = (key, word >> 9 << 8 | word & 0xFF, 0, last[3])
-            yield last, 1
-        else:
-            yield last, word - AGAIN
-    if next(rest, None) is not None:
-        raise ValueError("an entry is left over")
 
 
 class JournalReader:
@@ -325,7 +279,7 @@ class JournalReader:
                     raise JournalError(
                         f"{self._name()}: entries {number} to {first - 1} are missing"
                     )
-                for (key, value, start, span), times in self._rows(columns):
+                for key, value, start, span, times in self._rows(columns):
                     when = last + start
                     last = when + times * span
                     if not (isinstance(last, int) and 0 <= when <= last <= END):
@@ -392,10 +346,10 @@ class JournalReader:
     def _wrong(self, number: int, error: Exception) -> JournalError:
         return JournalError(f"{self._name()}: entry {number}: {error}")
 
-    def _rows(self, columns: list[Any]) -> Iterator[tuple[Row, int]]:
+    def _rows(self, columns: list[Any]) -> Iterator[Row]:
         if self.header.format == 1:
-            return zip(zip(*columns, strict=True), repeat(1))
-        return _rows(*columns)
+            return ((*row, 1) for row in zip(*columns, strict=True))
+        return rows_of(*columns)
 
 
 def _entry(number: int, when: int, after: int, key: int, value: Any) -> Entry:

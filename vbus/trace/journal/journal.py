@@ -13,9 +13,9 @@ from vbus.chips.base import Chip
 from vbus.errors import VbusError
 from vbus.signals import Observer, Violation
 from vbus.trace.decode import settings_for_decoders
-from vbus.trace.journal.format import CODE, PORTS, Header, header_block, rows_block
+from vbus.trace.journal.format import CODE, Header, header_block, rows_block
 from vbus.trace.journal.recorded_bus import RecordedBus
-from vbus.trace.journal.rows import JournalRows
+from vbus.trace.journal.rows import PORTS, JournalRows
 from vbus.version import __version__
 
 

@@ -10,8 +10,8 @@ from vbus.board.circuit import Circuit
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
 from vbus.protocols.port import PortError
-from vbus.trace.journal.format import CODE, PORTS
-from vbus.trace.journal.rows import FLAG, LARGEST, NUMBER, PAIR, JournalRows
+from vbus.trace.journal.format import CODE
+from vbus.trace.journal.rows import FLAG, LARGEST, NUMBER, PAIR, PORTS, JournalRows
 
 T = TypeVar("T")
 
@@ -126,7 +126,7 @@ class RecordedBus(HostBus):
     def delay(self, duration: int) -> bool:
         """Let time pass for this host."""
         when = self._kernel.now
-        if duration >= LARGEST:
+        if duration > LARGEST:
             return self._called("delay", [duration], HostBus.delay, may_wait=True)
         try:
             passed = HostBus.delay(self, duration)

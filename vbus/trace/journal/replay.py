@@ -7,13 +7,14 @@ from itertools import chain, zip_longest
 from typing import Any, Final
 
 from vbus.board.board import Board
-from vbus.kernel import END
-from vbus.protocols.port import NotYet, PortError
+from vbus.kernel import Kernel
 from vbus.trace.decode import decoder_of, settings_for_decoders
+from vbus.trace.journal.again import Again
 from vbus.trace.journal.difference import Divergence, Findings, Side, difference_of
-from vbus.trace.journal.format import NOT_YET, PORTS, WRITE, Entry, JournalError, JournalReader
+from vbus.trace.journal.format import Entry, JournalError, JournalReader
 from vbus.trace.journal.journal import end_of, version_of
 from vbus.trace.journal.player import Player
+from vbus.trace.journal.rows import PORTS, WRITE
 from vbus.trace.journal.view import Sessions
 from vbus.trace.packets import PATIENCE, Cycle, Decoder
 
@@ -65,6 +66,7 @@ class Replay:
         progress: Callable[[int], None] | None = None,
     ) -> None:
         self.board: Board = board
+        self._kernel: Kernel = board.kernel
         settings = settings_for_decoders(board.chips)
         self._reader: JournalReader | None = entries if isinstance(entries, JournalReader) else None
         self._stretches: Iterator[Stretch] = iter(self._reader.stretches() if self._reader else ())
@@ -79,11 +81,12 @@ class Replay:
         self._progress: Callable[[int], None] | None = progress
         self._player: Player = Player(board)
         self._sessions: Sessions = Sessions()
-        self._findings: Findings = Findings()
         self._strobed: list[Entry] = []
         """Cycles of the journal that strobes made in the call that comes next."""
         self._found: list[tuple[Any, ...]] = []
         """Those of the run."""
+        self._making: Again = Again(board, self._found)
+        self._findings: Findings = Findings(self._making)
         self._cycles: int = 0
         self._played: int = 0
         self._ended: bool = False
@@ -124,7 +127,7 @@ class Replay:
         self._played += 1
         if self._progress is not None and not self._played & 0xFFF:
             self._progress(self._played)
-        self._findings.entry = entry.number
+        self._making.entry = entry.number
         if self._ended:
             return self._stop(
                 Divergence(entry.number, entry.when, "unconsumed", "the end", entry.op, "")
@@ -157,60 +160,33 @@ class Replay:
             and key % PORTS <= WRITE
             and key // PORTS in self._player.ports
             and number == self._played
-            and when >= self.board.now
+            and when >= self._kernel.now
             and not (self._ended or self._strobed or self._found or self._findings.expecting)
         )
 
     def _again(self, stretch: Stretch) -> Outcome | None:
         """Make the cycles of a stretch; return what came of it all if one of them differs."""
         number, when, span, key, value, times = stretch
-        board, findings, found = self.board, self._findings, self._found
         session, write = key // PORTS, key % PORTS == WRITE
-        address, byte = value >> 8, value & 0xFF
-        port, kernel = self._player.ports[session], board.kernel
-        if when > kernel.now:
-            board.run_until(when)
-        board.limit = END
-        made, after, reply, error = 0, when, None, 0
+        making, port = self._making, self._player.ports[session]
         try:
-            if write:
-                while made < times and not error:
-                    findings.entry = number + made
-                    after += span
-                    port.write(address, byte)
-                    made += 1
-                    if kernel.now != after or found:
-                        break
-            else:
-                while made < times:
-                    findings.entry = number + made
-                    after += span
-                    reply = port.read(address)
-                    made += 1
-                    if reply != byte or kernel.now != after or found:
-                        break
-        except NotYet:
-            made, reply, error = made + 1, None, NOT_YET
-        except PortError as refusal:
-            made, reply, error = made + 1, None, refusal.code
+            same = making.make(port, write, value, number, when, span, times)
         except ValueError as mistake:
             op = "write" if write else "read"
-            raise JournalError(f"entry {number + made}, {op}: {mistake}") from mistake
-        chips = self._sessions.by_port[session].selected
-        differs = error or found or kernel.now != after or reply not in (None, byte)
-        same = made - 1 if differs else made
+            raise JournalError(f"entry {making.entry}, {op}: {mistake}") from mistake
         if same:
-            self._past.append((chips, write, address, byte, when + span, span, same))
+            chips, after = self._sessions.by_port[session].selected, when + span
+            self._past.append((chips, write, value >> 8, value & 0xFF, after, span, same))
         self._cycles += same
-        before, self._played = self._played, number + made
+        before, self._played = self._played, number + min(same + 1, times)
         if self._progress is not None and (before ^ self._played) >> 12:
             self._progress(self._played & ~0xFFF)
-        if same == made:
+        if same == times:
             return None
         left = self._expand((number + same, when + same * span, span, key, value, times - same))
         entry = next(left)
         self._entries = chain(left, self._others())
-        return self._judge(entry, self._compare(entry, reply, error))
+        return self._judge(entry, self._compare(entry, making.reply, making.error))
 
     def _others(self) -> Iterator[Entry]:
         return chain.from_iterable(self._expand(stretch) for stretch in self._stretches)

@@ -7,12 +7,17 @@ A driver that moves lines makes the same calls for each cycle, in the same order
 before is one word, too, and after the same one mostly the same follows: that is tried first.
 """
 
-from collections.abc import Callable
-from struct import pack
+from collections.abc import Callable, Iterator
+from struct import iter_unpack, pack
 from typing import Any, Final
 
 from mypy_extensions import i64
 
+PORTS: Final = 32
+"""Keys per port: a key is this times the session's number, plus the operation."""
+READ: Final = 0
+WRITE: Final = 1
+"""Operations that are bus cycles."""
 FULL: Final = 4096
 """So many entries are written together, if nothing asks for them earlier."""
 AGAIN: Final = 0x8000
@@ -29,8 +34,8 @@ PAIR: Final = 3
 STROBED: Final = 3
 """In place of a number of arguments: a bus cycle that strobes have made. The first number is twice
 that of the chips' names, plus 1 for a write; the second 256 times the address, plus the byte."""
-LARGEST: Final = 1 << 62
-"""Numbers in a call are below this."""
+LARGEST: Final = (1 << 62) - 1
+"""Numbers in a call are not above this."""
 
 
 class Call:
@@ -98,9 +103,12 @@ class JournalRows:
         self.pending: i64 = 0
         """Entries that have not been taken."""
         self._others: list[Any] = []
-        self._pairs: list[int] = []
-        self._half: i64 = -1
-        """A word that waits for another, with which it is a pair; or -1."""
+        self._fours: list[int] = []
+        """Words by four, as signed numbers of 64 bits."""
+        self._words: i64 = 0
+        """Those that are no four yet."""
+        self._waiting: i64 = 0
+        """How many they are."""
         self._end: i64 = 0
         # -1 until there has been a cycle in this block: no word is written before.
         self._session: i64 = -1
@@ -241,11 +249,14 @@ class JournalRows:
         self._again = 0
 
     def _put(self, word: i64) -> None:
-        if self._half < 0:
-            self._half = word
+        if self._waiting == 0:
+            self._words = word - ((word & AGAIN) << 1)
         else:
-            self._pairs.append(self._half << 16 | word)
-            self._half = -1
+            self._words = self._words << 16 | word
+        self._waiting += 1
+        if self._waiting == 4:
+            self._fours.append(self._words)
+            self._waiting = 0
 
     def following(self) -> "JournalRows":
         """Return rows for entries that follow what has been taken from these, for another file."""
@@ -261,16 +272,59 @@ class JournalRows:
         """
         if self._again != 0:
             self._put_again()
-        words = pack(f">{len(self._pairs)}I", *self._pairs)
-        if self._half >= 0:
-            words += pack(">H", self._half)
+        words = pack(f">{len(self._fours)}q", *self._fours)
+        if self._waiting != 0:
+            words += pack(">q", self._words)[8 - 2 * self._waiting :]
         others = self._others
-        self._pairs = []
+        self._fours = []
         self._others = []
         self.pending = 0
-        self._half = -1
+        self._waiting = 0
         self._calls = {}
         self._latest = None
         # A block stands for itself: its first cycle is written in full.
         self._session = -1
         return words, others
+
+
+Row = tuple[Any, Any, Any, Any, int]
+"""Key, value, start counted from the end of the entry before, what the entry took (ps), and how
+often it comes in a row."""
+
+
+def rows_of(words: Any, others: Any) -> Iterator[Row]:
+    """Give the entries of a block, of which :meth:`JournalRows.take` gave words and others.
+
+    Raises:
+        ValueError: the words make no sense.
+    """
+    rest = iter(zip(others[0::4], others[1::4], others[2::4], others[3::4], strict=True))
+    had: list[Any] = []
+    cycle: Row | None = None
+    keys: tuple[Any, Any] = (READ, WRITE)
+    for (number,) in iter_unpack(">H", words):
+        word: i64 = number
+        if word == OTHER:
+            row = next(rest, None)
+            if row is None:
+                raise ValueError("an entry is missing")
+            key, value, _, span = row
+            if key % PORTS in (READ, WRITE) and isinstance(value, int):
+                cycle = (key, value, 0, span, 1)
+                keys = (key // PORTS * PORTS + READ, key // PORTS * PORTS + WRITE)
+            had.append(row)
+            yield (*row, 1)
+        elif word > OTHER:
+            if word - OTHER > len(had):
+                raise ValueError("an entry comes once more that has not been")
+            yield (*had[word - OTHER - 1], 1)
+        elif cycle is None:
+            raise ValueError("the first cycle is missing")
+        elif word < AGAIN:
+            value = int(word >> 9 << 8 | word & 0xFF)
+            cycle = (keys[1] if word & 0x100 else keys[0], value, 0, cycle[3], 1)
+            yield cycle
+        else:
+            yield (cycle[0], cycle[1], 0, cycle[3], int(word - AGAIN))
+    if next(rest, None) is not None:
+        raise ValueError("an entry is left over")

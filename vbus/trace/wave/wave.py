@@ -14,7 +14,7 @@ from vbus.kernel import MS
 from vbus.signals import Violation
 from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.packets import Packet
-from vbus.trace.wave.edges import Edges
+from vbus.trace.wave.changes import Changes
 from vbus.trace.wave.signals import FULL, PROFILES, Signal, signals_of, values_of
 from vbus.trace.wave.vcd_file import Change, VcdFile
 
@@ -97,16 +97,9 @@ class Wave(BoardPackets):
         """Values at the beginning of the ring, and later the latest written."""
         self._latest: dict[Signal, Value] = {}
         """What the chips have told of themselves."""
-        self._looked: deque[Change] = deque()
-        """Of what is pending, what the chips have told of themselves."""
-        self._pending: list[Change] = []
-        self._in_order: bool = True
-        """Whether what is pending is in order of time."""
-        self._edges: Edges = Edges(nets, self._pending)
+        self._changes: Changes = Changes(board.kernel, nets)
         self._ring: deque[Change] = deque()
         self._timer = board.kernel.onlooker(self._look)
-        self._drained: int = 0
-        """What happened before this is in the file, or has been left out."""
 
     # -- beginning and end --------------------------------------------------------------------
 
@@ -120,7 +113,7 @@ class Wave(BoardPackets):
         self._values |= {self._others[name]: v for name, v in self._told().items()}
         self._latest = dict(self._values)
         for _, net in nets:
-            net.observe(self._edges)
+            net.observe(self._changes)
         self.board.observe(self)
         self._timer.at(now + self._sample)
         self.state = WAITING
@@ -146,7 +139,7 @@ class Wave(BoardPackets):
             self.board.unobserve(self)
             for signal in self.signals:
                 if signal.net is not None:
-                    signal.net.unobserve(self._edges)
+                    signal.net.unobserve(self._changes)
             if recording and not self.error:
                 self._guarded(lambda: self._file.close(when))
 
@@ -165,29 +158,16 @@ class Wave(BoardPackets):
 
     # -- what happens -------------------------------------------------------------------------
 
-    def _note(self, when: int, signal: Signal, value: Value) -> Change:
-        """Take down a change.
-
-        A hold time is known to be broken only some time later; a file has no way back.
-        """
-        pending = self._pending
-        change = (when if when > self._drained else self._drained, signal, value)
-        # Edges of nets come at the present instant, after all that is pending by then.
-        if (pending and pending[-1][0] > change[0]) or change[0] > self.board.now:
-            self._in_order = False
-        pending.append(change)
-        return change
-
     def _packet(self, chip: str, packet: Packet) -> None:
         # A packet that was cut short is known to have ended only now.
-        self._note(self.latest, self._words[chip], packet.text)
+        self._changes.note(self.latest, self._words[chip], packet.text)
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
         super().violation(violation)
         signal = self._others.get(f"{violation.chip}.violation")
         if signal is not None:
-            self._note(violation.when, signal, violation.rule)
+            self._changes.note(violation.when, signal, violation.rule)
 
     def settled(self, now: int) -> None:
         """Everything before ``now`` has been reported."""
@@ -199,7 +179,8 @@ class Wave(BoardPackets):
         for name, value in self._told().items():
             signal = self._others.get(name)
             if signal is not None and self._latest.get(signal) != value:
-                self._looked.append(self._note(now, signal, value))
+                self._latest[signal] = value
+                self._changes.note(now, signal, value)
         self._drain(now)
         if self.state in (WAITING, RECORDING):
             self._timer.at(now + self._sample)
@@ -215,17 +196,11 @@ class Wave(BoardPackets):
 
     def _drain(self, now: int) -> None:
         """Sort out what happened before ``now``: lazy chips report late."""
-        self._drained = max(self._drained, now)
-        pending = self._pending
-        if not self._in_order:
-            pending.sort(key=itemgetter(0))
-            self._in_order = True
-        while self._looked and self._looked[0][0] < now:
-            _, signal, value = self._looked.popleft()
-            self._latest[signal] = value
+        self._changes.drain(now)
         if self.state == RECORDING and self._end < 0:
             self._write_until(now)
             return
+        pending = self._changes.pending
         done = 0
         for change in pending:
             if change[0] >= now:
@@ -249,7 +224,7 @@ class Wave(BoardPackets):
 
     def _write_until(self, now: int) -> None:
         """Write what happened before ``now``: nothing waits for a trigger, or for an end."""
-        pending = self._pending
+        pending = self._changes.pending
         done = bisect_left(pending, now, key=itemgetter(0))
         changes = pending[:done]
         del pending[:done]
