@@ -223,9 +223,8 @@ class DcMotor(Shaft):
 
     def _leap(self, first: float, volts: float, current: float, speed: float) -> float:
         """Run the period in one, if nothing happens in it; return where it leads."""
-        response = self._response
-        span = response.whole
-        if speed == 0.0 or response.coarsest > 0 or response.instant:
+        span = self._response.whole
+        if speed == 0.0 or self._response.coarsest > 0 or self._response.instant:
             return self._go(TICKS)
         way = 1.0 if speed > 0.0 else -1.0
         torque = -self._load - way * self._coulomb
@@ -239,18 +238,18 @@ class DcMotor(Shaft):
             span.speed_of_current * current + span.speed_of_speed * speed
             + (span.speed_of_volts * volts + span.speed_of_torque * torque)
         )  # fmt: skip
-        here = first + (
-            span.place_of_current * current + span.place_of_speed * speed
-            + (span.place_of_volts * volts + span.place_of_torque * torque)
-        )  # fmt: skip
         if way * faster <= 0.0:
             return self._go(TICKS)
         if way * pull < 0.0 and way * (constant * after - viscous * faster + torque) > 0.0:
             travel = self._travel
-            travel.response = response
+            travel.response = self._response
             travel.volts = volts
             if not travel.clear(way, current, speed, torque, span.seconds):
                 return self._go(TICKS)
+        here = first + (
+            span.place_of_current * current + span.place_of_speed * speed
+            + (span.place_of_volts * volts + span.place_of_torque * torque)
+        )  # fmt: skip
         if self._stopped and (
             here >= float(self._high - self._base) + 0.5
             or here <= float(self._low - self._base) + 0.5

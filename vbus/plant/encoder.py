@@ -2,7 +2,7 @@
 
 from typing import ClassVar, Final
 
-from mypy_extensions import i64, mypyc_attr
+from mypy_extensions import i64
 
 from vbus.options import Option, Settings
 from vbus.signals import Plant
@@ -85,7 +85,6 @@ class Encoder:
         return False, 0
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class EncodedPlant(Plant):
     """A plant whose shaft carries an encoder, and that remembers its course through a period.
 
@@ -101,6 +100,8 @@ class EncodedPlant(Plant):
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
+        # Once more: of a class that plug-ins subclass a compiled core takes nothing for granted.
+        self.count: i64 = 0
         self.encoder: Encoder = Encoder(
             int(self.settings["encoder_lines"]),
             bool(self.settings["index"]),

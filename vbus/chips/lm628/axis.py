@@ -213,11 +213,8 @@ class Axis:
 
     # -- the sample ---------------------------------------------------------------------------
 
-    def sample(self, count: i64) -> None:
-        """Run one sample with the encoder at ``count`` (LM-TRJ-17).
-
-        Leaves the motor command of the coming sample in :attr:`command`.
-        """
+    def sample(self, count: i64) -> i64:
+        """Run one sample with the encoder at ``count`` (LM-TRJ-17); return :attr:`command`."""
         change = count - self.count
         self.count = count
         self.real_change = change
@@ -234,12 +231,14 @@ class Axis:
             self.pid.update()
             self.udf = False
 
+        command: i64 = 0
         if self.motor_off:
-            self.error = self.following = self.command = 0
+            self.error = self.following = 0
         else:
             if self.profile.step():
                 self.flags |= ds.TRAJECTORY_COMPLETE
-            self._servo()
+            command = self._servo(real)
+        self.command = command
 
         if self.breakpoint_armed:
             ahead = (self.breakpoint > real) - (self.breakpoint < real)
@@ -249,6 +248,7 @@ class Axis:
         if self.profile.wrapped:
             self.profile.wrapped = False
             self.flags |= ds.WRAPAROUND
+        return command
 
     def _wrap(self, real: i64, change: i64) -> None:
         """The real position comes round to ``real``: it passes the breakpoint, or changes sides."""
@@ -260,8 +260,9 @@ class Axis:
         # On neither side it fires in this sample.
         self.breakpoint_side = 0 if passed else (place > real) - (place < real)
 
-    def _servo(self) -> None:
-        error = (self.profile.position >> 16) - self.real
+    def _servo(self, real: i64) -> i64:
+        """Compare with the real position; return the motor command that follows."""
+        error = (self.profile.position >> 16) - real
         if error < ds.POSITION_MIN or error > ds.POSITION_MAX:
             error = wrap_word(error, _HALF)
         self.following = error
@@ -277,9 +278,9 @@ class Axis:
                 if not self.profile.done:
                     self.flags |= ds.TRAJECTORY_COMPLETE
                 self._turn_off()
-                self.following = self.command = 0
-                return
-        self.command = self.pid.step(error)
+                self.following = 0
+                return 0
+        return self.pid.step(error)
 
     def _turn_off(self) -> None:
         """LM-TRJ-10: no drive, no profile, no integral; the position is still tracked."""
