@@ -348,7 +348,7 @@ class LM628(HostInterface):
         cycle = self._cycle
         left = (self.clock.cycle_at(stop) - cycle) // ds.SAMPLE_CLK
         axis, encoder, output = self.axis, self.encoder, self.output
-        running, still = self._mode == _RUNNING, self._still
+        running, still, rested = self._mode == _RUNNING, self._still, self._course != ()
         # What one block finds out is handed to the next: they wait for nothing else.
         count = encoder.count()
         while left > 0:
@@ -373,9 +373,9 @@ class LM628(HostInterface):
             if axis.profile.velocity == 0 and encoder.resting():
                 course = axis.course()
                 still = course == self._course and axis.steady()
-                self._course = course
-            elif self._course:
-                self._course = ()
+                self._course, rested = course, True
+            elif rested:
+                self._course, rested = (), False
         self._still = still
         if running:
             self._outputs.begin(self._cycle)
