@@ -345,12 +345,10 @@ class LM628(HostInterface):
         A sample that leaves everything as the sample before it did, with a derivative and a plant
         at rest, will be followed by samples that do the same: they are skipped.
         """
-        cycle = self._cycle
+        axis, encoder, output, cycle = self.axis, self.encoder, self.output, self._cycle
         left = (self.clock.cycle_at(stop) - cycle) // ds.SAMPLE_CLK
-        axis, encoder, output = self.axis, self.encoder, self.output
         running, still, rested = self._mode == _RUNNING, self._still, self._course != ()
-        # What one block finds out is handed to the next: they wait for nothing else.
-        count = encoder.count()
+        count = encoder.count()  # each block hands on what it has found out
         while left > 0:
             if still:
                 self._cycle = cycle + left * ds.SAMPLE_CLK
@@ -360,11 +358,8 @@ class LM628(HostInterface):
             left -= 1
             cycle += ds.SAMPLE_CLK
             self._cycle = cycle
-            if running:
-                level = output.put(axis.sample(count), axis.port8)
-                count = encoder.run(level, axis.following)
-            else:
-                count = encoder.run(output.command, axis.following)
+            level = output.put(axis.sample(count), axis.port8) if running else output.command
+            count = encoder.run(level, axis.following)
             if axis.sip:
                 self._place_sample()
                 encoder.seek(self.clock.ps(self._cycle) - 1)
