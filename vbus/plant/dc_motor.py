@@ -203,32 +203,33 @@ class DcMotor(Shaft):
 
     def drive(self, command: float, error: i64) -> i64:
         """Run one period with ``command`` of full scale (-1.0 to 1.0) at the amplifier."""
-        first = self._depart()
+        self._depart()
         volts = command * self._amplifier
         supply = self._supply
         if volts > supply:
             volts = supply
         elif volts < -supply:
             volts = -supply
-        current, speed = self.current, self.velocity
-        self._volts, self._began, self._departed = volts, current, speed
+        self._volts, self._began, self._departed = volts, self.current, self.velocity
         self._untraced = True
         if self.solved_exactly:
             self._solved = True
-            here = self._leap(first, volts, current, speed)
+            here = self._leap(volts)
         else:
             here = self._spin(None)
-        self._resting = here == first and self.velocity == speed and self.current == current
+        self._resting = (
+            here == self._first and self.velocity == self._departed and self.current == self._began
+        )
         return self._arrive(here)
 
     # -- exactly ------------------------------------------------------------------------------
 
-    def _leap(self, first: float, volts: float, current: float, speed: float) -> float:
+    def _leap(self, volts: float) -> float:
         """Run the period in one, if nothing happens in it; return where it leads."""
-        response = self._response
-        span = response.whole
-        if speed == 0.0 or response.coarsest > 0 or response.instant:
+        current, speed = self.current, self.velocity
+        if speed == 0.0 or self._response.coarsest > 0 or self._response.instant:
             return self._go(TICKS)
+        span = self._response.whole
         way = 1.0 if speed > 0.0 else -1.0
         torque = -self._load - way * self._coulomb
         constant, viscous = self._torque_constant, self._viscous
@@ -241,18 +242,18 @@ class DcMotor(Shaft):
             span.speed_of_current * current + span.speed_of_speed * speed
             + (span.speed_of_volts * volts + span.speed_of_torque * torque)
         )  # fmt: skip
-        here = first + (
-            span.place_of_current * current + span.place_of_speed * speed
-            + (span.place_of_volts * volts + span.place_of_torque * torque)
-        )  # fmt: skip
         if way * faster <= 0.0:
             return self._go(TICKS)
         if way * pull < 0.0 and way * (constant * after - viscous * faster + torque) > 0.0:
             travel = self._travel
-            travel.response = response
+            travel.response = self._response
             travel.volts = volts
             if not travel.clear(way, current, speed, torque, span.seconds):
                 return self._go(TICKS)
+        here = self._first + (
+            span.place_of_current * current + span.place_of_speed * speed
+            + (span.place_of_volts * volts + span.place_of_torque * torque)
+        )  # fmt: skip
         if self._stopped and (
             here >= float(self._high - self._base) + 0.5
             or here <= float(self._low - self._base) + 0.5

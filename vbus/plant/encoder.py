@@ -2,7 +2,7 @@
 
 from typing import ClassVar, Final
 
-from mypy_extensions import i64, mypyc_attr
+from mypy_extensions import i64
 
 from vbus.options import Option, Settings
 from vbus.signals import Plant
@@ -85,7 +85,6 @@ class Encoder:
         return False, 0
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class EncodedPlant(Plant):
     """A plant whose shaft carries an encoder, and that remembers its course through a period.
 
@@ -97,7 +96,9 @@ class EncodedPlant(Plant):
     OPTIONS: ClassVar[tuple[Option, ...]] = ENCODER_OPTIONS
     STATE: ClassVar[Names] = ("count", "_base", "_pieces", "_points: list[float, ...]")
     WIRING: ClassVar[Names] = ("encoder",)
-    DERIVED: ClassVar[Names] = ("_first", "_last", "_part", "_untraced", "_forgotten")
+    DERIVED: ClassVar[Names] = (
+        "_first", "_forgotten", "_last", "_next", "_part", "_untraced",
+    )  # fmt: skip
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -109,6 +110,8 @@ class EncodedPlant(Plant):
         # Count at the start of the last period, and the shaft's position at its start, at its
         # end, and at the end of each of its pieces, counted from there.
         self._base: i64 = 0
+        self._next: i64 = 0
+        """The count at its end: :attr:`count`, which a compiled core looks for in a plug-in too."""
         self._pieces: i64 = 1
         # At power-on the shaft stands in the middle of count 0.
         self._first: float = 0.5
@@ -126,7 +129,7 @@ class EncodedPlant(Plant):
 
     def _depart(self) -> float:
         """Begin a period where the last one has ended; return that position."""
-        self._base = self.count
+        self._base = self._next
         self._forgotten = False
         self._first = self._part
         return self._part
@@ -136,7 +139,7 @@ class EncodedPlant(Plant):
         self._last = position
         if 0.0 <= position < 1.0:
             self._part = position
-            self.count = self._base
+            self.count = self._next = self._base
             return self._base
         whole: i64 = int(position)
         back = float(whole)
@@ -147,7 +150,7 @@ class EncodedPlant(Plant):
         part = position - back
         self._part = part if part < 1.0 else _ALMOST_ONE
         count = self._base + whole
-        self.count = count
+        self.count = self._next = count
         return count
 
     def _begin(self, pieces: i64) -> None:
@@ -247,6 +250,7 @@ class EncodedPlant(Plant):
 
     def after_load(self) -> None:
         """Work out where the course begins and ends."""
+        self._next = self.count
         self._first = self._points[0]
         self._last = self._points[self._pieces]
         part = self._last - float(self.count - self._base)

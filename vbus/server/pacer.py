@@ -31,7 +31,7 @@ PIECE_NS: Final = 1_000_000
 """Wall time for which chips are brought up to date in one go in real time: hosts wait for it."""
 FREE_NS: Final = 1_000_000
 """Wall time of a slice where nothing holds time back, as far as that can be known before."""
-FREE_SLICE: Final = SECOND
+FREE_SLICE: Final = 10 * SECOND
 """Chip time of the longest of these."""
 LEASE: Final = 20 * MS
 """Chip time by which a host that is master of time may move it in one go; more is sliced."""

@@ -82,25 +82,22 @@ def test_an_index_is_told_exactly_where_the_level_says_so(start, way, lines, pla
     assert told == ((True, low[0]) if way and low else (False, 0))
 
 
-class Rail(EncodedPlant):
-    """A shaft led along a given course."""
-
-    def lead(self, *points: float) -> int:
-        """Take these positions at equal distances of one period."""
-        self._begin(len(points))
-        self._points[1:] = points
-        return self._end()
+def lead(rail: EncodedPlant, *points: float) -> int:
+    """Lead a shaft through these positions at equal distances of one period."""
+    rail._begin(len(points))
+    rail._points[1:] = points
+    return rail._end()
 
 
 def test_a_shaft_starts_in_the_middle_of_count_0():
-    rail = Rail()
+    rail = EncodedPlant()
     assert (rail.count, rail.count_at(0.0), rail.count_at(1.0)) == (0, 0, 0)
     assert (rail.fraction_at(0), rail.fraction_at(1)) == (0.0, 1.0)
 
 
 def test_counts_are_placed_on_straight_pieces_between_sub_steps():
-    rail = Rail()
-    assert rail.lead(2.5, 2.5, 10.5, 0.5) == 0
+    rail = EncodedPlant()
+    assert lead(rail, 2.5, 2.5, 10.5, 0.5) == 0
     assert [rail.count_at(fraction / 8) for fraction in range(9)] == [0, 1, 2, 2, 2, 6, 10, 5, 0]
     assert rail.fraction_at(1) == pytest.approx(0.25 * 0.25)
     assert rail.fraction_at(2) == pytest.approx(0.25 * 0.75)
@@ -110,8 +107,8 @@ def test_counts_are_placed_on_straight_pieces_between_sub_steps():
 
 
 def test_going_down_a_count_is_reached_when_the_one_above_it_is_left():
-    rail = Rail()
-    assert rail.lead(-3.5) == -4
+    rail = EncodedPlant()
+    assert lead(rail, -3.5) == -4
     assert rail.fraction_at(-1) == pytest.approx(0.5 / 4)
     assert rail.fraction_at(-4) == pytest.approx(3.5 / 4)
     assert rail.count_at(0.5 / 4) == 0
@@ -124,10 +121,10 @@ def courses(points: st.SearchStrategy[float]) -> st.SearchStrategy[list[list[flo
 
 @given(periods=courses(st.floats(-300, 300)))
 def test_at_the_fraction_told_for_a_count_that_count_is_reached(periods):
-    rail = Rail()
+    rail = EncodedPlant()
     for points in periods:
         start = rail.count
-        end = rail.lead(*points)
+        end = lead(rail, *points)
         assert rail.count_at(0.0) == start
         assert rail.count_at(1.0) == end
         for count in range(min(start, end), max(start, end) + 1):
@@ -137,10 +134,10 @@ def test_at_the_fraction_told_for_a_count_that_count_is_reached(periods):
 
 @given(periods=courses(st.integers(-19_200, 19_200).map(lambda place: place / 64)))
 def test_before_the_fraction_told_for_a_count_it_is_not_reached(periods):
-    rail = Rail()
+    rail = EncodedPlant()
     for points in periods:
         start = rail.count
-        rail.lead(*points)
+        lead(rail, *points)
         places = [rail.count_at(i / len(points)) for i in range(1, len(points) + 1)]
         for count in range(min(start, *places), max(start, *places) + 1):
             fraction = rail.fraction_at(count)
@@ -152,17 +149,17 @@ def test_before_the_fraction_told_for_a_count_it_is_not_reached(periods):
 
 @given(points=st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=8))
 def test_a_period_begins_where_the_last_one_ended(points):
-    rail = Rail()
+    rail = EncodedPlant()
     last = 0
     for point in points:
-        count = rail.lead(point)
+        count = lead(rail, point)
         assert rail.count_at(0.0) == last
         last = count
 
 
 def test_a_shaft_a_hair_below_a_count_stays_below_it():
-    rail = Rail()
-    assert rail.lead(-1e-20) == -1
+    rail = EncodedPlant()
+    assert lead(rail, -1e-20) == -1
     rail._begin(1)
     assert 0.0 < rail._points[0] < 1.0
     rail._points[1] = rail._points[0]

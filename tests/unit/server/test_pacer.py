@@ -262,7 +262,7 @@ def test_without_a_limit_of_rate_what_moves_cheaply_goes_on_in_longer_slices() -
     chip = board.chips[0]
     assert isinstance(chip, Labour)
 
-    assert slices(board, loop, 8) == [SLICE << n for n in range(7)] + [FREE_SLICE]
+    assert slices(board, loop, 11) == [SLICE << n for n in range(10)] + [FREE_SLICE]
     chip.cost_ns = FREE_NS + 1
     assert slices(board, loop, 3) == [FREE_SLICE, FREE_SLICE // 2, FREE_SLICE // 4]
 

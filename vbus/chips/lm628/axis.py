@@ -213,11 +213,8 @@ class Axis:
 
     # -- the sample ---------------------------------------------------------------------------
 
-    def sample(self, count: i64) -> None:
-        """Run one sample with the encoder at ``count`` (LM-TRJ-17).
-
-        Leaves the motor command of the coming sample in :attr:`command`.
-        """
+    def sample(self, count: i64) -> i64:
+        """Run one sample with the encoder at ``count`` (LM-TRJ-17); return :attr:`command`."""
         change = count - self.count
         self.count = count
         self.real_change = change
@@ -234,12 +231,26 @@ class Axis:
             self.pid.update()
             self.udf = False
 
+        command: i64 = 0
         if self.motor_off:
-            self.error = self.following = self.command = 0
+            self.error = self.following = 0
         else:
-            if self.profile.step():
+            profile = self.profile
+            if profile.step():
                 self.flags |= ds.TRAJECTORY_COMPLETE
-            self._servo()
+            error = (profile.position >> 16) - real
+            if error < ds.POSITION_MIN or error > ds.POSITION_MAX:
+                error = wrap_word(error, _HALF)
+            self.following = error
+            if error > 32767:
+                error = 32767
+            elif error < -32768:
+                error = -32768
+            self.error = error
+            size = error if error >= 0 else -error
+            if size <= self.threshold or not self._stray():
+                command = self.pid.step(error)
+        self.command = command
 
         if self.breakpoint_armed:
             ahead = (self.breakpoint > real) - (self.breakpoint < real)
@@ -249,6 +260,7 @@ class Axis:
         if self.profile.wrapped:
             self.profile.wrapped = False
             self.flags |= ds.WRAPAROUND
+        return command
 
     def _wrap(self, real: i64, change: i64) -> None:
         """The real position comes round to ``real``: it passes the breakpoint, or changes sides."""
@@ -260,26 +272,18 @@ class Axis:
         # On neither side it fires in this sample.
         self.breakpoint_side = 0 if passed else (place > real) - (place < real)
 
-    def _servo(self) -> None:
-        error = (self.profile.position >> 16) - self.real
-        if error < ds.POSITION_MIN or error > ds.POSITION_MAX:
-            error = wrap_word(error, _HALF)
-        self.following = error
-        if error > 32767:
-            error = 32767
-        elif error < -32768:
-            error = -32768
-        self.error = error
-        size = error if error >= 0 else -error
-        if size > self.threshold and not (error == -32768 and self.threshold == 32767):
-            self.flags |= ds.POSITION_ERROR
-            if self.stop_on_error:
-                if not self.profile.done:
-                    self.flags |= ds.TRAJECTORY_COMPLETE
-                self._turn_off()
-                self.following = self.command = 0
-                return
-        self.command = self.pid.step(error)
+    def _stray(self) -> bool:
+        """The error is beyond its limit: tell whether that turns the motor off."""
+        if self.error == -32768 and self.threshold == 32767:
+            return False
+        self.flags |= ds.POSITION_ERROR
+        if not self.stop_on_error:
+            return False
+        if not self.profile.done:
+            self.flags |= ds.TRAJECTORY_COMPLETE
+        self._turn_off()
+        self.following = 0
+        return True
 
     def _turn_off(self) -> None:
         """LM-TRJ-10: no drive, no profile, no integral; the position is still tracked."""

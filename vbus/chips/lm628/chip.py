@@ -342,22 +342,21 @@ class LM628(HostInterface):
         A sample that leaves everything as the sample before it did, with a derivative and a plant
         at rest, will be followed by samples that do the same: they are skipped.
         """
-        cycle: i64 = self.clock.cycle_at(stop)
-        left = (cycle - self._cycle) // ds.SAMPLE_CLK
-        axis, encoder, output = self.axis, self.encoder, self.output
-        running, command = self._mode == _RUNNING, output.command
+        axis, encoder, output, cycle = self.axis, self.encoder, self.output, self._cycle
+        left = (self.clock.cycle_at(stop) - cycle) // ds.SAMPLE_CLK
+        running, still, rested = self._mode == _RUNNING, self._still, self._course != ()
+        count = encoder.count()  # each block hands on what it has found out
         while left > 0:
-            if self._still:
-                self._cycle += left * ds.SAMPLE_CLK
+            if still:
+                self._cycle = cycle + left * ds.SAMPLE_CLK
                 if running:
                     axis.skip(left)
                 break
             left -= 1
-            self._cycle += ds.SAMPLE_CLK
-            if running:
-                axis.sample(encoder.count())
-                command = output.put(axis.command, axis.port8)
-            encoder.run(command, axis.following)
+            cycle += ds.SAMPLE_CLK
+            self._cycle = cycle
+            level = output.put(axis.sample(count), axis.port8) if running else output.command
+            count = encoder.run(level, axis.following)
             if axis.sip:
                 self._place_sample()
                 encoder.seek(self.clock.ps(self._cycle) - 1)
@@ -365,10 +364,11 @@ class LM628(HostInterface):
                     break
             if axis.profile.velocity == 0 and encoder.resting():
                 course = axis.course()
-                self._still = course == self._course and axis.steady()
-                self._course = course
-            elif self._course:
-                self._course = ()
+                still = course == self._course and axis.steady()
+                self._course, rested = course, True
+            elif rested:
+                self._course, rested = (), False
+        self._still = still
         if running:
             self._outputs.begin(self._cycle)
         self._place_sample()

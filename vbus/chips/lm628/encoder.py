@@ -55,12 +55,15 @@ class Encoder:
         self.plant = plant
         self._from = self._to = plant.count
 
-    def run(self, command: float, following: i64) -> None:
-        """Let the plant run through one sample with the drive that holds meanwhile."""
+    def run(self, command: float, following: i64) -> i64:
+        """Let the plant run through one sample with the drive that holds; return the count."""
         self.index_at = _NEVER
-        if self.plant is not None:
-            self._from = self._to
-            self._to = self.plant.drive(command, following)
+        if self.plant is None:
+            return self.inputs.count
+        self._from = self._to
+        count = self.plant.drive(command, following)
+        self._to = count
+        return count
 
     def lasts(self, start: i64, end: i64) -> None:
         """The last sample lasts from ``start`` to ``end``: say so before asking for instants."""

@@ -261,6 +261,8 @@ class BusPins:
 
     def settle(self) -> None:
         """Find what has happened to D0-D7 since the last cycle ended."""
+        if self._wrote <= _LONG_AGO and self._read <= _LONG_AGO:
+            return  # as ever while a board of many chips runs: the net need not be fetched
         now, net = self._kernel.now, self._data.net
         if self._wrote > _LONG_AGO:
             # A change at the very instant came before the edge, if the byte was that value.

@@ -161,8 +161,7 @@ class Profile:
                 self.velocity = toward(self.velocity, 0, self.accel)
             else:
                 self.velocity = 0
-            self._move()
-            self.target = self.position >> 16
+            self.target = self._move()
             if self.velocity:
                 return False
             # LM-TRJ-9: the axis comes to rest on a whole count.
@@ -173,8 +172,7 @@ class Profile:
         if self.velocity_mode:
             goal = self.top if self.forward else -self.top
             self.velocity = toward(self.velocity, goal, self.accel)
-            self._move()
-            self.target = self.position >> 16
+            self.target = self._move()
             return False
         target = self.target << 16
         self.velocity = next_velocity(target - self.position, self.velocity, self.top, self.accel)
@@ -185,13 +183,16 @@ class Profile:
             return True
         return False
 
-    def _move(self) -> None:
+    def _move(self) -> i64:
+        """Go on by a sample's velocity; return the whole counts."""
         position = self.position + self.velocity
         counts = position >> 16
         if counts < ds.POSITION_MIN or counts > ds.POSITION_MAX:
             position = wrap_word(position, _HALF)
+            counts = position >> 16
             self.wrapped = True
         self.position = position
+        return counts
 
     def shift(self, counts: int) -> None:
         """Count positions from a home that lies ``counts`` further on (LM-POS-4)."""
