@@ -27,6 +27,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
 #include <simavr/avr_uart.h>
 #include <simavr/sim_avr.h>
@@ -53,12 +54,23 @@ struct port {
     unsigned watched;
 };
 
+/* An external interrupt that may be one of a low level. */
+struct level {
+    avr_extint_t *ints;
+    unsigned number;
+    avr_io_addr_t pin; /* register and bit it is seen in */
+    unsigned bit;
+};
+
 static struct {
     avr_t *avr;
     struct pin_link link;
     struct port ports[PIN_PORTS];
+    struct level levels[EXTINT_COUNT];
+    unsigned level_count;
     unsigned ramend; /* of the part itself: the external memory bus begins behind it */
     uint64_t ahead;  /* clock cycles until the access under way is on the bus */
+    uint64_t due;    /* before this cycle no timer of the AVR is, but for those set since */
     uint64_t frequency, limit;
     int stop, code, outputs;
 
@@ -206,19 +218,39 @@ static void port_moved(struct port *port)
         stop(OK, NULL);
 }
 
-static void write_port(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+/* Tell those parts of the AVR that listen to a pin; most often it is as they were told last. */
+static void tell_pin(avr_irq_t *irq, uint32_t level)
 {
-    struct port *port = param;
-
-    port->write[0](avr, address, value, port->param[0]);
-    port_moved(port);
+    if (irq->value != level || irq->flags & IRQ_FLAG_INIT)
+        avr_raise_irq(irq, level);
 }
 
-static void write_ddr(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+/* PORT or DDR is written. simavr's own asks the listeners of each pin, of which there are many. */
+static void write_register(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
 {
     struct port *port = param;
+    const avr_ioport_t *own = port->port;
+    int which = address != own->r_port;
+    avr_irq_t *pin = port->irq;
+    unsigned level, drive, pulled, up, told, shown;
 
-    port->write[1](avr, address, value, port->param[1]);
+    if (avr->gdb != NULL || avr->io[AVR_DATA_TO_IO(own->r_port)].irq != NULL) {
+        port->write[which](avr, address, value, port->param[which]);
+        port_moved(port);
+        return;
+    }
+    avr->data[address] = value;
+    tell_pin(pin + (which == 0 ? IOPORT_IRQ_REG_PORT : IOPORT_IRQ_DIRECTION_ALL), value);
+    level = avr->data[own->r_port];
+    drive = avr->data[own->r_ddr];
+    pulled = own->external.pull_mask & ~drive;
+    up = level & ~drive & ~pulled;
+    shown = (level & drive) | (own->external.pull_value & pulled) | up;
+    for (told = drive | pulled | up; told != 0; told >>= 1, shown >>= 1, pin++)
+        if (told & 1)
+            tell_pin(pin, shown & 1);
+    shown = ((avr->data[own->r_pin] & ~drive) | (level & drive)) & ~own->external.pull_mask & 0xFF;
+    tell_pin(port->irq + IOPORT_IRQ_PIN_ALL, shown | own->external.pull_value);
     port_moved(port);
 }
 
@@ -273,8 +305,8 @@ static void find_ports(void)
         port->number = number;
         port->port = found;
         port->irq = avr_io_getirq(sim.avr, AVR_IOCTL_IOPORT_GETIRQ(found->name), 0);
-        take_over(port, 0, found->r_port, write_port);
-        take_over(port, 1, found->r_ddr, write_ddr);
+        take_over(port, 0, found->r_port, write_register);
+        take_over(port, 1, found->r_ddr, write_register);
         take_over(port, 2, found->r_pin, write_pin);
         sim.avr->io[AVR_DATA_TO_IO(found->r_pin)].r.c = read_pin;
         sim.avr->io[AVR_DATA_TO_IO(found->r_pin)].r.param = port;
@@ -317,6 +349,72 @@ static int missing_port(void)
     if (port < 0)
         port = missing_among(pins->lines, pins->line_count);
     return port < 0 ? missing_among(pins->outputs, pins->output_count) : port;
+}
+
+/* --- interrupts of a low level --------------------------------------------------------------------
+ *
+ * An external interrupt is one of a low level after a reset. For those simavr looks at the pin after
+ * each instruction as long as it is low, whether the interrupt is enabled or not; where the pins are a
+ * data bus, that is most of all it does. It is told not to, and here the pin is looked at while the
+ * interrupt is enabled.
+ */
+
+static avr_cycle_count_t look_at_level(avr_t *avr, avr_cycle_count_t when, void *param)
+{
+    struct level *level = param;
+    avr_int_vector_t *vector = &level->ints->eint[level->number].vector;
+
+    if (!avr_regbit_get(avr, vector->enable) || avr->data[level->pin] >> level->bit & 1
+        || avr_regbit_get_array(avr, level->ints->eint[level->number].isc, 2) != 0)
+        return 0;
+    if (avr->sreg[S_I] && !vector->pending)
+        avr_raise_interrupt(avr, vector);
+    return when + 1;
+}
+
+static void pin_of_level_moved(avr_irq_t *irq, uint32_t value, void *param)
+{
+    struct level *level = param;
+
+    if (!value && avr_regbit_get(sim.avr, level->ints->eint[irq->irq].vector.enable))
+        avr_cycle_timer_register(sim.avr, 1, look_at_level, level);
+}
+
+static void write_enables(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+{
+    unsigned turn;
+
+    (void)param;
+    avr_core_watch_write(avr, address, value);
+    for (turn = 0; turn < sim.level_count; turn++)
+        avr_cycle_timer_register(avr, 1, look_at_level, &sim.levels[turn]);
+}
+
+static void find_levels(void)
+{
+    avr_io_t *io = sim.avr->io_port;
+    avr_extint_t *ints;
+    unsigned number;
+
+    while (io != NULL && strcmp(io->kind, "extint") != 0)
+        io = io->next;
+    ints = (avr_extint_t *)io;
+    for (number = 0; ints != NULL && number < EXTINT_COUNT; number++) {
+        struct level *level = &sim.levels[sim.level_count];
+        avr_io_addr_t enables = ints->eint[number].vector.enable.reg;
+
+        if (ints->eint[number].isc[1].reg == 0)
+            continue; /* there is none, or one of edges */
+        sim.level_count++;
+        level->ints = ints;
+        level->number = number;
+        level->pin = sim.ports[(ints->eint[number].port_ioctl & 0xFF) - 'A'].port->r_pin;
+        level->bit = ints->eint[number].port_pin;
+        avr_extint_set_strict_lvl_trig(sim.avr, (uint8_t)number, 0);
+        avr_irq_register_notify(ints->io.irq + number, pin_of_level_moved, level);
+        if (sim.avr->io[AVR_DATA_TO_IO(enables)].w.c != write_enables)
+            avr_register_io_write(sim.avr, enables, write_enables, NULL);
+    }
 }
 
 /* --- external memory -------------------------------------------------------------------------------
@@ -442,61 +540,36 @@ static unsigned bus_access(struct access access, unsigned data)
     return data | port->floating;
 }
 
-/* As simavr's own, with the bus around the instruction. */
-static void run_with_a_bus(avr_t *avr)
+/* An instruction with the bus around it; returns where the next one is. */
+static avr_flashaddr_t run_with_a_bus(avr_t *avr)
 {
-    struct access access = {NONE, 0};
-    avr_flashaddr_t after = avr->pc;
+    struct access access = next_access();
+    avr_flashaddr_t after;
+    unsigned extra = 0;
 
-    if (avr->gdb) {
-        avr_gdb_processor(avr, avr->state == cpu_Stopped);
-        if (avr->state == cpu_Stopped)
-            return;
+    if (access.kind != NONE && !(avr->data[XMCRA] & SRE)) {
+        say_once("the external memory interface is off (SRE)", access.address);
+        access.kind = NONE;
+        avr->data[next_access().address] = 0xFF;
     }
-    int step = avr->state == cpu_Step;
-
-    if (step)
-        avr->state = cpu_Running;
-    if (avr->state == cpu_Running) {
-        unsigned extra = 0;
-
-        access = next_access();
-        if (access.kind != NONE && !(avr->data[XMCRA] & SRE)) {
-            say_once("the external memory interface is off (SRE)", access.address);
-            access.kind = NONE;
-            avr->data[next_access().address] = 0xFF;
-        }
-        if (access.kind != NONE)
-            extra = extra_cycles(access.address);
-        if (access.kind == LOAD) {
-            sim.ahead = 2 + extra;
-            avr->data[access.address] = (uint8_t)bus_access(access, 0);
-            sim.ahead = 0;
-        }
-        after = avr_run_one(avr);
-        avr->cycle += extra;
-        if (access.kind == STORE)
-            bus_access(access, avr->data[access.address]);
-        if (access.kind != NONE && sim.outputs && !sim.stop) {
-            if (sim.link.touched)
-                sync_outputs();
-            else if (sim.link.told)
-                take_outputs();
-        }
+    if (access.kind != NONE)
+        extra = extra_cycles(access.address);
+    if (access.kind == LOAD) {
+        sim.ahead = 2 + extra;
+        avr->data[access.address] = (uint8_t)bus_access(access, 0);
+        sim.ahead = 0;
     }
-    avr_cycle_count_t sleep = avr_cycle_timer_process(avr);
-
-    avr->pc = after;
-    if (avr->state == cpu_Sleeping) {
-        if (!avr->sreg[S_I])
-            avr->state = cpu_Done;
-        else
-            avr->cycle += 1 + sleep;
+    after = avr_run_one(avr);
+    avr->cycle += extra;
+    if (access.kind == STORE)
+        bus_access(access, avr->data[access.address]);
+    if (access.kind != NONE && sim.outputs && !sim.stop) {
+        if (sim.link.touched)
+            sync_outputs();
+        else if (sim.link.told)
+            take_outputs();
     }
-    if (avr->state == cpu_Running || avr->state == cpu_Sleeping)
-        avr_service_interrupts(avr);
-    if (step)
-        avr->state = cpu_StepDone;
+    return after;
 }
 
 /* --- UART ----------------------------------------------------------------------------------------- */
@@ -633,18 +706,70 @@ static avr_cycle_count_t tell_time(avr_t *avr, avr_cycle_count_t when, void *par
     return when + sim.frequency;
 }
 
-/* Firmware that has returned from main waits for ever with interrupts off; its result is in r24. */
-static void look_for_the_end(void)
+/* Whether firmware waits for ever with interrupts off, as when it has returned from main. */
+static int ended_at(const avr_t *avr, avr_flashaddr_t place)
+{
+    const unsigned char *flash = avr->flash + place;
+
+    return !avr->sreg[S_I] && (flash[0] | flash[1] << 8) == RJMP_SELF;
+}
+
+/* The result of main is in r24. */
+static void say_the_end(void)
 {
     const unsigned char *flash = sim.avr->flash + sim.avr->pc;
 
-    if ((flash[0] | flash[1] << 8) != RJMP_SELF || sim.avr->sreg[S_I])
-        return;
     stop((flash[-2] | flash[-1] << 8) == CLI && sim.awaited == NULL ? sim.avr->data[24] : OK, NULL);
     if (sim.awaited != NULL) {
         sim.stop = 0;
         stop(FAILURE, "the firmware has ended before %s came", sim.awaited);
     }
+}
+
+/* As simavr's own, which does all of this after each instruction. The AVR's timers need their turn
+ * when the next one is due, or one was set or taken away: that leaves a mark in `run_cycle_count`. */
+static void run_to_the_next_event(avr_t *avr)
+{
+    avr_flashaddr_t after = avr->pc;
+    avr_cycle_count_t sleep;
+    int step;
+
+    if (avr->gdb) {
+        avr_gdb_processor(avr, avr->state == cpu_Stopped);
+        if (avr->state == cpu_Stopped)
+            return;
+    }
+    step = avr->state == cpu_Step;
+    if (step)
+        avr->state = cpu_Running;
+    if (avr->state == cpu_Running) {
+        avr_cycle_count_t due = avr->gdb ? 0 : sim.due;
+        int bus = sim.link.card.count > 0;
+
+        for (;;) {
+            after = bus ? run_with_a_bus(avr) : avr_run_one(avr);
+            if (avr->cycle >= due || avr->run_cycle_count != 0 || avr->interrupt_state != 0
+                || avr->state != cpu_Running || sim.stop || ended_at(avr, after))
+                break;
+            avr->pc = after;
+        }
+    }
+    sleep = avr_cycle_timer_process(avr);
+    avr->pc = after;
+    sim.due = avr->cycle + sleep;
+    avr->run_cycle_count = 0;
+    if (avr->state == cpu_Sleeping) {
+        if (!avr->sreg[S_I]) {
+            avr->state = cpu_Done;
+        } else {
+            avr->sleep(avr, sleep);
+            avr->cycle += 1 + sleep;
+        }
+    }
+    if (avr->state == cpu_Running || avr->state == cpu_Sleeping)
+        avr_service_interrupts(avr);
+    if (step)
+        avr->state = cpu_StepDone;
 }
 
 static void run(void)
@@ -658,8 +783,8 @@ static void run(void)
             stop(FAILURE, "the firmware sleeps for ever before %s came", sim.awaited);
         else if (state == cpu_Done)
             stop(OK, NULL);
-        else if (state == cpu_Running && !sim.avr->sreg[S_I])
-            look_for_the_end();
+        else if (state == cpu_Running && ended_at(sim.avr, sim.avr->pc))
+            say_the_end();
     }
 }
 
@@ -806,6 +931,7 @@ int main(int argc, char **argv)
     sim.avr->frequency = (uint32_t)sim.frequency;
     sim.avr->sleep = do_not_sleep;
     find_ports();
+    find_levels();
     if (missing_port() >= 0) {
         fprintf(stderr, "vbus-avr: the pin map uses port %c, and an %s has none\n",
                 'A' + missing_port(), part);
@@ -828,8 +954,8 @@ int main(int argc, char **argv)
         sim.avr->state = cpu_Stopped;
         avr_gdb_init(sim.avr);
     }
-    if (sim.link.card.count > 0)
-        sim.avr->run = run_with_a_bus;
+    sim.avr->run = run_to_the_next_event;
+    sim.avr->run_cycle_limit = 1;
     clock_gettime(CLOCK_MONOTONIC, &sim.began);
     run();
     if (sim.middle)

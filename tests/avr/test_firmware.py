@@ -281,6 +281,42 @@ def test_read_leases_change_nothing_but_the_speed(
     assert len(with_leases[1]) > 60
 
 
+@pytest.mark.parametrize("enabled", ["before", "while"])
+def test_an_interrupt_of_a_low_level_comes_as_long_as_its_pin_is_low(
+    run: Run, firmware: Compile, enabled: str
+) -> None:
+    source = """
+    static volatile uint8_t came;
+    ISR(INT0_vect)
+    {
+        if (++came % 3 == 0)
+            PORTD |= _BV(PD2);
+    }
+
+    int main(void)
+    {
+        PORTD = _BV(PD2);
+        DDRD = _BV(PD2);
+        sei();
+        EIMSK = before;
+        PORTD = 0;
+        _delay_us(10);
+        EIMSK = _BV(INT0);
+        _delay_us(10);
+        PORTD = 0;
+        _delay_us(10);
+        EIMSK = 0;
+        PORTD = _BV(PD2);
+        PORTD = 0;
+        _delay_us(10);
+        cli();
+        return came;
+    }"""
+    source = source.replace("before", "_BV(INT0)" if enabled == "before" else "0")
+
+    assert run(firmware(source)) == (6, [])
+
+
 @pytest.mark.parametrize("mmcu", ["atmega1281", "atmega2560"])
 def test_other_parts_and_other_ports(
     run: Run, firmware: Compile, transcript: Callable[[], list[str]], mmcu: str

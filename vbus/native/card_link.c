@@ -92,7 +92,7 @@ static void open_session(void)
     leaves = 1;
     vbus_buffer(&card.bus);
     leases = getenv("VBUS_LEASES");
-    if (leases == NULL || *leases != '0')
+    if (!card.realtime && (leases == NULL || *leases != '0'))
         must(vbus_leases(&card.bus, 1));
 }
 

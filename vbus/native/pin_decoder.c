@@ -81,6 +81,17 @@ static const char *read_role(struct pin_decoder *decoder, const char *text, stru
     return end;
 }
 
+/* The ports whose moves may begin or end something at a chip, a bit each. */
+static unsigned ports_of(const struct pin_chip *chip)
+{
+    const struct pin_source *one, *last = &chip->latch; /* they lie one behind the other */
+    unsigned ports = 0;
+
+    for (one = &chip->select; one <= last; one++)
+        ports |= one->kind == TIED ? ~0U : (unsigned)(one->kind == PORT_BIT) << one->port;
+    return ports;
+}
+
 int pin_decoder_init(struct pin_decoder *decoder, const char *wiring)
 {
     const char *text = wiring;
@@ -102,6 +113,8 @@ int pin_decoder_init(struct pin_decoder *decoder, const char *wiring)
             return (int)(text - wiring) + 1;
         text = next + (*next == ' ');
     }
+    for (turn = 0; turn < decoder->chip_count; turn++)
+        decoder->chips[turn].ports = (unsigned short)ports_of(&decoder->chips[turn]);
     return 0;
 }
 
@@ -315,11 +328,14 @@ void pin_decoder_port(struct pin_decoder *decoder, unsigned port, unsigned drive
     decoder->level[port] = (unsigned char)level;
     for (turn = 0; turn < decoder->chip_count; turn++) {
         struct pin_chip *chip = &decoder->chips[turn];
-        int selected = at(decoder, &chip->select) == 0;
-        int writing = selected && at(decoder, &chip->write) == 0;
-        int reading = selected && at(decoder, &chip->read) == 0 && !writing;
-        int latching = at(decoder, &chip->latch) == 0;
+        int selected, writing, reading, latching;
 
+        if (!(chip->ports >> port & 1))
+            continue;
+        selected = at(decoder, &chip->select) == 0;
+        writing = selected && at(decoder, &chip->write) == 0;
+        reading = selected && at(decoder, &chip->read) == 0 && !writing;
+        latching = at(decoder, &chip->latch) == 0;
         ended |= (unsigned)(chip->writing && !writing) << turn;
         begun |= (unsigned)(reading && !chip->reading) << turn;
         unread |= (unsigned)(chip->reading && !reading) << turn;

@@ -40,6 +40,7 @@ struct pin_chip {
     unsigned char reading, writing, latching, latched, byte;
     unsigned char behind;   /* its data bus is moved as it is: `bus` is wired in place of `data` */
     unsigned short driving; /* what is driven there, or PIN_FLOATS */
+    unsigned short ports;   /* those on which select, strobes and latch are, a bit each */
 };
 
 #define PIN_FLOATS 0x100

@@ -10,6 +10,7 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
+#include <sched.h>
 #include <string.h>
 #include <sys/file.h>
 #include <sys/socket.h>
@@ -26,6 +27,7 @@
 #define LONGEST_MS 86400000
 #define START_MS 5000 /* how long a board that has begun to start may take */
 #define PAUSE_MS 10
+#define LOOKS 64 /* for a reply, before sleeping: some 30 us */
 #define PS_PER_MS UINT64_C(1000000000)
 
 const char *vbus_strerror(int error)
@@ -527,16 +529,20 @@ int vbus_send(struct vbus *bus)
 
 /* --- receiving -------------------------------------------------------------------------------- */
 
-/* Get more bytes: 1, or 0 when time is up, or an error. */
+/* Get more bytes: 1, or 0 when time is up, or an error. A host alone on its board looks for them first,
+ * which takes less than to sleep and be woken, and lets the board run between two looks. */
 static int receive(struct vbus *bus, int64_t deadline)
 {
+    int looks = bus->is_socket && bus->leasing ? LOOKS : 0, before = errno;
+
     for (;;) {
         ssize_t now;
-        int found = deadline < 0 ? 1 : ready(bus, POLLIN, deadline);
+        int found = looks > 0 || deadline < 0 ? 1 : ready(bus, POLLIN, deadline);
 
         if (found <= 0)
             return found;
-        now = read(bus->fd, bus->in, sizeof bus->in);
+        now = looks > 0 ? recv(bus->fd, bus->in, sizeof bus->in, MSG_DONTWAIT)
+                        : read(bus->fd, bus->in, sizeof bus->in);
         if (now > 0) {
             bus->in_begin = 0;
             bus->in_end = (size_t)now;
@@ -544,7 +550,11 @@ static int receive(struct vbus *bus, int64_t deadline)
         }
         if (now == 0)
             return die(bus, VBUS_E_CLOSED);
-        if (errno == EAGAIN || errno == EWOULDBLOCK) {
+        if (looks > 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) {
+            looks--;
+            errno = before; /* which callers may still have to tell of */
+            sched_yield();
+        } else if (errno == EAGAIN || errno == EWOULDBLOCK) {
             found = ready(bus, POLLIN, deadline);
             if (found <= 0)
                 return found;
@@ -1407,6 +1417,7 @@ int vbus_leases(struct vbus *bus, int on)
     }
     if (walk.error < 0)
         return walk.error;
+    bus->leasing = on != 0;
     request[0] = VBUS_LEASES;
     request[1] = low(on == 0 ? 0U : bus->foreseeing ? 2U : 1U);
     return post(bus, request, 2);

@@ -2,8 +2,8 @@
  *
  * One header and one C99 file; no dependency beyond POSIX, no allocation, no global state. Builds
  * as C and as C++, for 32 and 64 bits. Every function but vbus_strerror takes the caller's own
- * struct vbus, keeps to calls that POSIX allows in signal handlers (and flock, in vbus_open), and
- * works over any file descriptor that carries the byte protocol.
+ * struct vbus, keeps to calls that POSIX allows in signal handlers (and flock, in vbus_open, and
+ * sched_yield), and works over any file descriptor that carries the byte protocol.
  *
  *     struct vbus bus;
  *     if (vbus_open(&bus, "pty:/run/vbus/bench-x") < 0) ...
@@ -125,7 +125,7 @@ struct vbus {
     unsigned ask_first, ask_count;
     uint64_t passing;
     size_t out_size, in_begin, in_end;
-    int leased, stamped, unsent_stamp, stamped_polls, foreseeing;
+    int leasing, leased, stamped, unsent_stamp, stamped_polls, foreseeing;
     size_t run; /* where the number of bytes of an open POLLED_AT stands in `out`, or 0 */
     unsigned selected, lease_address, lease_data, lease_then, lease_polls;
     uint32_t lease_outputs;
@@ -193,7 +193,8 @@ int vbus_send(struct vbus *bus);
 /* Answer polls from leases (1) or ask the board each time (0, as at the start). On lockstep and
  * slaved boards a read without side effects tells how long its byte will stay; until then vbus_read
  * gives that byte without asking, and the board is told how often it did, so that time, counts and
- * traces are those of a host that asks. Asks for the description of the session. */
+ * traces are those of a host that asks. Such a host is alone on its board: over a socket it looks for a
+ * reply for some 30 us before it sleeps. Asks for the description of the session. */
 int vbus_leases(struct vbus *bus, int on);
 
 /* Ask for a read cycle without waiting, and later take the bytes in the same order. */

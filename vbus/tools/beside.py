@@ -16,6 +16,7 @@ from vbus.board.source import Source
 from vbus.errors import VbusError
 from vbus.runtime import private_runtime
 from vbus.server.host_limits import IN_VAIN, POLLING, UNBOUNDED, Limits, Watch
+from vbus.server.loop import HostLoop
 from vbus.server.recording import Recording
 from vbus.server.server import LinkSpec, Server
 from vbus.server.serving import links_of, metrics_of, recorded
@@ -243,7 +244,8 @@ def run_beside(
         running = _run_beside(
             server, recording, command(link), environment, note, stdout, watch, scope, control
         )
-        code = asyncio.run(running)
+        with asyncio.Runner(loop_factory=HostLoop) as runner:
+            code = runner.run(running)
         if watched:
             outcome.look()
         if written is not None:

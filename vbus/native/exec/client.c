@@ -7,6 +7,7 @@
 #include <errno.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <sched.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <termios.h>
@@ -17,6 +18,8 @@
 #define write(fd, data, size) sys_write(fd, data, size)
 #define poll(set, count, timeout) sys_poll(set, count, timeout)
 #define send(fd, data, size, flags) syscall(SYS_sendto, fd, data, size, flags, NULL, 0)
+#define recv(fd, data, size, flags) syscall(SYS_recvfrom, fd, data, size, flags, NULL, NULL)
+#define sched_yield() syscall(SYS_sched_yield)
 #define connect(fd, address, size) (int)syscall(SYS_connect, fd, address, size)
 #define clock_gettime(clock, when) sys_clock_gettime(clock, when)
 
