@@ -81,7 +81,7 @@ class HostBus(HostPort):
         "strobes: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_card", "_hosts", "_kernel", "board", "chips", "cycle_ps", "held",
+        "_accesses", "_card", "_hosts", "_kernel", "board", "chips", "cycle_ps", "held",
         "hold_until", "label", "leases", "on_events", "on_resume", "pin_map", "promises",
     )  # fmt: skip
 
@@ -106,6 +106,8 @@ class HostBus(HostPort):
         self.on_events: Callable[[], None] | None = None
         self._hosts: Hosts = hosts
         self._card: Card | None = card
+        self._accesses: dict[int, CardAccess] = {}
+        """What accesses have reached so far, by twice the address, and 1 for a write."""
         self._kernel: Kernel = board.kernel
         self.selection: Selection = Selection(board, chips, cycle_ps)
         self.clock: HostClock = HostClock(board, self)
@@ -148,13 +150,20 @@ class HostBus(HostPort):
 
     def card(self, address: int, write: bool = False) -> CardAccess | None:
         """Decode a card address; None if nobody is there."""
-        card = self._card
-        return None if card is None else card.access(address, write, self.pins.side_names())
+        place: int = address << 1 | write
+        access = self._accesses.get(place)
+        if access is None and self._card is not None:
+            access = self._card.access(address, write, self.pins.side_names())
+            if access is not None:
+                self._accesses[place] = access
+        return access
 
     # -- choosing chips -----------------------------------------------------------------------
 
     def select(self, mask: int) -> None:
         """Choose the chips of following cycles."""
+        if mask == self.selection.mask and not self._hosts.claims:
+            return
         before, self.selection.mask = self.selection.mask, mask
         if self._hosts.deadlock(self):
             self.selection.mask = before
