@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from mypy_extensions import i64, mypyc_attr
 
-from vbus.board.cards import Card
+from vbus.board.cards import Card, Places
 from vbus.board.circuit import Circuit
 from vbus.board.host_clock import HostClock
 from vbus.board.host_info import port_info
@@ -81,7 +81,7 @@ class HostBus(HostPort):
         "strobes: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_accesses", "_card", "_hosts", "_kernel", "board", "chips", "cycle_ps", "held",
+        "_card", "_hosts", "_kernel", "_places", "board", "chips", "cycle_ps", "held",
         "hold_until", "label", "leases", "on_events", "on_resume", "pin_map", "promises",
     )  # fmt: skip
 
@@ -106,14 +106,13 @@ class HostBus(HostPort):
         self.on_events: Callable[[], None] | None = None
         self._hosts: Hosts = hosts
         self._card: Card | None = card
-        self._accesses: dict[int, CardAccess] = {}
-        """What accesses have reached so far, by twice the address, and 1 for a write."""
         self._kernel: Kernel = board.kernel
         self.selection: Selection = Selection(board, chips, cycle_ps)
         self.clock: HostClock = HostClock(board, self)
         self.pins: HostPins = HostPins(
             board.kernel, label, chips, board.glue_of(chips), self._edge_seen
         )
+        self._places: Places = card.places(self.pins.side_names()) if card else [{}, {}]
         self.leases: HostLeases = HostLeases(board, self.selection, self.pins)
         self.strobes: StrobeWatch = StrobeWatch(board, label, chips)
         self.polls: HostPolls = HostPolls(board, self, self.selection, self.clock)
@@ -150,13 +149,7 @@ class HostBus(HostPort):
 
     def card(self, address: int, write: bool = False) -> CardAccess | None:
         """Decode a card address; None if nobody is there."""
-        place: int = address << 1 | write
-        access = self._accesses.get(place)
-        if access is None and self._card is not None:
-            access = self._card.access(address, write, self.pins.side_names())
-            if access is not None:
-                self._accesses[place] = access
-        return access
+        return self._places[write].get(address)
 
     # -- choosing chips -----------------------------------------------------------------------
 
