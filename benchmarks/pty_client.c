@@ -1,4 +1,5 @@
-/* Status reads over a terminal: pty_client TERMINAL MESSAGES READS_PER_MESSAGE
+/* Status reads over a link: pty_client PLACE MESSAGES READS_PER_MESSAGE
+ * PLACE is a terminal's path, or unix:PATH, or tcp:PORT of this computer.
  * Prints median, mean and 99th percentile of one message's round trip, in ns. */
 #define _GNU_SOURCE
 #include <fcntl.h>
@@ -7,13 +8,22 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "sockets.h"
 #include "times.h"
+
+static int connected(const char *place)
+{
+    struct sockaddr_storage address;
+    socklen_t length;
+    int fd = socket_at(place, &address, &length);
+    return connect(fd, (struct sockaddr *)&address, length) ? -1 : prompt(fd);
+}
 
 int main(int argc, char **argv)
 {
     if (argc != 4)
         return 2;
-    int fd = open(argv[1], O_RDWR | O_NOCTTY);
+    int fd = is_socket(argv[1]) ? connected(argv[1]) : open(argv[1], O_RDWR | O_NOCTTY);
     long count = atol(argv[2]), reads = atol(argv[3]);
     if (fd < 0 || count < 1 || reads < 1 || reads > 1000)
         return 2;

@@ -84,6 +84,29 @@ def test_without_a_watch_clients_are_noticed_a_little_later(
     assert len(os.listdir("/proc/self/fd")) == before
 
 
+def test_all_terminals_of_a_server_share_one_watch(runtime: Path) -> None:
+    """A user may have 128 inotify descriptors where nobody has asked for more."""
+    names = [f"x{number}" for number in range(150)]
+    links = [LinkSpec(f"pty:$VBUS_RUNTIME/{name}", "byte") for name in names]
+
+    def watches() -> int:
+        here = Path("/proc/self/fd")
+        return sum("inotify" in os.readlink(fd) for fd in here.iterdir() if fd.is_symlink())
+
+    before = watches()
+    with served(toy_board(), *links) as server:
+        assert watches() == before + 1
+        fds = [open_raw(runtime / name) for name in names]
+        for number, fd in enumerate(fds):
+            os.write(fd, bytes((0x02, number)))
+        for number, fd in enumerate(fds):
+            assert read_exactly(fd, 2) == bytes((ord("E"), number))
+        for fd in fds:
+            os.close(fd)
+        wait_for_sessions(server, 0)
+    assert watches() == before
+
+
 def test_pyserial_talks_to_the_board(runtime: Path) -> None:
     with served(toy_board(), PTY), serial.Serial(str(runtime / "x"), 115200, timeout=20) as port:
         port.write(b"\x21\x0d\x11")

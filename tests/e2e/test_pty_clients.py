@@ -16,7 +16,7 @@ from tests.e2e.serving import served
 from tests.e2e.test_pty import PTY, open_raw, read_exactly, toy_board, wait_for_sessions
 from vbus.server.registry import ask, status_path
 from vbus.server.server import Server
-from vbus.transports.linux import OpenWatch
+from vbus.transports.open_watch import OpenWatch
 from vbus.transports.pty import PtyTransport, _Terminal
 
 ECHO = b"\x02"
@@ -206,7 +206,7 @@ def test_an_idle_terminal_does_not_wake_the_server(runtime: Path) -> None:
 def test_without_a_watch_clients_come_and_go_all_the_same(
     runtime: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refused(path: str) -> OpenWatch:
+    def refused(*arguments: object) -> OpenWatch:
         raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
 
     monkeypatch.setattr("vbus.transports.pty.OpenWatch", refused)

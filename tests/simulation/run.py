@@ -26,7 +26,7 @@ from tests.simulation.lossy import Network, NetworkHost
 from tests.simulation.system import (
     End,
     File,
-    OpenWatch,
+    Inotify,
     SimulatedLoop,
     Slave,
     System,
@@ -471,7 +471,7 @@ class Simulation:
     @staticmethod
     def _kind(file: File) -> str:
         """A terminal may have lost its watch to a shortage; it does without."""
-        return "" if isinstance(file, OpenWatch) else type(file).__name__
+        return "" if isinstance(file, Inotify) else type(file).__name__
 
     def _after(self) -> None:
         """Look at what the server has left behind."""

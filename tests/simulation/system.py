@@ -23,7 +23,7 @@ from typing import Any, Final
 from unittest import mock
 
 from vbus.server import hang_ups, local_socket, loop, pacer, recording, turns
-from vbus.transports import base, pty, runtime, sockets, zenoh_inbox
+from vbus.transports import base, open_watch, pty, runtime, sockets, zenoh_inbox
 
 FIRST: Final = 10_000
 """Lowest descriptor that is not one of the real system."""
@@ -204,7 +204,7 @@ class Terminal(File):
         self.capacity = system.capacity()
         self.exclusive = False
         self.gone = False
-        self.watches: list[Watch] = []
+        self.watches: list[tuple[Inotify, int]] = []
         system.terminals[self.name] = self
 
     def ready(self) -> int:
@@ -240,8 +240,8 @@ class Slave(File):
         self.terminal = terminal
         self.transcript: Any = None
         terminal.open_slaves += 1
-        for watch in terminal.watches:
-            watch.tell(True)
+        for inotify, number in terminal.watches:
+            inotify.tell(number, True)
 
     def read(self, size: int) -> bytes:
         terminal = self.terminal
@@ -268,46 +268,49 @@ class Slave(File):
     def closed(self) -> None:
         terminal = self.terminal
         terminal.open_slaves -= 1
-        for watch in terminal.watches:
-            watch.tell(False)
+        for inotify, number in terminal.watches:
+            inotify.tell(number, False)
         if not terminal.open_slaves:
             terminal.wakes += 1
 
 
-class Watch(File):
-    """An inotify descriptor on a terminal: two like reports in a row are one."""
+class Inotify(File):
+    """Stands for :class:`vbus.transports.linux.Inotify`: two like reports in a row are one."""
 
-    def __init__(self, system: "System", name: str) -> None:
+    def __init__(self, system: "System") -> None:
         system.fail("inotify")
         if system.short_of_descriptors():
             raise failure(errno.EMFILE)
         super().__init__(system)
-        self.events: list[bool] = []
-        system.terminals[name].watches.append(self)
+        self.events: list[tuple[int, bool]] = []
+        self.numbers = count(1)
+
+    def add(self, name: str) -> int:
+        self.system.fail("inotify")
+        number = next(self.numbers)
+        self.system.terminals[name].watches.append((self, number))
+        return number
+
+    def remove(self, number: int) -> None:
+        for terminal in self.system.terminals.values():
+            terminal.watches = [one for one in terminal.watches if one != (self, number)]
 
     def ready(self) -> int:
         return select.EPOLLIN if self.events else 0
 
-    def tell(self, opened: bool) -> None:
-        if not self.events or self.events[-1] != opened:
-            self.events.append(opened)
+    def tell(self, number: int, opened: bool) -> None:
+        if not self.events or self.events[-1] != (number, opened):
+            self.events.append((number, opened))
             self.wakes += 1
 
     def happened(self) -> bool:
         self.system.called()
         return bool(self.events)
 
-    def take(self) -> list[bool]:
+    def read(self) -> list[tuple[int, bool]]:  # type: ignore[override]
         self.system.called()
         events, self.events = self.events, []
         return events
-
-
-class OpenWatch(Watch):
-    """Stands for :class:`vbus.transports.linux.OpenWatch`."""
-
-    def read(self) -> list[bool]:  # type: ignore[override]
-        return self.take()
 
 
 class TimerFd(File):
@@ -685,7 +688,7 @@ class System:
             (pty, "termios", tried(termios, tcflush=self._tcflush)),
             (pty, "tty", tried(tty, setraw=lambda fd, when=0: None)),
             (pty, "fcntl", tried(fcntl, ioctl=self._ioctl)),
-            (pty, "OpenWatch", lambda name: OpenWatch(system, name)),
+            (open_watch, "Inotify", lambda: Inotify(system)),
             (pacer, "TimerFd", lambda: TimerFd(system)),
             (sockets, "socket", tried(socket, socket=lambda f, k: Listener(system, f, k))),
             (loop, "DirectSelector", Selector),

@@ -9,6 +9,9 @@ from vbus.chips.base import Chip
 from vbus.chips.tables import CardRow
 from vbus.protocols.port import CardAccess
 
+Places = list[dict[int, CardAccess]]
+"""What accesses reach, by address: reads, and writes."""
+
 DIRECT = "direct"
 """The decode circuit every chip has: the address lines go straight to it."""
 
@@ -74,14 +77,22 @@ class Card(Struct):
         """Return the data bits that nobody drives when ``address`` is read."""
         return self.unconnected.get(address - self.base, 0)
 
-    def access(self, address: int, write: bool, sides: list[str]) -> CardAccess | None:
-        """Return what an access reaches, in a session with these side pins; None: nothing."""
-        place, offset = self.decode(address, write), address - self.base
+    def places(self, sides: list[str]) -> Places:
+        """Return what reads and what writes reach, in a session with these side pins."""
+        return [self._places(False, sides), self._places(True, sides)]
+
+    def _places(self, write: bool, sides: list[str]) -> dict[int, CardAccess]:
+        rows = self.writes if write else self.reads
         at = self.acknowledge_write if write else self.acknowledge_read
-        pulsed = sides.index(self.acknowledge) if at >= 0 and offset == at else -1
-        if place is None:
-            return CardAccess(-1, 0, 0xFF, pulsed) if pulsed >= 0 else None
-        return CardAccess(*place, self.floating(address), pulsed)
+        found = {}
+        for offset, place in rows.items():
+            address = self.base + offset
+            found[address] = CardAccess(*place, self.floating(address), -1)
+        if at >= 0 and self.acknowledge in sides:
+            pin, place = sides.index(self.acknowledge), rows.get(at, (-1, 0))
+            floating = self.floating(self.base + at) if at in rows else 0xFF
+            found[self.base + at] = CardAccess(*place, floating, pin)
+        return found
 
     def text(self, sides: list[str]) -> str:
         """Return the table as HELLO tells it: ``r340=0.1`` and ``w340=0.1``, in hexadecimal.

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from mypy_extensions import i64, mypyc_attr
 
-from vbus.board.cards import Card
+from vbus.board.cards import Card, Places
 from vbus.board.circuit import Circuit
 from vbus.board.host_clock import HostClock
 from vbus.board.host_info import port_info
@@ -81,7 +81,7 @@ class HostBus(HostPort):
         "strobes: part",
     )  # fmt: skip
     WIRING: ClassVar[Names] = (
-        "_card", "_hosts", "_kernel", "board", "chips", "cycle_ps", "held",
+        "_card", "_hosts", "_kernel", "_places", "board", "chips", "cycle_ps", "held",
         "hold_until", "label", "leases", "on_events", "on_resume", "pin_map", "promises",
     )  # fmt: skip
 
@@ -112,6 +112,7 @@ class HostBus(HostPort):
         self.pins: HostPins = HostPins(
             board.kernel, label, chips, board.glue_of(chips), self._edge_seen
         )
+        self._places: Places = card.places(self.pins.side_names()) if card else [{}, {}]
         self.leases: HostLeases = HostLeases(board, self.selection, self.pins)
         self.strobes: StrobeWatch = StrobeWatch(board, label, chips)
         self.polls: HostPolls = HostPolls(board, self, self.selection, self.clock)
@@ -148,13 +149,14 @@ class HostBus(HostPort):
 
     def card(self, address: int, write: bool = False) -> CardAccess | None:
         """Decode a card address; None if nobody is there."""
-        card = self._card
-        return None if card is None else card.access(address, write, self.pins.side_names())
+        return self._places[write].get(address)
 
     # -- choosing chips -----------------------------------------------------------------------
 
     def select(self, mask: int) -> None:
         """Choose the chips of following cycles."""
+        if mask == self.selection.mask and not self._hosts.claims:
+            return
         before, self.selection.mask = self.selection.mask, mask
         if self._hosts.deadlock(self):
             self.selection.mask = before

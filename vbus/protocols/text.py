@@ -15,8 +15,10 @@ LONGEST_LINE: Final = 512
 UNCLAIMED: Final = 0xFF
 """What a card address reads that nobody answers."""
 
-_DIGITS: Final = frozenset("0123456789")
-_HEX_DIGITS: Final = frozenset("0123456789abcdef")
+_DIGITS: Final = "0123456789"
+_HEX_DIGITS: Final = "0123456789abcdefABCDEF"
+_BYTES: Final = [f"{value:02x}" for value in range(256)]
+"""Bytes as they are answered: quicker than to format each."""
 
 _LF: Final = 0x0A
 _CR: Final = 0x0D
@@ -131,31 +133,39 @@ class TextProtocol(Protocol):
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host; carry out every line now complete."""
-        self._kept += data
-        kept = self._kept
+        if self._kept:
+            self._kept += data
+            data = bytes(self._kept)
+            self._kept.clear()
+        used = self._carry_out(data)
+        if used < len(data):
+            self._kept += data[used:]
+
+    def _carry_out(self, data: bytes) -> int:
+        """Answer lines until one is not complete or has to wait; return the bytes used."""
         start = 0
         while not self.port.held:
-            end = _line_end(kept, start)
+            end = _line_end(data, start)
             if end < 0:
-                if len(kept) - start > LONGEST_LINE:
+                if len(data) - start > LONGEST_LINE:
                     self._overlong = True
-                    start = len(kept)
+                    return len(data)
                 break
-            answer = self._answer(kept, start, end)
+            answer = self._answer(data, start, end)
             if answer is None:
                 break
             if answer:
+                answer += "\r\n" if data[end] == _CR else "\n"
                 self.out += answer.encode("ascii", "backslashreplace")
-                self.out += b"\r\n" if kept[end] == _CR else b"\n"
             start = end + 1
-        del kept[:start]
+        return start
 
-    def _answer(self, kept: bytearray, start: int, end: int) -> str | None:
-        """Return the line that answers ``kept[start:end]``; empty for none, None to wait."""
+    def _answer(self, data: bytes, start: int, end: int) -> str | None:
+        """Return the line that answers ``data[start:end]``; empty for none, None to wait."""
         if self._overlong or end - start > LONGEST_LINE:
             self._overlong = False
             return f"error: the line is too long; at most {LONGEST_LINE} characters"
-        words = kept[start:end].decode("ascii", "replace").split()
+        words = data[start:end].decode("ascii", "replace").split()
         if not words:
             return ""
         verb = VERBS.get(words[0])
@@ -166,7 +176,7 @@ class TextProtocol(Protocol):
         try:
             if not verb.fewest <= len(arguments) <= verb.most:
                 raise _Mistake(f"{verb.name} with {len(arguments)} arguments; usage: {verb.usage}")
-            return self._handlers[verb.name](arguments)
+            return self._handlers[words[0]](arguments)
         except NotYet:
             return None
         except (_Mistake, PortError) as error:
@@ -182,7 +192,7 @@ class TextProtocol(Protocol):
             raise _Mistake("count 0; allowed are 1 to FF")
         values = self._partial
         while len(values) < count:
-            values.append(f"{self.port.read(address):02x}")
+            values.append(_BYTES[self.port.read(address)])
         answer = " ".join(values)
         values.clear()
         return answer
@@ -256,7 +266,7 @@ class TextProtocol(Protocol):
 
     def _do_sample(self, arguments: list[str]) -> str | None:
         data, outputs = self.port.sample()
-        return f"{data:02x} {outputs:x}"
+        return f"{_BYTES[data]} {outputs:x}"
 
     def _do_step(self, arguments: list[str]) -> str | None:
         if not self.port.delay(_duration(arguments)):
@@ -291,10 +301,10 @@ class TextProtocol(Protocol):
     # -- qtest ------------------------------------------------------------------------------------
 
     def _do_inb(self, arguments: list[str]) -> str | None:
-        return f"OK 0x{self._card_read(arguments):04x}"
+        return "OK 0x00" + _BYTES[self._card_read(arguments)]
 
     def _do_readb(self, arguments: list[str]) -> str | None:
-        return f"OK 0x{self._card_read(arguments):016x}"
+        return "OK 0x00000000000000" + _BYTES[self._card_read(arguments)]
 
     def _do_clock_step(self, arguments: list[str]) -> str | None:
         if arguments:
@@ -340,10 +350,12 @@ class TextProtocol(Protocol):
         return data
 
 
-def _line_end(data: bytearray, start: int) -> int:
+def _line_end(data: bytes, start: int) -> int:
     """Return where the line that starts at ``start`` ends, or -1."""
-    lf = data.find(_LF, start)
-    cr = data.find(_CR, start, lf if lf >= 0 else len(data))
+    lf = data.find(b"\n", start)
+    if _CR not in data:
+        return lf
+    cr = data.find(b"\r", start, lf if lf >= 0 else len(data))
     return cr if cr >= 0 else lf
 
 
@@ -356,8 +368,10 @@ def _duration(words: list[str]) -> int:
 
 def _hex(text: str, what: str, most: int) -> int:
     """Return a hexadecimal number; ``0x`` in front and ``h`` behind are allowed."""
-    digits = text.lower().removeprefix("0x").removesuffix("h")
-    if not digits or not set(digits) <= _HEX_DIGITS:
+    digits = text
+    if text.strip(_HEX_DIGITS):  # which leaves what is no digit, and what is between two of these
+        digits = text.lower().removeprefix("0x").removesuffix("h")
+    if not digits or digits.strip(_HEX_DIGITS):
         raise _Mistake(f"{what} {text!r} is no hexadecimal number; allowed are 0 to {most:X}")
     value = int(digits, 16)
     if value > most:
@@ -367,9 +381,9 @@ def _hex(text: str, what: str, most: int) -> int:
 
 def _c_number(text: str, what: str) -> int:
     """Return a number as C writes it, below 2^63."""
-    prefixed = text[:2] in ("0x", "0X")
-    digits = text[2:].lower() if prefixed else text
-    if not digits or not set(digits) <= (_HEX_DIGITS if prefixed else _DIGITS):
+    prefixed = text.startswith(("0x", "0X"))
+    digits = text[2:] if prefixed else text
+    if not digits or digits.strip(_HEX_DIGITS if prefixed else _DIGITS):
         raise _Mistake(f"{what} {text!r} is no number; allowed are 0x1f or 31")
     value = int(digits, 16 if prefixed else 10)
     if value >= 1 << 63:

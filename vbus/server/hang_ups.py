@@ -2,7 +2,7 @@
 
 import asyncio
 import select
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 
 class HangUps:
@@ -37,15 +37,12 @@ class HangUps:
         if self._callbacks.pop(fd, None) is not None:
             self._poll.unregister(fd)
 
-    def gone(self, fd: int) -> bool:
-        """Whether the host behind ``fd`` has gone, though that may not have been noticed yet."""
-        watched = fd in self._callbacks
-        if not watched:
-            self._poll.register(fd, 0)
-        found = any(other == fd for other, _ in self._poll.poll(0))
-        if not watched:
-            self._poll.unregister(fd)
-        return found
+    def gone(self, fds: Iterable[int]) -> set[int]:
+        """Return those whose hosts have gone, though that may not have been noticed yet."""
+        poll = select.poll()
+        for fd in fds:
+            poll.register(fd, 0)
+        return {fd for fd, _ in poll.poll(0)}
 
     def look(self) -> None:
         """Call back for whoever has gone."""

@@ -56,14 +56,13 @@ class Overload:
             spent_ns: tells how long the processor has worked for this board (ns).
             ps_per_ns: chip time that should pass with wall time, as a fraction.
         """
-        took = wall_ns - self._begun_ns
-        if self._begun_ns >= 0 and took < WINDOW_NS:
+        took, came = wall_ns - self._begun_ns, now - self._begun_ps
+        if self._begun_ns >= 0 and (took < WINDOW_NS or not came):
             return False
         short, begins, spent = 0.0, False, spent_ns()
         if self._begun_ns >= 0 and took <= LONGEST_NS:
             due = took * ps_per_ns[0] / ps_per_ns[1]
-            came = now - self._begun_ps
-            needed = (spent - self._begun_spent) / took * due / max(came, 1)
+            needed = (spent - self._begun_spent) / took * due / came
             if came < due * SHORT and needed > 1.0:
                 short = needed
             times = short if self._before else 0.0

@@ -195,8 +195,10 @@ class Server:
         return list(self.local_sockets[1].connections)
 
     def _look_for_hosts(self, hang_ups: HangUps) -> None:
-        for session in list(self.sessions()):
-            if session.link.fd >= 0 and hang_ups.gone(session.link.fd):
+        sessions = [session for session in self.sessions() if session.link.fd >= 0]
+        gone = hang_ups.gone(session.link.fd for session in sessions)
+        for session in sessions:
+            if session.link.fd in gone:
                 session.hung_up()
 
     def _open_host(

@@ -6,7 +6,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
@@ -226,11 +226,12 @@ def _stale(folder: Path) -> list[Path]:
 
 def timers() -> Iterator[Finding]:
     """Make the timer and the file watch that the server needs of the kernel."""
-    from vbus.transports.linux import OpenWatch, TimerFd
+    from vbus.transports.linux import Inotify, TimerFd
 
     try:
         TimerFd().close()
-        OpenWatch("/dev/null").close()
+        with closing(Inotify()) as watch:
+            watch.add("/dev/null")
     except OSError as error:
         advice = "raise fs.inotify.max_user_instances, or the limit of open files"
         yield Finding(FAIL, "timerfd, inotify", str(error), advice)
@@ -239,14 +240,14 @@ def timers() -> Iterator[Finding]:
 
 
 def inotify() -> Iterator[Finding]:
-    """Say how many PTYs the kernel's limit of file watches allows."""
+    """Say how many boards with PTYs the kernel's limit of file watches allows."""
     place = Path("/proc/sys/fs/inotify/max_user_instances")
     try:
         most = int(place.read_text())
     except (OSError, ValueError) as error:
         yield Finding(WARN, "inotify instances", str(error), "nothing, if boards start")
         return
-    told = f"{most}: as many links over PTYs may be open at a time"
+    told = f"{most}: as many boards with links over PTYs may run at a time"
     if most < ENOUGH_INSTANCES:
         advice = f"sysctl fs.inotify.max_user_instances={ENOUGH_INSTANCES}, or use unix: links"
         yield Finding(WARN, "inotify instances", told, advice)

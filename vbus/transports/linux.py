@@ -98,13 +98,12 @@ class TimerFd:
         os.close(self.fd)
 
 
-class OpenWatch:
-    """Tells when somebody opens and closes one file: how a PTY learns of its clients."""
+class Inotify:
+    """Tells when somebody opens and closes files."""
 
-    def __init__(self, path: str) -> None:
+    def __init__(self) -> None:
         self.fd: int = _checked(_libc.inotify_init1(_CLOEXEC_NONBLOCK))
         try:
-            _checked(_libc.inotify_add_watch(self.fd, path.encode(), IN_OPEN | IN_CLOSE))
             self._poll = select.epoll()
         except OSError:
             os.close(self.fd)
@@ -113,36 +112,35 @@ class OpenWatch:
         self.happened: Callable[[], object] = partial(self._poll.poll, 0, 1)
         """Tells whether there is something to read; the cheapest way to ask."""
 
-    def read(self) -> list[bool]:
-        """Return what happened since the last call, in order: True opened, False closed."""
-        events: list[bool] = []
+    def add(self, path: str) -> int:
+        """Watch a file; return its number, which no other gets."""
+        return _checked(_libc.inotify_add_watch(self.fd, path.encode(), IN_OPEN | IN_CLOSE))
+
+    def remove(self, number: int) -> None:
+        """Watch a file no more; it may be gone already."""
+        _libc.inotify_rm_watch(self.fd, number)
+
+    def read(self) -> list[tuple[int, bool]]:
+        """Return what happened since the last call, in order.
+
+        Returns:
+            The number of each file, and whether it was opened (True) or closed; -1 if more
+            happened than the system has noted.
+        """
+        events: list[tuple[int, bool]] = []
         try:
             data = os.read(self.fd, 65536)
         except BlockingIOError:
             return events
         position = 0
         while position < len(data):
-            _, mask, _, length = struct.unpack_from("iIII", data, position)
+            number, mask, _, length = struct.unpack_from("iIII", data, position)
             position += 16 + length
-            events.append(bool(mask & IN_OPEN))
+            if mask & (IN_OPEN | IN_CLOSE) or number < 0:
+                events.append((number, bool(mask & IN_OPEN)))
         return events
 
     def close(self) -> None:
         """Free the descriptors."""
         self._poll.close()
         os.close(self.fd)
-
-
-class NoWatch:
-    """Stands for an :class:`OpenWatch` where the system gives no more of them: knows of nothing."""
-
-    def happened(self) -> bool:
-        """Tell that nothing is known."""
-        return False
-
-    def read(self) -> list[bool]:
-        """Return nothing."""
-        return []
-
-    def close(self) -> None:
-        """There is nothing to free."""

@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from vbus.errors import TransportError
 from vbus.transports.base import REST_SECONDS, Link, Transport
-from vbus.transports.linux import NoWatch, OpenWatch
+from vbus.transports.open_watch import NoWatch, OpenWatch
 from vbus.transports.runtime import NameLock, leads_to_terminal, sweep
 
 _TIOCNXCL = 0x540D
@@ -60,8 +60,8 @@ class _Terminal(Struct):
     close: Callable[[], None]
 
     @classmethod
-    def make(cls) -> "_Terminal":
-        """Make a terminal nobody has open."""
+    def make(cls, loop: asyncio.AbstractEventLoop, notice: Callable[[], None]) -> "_Terminal":
+        """Make a terminal nobody has open; ``notice`` is called after opens and closes."""
         with ExitStack() as made:
             master, slave = os.openpty()
             made.callback(os.close, master)
@@ -78,7 +78,7 @@ class _Terminal(Struct):
             hangups = made.enter_context(select.epoll())
             hangups.register(master, select.EPOLLHUP | select.EPOLLET)
             try:
-                watch: OpenWatch | NoWatch = OpenWatch(name)
+                watch: OpenWatch | NoWatch = OpenWatch(loop, name, notice)
             except OSError:  # the system gives no user more than some of them
                 watch = NoWatch()
             made.callback(watch.close)
@@ -159,7 +159,7 @@ class PtyTransport(Transport):
 
     def _make(self) -> None:
         """Make a terminal and let the name lead to it."""
-        terminal = _Terminal.make()
+        terminal = _Terminal.make(self._loop, self._notice)
         with ExitStack() as made:
             made.callback(terminal.close)
             temporary = self._link_path.with_name(f".{self._link_path.name}.{os.getpid()}")
@@ -172,8 +172,6 @@ class PtyTransport(Transport):
         self._loop.add_reader(terminal.hangups.fileno(), self._notice)
         if isinstance(terminal.watch, NoWatch):
             self._look_at_times(terminal)
-        else:
-            self._loop.add_reader(terminal.watch.fd, self._notice)
 
     def _look_at_times(self, terminal: _Terminal) -> None:
         """Do without a watch: whoever opens the terminal is noticed a little later."""
@@ -185,8 +183,6 @@ class PtyTransport(Transport):
         terminal, self._terminal = self._terminal, None
         if terminal is not None:
             self._loop.remove_reader(terminal.hangups.fileno())
-            if not isinstance(terminal.watch, NoWatch):
-                self._loop.remove_reader(terminal.watch.fd)
             terminal.close()
 
     def _remove_name(self) -> None:

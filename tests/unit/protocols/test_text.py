@@ -95,6 +95,9 @@ def test_a_session_without_chips_says_so(
     [
         ("r", "error: r with 0 arguments; usage: r ADDRESS [COUNT]"),
         ("r w", "error: address 'w' is no hexadecimal number; allowed are 0 to FF"),
+        ("r 1_0", "error: address '1_0' is no hexadecimal number; allowed are 0 to FF"),
+        ("r 0x", "error: address '0x' is no hexadecimal number; allowed are 0 to FF"),
+        ("r 0x0x1", "error: address '0x0x1' is no hexadecimal number; allowed are 0 to FF"),
         ("r 100", "error: address 100; allowed are 0 to FF"),
         ("r 0 0", "error: count 0; allowed are 1 to FF"),
         ("r -1", "error: address '-1' is no hexadecimal number; allowed are 0 to FF"),

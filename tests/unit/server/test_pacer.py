@@ -567,6 +567,15 @@ def test_what_others_take_of_the_processor_is_no_overload(share: float, times: f
     assert sum(told) == (times > 0.0)
 
 
+def test_chips_that_take_longer_than_a_look_do_not_make_the_overload_endless() -> None:
+    """Chip time comes by 100 ms every two seconds, and is looked at each second."""
+    overload = Overload()
+    for second in range(10):
+        now, wall = second // 2 * 100 * MS, second * 10**9
+        overload.look(now, wall, lambda wall=wall: wall, (1000, 1))
+    assert overload.worst == pytest.approx(20.0)
+
+
 def test_a_stall_of_the_machine_is_no_overload() -> None:
     board, pacer, wall = many(4, 1_000, "realtime")
     pacer.arm()

@@ -49,7 +49,7 @@ class Served:
 
     def _look_for_hosts(self) -> None:
         for session in self.sessions:
-            if session not in self.ended and self.hang_ups.gone(session.link.fd):
+            if session not in self.ended and self.hang_ups.gone([session.link.fd]):
                 session.hung_up()
 
     def connect(self) -> socket.socket:

@@ -6,12 +6,13 @@ import os
 import termios
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from vbus.transports import pty
 from vbus.transports.base import Link
-from vbus.transports.linux import OpenWatch
+from vbus.transports.open_watch import OpenWatch
 
 
 class SlowWatch(OpenWatch):
@@ -100,11 +101,11 @@ def test_a_terminal_that_cannot_be_replaced_for_now_is_replaced_later(
     tries: list[None] = []
     make = pty._Terminal.make
 
-    def scarce() -> pty._Terminal:
+    def scarce(*arguments: Any) -> pty._Terminal:
         tries.append(None)
         if len(tries) < 4:
             raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
-        return make()
+        return make(*arguments)
 
     transport = pty.PtyTransport(str(tmp_path / "x"), {})
     transport.report = reports.append

@@ -1,0 +1,112 @@
+"""Who opens and closes terminals: one inotify descriptor for all of an event loop."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Final
+from weakref import WeakKeyDictionary
+
+from vbus.transports.linux import Inotify
+
+
+class OpenWatch:
+    """Tells when somebody opens and closes one file: how a PTY learns of its clients.
+
+    The system gives a user few inotify descriptors, 128 where nobody has asked for more, so all
+    watches of an event loop share one.
+
+    Args:
+        loop: calls ``notice``.
+        path: the file.
+        notice: called soon after something has happened, if it has not been read by then.
+
+    Raises:
+        OSError: the system gives no more descriptors or watches.
+    """
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, path: str, notice: Callable[[], None]
+    ) -> None:
+        shared = _SHARED.get(loop)
+        if shared is None:
+            shared = _Shared(loop)
+        self._shared: _Shared = shared
+        self.notice: Callable[[], None] = notice
+        self._events: list[bool] = []
+        try:
+            self._number: int = shared.inotify.add(path)
+        except OSError:
+            shared.end_if_idle()
+            raise
+        shared.watches[self._number] = self
+
+    def happened(self) -> bool:
+        """Tell whether there may be something to read; cheap."""
+        return bool(self._events or self._shared.inotify.happened())
+
+    def read(self) -> list[bool]:
+        """Return what happened since the last call, in order: True opened, False closed."""
+        self._shared.sort()
+        events, self._events = self._events, []
+        return events
+
+    def note(self, opened: bool) -> None:
+        """Keep what happened until it is read, and see to it that it is."""
+        if not self._events:
+            self._shared.loop.call_soon(self._look)
+        self._events.append(opened)
+
+    def _look(self) -> None:
+        if self._events:
+            self.notice()
+
+    def close(self) -> None:
+        """Watch no more."""
+        self._events.clear()
+        del self._shared.watches[self._number]
+        self._shared.inotify.remove(self._number)
+        self._shared.end_if_idle()
+
+
+class NoWatch:
+    """Stands for an :class:`OpenWatch` where the system gives no more of them: knows of nothing."""
+
+    def happened(self) -> bool:
+        """Tell that nothing is known."""
+        return False
+
+    def read(self) -> list[bool]:
+        """Return nothing."""
+        return []
+
+    def close(self) -> None:
+        """There is nothing to free."""
+
+
+class _Shared:
+    """The watches of one event loop, and their descriptor while there are any."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.loop: asyncio.AbstractEventLoop = loop
+        self.inotify: Inotify = Inotify()
+        self.watches: dict[int, OpenWatch] = {}
+        loop.add_reader(self.inotify.fd, self.sort)
+        _SHARED[loop] = self
+
+    def sort(self) -> None:
+        """Give each watch what has happened to its file."""
+        for number, opened in self.inotify.read():
+            if number < 0:  # reports are lost: all look at their files
+                for watch in self.watches.values():
+                    self.loop.call_soon(watch.notice)
+            elif number in self.watches:
+                self.watches[number].note(opened)
+
+    def end_if_idle(self) -> None:
+        """Free the descriptor if nobody watches any more."""
+        if not self.watches:
+            self.loop.remove_reader(self.inotify.fd)
+            self.inotify.close()
+            del _SHARED[self.loop]
+
+
+_SHARED: Final[WeakKeyDictionary[asyncio.AbstractEventLoop, _Shared]] = WeakKeyDictionary()
