@@ -1,14 +1,14 @@
 """Rows of a datasheet: pins, commands, registers, bits, limits. Data, and checks on it."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any, Final
-
-from msgspec import Struct
 
 from vbus.signals import HIGH
 
 
-class PinRow(Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class PinRow:
     """A pin of the package.
 
     Attributes:
@@ -37,7 +37,8 @@ class PinRow(Struct, frozen=True):
         return (self.strobe or (self.direction == "io" and self.width == 8)) and not self.select
 
 
-class CardRow(Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class CardRow:
     """One port of a plug-in card: what a read and a write at ``offset`` do at the chip.
 
     Attributes:
@@ -53,7 +54,8 @@ class CardRow(Struct, frozen=True):
     bits: int = 0xFF
 
 
-class Bit(Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class Bit:
     """A named bit of a status byte, register or control word."""
 
     number: int
@@ -66,7 +68,8 @@ class Bit(Struct, frozen=True):
         return 1 << self.number
 
 
-class Command(Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class Command:
     """One row of a command set.
 
     Attributes:
@@ -158,7 +161,8 @@ class CommandTable:
         return found
 
 
-class AcLimit(Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class AcLimit:
     """One row of an AC characteristics table.
 
     A limit is ``clocks`` clock periods plus ``ps`` picoseconds.
@@ -187,7 +191,8 @@ SAMPLED: Final = "with the next sample"
 REPORTED: Final = "as the last sample left it"
 
 
-class Register(Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class Register:
     """One register, of one or more bytes.
 
     Attributes:

@@ -418,7 +418,8 @@ class Pacer(Pace):
         if self.halted or not (self._wakes or self.free):
             return
         board = self.board
-        target = board.now + min(self._slice, board.stride())
+        most: int = board.stride()  # a slice may be longer than a machine word is
+        target = board.now + min(self._slice, most)
         if target > self._near:
             target = self._nearing(target)
         target = min(target, self.bound)

@@ -70,8 +70,7 @@ class NameLock:
             while self._fd < 0:
                 self._fd = self._locked(monotonic() + patience)
             _HELD[self._path.parent] += 1
-            if os.fstat(self._fd).st_size:  # what its last owner wrote; it takes the disk's time
-                os.ftruncate(self._fd, 0)
+            os.ftruncate(self._fd, 0)
             os.write(self._fd, f"{os.getpid()}\n{board}".encode())
         except TransportError:
             raise

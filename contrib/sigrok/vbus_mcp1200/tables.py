@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 # Made by vbus.tools.generate from vbus/chips/tables.py and vbus/chips/mcp1200/datasheet.py; change that, or the generator.
-"""Rows of which a datasheet is made: pins, commands, registers, bits. Data, and checks on it."""
+"""Rows of a datasheet: pins, commands, registers, bits, limits. Data, and checks on it."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -161,6 +161,31 @@ class CommandTable:
                     raise ValueError(f"{row.name}: there is no method {row.hook!r}")
                 found[row.hook] = having[0]
         return found
+
+
+@dataclass(frozen=True, slots=True)
+class AcLimit:
+    """One row of an AC characteristics table.
+
+    A limit is ``clocks`` clock periods plus ``ps`` picoseconds.
+
+    Attributes:
+        symbol: the manual's number, e.g. ``"T14"``.
+        clause: clause id of the specification.
+        title: the interval in the manual's words.
+        min_ps: constant part of the minimum.
+        min_clk: clock periods in the minimum.
+        max_ps: maximum, or 0 for none.
+        output: the chip's own promise; broken by a host that looks too early.
+    """
+
+    symbol: str
+    clause: str
+    title: str
+    min_ps: int = 0
+    min_clk: float = 0
+    max_ps: int = 0
+    output: bool = False
 
 
 LIVE: Final = "at once"

@@ -271,7 +271,7 @@ def test_a_mark_of_a_golden_without_its_fixture_fails(suite: pytest.Pytester) ->
     ("body", "sentence"),
     [
         ("vbus_golden", "vbus_golden: the test has no board; take a chip's fixture, or vbus_board"),
-        ("vbus_golden, vbus_board: vbus_board.axes['x.1'].__setattr__('count', 7)",
+        ("vbus_golden, vbus_board: vbus_board.axes['x.1'].__setattr__('_next', 7)",
          "vbus_golden: what the test did to its board past hosts, clock and faults is in no*"),
     ],
 )  # fmt: skip
