@@ -425,8 +425,7 @@ class Pacer(Pace):
         target = min(target, self.bound)
         if not self.free:
             target = min(target, self._wakes[0][0])
-        slices = self._slices
-        began = self.clock()
+        slices, began = self._slices, self.clock()
         there = True
         if target > board.now and not slices.open:
             there = slices.run(target)
