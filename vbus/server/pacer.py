@@ -164,7 +164,7 @@ class Pacer(Pace):
             target = self._nearing(target)
         if target - kernel.now > self._stalled and target - self._asleep > self._stalled:
             return self._recover(target)
-        if self._slices.open and target - self._slices.begun > self._stalled:
+        if self._slices.open and target - self._slices.begun > self._stalled + self._tick.span:
             return False  # more moves than the machine can follow: time waits for the chips
         board.limit = target + AHEAD
         if kernel.next_stop > target >= kernel.now:
@@ -389,7 +389,7 @@ class Pacer(Pace):
                 self._tick.adapt(slices.took, slices.moving, watched)
                 if there:
                     self._tick_at = max(now, slices.begun + self._tick.span)
-        if self.bound == NEVER:
+        if self.bound == NEVER and not self._slices.open:
             wall = self.clock()
             if self.overload.look(now, wall, self._spent, self._ps_per_ns):
                 self.report(f"board {self.board.name}: {self.overload}")

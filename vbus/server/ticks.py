@@ -7,7 +7,9 @@ from vbus.kernel import MS
 TICK: Final = 10 * MS
 """How much chip time a lazy chip may owe before it is brought up to date (ps), at rate 1."""
 SHORTEST_TICK: Final = 5 * MS
-LONGEST_TICK: Final = 50 * MS
+LONGEST_TICK: Final = 200 * MS
+WATCHED_TICK: Final = 50 * MS
+"""The longest tick while somebody looks on."""
 RESTING_TICK: Final = 1_000 * MS
 """The longest tick while nothing moves, nobody looks on and no host asks."""
 CHEAP_NS: Final = 50_000
@@ -57,7 +59,8 @@ class Tick:
         """
         each = took // max(chips, 1)
         if each < CHEAP_NS:
-            most = LONGEST_TICK if watched or took >= RESTING_NS else RESTING_TICK
-            self.span = min(self.span * 2, most * self._scale)
+            self.span *= 2
         elif each > DEAR_NS:
             self.span = max(self.span // 2, SHORTEST_TICK * self._scale)
+        most = RESTING_TICK if took < RESTING_NS else LONGEST_TICK
+        self.span = min(self.span, (WATCHED_TICK if watched else most) * self._scale)
