@@ -30,13 +30,15 @@ class Watcher(Task):
     returned: several lines moved by one request are seen as one event.
     """
 
-    __slots__ = ("_callback", "_kernel", "_pending")
+    __slots__ = ("_callback", "_kernel", "_pending", "alone")
     WIRING: ClassVar[Names] = ("*",)
 
     def __init__(self, kernel: Kernel, callback: Callable[[], None]) -> None:
         self._kernel: Kernel = kernel
         self._callback: Callable[[], None] = callback
         self._pending: bool = False
+        self.alone: tuple[Watcher, ...] = (self,)
+        """What the nets have whose only watcher this is: one tuple for all of them."""
 
     def notify(self) -> None:
         """Queue the callback, unless it is queued already."""
@@ -214,7 +216,7 @@ class Net:
     def watch(self, watcher: Watcher) -> None:
         """Notify ``watcher`` of every change from now on."""
         heard = self.heard
-        self.watchers = (*self.watchers, watcher)
+        self.watchers = (*self.watchers, watcher) if self.watchers else watcher.alone
         self.first_heard(heard)
 
     def observe(self, observer: Observer) -> None:

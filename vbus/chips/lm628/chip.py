@@ -82,8 +82,9 @@ class LM628(HostInterface):
         self.axis: Axis = Axis(self.settings)
         self.output: Output = Output(pwm, int(self.settings["pwm_frame_clk"]))
         self.encoder: Encoder = Encoder(clock)
-        self.host: HostPort = HostPort(clock, self.settings, self._host_broke)
-        self.commands: Commands = Commands(self.host, self.axis, pwm, self._reset, self._host_broke)
+        broke = self._host_broke  # one object for both
+        self.host: HostPort = HostPort(clock, self.settings, broke)
+        self.commands: Commands = Commands(self.host, self.axis, pwm, self._reset, broke)
         self._mode: int = _UNPOWERED
         self._reset_end: i64 = NEVER
         self._fails_left: i64 = int(self.settings["reset_fail"])
