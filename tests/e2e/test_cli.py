@@ -334,6 +334,11 @@ def test_ls_sees_a_running_board_with_chips_links_time_and_lag(board: Path, runt
     with running(board) as (process, _):
         text = vbus("ls").stdout
         [status] = json.loads(vbus("ls", "--json").stdout)
+        with socket.socket(socket.AF_UNIX) as host:
+            host.connect(str(runtime / "x.sock"))
+            host.sendall(b"now\n")
+            host.recv(100)
+            connected = vbus("ls").stdout.splitlines()[-1]
     head, chip, pty, unix = text.splitlines()
     assert re.fullmatch(
         rf"bench: process {process.pid}, realtime x1, chip time [\d.]+ m?s,"
@@ -343,6 +348,7 @@ def test_ls_sees_a_running_board_with_chips_links_time_and_lag(board: Path, runt
     assert chip == "  chip x: ACME-1 at 8 MHz, 0 reads, 0 writes"
     assert pty == f"  link pty:{runtime}/x: byte to x, waiting, 0 bytes in, 0 out"
     assert unix == f"  link unix:{runtime}/x.sock: text to x, waiting, 0 bytes in, 0 out"
+    assert connected.startswith(f"  link unix:{runtime}/x.sock: text to x, connected, 4 bytes in")
     assert status["chips"] == [
         {
             "name": "x",
@@ -379,7 +385,7 @@ def test_a_board_runs_ahead_of_others_where_that_is_permitted_and_is_refused_els
     process = int(done.stdout.splitlines()[0].split()[-1])
     children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
     try:
-        assert f"  priority SCHED_FIFO 3, memory locked, processor {cpu}" in done.stdout
+        assert f"  scheduling SCHED_FIFO 3, memory locked, processor {cpu}" in done.stdout
         until(lambda: os.sched_getaffinity(process) == {cpu}, "it runs on its processor")
         assert os.sched_getscheduler(process) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
         assert os.sched_getparam(process).sched_priority == 3

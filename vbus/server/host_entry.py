@@ -83,7 +83,7 @@ class HostEntry:
             "url": self.transport.url,
             "protocol": self.protocol,
             "chips": self.spec.chips or chips,
-            "state": self.transport.state,
+            "state": "connected" if self.sessions else self.transport.state,
             "sessions": len(self.sessions),
             "served": self.served,
             "received": self.received,

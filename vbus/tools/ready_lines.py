@@ -30,7 +30,7 @@ def lines_of(status: dict[str, Any]) -> list[str]:
         journal = status["journal"]
         lines.append(f"  journal {journal['file']}: {DURABLE[journal['durable']]}")
     if status.get("priority"):
-        lines.append(f"  priority {status['priority']}")
+        lines.append(f"  scheduling {status['priority']}")
     if status["metrics"]:
         lines.append(f"  metrics {status['metrics']}")
     return lines
