@@ -8,11 +8,14 @@ from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.kernel import END
 from vbus.protocols.port import NotYet, PortError
+from vbus.signals import Observer
 from vbus.trace.journal.format import NOT_YET
 
 
-class Again:
+class Again(Observer):
     """Makes stretches of equal bus cycles, each as long as it comes out as it was recorded.
+
+    It also takes the bus cycles that come of strobes.
 
     Args:
         board: the board.
@@ -30,6 +33,12 @@ class Again:
         self.error: int = 0
         self._board: Board = board
         self._found: list[Any] = found
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Take a cycle that strobes have made."""
+        self._found.append((chip, write, address, data))
 
     def make(
         self, port: HostBus, write: bool, value: i64, number: i64, when: i64, span: i64, times: i64

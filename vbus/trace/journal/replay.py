@@ -316,11 +316,8 @@ class Replay:
         """Make one call; return its reply and the number of its refusal."""
         answer = self._player.call(entry)
         if entry.op == "open":
-            self._player.ports[entry.port].strobes.found = self._note_strobed
+            self._player.ports[entry.port].strobes.found = self._making
         return answer
-
-    def _note_strobed(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
-        self._found.append((chip, write, address, data))
 
     def _decoded(self, entry: Entry, reply: int) -> Divergence:
         """Play on until the packet with the difference is whole on both sides."""
