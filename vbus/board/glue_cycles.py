@@ -151,8 +151,11 @@ class BusLines:
         self._levels_of: dict[int, tuple[int, ...]] = {}
         self._busy: list[bool] = []
         """By levels, once somebody has asked."""
-        self._ends: dict[int, list[tuple[bool, int]]] = {}
-        """By levels before and after: of each cycle that ends, whether it is a write, and where."""
+        self._ends: dict[int, list[Ended]] = {}
+        """By what was on the data bus and levels before and after."""
+        self._latest: i64 = -1
+        self._latest_ends: list[Ended] = []
+        """The same of the cycle before: a driver that polls makes it again."""
 
     @property
     def nets(self) -> list[Net]:
@@ -164,7 +167,7 @@ class BusLines:
     def look(self) -> i64:
         """Return the levels of the control lines, a bit each."""
         levels: i64 = 0
-        for net in self.nets:
+        for net in self._nets or self.nets:
             levels = levels << 1 | net.value
         return levels
 
@@ -176,23 +179,29 @@ class BusLines:
         return self._busy[levels]
 
     def ended(self, now: int, before: i64, data: int) -> list[Ended]:
-        """Return the cycles that end as lines move to where they are now.
+        """Return the cycles that end as lines move to where they are now; not to be changed.
 
         Args:
             now: instant (ps).
             before: levels they moved from.
             data: what stood on the data bus.
         """
-        name = self.chip.name
-        key = int(before << len(self.nets) | self.levels)
+        width: i64 = len(self.nets)
+        byte: i64 = data
+        key: i64 = (byte << width | before) << width | self.levels
+        if key == self._latest:
+            return self._latest_ends
         ends = self._ends.get(key)
-        if ends is not None:
-            return [(name, write, address, data) for write, address in ends]
-        moved = self._tuple(before), self._tuple(self.levels)
-        cycles = self.watch.edges(now, *moved, data, data)
-        if not self.remembers:  # then the levels alone decide
-            self._ends[key] = [(cycle.write, cycle.address) for cycle in cycles]
-        return [(name, cycle.write, cycle.address, cycle.data) for cycle in cycles]
+        if ends is None:
+            moved = self._tuple(before), self._tuple(self.levels)
+            cycles = self.watch.edges(now, *moved, data, data)
+            name = self.chip.name
+            ends = [(name, cycle.write, cycle.address, cycle.data) for cycle in cycles]
+            if self.remembers:
+                return ends
+            self._ends[key] = ends  # the levels alone decide
+        self._latest, self._latest_ends = key, ends
+        return ends
 
     def _tuple(self, levels: i64) -> tuple[int, ...]:
         known = self._levels_of.get(levels)

@@ -1,20 +1,17 @@
 """Bus cycles of a host that moves the control lines itself, told as those of any other host."""
 
-from collections.abc import Callable
 from typing import ClassVar, Final
 
 from vbus.board import plugins
 from vbus.board.circuit import Circuit
 from vbus.board.glue_cycles import BusLines, CycleTeller, Ended
 from vbus.chips.base import Chip
+from vbus.signals import Observer
 from vbus.state import Names
 from vbus.trace.bus_watch import BusWatch
 
 SETTLE_EVERY: Final = 4096
 """Bus cycles after which lazy chips are brought up to date, to bound what observers hold."""
-
-Found = Callable[[int, str, bool, int, int], None]
-"""Takes a bus cycle: instant (ps), names of the chips, write, address, byte."""
 
 
 class StrobeWatch(CycleTeller):
@@ -35,8 +32,8 @@ class StrobeWatch(CycleTeller):
     DERIVED: ClassVar[Names] = ("_noted", "_cycles")
 
     def __init__(self, board: Circuit, label: str, chips: list[Chip]) -> None:
-        self.found: Found | None = None
-        """Takes each cycle too, before the observers: for a journal."""
+        self.found: Observer | None = None
+        """Is told of each cycle before the board's observers: for a journal."""
         self._board: Circuit = board
         self._label: str = label
         self._rows: list[BusLines] = []
@@ -67,14 +64,16 @@ class StrobeWatch(CycleTeller):
         if not self.wanted():
             return
         for row in self._rows:
-            row.chip.advance()
-        self._board.kernel.settle()
-        for row in self._rows:
             row.levels = row.look()
             row.under_way = row.busy(row.levels)
             if row.under_way:
-                row.data = row.chip.bus_net.value
+                row.chip.advance()
                 self._noted = True
+        if self._noted:
+            self._board.kernel.settle()
+            for row in self._rows:
+                if row.under_way:
+                    row.data = row.chip.bus_net.value
 
     def after(self) -> None:
         """Lines have moved: tell the cycles that ended."""
@@ -82,7 +81,7 @@ class StrobeWatch(CycleTeller):
             return
         self._noted = False
         now = self._board.now
-        found: list[Ended] = []
+        found: list[Ended] | None = None
         for row in self._rows:
             if row.under_way:
                 before = row.levels
@@ -105,7 +104,7 @@ class StrobeWatch(CycleTeller):
     def tell(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
         """Tell of a cycle: the journal, then the observers."""
         if self.found is not None:
-            self.found(when, chip, write, address, data)
+            self.found.bus_cycle(when, self._label, chip, write, address, data)
         for observer in self._board.observers:
             observer.bus_cycle(when, self._label, chip, write, address, data)
         self._cycles += 1

@@ -9,6 +9,7 @@ from vbus.board.host_bus import Hosts
 from vbus.chips.base import Chip
 from vbus.nodes.host import NodeBus
 from vbus.protocols.port import NotYet, PortError
+from vbus.signals import Observer
 from vbus.trace.journal.format import CODE, NOT_YET
 from vbus.trace.journal.rows import PORTS, JournalRows
 
@@ -42,6 +43,19 @@ def _recorded(op: str, waits: bool = False) -> Callable[..., Any]:
     return made
 
 
+class _Strobes(Observer):
+    """Writes down the bus cycles that a host makes by strobes."""
+
+    def __init__(self, bus: "RecordedNodeBus") -> None:
+        self._bus: RecordedNodeBus = bus
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Write a cycle down."""
+        self._bus.note(when, "cycle", [chip, write, address, data], None)
+
+
 class RecordedNodeBus(NodeBus):
     """A :class:`NodeBus` under a journal; a call that has to wait is written down as often as made.
 
@@ -71,7 +85,7 @@ class RecordedNodeBus(NodeBus):
         number: int,
     ) -> None:
         super().__init__(board, hosts, label, chips, cycle_ps, card)
-        self.strobes.found = self._strobed
+        self.strobes.found = _Strobes(self)
         self._rows: JournalRows = rows
         self._session: int = number
         self.closing: bool = False
@@ -83,9 +97,6 @@ class RecordedNodeBus(NodeBus):
         """Write a call down: what was asked and answered, or why not."""
         key = self._session * PORTS + CODE[op]
         self._rows.other(key, [args, reply, error, limit], when, self.board.now)
-
-    def _strobed(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
-        self.note(when, "cycle", [chip, write, address, data], None)
 
     read = _recorded("read")
     write = _recorded("write")

@@ -109,6 +109,7 @@ class BoardPackets(Observer):
         }
         self._give: Callable[[str, Packet], None] = take
         self._lost: dict[str, tuple[int, str]] = {}
+        """Of cycles that are about to come: instant (ps) and rule, by name of chip."""
         self.latest: int = 0
         """Instant of the latest bus cycle (ps)."""
 

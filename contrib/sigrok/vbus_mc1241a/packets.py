@@ -105,6 +105,9 @@ class Decoder:
     """Names of packets that are in no table of commands or registers."""
     LOST: frozenset[str] = frozenset()
     """Rules whose breach means that the chip did not take the cycle."""
+    APART: frozenset[str] = frozenset()
+    """Kinds of packets of one cycle, which nothing around them decides and which decide nothing:
+    equal cycles are equal packets."""
 
     def configure(self, settings: Mapping[str, object]) -> None:
         """Take those of the chip's settings that :attr:`SETTINGS` names."""

@@ -350,10 +350,25 @@ def test_progress_is_told_now_and_then() -> None:
         for _ in range(10_000):
             port.read(0)
 
+    data = record(LM629, polls)
+    header, entries = read(data)
+    for source in (entries, JournalReader(io.BytesIO(data))):
+        told: list[int] = []
+        Replay(board_of(header), source, header.families, told.append).run()
+        assert told == [4096, 8192]
+
+
+def test_a_cycle_called_before_the_present_instant_is_a_difference() -> None:
+    def polls(port: HostBus) -> None:
+        for _ in range(3):
+            port.read(0)
+
     header, entries = read(record(LM629, polls))
-    told: list[int] = []
-    Replay(board_of(header), entries, header.families, told.append).run()
-    assert told == [4096, 8192]
+    late = [replace(one, when=one.when - 1) if one.number == 2 else one for one in entries]
+    for source in (late, Stretches(late)):
+        found = difference(Replay(board_of(header), source, header.families).run())
+        assert (found.entry, found.what) == (2, "instant")
+        assert found.now.startswith("it is")
 
 
 def test_a_realtime_board_plays_again_at_its_instants() -> None:

@@ -121,7 +121,7 @@ def mcp1200(host: Host) -> None:
     for address, data in ((0x05, 3), (0x0C, 0), (0x0D, 1), (0x0E, 0x7F)):
         host.write(address, data)
         host.port.delay(MS)
-    for address in (0x07, 0x14, 0x0E):
+    for address in (0x07, 0x14, 0x0E, 0x0C, 0x1A, 0x0C):  # the last three hold the same byte
         host.read(address)
         host.port.delay(10 * US)
 

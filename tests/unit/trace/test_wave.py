@@ -9,6 +9,7 @@ from tests.unit.trace.conftest import LM629, lm629_command, lm629_move
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
+from vbus.chips.lm628.packets import Lm628Packets
 from vbus.errors import VbusError
 from vbus.kernel import MS, US
 from vbus.signals import Violation
@@ -417,3 +418,32 @@ def test_a_value_that_changes_for_one_look_is_shown_until_the_next(
     _, changes = read(file.getvalue())
     shown = [(when // (100 * US), value) for when, value in changes["x.real"]]
     assert shown == [(0, 7.0), (2, 8.0), (3, 7.0), (5, 9.0), (7, 7.0)]
+
+
+def test_a_poll_is_not_decoded_again_and_shown_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    known = record()
+    monkeypatch.setattr(Lm628Packets, "APART", frozenset())
+    assert record() == known
+
+
+def test_a_poll_that_the_chip_does_not_take_is_shown_as_lost() -> None:
+    board = load_board_text(LM629)
+    file = io.StringIO()
+    wave = Wave(board, file)
+    wave.start()
+    port = board.open_port("h")
+    polled = port.read(0)
+    board.run_for(US)
+    rule = "lm628.busy-read"
+    board.file_violation(Violation(board.now, "x", rule, "LM-BUS-7", "error", 0, 0, ""))
+    for _ in range(2):  # the second is taken
+        for observer in board.observers:
+            observer.bus_cycle(board.now, "h", "x", False, 0, polled)
+        board.run_for(US)
+    wave.stop()
+    _, changes = read(file.getvalue())
+    taken, lost, again = [str(value) for _, value in changes["x.packet"] if value]
+    assert taken == again
+    assert rule in lost

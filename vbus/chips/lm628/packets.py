@@ -31,6 +31,7 @@ class Lm628Packets(CommandPackets):
     FAMILY = ds.FAMILY
     WORDS = {"status": 8, "signals": 16}
     LOST = frozenset({"lm628.busy-write", "lm628.busy-read", "lm628.reset-write"})
+    APART = frozenset({STATUS})
     COMMANDS = ds.COMMANDS
     COMMAND_PORT = ds.COMMAND_PORT
     DATA_PORT = ds.DATA_PORT

@@ -33,6 +33,7 @@ class Mc1241aPackets(CommandPackets):
     SETTINGS = ("family_codes",)
     NAMES = ("adapter status", "adapter reset", "checksum")
     LOST = frozenset({"mc1241a.not-ready"})
+    APART = frozenset({STATUS})
     COMMANDS = ds.COMMANDS
     COMMAND_PORT = ds.COMMAND_PORT
     DATA_PORT = ds.DATA_PORT

@@ -1,5 +1,7 @@
 """Equal bus cycles of a journal, made again: a replay does nothing as often."""
 
+from collections import deque
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from mypy_extensions import i64
@@ -8,28 +10,109 @@ from vbus.board.board import Board
 from vbus.board.host_bus import HostBus
 from vbus.kernel import END
 from vbus.protocols.port import NotYet, PortError
-from vbus.trace.journal.format import NOT_YET
+from vbus.signals import Observer
+from vbus.trace.journal.format import NOT_YET, JournalError
+from vbus.trace.journal.rows import PORTS, WRITE
+from vbus.trace.journal.view import Sessions
+
+Stretch = tuple[Any, ...]
+"""What :meth:`~vbus.trace.journal.format.JournalReader.stretches` gives."""
 
 
-class Again:
+class Again(Observer):
     """Makes stretches of equal bus cycles, each as long as it comes out as it was recorded.
+
+    It also takes the bus cycles that come of strobes.
 
     Args:
         board: the board.
         found: what is found on it beside the cycles; it ends a stretch.
+        ports: of the sessions, by their numbers.
+        sessions: what is known of them.
+        past: takes the cycles that have been made: chips, whether written, address, byte, instant
+            of the first, what each took (ps), and how many.
+        progress: called with the entries played, now and then.
 
     Attributes:
         entry: number of the entry that is played.
+        played: entries played.
+        cycles: bus cycles among them.
+        same: how many of the last stretch came out as they were recorded; -1: none was made.
         reply: of the cycle that came out otherwise; None of a write, and of one that was refused.
         error: number of its refusal; 0: it was not refused.
     """
 
-    def __init__(self, board: Board, found: list[Any]) -> None:
+    def __init__(
+        self,
+        board: Board,
+        found: list[Any],
+        ports: dict[int, HostBus],
+        sessions: Sessions,
+        past: deque[tuple[str, bool, int, int, int, int, int]],
+        progress: Callable[[int], None] | None,
+    ) -> None:
         self.entry: int = 0
+        self.played: i64 = 0
+        self.cycles: i64 = 0
+        self.same: i64 = -1
         self.reply: int | None = None
         self.error: int = 0
         self._board: Board = board
         self._found: list[Any] = found
+        self._ports: dict[int, HostBus] = ports
+        self._sessions: Sessions = sessions
+        self._past: deque[tuple[str, bool, int, int, int, int, int]] = past
+        self._progress: Callable[[int], None] | None = progress
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Take a cycle that strobes have made."""
+        self._found.append((chip, write, address, data))
+
+    def play(self, number: i64) -> None:
+        """Entry ``number`` is played now."""
+        self.entry = number
+        self.played += 1
+        if self._progress is not None and self.played & 0xFFF == 0:
+            self._progress(self.played)
+
+    def run(self, stretches: Iterator[Stretch]) -> Stretch | None:
+        """Make stretches as long as all of their cycles come out as they were recorded.
+
+        Returns:
+            The first that is not of bus cycles (:attr:`same` is -1), or of which one came out
+            otherwise; None: there are no more.
+        """
+        kernel = self._board.kernel
+        for stretch in stretches:
+            self.same = -1
+            key, value = stretch[3], stretch[4]
+            if not isinstance(key, int) or not isinstance(value, int) or key % PORTS > WRITE:
+                return stretch
+            session, write = key // PORTS, key % PORTS == WRITE
+            port = self._ports.get(session)
+            number: i64 = stretch[0]
+            when: i64 = stretch[1]
+            if port is None or number != self.played or when < kernel.now:
+                return stretch
+            span: i64 = stretch[2]
+            times: i64 = stretch[5]
+            same = self.make(port, write, value, number, when, span, times)
+            self.same = same
+            if same != 0:
+                chips = self._sessions.by_port[session].selected
+                self._past.append((chips, write, value >> 8, value & 0xFF, when + span, span, same))
+            self.cycles += same
+            before = self.played
+            self.played = number + same
+            if same < times:
+                self.played += 1
+            if self._progress is not None and (before ^ self.played) >> 12 != 0:
+                self._progress(self.played & ~0xFFF)
+            if same < times:
+                return stretch
+        return None
 
     def make(
         self, port: HostBus, write: bool, value: i64, number: i64, when: i64, span: i64, times: i64
@@ -71,4 +154,7 @@ class Again:
             self.reply, self.error = None, NOT_YET
         except PortError as refusal:
             self.reply, self.error = None, refusal.code
+        except ValueError as mistake:
+            op = "write" if write else "read"
+            raise JournalError(f"entry {self.entry}, {op}: {mistake}") from mistake
         return same

@@ -1,7 +1,7 @@
 """A host's port that writes down every call made on it."""
 
 from collections.abc import Callable
-from typing import Any, Final, TypeVar
+from typing import Any, ClassVar, Final, TypeVar
 
 from mypy_extensions import i64
 
@@ -9,7 +9,10 @@ from vbus.board.cards import Card
 from vbus.board.circuit import Circuit
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
+from vbus.kernel import Kernel
 from vbus.protocols.port import PortError
+from vbus.signals import Observer
+from vbus.state import Names
 from vbus.trace.journal.format import CODE
 from vbus.trace.journal.rows import FLAG, LARGEST, NUMBER, PAIR, PORTS, JournalRows
 
@@ -23,6 +26,29 @@ PIN: Final = CODE["pin"]
 GETPIN: Final = CODE["getpin"]
 DELAY: Final = CODE["delay"]
 CYCLE: Final = CODE["cycle"]
+
+
+class RecordedStrobes(Observer):
+    """Writes down the bus cycles that a host makes by strobes.
+
+    Args:
+        board: the board.
+        rows: where they are written down.
+        key: of such a cycle of its session.
+    """
+
+    WIRING: ClassVar[Names] = ("*",)
+
+    def __init__(self, board: Circuit, rows: JournalRows, key: i64) -> None:
+        self._kernel: Kernel = board.kernel
+        self._rows: JournalRows = rows
+        self._key: i64 = key
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Write a cycle down."""
+        self._rows.strobed(self._key, chip, write, address, data, when, self._kernel.now)
 
 
 class RecordedBus(HostBus):
@@ -52,16 +78,17 @@ class RecordedBus(HostBus):
     ) -> None:
         super().__init__(board, hosts, label, chips, cycle_ps, card)
         self.polls.every_cycle = True
-        self.strobes.found = self._strobed
+        self.strobes.found = RecordedStrobes(board, rows, number * PORTS + CYCLE)
         self._rows: JournalRows = rows
         self._session: i64 = number
+        self._key: i64 = number * PORTS
         self._closed: bool = False
         self._note(board.now, "open", [label, [chip.name for chip in chips], cycle_ps], None)
 
     def _note(
         self, when: int, op: str, args: list[Any], reply: Any, error: int = 0, limit: int = -1
     ) -> None:
-        key = self._session * PORTS + CODE[op]
+        key = self._key + CODE[op]
         self._rows.other(key, [args, reply, error, limit], when, self._kernel.now)
 
     def _called(
@@ -134,7 +161,9 @@ class RecordedBus(HostBus):
             self._note(when, "delay", [duration], None, error.code)
             raise
         if passed:
-            self._done(DELAY, 1 | FLAG << 2, duration, 0, 1, 0, when)
+            self._rows.call(
+                self._key | DELAY, 1 | FLAG << 2, duration, 0, 1, 0, when, self._kernel.now
+            )
         else:
             self._note(when, "delay", [duration], False, 0, self.board.limit)
         return passed
@@ -159,11 +188,7 @@ class RecordedBus(HostBus):
         except PortError as error:
             self._note(when, "lines", [mask, levels], None, error.code)
             raise
-        self._done(LINES, 2, mask, levels, 0, 0, when)
-
-    def _strobed(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
-        key = self._session << 5 | CYCLE
-        self._rows.strobed(key, chip, write, address, data, when, self._kernel.now)
+        self._rows.call(self._key | LINES, 2, mask, levels, 0, 0, when, self._kernel.now)
 
     def drive(self, data: int) -> None:
         """Drive D0-D7."""
@@ -173,7 +198,7 @@ class RecordedBus(HostBus):
         except PortError as error:
             self._note(when, "drive", [data], None, error.code)
             raise
-        self._done(DRIVE, 1, data, 0, 0, 0, when)
+        self._rows.call(self._key | DRIVE, 1, data, 0, 0, 0, when, self._kernel.now)
 
     def release(self) -> None:
         """Let D0-D7 float."""
@@ -183,7 +208,7 @@ class RecordedBus(HostBus):
         except PortError as error:
             self._note(when, "release", [], None, error.code)
             raise
-        self._done(RELEASE, 0, 0, 0, 0, 0, when)
+        self._rows.call(self._key | RELEASE, 0, 0, 0, 0, 0, when, self._kernel.now)
 
     def sample(self) -> tuple[int, int]:
         """Return D0-D7 as they stand, and all output lines."""
@@ -193,7 +218,7 @@ class RecordedBus(HostBus):
         except PortError as error:
             self._note(when, "sample", [], None, error.code)
             raise
-        self._done(SAMPLE, PAIR << 2, 0, 0, data, outputs, when)
+        self._rows.call(self._key | SAMPLE, PAIR << 2, 0, 0, data, outputs, when, self._kernel.now)
         return data, outputs
 
     def pin(self, number: int, level: int) -> None:
@@ -204,7 +229,7 @@ class RecordedBus(HostBus):
         except PortError as error:
             self._note(when, "pin", [number, level], None, error.code)
             raise
-        self._done(PIN, 2, number, level, 0, 0, when)
+        self._rows.call(self._key | PIN, 2, number, level, 0, 0, when, self._kernel.now)
 
     def getpin(self, number: int) -> int:
         """Return the level of a side pin."""
@@ -214,15 +239,10 @@ class RecordedBus(HostBus):
         except PortError as error:
             self._note(when, "getpin", [number], None, error.code)
             raise
-        self._done(GETPIN, 1 | NUMBER << 2, number, 0, level, 0, when)
+        self._rows.call(
+            self._key | GETPIN, 1 | NUMBER << 2, number, 0, level, 0, when, self._kernel.now
+        )
         return level
-
-    def _done(
-        self, code: i64, form: i64, first: i64, second: i64, reply: i64, more: i64, when: i64
-    ) -> None:
-        """Write an answered call down; it may be like one before."""
-        key = self._session << 5 | code
-        self._rows.call(key, form, first, second, reply, more, when, self._kernel.now)
 
     def events(self, mask: int) -> None:
         """Report edges of these output lines from now on."""

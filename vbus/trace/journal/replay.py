@@ -7,19 +7,14 @@ from itertools import chain, zip_longest
 from typing import Any, Final
 
 from vbus.board.board import Board
-from vbus.kernel import Kernel
 from vbus.trace.decode import decoder_of, settings_for_decoders
-from vbus.trace.journal.again import Again
+from vbus.trace.journal.again import Again, Stretch
 from vbus.trace.journal.difference import Divergence, Findings, Side, difference_of
-from vbus.trace.journal.format import Entry, JournalError, JournalReader
+from vbus.trace.journal.format import Entry, JournalReader
 from vbus.trace.journal.journal import end_of, version_of
 from vbus.trace.journal.player import Player
-from vbus.trace.journal.rows import PORTS, WRITE
 from vbus.trace.journal.view import Sessions
 from vbus.trace.packets import PATIENCE, Cycle, Decoder
-
-Stretch = tuple[int, int, int, int, Any, int]
-"""What :meth:`~vbus.trace.journal.format.JournalReader.stretches` gives."""
 
 LOOKAHEAD: Final = 64
 """Entries played on beyond a difference, to decode the whole packet it stands in."""
@@ -66,7 +61,6 @@ class Replay:
         progress: Callable[[int], None] | None = None,
     ) -> None:
         self.board: Board = board
-        self._kernel: Kernel = board.kernel
         settings = settings_for_decoders(board.chips)
         self._reader: JournalReader | None = entries if isinstance(entries, JournalReader) else None
         self._stretches: Iterator[Stretch] = iter(self._reader.stretches() if self._reader else ())
@@ -78,26 +72,25 @@ class Replay:
         self._decoders: dict[str, Decoder] = {
             name: decoder_of(family, settings.get(name, {})) for name, family in families.items()
         }
-        self._progress: Callable[[int], None] | None = progress
         self._player: Player = Player(board)
         self._sessions: Sessions = Sessions()
         self._strobed: list[Entry] = []
         """Cycles of the journal that strobes made in the call that comes next."""
         self._found: list[tuple[Any, ...]] = []
         """Those of the run."""
-        self._making: Again = Again(board, self._found)
+        self._making: Again = Again(
+            board, self._found, self._player.ports, self._sessions, self._past, progress
+        )
         self._findings: Findings = Findings(self._making)
-        self._cycles: int = 0
-        self._played: int = 0
         self._ended: bool = False
         board.listen(self._findings)
 
     def run(self) -> Outcome:
         """Play everything, or up to the first difference."""
         outcome = None
-        for stretch in self._stretches:
-            if self._whole(stretch):
-                outcome = self._again(stretch)
+        while (stretch := self._next()) is not None:
+            if self._making.same >= 0:
+                outcome = self._differs(stretch)
             else:
                 mine = self._expand(stretch)
                 self._entries = chain(mine, self._others())
@@ -113,21 +106,20 @@ class Replay:
                 return outcome
         if not self._ended:
             self.board.catch_up()
-        return Outcome(self._played, self._cycles, self._findings.compare(), self._ended)
+        making = self._making
+        return Outcome(making.played, making.cycles, self._findings.compare(), self._ended)
 
     def _take(self, entry: Entry) -> Outcome | None:
         """Play an entry; return what came of it all if it differs."""
-        if entry.number != self._played:
+        making = self._making
+        if entry.number != making.played:
             return self._stop(
                 Divergence(
-                    self._played, entry.when, "missing", "the journal",
-                    f"entry {entry.number} stands where {self._played} belongs", "",
+                    making.played, entry.when, "missing", "the journal",
+                    f"entry {entry.number} stands where {making.played} belongs", "",
                 )
             )  # fmt: skip
-        self._played += 1
-        if self._progress is not None and not self._played & 0xFFF:
-            self._progress(self._played)
-        self._making.entry = entry.number
+        making.play(entry.number)
         if self._ended:
             return self._stop(
                 Divergence(entry.number, entry.when, "unconsumed", "the end", entry.op, "")
@@ -136,7 +128,7 @@ class Replay:
             self._findings.expect(entry)
         elif entry.op == "made":
             self._findings.expect(entry)
-            self._cycles += 1
+            making.cycles += 1
         elif entry.op == "cycle":
             self._strobed.append(entry)
         elif entry.op != "fault":
@@ -152,37 +144,20 @@ class Replay:
 
     # -- stretches of equal cycles ----------------------------------------------------------------
 
-    def _whole(self, stretch: Stretch) -> bool:
-        """Whether a stretch is of bus cycles, and nothing is left to be compared before them."""
-        number, when, _, key, value, _ = stretch
-        return (
-            type(value) is int
-            and key % PORTS <= WRITE
-            and key // PORTS in self._player.ports
-            and number == self._played
-            and when >= self._kernel.now
-            and not (self._ended or self._strobed or self._found or self._findings.expecting)
-        )
+    def _next(self) -> Stretch | None:
+        """Return the next stretch of anything but cycles that come out as they were recorded."""
+        making = self._making
+        if self._ended or self._strobed or self._found or self._findings.expecting:
+            # Something is left to be compared before any cycle.
+            making.same = -1
+            return next(self._stretches, None)
+        return making.run(self._stretches)
 
-    def _again(self, stretch: Stretch) -> Outcome | None:
-        """Make the cycles of a stretch; return what came of it all if one of them differs."""
+    def _differs(self, stretch: Stretch) -> Outcome | None:
+        """Return what came of it all: one of the cycles of a stretch differs."""
         number, when, span, key, value, times = stretch
-        session, write = key // PORTS, key % PORTS == WRITE
-        making, port = self._making, self._player.ports[session]
-        try:
-            same = making.make(port, write, value, number, when, span, times)
-        except ValueError as mistake:
-            op = "write" if write else "read"
-            raise JournalError(f"entry {making.entry}, {op}: {mistake}") from mistake
-        if same:
-            chips, after = self._sessions.by_port[session].selected, when + span
-            self._past.append((chips, write, value >> 8, value & 0xFF, after, span, same))
-        self._cycles += same
-        before, self._played = self._played, number + min(same + 1, times)
-        if self._progress is not None and (before ^ self._played) >> 12:
-            self._progress(self._played & ~0xFFF)
-        if same == times:
-            return None
+        making = self._making
+        same = making.same
         left = self._expand((number + same, when + same * span, span, key, value, times - same))
         entry = next(left)
         self._entries = chain(left, self._others())
@@ -203,7 +178,7 @@ class Replay:
         missed = self._findings.compare() or self._findings.rest()
         if missed is not None and missed.entry < difference.entry:
             difference = missed
-        return Outcome(self._played, self._cycles, difference, False)
+        return Outcome(self._making.played, self._making.cycles, difference, False)
 
     def _end(self, entry: Entry) -> Divergence | None:
         """Compare the end: number of entries, violations, and the whole state."""
@@ -246,7 +221,7 @@ class Replay:
         same = _settled(entry.op, reply) == _settled(entry.op, entry.reply)
         same = same and error == entry.error
         if entry.op in ("read", "write") and not error and not entry.error:
-            self._cycles += 1
+            self._making.cycles += 1
             if not same:
                 return self._decoded(entry, reply)
             write = entry.op == "write"
@@ -272,7 +247,7 @@ class Replay:
         self._found.clear()
         for was, now in pairs:
             if was is not None and was.args == now:
-                self._cycles += 1
+                self._making.cycles += 1
                 self._past.append((*now, was.after, 0, 1))
                 continue
             self._decode_past()
@@ -316,11 +291,8 @@ class Replay:
         """Make one call; return its reply and the number of its refusal."""
         answer = self._player.call(entry)
         if entry.op == "open":
-            self._player.ports[entry.port].strobes.found = self._note_strobed
+            self._player.ports[entry.port].strobes.found = self._making
         return answer
-
-    def _note_strobed(self, when: int, chip: str, write: bool, address: int, data: int) -> None:
-        self._found.append((chip, write, address, data))
 
     def _decoded(self, entry: Entry, reply: int) -> Divergence:
         """Play on until the packet with the difference is whole on both sides."""

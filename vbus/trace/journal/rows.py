@@ -84,12 +84,6 @@ class Call:
             and self.start == start and self.span == span
         )  # fmt: skip
 
-    def follow(self, call: "Call") -> None:
-        """Note what has come after it."""
-        if self.following is not call:
-            self.earlier = self.following
-            self.following = call
-
 
 class JournalRows:
     """Takes entries, gives them back as the columns of a block.
@@ -118,6 +112,10 @@ class JournalRows:
         self._calls: dict[tuple[int, ...], Call] = {}
         self._latest: Call | None = None
         self._names: dict[str, int] = {}
+        """Numbers of chips that strobes have reached, by their names."""
+        self._chips: str = ""
+        self._name: i64 = -1
+        """Those of the cycle before, and their number."""
 
     def strobed(
         self, key: i64, chips: str, write: bool, address: i64, data: i64, when: i64, after: i64
@@ -133,8 +131,11 @@ class JournalRows:
             when: instant (ps).
             after: instant that it is now (ps).
         """
-        name = self._names.setdefault(chips, len(self._names))
-        self.call(key, STROBED, name << 1 | write, address << 8 | data, 0, 0, when, after)
+        if chips != self._chips:
+            self._chips = chips
+            self._name = self._names.setdefault(chips, len(self._names))
+        first = self._name << 1 | write
+        self.call(key, STROBED, first, address << 8 | data, 0, 0, when, after)
 
     def cycle(self, session: i64, word: i64, when: i64, after: i64) -> None:
         """Take a bus cycle.
@@ -187,19 +188,20 @@ class JournalRows:
         start, span = when - self._end, after - when
         latest = self._latest
         known = latest.following if latest is not None else None
-        if known is None or not known.like(key, form, first, second, reply, more, start, span):
+        if known is not None and known.like(key, form, first, second, reply, more, start, span):
+            self._put_call(known)
+        else:
             known = latest.earlier if latest is not None else None
             if known is None or not known.like(key, form, first, second, reply, more, start, span):
                 names = (key, form, first, second, reply, more, start, span)
                 known = self._calls.get(names)
-        if known is None:
-            known = self._new(key, form, first, second, reply, more, start, span)
-        else:
-            if self._again != 0:
-                self._put_again()
-            self._put(known.place)
-        if latest is not None:
-            latest.follow(known)
+            if known is not None:
+                self._put_call(known)
+            else:
+                known = self._new(key, form, first, second, reply, more, start, span)
+            if latest is not None:
+                latest.earlier = latest.following
+                latest.following = known
         self._latest = known
         self._end = after
         self.pending += 1
@@ -237,6 +239,11 @@ class JournalRows:
         self._session = session
         self._span = after - when
         self._word = word
+
+    def _put_call(self, call: Call) -> None:
+        if self._again != 0:
+            self._put_again()
+        self._put(call.place)
 
     def _put_other(self, key: int, value: Any, when: i64, after: i64) -> None:
         if self._again != 0:

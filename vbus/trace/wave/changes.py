@@ -1,4 +1,4 @@
-"""What a waveform has not written yet: nothing else happens as often as edges of nets."""
+"""What a waveform has not written yet: nothing happens as often as edges of nets and polls."""
 
 from operator import itemgetter
 from typing import Any, ClassVar
@@ -6,16 +6,18 @@ from typing import Any, ClassVar
 from mypy_extensions import i64
 
 from vbus.kernel import Kernel
-from vbus.signals import Observer
+from vbus.signals import Observer, Violation
 from vbus.state import Names
 
 
 class Changes(Observer):
-    """Takes down edges of nets as they come, and whatever else it is told.
+    """Takes down edges of nets as they come, polls, and whatever else it is told.
 
     Args:
         kernel: the board's time.
         signals: what is taken down, by name of the net.
+        decoding: is told what the board tells, but for bus cycles like those of :meth:`say`.
+        lost: not empty while the chips do not take the bus cycles that are about to come.
 
     Attributes:
         pending: instant (ps), signal and value of each change.
@@ -24,17 +26,50 @@ class Changes(Observer):
 
     WIRING: ClassVar[Names] = ("*",)
 
-    def __init__(self, kernel: Kernel, signals: dict[str, Any]) -> None:
+    def __init__(
+        self,
+        kernel: Kernel,
+        signals: dict[str, Any],
+        decoding: Observer,
+        lost: dict[str, tuple[int, str]],
+    ) -> None:
         self.pending: list[Any] = []
         self.drained: i64 = 0
         self._kernel: Kernel = kernel
         self._signals: dict[str, Any] = signals
+        self._decoding: Observer = decoding
+        self._lost: dict[str, tuple[int, str]] = lost
+        self._said: dict[str, dict[int, tuple[Any, str]]] = {}
+        """Signal and text, by name of the chip and what the cycle is."""
         self._in_order: bool = True
         """Whether what is pending is in order of time."""
 
     def edge(self, when: int, net: str, level: int) -> None:
         """Take down an edge of one of the nets."""
         self.pending.append((when, self._signals[net], level))
+
+    def bus_cycle(
+        self, when: int, host: str, chip: str, write: bool, address: int, data: int
+    ) -> None:
+        """Take down what a cycle says, if that is known; have it decoded if not."""
+        said = self._said.get(chip)
+        known = said.get(address << 9 | write << 8 | data) if said is not None else None
+        if known is None or self._lost:
+            self._decoding.bus_cycle(when, host, chip, write, address, data)
+        else:
+            self.note(when, known[0], known[1])
+
+    def say(self, chip: str, write: bool, address: int, data: int, signal: Any, text: str) -> None:
+        """Every such cycle says the same from now on, whatever is around it."""
+        self._said.setdefault(chip, {})[address << 9 | write << 8 | data] = (signal, text)
+
+    def violation(self, violation: Violation) -> None:
+        """Pass it on."""
+        self._decoding.violation(violation)
+
+    def settled(self, now: int) -> None:
+        """Pass it on."""
+        self._decoding.settled(now)
 
     def note(self, when: i64, signal: Any, value: Any) -> None:
         """Take down a change.

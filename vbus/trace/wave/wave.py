@@ -97,7 +97,7 @@ class Wave(BoardPackets):
         """Values at the beginning of the ring, and later the latest written."""
         self._latest: dict[Signal, Value] = {}
         """What the chips have told of themselves."""
-        self._changes: Changes = Changes(board.kernel, nets)
+        self._changes: Changes = Changes(board.kernel, nets, self, self._lost)
         self._ring: deque[Change] = deque()
         self._timer = board.kernel.onlooker(self._look)
 
@@ -114,7 +114,7 @@ class Wave(BoardPackets):
         self._latest = dict(self._values)
         for _, net in nets:
             net.observe(self._changes)
-        self.board.observe(self)
+        self.board.observe(self._changes)
         self._timer.at(now + self._sample)
         self.state = WAITING
         if self._trigger is None:
@@ -136,7 +136,7 @@ class Wave(BoardPackets):
             recording = self.state == RECORDING
             self.state = DONE
             self._timer.cancel()
-            self.board.unobserve(self)
+            self.board.unobserve(self._changes)
             for signal in self.signals:
                 if signal.net is not None:
                     signal.net.unobserve(self._changes)
@@ -160,7 +160,11 @@ class Wave(BoardPackets):
 
     def _packet(self, chip: str, packet: Packet) -> None:
         # A packet that was cut short is known to have ended only now.
-        self._changes.note(self.latest, self._words[chip], packet.text)
+        signal, text = self._words[chip], packet.text
+        self._changes.note(self.latest, signal, text)
+        if packet.kind in self._decoders[chip].APART:
+            _, write, address, data = packet.cycles[0]
+            self._changes.say(chip, write, address, data, signal, text)
 
     def violation(self, violation: Violation) -> None:
         """Take down a violation."""
