@@ -233,7 +233,8 @@ class Axis(Blocks):
             self.registers.fault(ds.TIMER_OK)
             self._enter_idle(cycle)
         self.start_timer(cycle)
-        cycle = self._skip(cycle)
+        if self._request == NO_REQUEST and self.rest.possible(cycle, self.state == CONTROL):
+            cycle = self._skip(cycle)
         position = self.counter.position(cycle)
         request, self._request = self._request, NO_REQUEST
         if self.state == CONTROL:
@@ -253,7 +254,9 @@ class Axis(Blocks):
         self._at_routine = FAR
         if self.breakpoint.sample():
             self._at_routine = cycle + ds.BREAK_ROUTINE_CLK
-        if self.state == STANDING and self.side.sync == 0:
+        if self.state == CONTROL:
+            self._go_on(cycle)
+        elif self.state == STANDING and self.side.sync == 0:
             self.hold_timer()
 
     def _enter_control(self, cycle: int, position: int) -> None:
@@ -296,7 +299,8 @@ class Axis(Blocks):
         self._aiming = True
         if loop.goal_step:
             self._report(ds.GOAL_STEP, loop.goal_step, 127, "", self._clock.ps(cycle))
-        if self.registers.step_mode:
+        stepping = self.registers.step_mode
+        if stepping:
             period = self.timer.period
             self.stepper.batch(cycle, loop.steps, period)
             if self.stepper.overrun(period):
@@ -304,6 +308,8 @@ class Axis(Blocks):
                 self._report(ds.STEP_OVERRUN, abs(int(loop.steps)), most, "", self._clock.ps(cycle))
             self.counter.replan(cycle, cycle - 1)
         self.rest.note()
+        if not stepping and cycle < self._at_sample and cycle < self._at_routine:
+            self._go_on(cycle)
 
     def _routine(self, cycle: int) -> None:
         """The breakpoint routine of the sample (MCP-BRK-2, 3)."""
@@ -316,9 +322,6 @@ class Axis(Blocks):
 
     def _skip(self, cycle: i64) -> i64:
         """Pass over samples that would change nothing; return the one to compute."""
-        control = self.state == CONTROL
-        if self._request != NO_REQUEST or not self.rest.possible(cycle, control):
-            return cycle
         if self.breakpoint.sample():
             return cycle
         last = min(self._target, min(self._next_count(), self.writes.due) - 1)
@@ -329,6 +332,11 @@ class Axis(Blocks):
             self.start_timer(cycle)
             self.encoder.skip(passed)
         return cycle
+
+    def _go_on(self, cycle: i64) -> None:
+        """Nothing else is due at ``cycle``: if the plant's period is over, run the next one."""
+        if self.encoder.end == cycle:
+            self._next_period(cycle)
 
     def _next_period(self, cycle: i64) -> None:
         """The plant's period is over: run it to the next instant its drive may change."""

@@ -61,6 +61,11 @@ class PlantDrive:
             elif command < -ds.PWM_FULL:
                 command = -ds.PWM_FULL
             return float(command) / FULL
+        return self._dac_level()
+
+    def _dac_level(self) -> float:
+        """The code of the DAC port as a fraction of full scale."""
+        registers = self._registers
         code = registers.dac - ds.DAC_ZERO
         if registers.feature & ds.UNIPOLAR and registers.pwm < 0 and not self._clip:
             # An amplifier that gets a magnitude takes its direction from Sign.
@@ -81,7 +86,10 @@ class PlantDrive:
         self._given = self.level()
         if self._registers.step_mode:
             sent = self._stepper.sent(end)
-            self._encoder.step(end, sent - self._steps)
+            self._encoder.run(end, self._given, 0, True, sent - self._steps)
             self._steps = sent
-        else:
-            self._encoder.drive(end, self._given, aiming, self._following.aim())
+            return
+        error: i64 = 0
+        if aiming:
+            error = self._encoder.error(self._following.aim())
+        self._encoder.run(end, self._given, error, False, 0)
