@@ -79,7 +79,7 @@ class Axis(Blocks):
 
     def _next_count(self) -> i64:
         """When the position counter has something to do."""
-        return min(self.encoder.at, min(self.encoder_pins.at, self.counter.at_match))
+        return min(self.encoder.at, min(self.counter.at_pins, self.counter.at_match))
 
     def next_output(self) -> i64:
         """A cycle not later than the next change of an output other than Pulse and Sign."""
@@ -150,7 +150,7 @@ class Axis(Blocks):
         if self.encoder.at == cycle:
             self.counter.edge(cycle)
             self.side.look(cycle)
-        elif self.encoder_pins.at <= cycle:
+        elif self.counter.at_pins <= cycle:
             self.encoder_pins.settle(cycle)
         else:
             self.counter.match()
@@ -248,7 +248,15 @@ class Axis(Blocks):
         elif request == ds.CONTROL_CODE:
             self._enter_control(cycle, position)
         if self.state == CONTROL:
-            self._begin_control_sample(cycle, position, request == ds.HALT_CODE)
+            halt = request == ds.HALT_CODE
+            work = self.loop.begin(position, self.side.limit == 0, self.side.stop == 0, halt)
+            if work == IDLE:
+                self._enter_idle(cycle)
+            else:
+                self._at_results = cycle + work
+                self._look_for_stall(cycle)
+                if self.loop.abrupt:
+                    self.stepper.stop(cycle)
         if self.state == STANDING:
             self.loop.idle_sample(position)
         self._at_routine = FAR
@@ -265,16 +273,6 @@ class Axis(Blocks):
         self._aiming = False
         self.rest.disturb()
         self._look_for_stall(cycle)
-
-    def _begin_control_sample(self, cycle: i64, position: i64, halt: bool) -> None:
-        work = self.loop.begin(position, self.side.limit == 0, self.side.stop == 0, halt)
-        if work == IDLE:
-            self._enter_idle(cycle)
-            return
-        self._at_results = cycle + work
-        self._look_for_stall(cycle)
-        if self.loop.abrupt:
-            self.stepper.stop(cycle)
 
     def _look_for_stall(self, cycle: i64) -> None:
         """The stall check compares steps and counts at a sample's start (MCP-STP-4)."""
@@ -307,7 +305,10 @@ class Axis(Blocks):
                 most = period // self.stepper.width
                 self._report(ds.STEP_OVERRUN, abs(int(loop.steps)), most, "", self._clock.ps(cycle))
             self.counter.replan(cycle, cycle - 1)
-        self.rest.note()
+        if loop.steps:
+            self.rest.disturb()
+        else:
+            self.rest.note()
         if not stepping and cycle < self._at_sample and cycle < self._at_routine:
             self._go_on(cycle)
 

@@ -86,7 +86,11 @@ class Encoder:
         past = cycle - self._start
         if past >= self._length or self._first == self._last or self.plant is None:
             return self._last
-        if past <= 0:
+        return self._count_within(past)
+
+    def _count_within(self, past: i64) -> i64:
+        """Plant count so many clocks after the beginning of the present period."""
+        if past <= 0 or self.plant is None:
             return self._first
         return self.plant.count_at(float(past) / float(self._length))
 
