@@ -121,7 +121,12 @@ class DcMotor(Shaft):
         # Chips that change their drive twice a sample have two lengths by turns.
         before = self._period
         again = period == self._other_period
-        self._exchange()
+        if self.solved_exactly:
+            response = self._response
+            self._response = self._other_response
+            self._other_response = response
+        else:
+            self._exchange()
         if again:
             self._forget_course()
             self._resting = False
@@ -157,12 +162,7 @@ class DcMotor(Shaft):
         self._divide(self._substeps)
 
     def _exchange(self) -> None:
-        """Let what the last two periods were prepared with change places."""
-        if self.solved_exactly:
-            response = self._response
-            self._response = self._other_response
-            self._other_response = response
-            return
+        """Let the sub-steps that the last two periods were prepared with change places."""
         keep, admit, induced = self._keep, self._admit, self._induced
         self._keep, self._admit = self._other_keep, self._other_admit
         self._induced = self._other_induced
@@ -216,7 +216,8 @@ class DcMotor(Shaft):
             self._solved = True
             here = self._leap(volts)
         else:
-            here = self._spin(None)
+            here = self._spin(self._first, self._substeps)
+            self._fade()
         self._resting = (
             here == self._first and self.velocity == self._departed and self.current == self._began
         )
@@ -349,19 +350,25 @@ class DcMotor(Shaft):
     # -- in sub-steps -------------------------------------------------------------------------
 
     def _trace(self) -> None:
-        self._spin(self._write_pieces(self._substeps, self._first))
-
-    def _spin(self, points: list[float] | None) -> float:
-        """Run the period from its beginning; return where it leads, and note its pieces."""
-        keep, induced, constant = self._keep, self._induced, self._torque_constant
-        admitted = self._admit * self._volts
-        turn = self._turn_counts
-        current = self._began
-        speed = self._departed
+        points = self._write_pieces(self._substeps, self._first)
         here = self._first
+        self.current, self.velocity = self._began, self._departed
         piece: i64 = 0
         while piece < self._substeps:
             piece += 1
+            here = self._spin(here, 1)
+            points[piece] = here
+        self._fade()
+
+    def _spin(self, here: float, substeps: i64) -> float:
+        """Go on from ``here`` by some sub-steps; return where they lead."""
+        keep, induced, constant = self._keep, self._induced, self._torque_constant
+        admitted = self._admit * self._volts
+        turn = self._turn_counts
+        current = self.current
+        speed = self.velocity
+        while substeps > 0:
+            substeps -= 1
             current = keep * current + admitted
             speed = self._accelerate(speed, constant * current)
             here += speed * turn
@@ -369,10 +376,11 @@ class DcMotor(Shaft):
                 here = self._meet_stop(here, speed)
                 speed = self.velocity
             current -= induced * speed
-            if points is not None:
-                points[piece] = here
-        if -NO_CURRENT < current < NO_CURRENT:
-            current = 0.0
         self.current = current
         self.velocity = speed
         return here
+
+    def _fade(self) -> None:
+        """Let a current that has decayed be over."""
+        if -NO_CURRENT < self.current < NO_CURRENT:
+            self.current = 0.0

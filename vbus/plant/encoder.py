@@ -71,8 +71,7 @@ class Encoder:
         if not self.index or start == end:
             return False, 0
         if not self._below <= start < self._above:
-            self._below = start - (start - self._below) % self._turn
-            self._above = self._below + self._turn
+            self._seek(start)
         if start < end:
             if self._above <= end:
                 return True, self._above
@@ -83,6 +82,11 @@ class Encoder:
         if count >= end:
             return True, count
         return False, 0
+
+    def _seek(self, count: i64) -> None:
+        """Find the indices about a count."""
+        self._below = count - (count - self._below) % self._turn
+        self._above = self._below + self._turn
 
 
 class EncodedPlant(Plant):

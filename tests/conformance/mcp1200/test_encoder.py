@@ -143,7 +143,7 @@ def test_an_edge_of_the_very_cycle_in_which_a_setting_changes_is_still_to_come()
     encoder = Encoder(8_000_000)
     encoder.connect(IdealPlant(), limits=False, home=False)
     encoder.end = 0
-    encoder.drive(512, 0.0, True, 100)
+    encoder.run(512, 0.0, encoder.error(100), stepping=False, steps=0)
     for _ in range(2):
         encoder.plan(armed=True, compare=50)
         assert (encoder.at, encoder.at_count) == (254, 50)
@@ -158,7 +158,7 @@ def test_a_plant_for_steps_stands_while_the_chip_gives_a_motor_command() -> None
     encoder.connect(motor, limits=False, home=False)
     encoder.end = 0
     for period in range(1, 100):
-        encoder.drive(80_000 * period, 1.0, True, 100)
+        encoder.run(80_000 * period, 1.0, encoder.error(100), stepping=False, steps=0)
     assert motor.count == 0
 
 

@@ -79,7 +79,7 @@ class Axis(Blocks):
 
     def _next_count(self) -> i64:
         """When the position counter has something to do."""
-        return min(self.encoder.at, min(self.encoder_pins.at, self.counter.at_match))
+        return min(self.encoder.at, min(self.counter.at_pins, self.counter.at_match))
 
     def next_output(self) -> i64:
         """A cycle not later than the next change of an output other than Pulse and Sign."""
@@ -150,7 +150,7 @@ class Axis(Blocks):
         if self.encoder.at == cycle:
             self.counter.edge(cycle)
             self.side.look(cycle)
-        elif self.encoder_pins.at <= cycle:
+        elif self.counter.at_pins <= cycle:
             self.encoder_pins.settle(cycle)
         else:
             self.counter.match()
@@ -233,7 +233,8 @@ class Axis(Blocks):
             self.registers.fault(ds.TIMER_OK)
             self._enter_idle(cycle)
         self.start_timer(cycle)
-        cycle = self._skip(cycle)
+        if self._request == NO_REQUEST and self.rest.possible(cycle, self.state == CONTROL):
+            cycle = self._skip(cycle)
         position = self.counter.position(cycle)
         request, self._request = self._request, NO_REQUEST
         if self.state == CONTROL:
@@ -247,13 +248,23 @@ class Axis(Blocks):
         elif request == ds.CONTROL_CODE:
             self._enter_control(cycle, position)
         if self.state == CONTROL:
-            self._begin_control_sample(cycle, position, request == ds.HALT_CODE)
+            halt = request == ds.HALT_CODE
+            work = self.loop.begin(position, self.side.limit == 0, self.side.stop == 0, halt)
+            if work == IDLE:
+                self._enter_idle(cycle)
+            else:
+                self._at_results = cycle + work
+                self._look_for_stall(cycle)
+                if self.loop.abrupt:
+                    self.stepper.stop(cycle)
         if self.state == STANDING:
             self.loop.idle_sample(position)
         self._at_routine = FAR
         if self.breakpoint.sample():
             self._at_routine = cycle + ds.BREAK_ROUTINE_CLK
-        if self.state == STANDING and self.side.sync == 0:
+        if self.state == CONTROL:
+            self._go_on(cycle)
+        elif self.state == STANDING and self.side.sync == 0:
             self.hold_timer()
 
     def _enter_control(self, cycle: int, position: int) -> None:
@@ -262,16 +273,6 @@ class Axis(Blocks):
         self._aiming = False
         self.rest.disturb()
         self._look_for_stall(cycle)
-
-    def _begin_control_sample(self, cycle: i64, position: i64, halt: bool) -> None:
-        work = self.loop.begin(position, self.side.limit == 0, self.side.stop == 0, halt)
-        if work == IDLE:
-            self._enter_idle(cycle)
-            return
-        self._at_results = cycle + work
-        self._look_for_stall(cycle)
-        if self.loop.abrupt:
-            self.stepper.stop(cycle)
 
     def _look_for_stall(self, cycle: i64) -> None:
         """The stall check compares steps and counts at a sample's start (MCP-STP-4)."""
@@ -296,14 +297,20 @@ class Axis(Blocks):
         self._aiming = True
         if loop.goal_step:
             self._report(ds.GOAL_STEP, loop.goal_step, 127, "", self._clock.ps(cycle))
-        if self.registers.step_mode:
+        stepping = self.registers.step_mode
+        if stepping:
             period = self.timer.period
             self.stepper.batch(cycle, loop.steps, period)
             if self.stepper.overrun(period):
                 most = period // self.stepper.width
                 self._report(ds.STEP_OVERRUN, abs(int(loop.steps)), most, "", self._clock.ps(cycle))
             self.counter.replan(cycle, cycle - 1)
-        self.rest.note()
+        if loop.steps:
+            self.rest.disturb()
+        else:
+            self.rest.note()
+        if not stepping and cycle < self._at_sample and cycle < self._at_routine:
+            self._go_on(cycle)
 
     def _routine(self, cycle: int) -> None:
         """The breakpoint routine of the sample (MCP-BRK-2, 3)."""
@@ -316,9 +323,6 @@ class Axis(Blocks):
 
     def _skip(self, cycle: i64) -> i64:
         """Pass over samples that would change nothing; return the one to compute."""
-        control = self.state == CONTROL
-        if self._request != NO_REQUEST or not self.rest.possible(cycle, control):
-            return cycle
         if self.breakpoint.sample():
             return cycle
         last = min(self._target, min(self._next_count(), self.writes.due) - 1)
@@ -329,6 +333,11 @@ class Axis(Blocks):
             self.start_timer(cycle)
             self.encoder.skip(passed)
         return cycle
+
+    def _go_on(self, cycle: i64) -> None:
+        """Nothing else is due at ``cycle``: if the plant's period is over, run the next one."""
+        if self.encoder.end == cycle:
+            self._next_period(cycle)
 
     def _next_period(self, cycle: i64) -> None:
         """The plant's period is over: run it to the next instant its drive may change."""

@@ -218,7 +218,8 @@ class ControlLoop:
         sampled = registers.sampled
         position = self._position
         step_mode = sampled.config & ds.STEP_MODE
-        cleared = self._profile(sampled)
+        command = self.command
+        cleared = self._profile(command, sampled)
         registers.flag &= ~cleared
         self._last_mode = self.mode & ~cleared
 
@@ -227,8 +228,8 @@ class ControlLoop:
 
         following = self.following
         if self.abrupt and step_mode:
-            following.begin(self.command.position)
-        self.steps = following.step(sampled, self.command.position, position)
+            following.begin(command.position)
+        self.steps = following.step(sampled, command.position, position)
         if step_mode:
             too_large = self.stall.stalled(sampled)
         else:
@@ -238,12 +239,11 @@ class ControlLoop:
             self.faults.error = True
 
         if not step_mode:
-            self._drive(sampled, following.error)
-        self._show(following)
+            self._drive(command, sampled, following.error)
+        self._show(command, following)
 
-    def _profile(self, sampled: SampledRegisters) -> i64:
+    def _profile(self, command: Command, sampled: SampledRegisters) -> i64:
         """Move the command position; return the flags to clear."""
-        command = self.command
         mode = self.mode
         if (mode == 0 or self._entering) and command.position != sampled.command_position:
             # The host has put it there: a whole count.
@@ -260,21 +260,20 @@ class ControlLoop:
             elif mode == ds.F3:
                 self.interpolation.hold(sampled.final_position)
         elif mode == ds.F0:
-            cleared = self._point_to_point(sampled)
+            cleared = self._point_to_point(command, sampled)
         elif mode == ds.F4:
-            self._interpolate_velocity(sampled)
+            self._interpolate_velocity(command, sampled)
         elif mode == ds.F3:
-            self._interpolate_position(sampled)
+            self._interpolate_position(command, sampled)
         elif mode == ds.F5:
-            self._run_at_velocity(sampled)
+            self._run_at_velocity(command, sampled)
         else:
-            self._hold_position(sampled)
+            self._hold_position(command, sampled)
             return 0
         self.registers.command_position = command.position
         return cleared
 
-    def _hold_position(self, sampled: SampledRegisters) -> None:
-        command = self.command
+    def _hold_position(self, command: Command, sampled: SampledRegisters) -> None:
         command.rest()
         increment = sampled.command_increment
         if increment == 0:
@@ -285,8 +284,7 @@ class ControlLoop:
         if not self.increment_written:
             self.registers.command_increment = 0
 
-    def _point_to_point(self, sampled: SampledRegisters) -> i64:
-        command = self.command
+    def _point_to_point(self, command: Command, sampled: SampledRegisters) -> i64:
         command.left = 0
         if self._entering:
             self._stopping = False
@@ -294,7 +292,7 @@ class ControlLoop:
             self.trapezoid.begun = False
             self.scurve.begun = False
         if self._action == ds.DECELERATE and not self._stopping:
-            self._begin_stop(sampled)
+            self._begin_stop(command, sampled)
         over: i64 = 0
         if not self._stopping:
             # R01 bit 4 may change under way: the other generator begins anew (NOTES 38).
@@ -305,7 +303,7 @@ class ControlLoop:
                 self.scurve.begun = False
                 over = self.trapezoid.step(command, sampled)
             if over < 0:
-                self._begin_stop(sampled)
+                self._begin_stop(command, sampled)
         if self._stopping:
             over = int(stop(command, sampled.accel))
         command.moving = over <= 0
@@ -316,38 +314,37 @@ class ControlLoop:
             return ds.F0
         return 0
 
-    def _begin_stop(self, sampled: SampledRegisters) -> None:
+    def _begin_stop(self, command: Command, sampled: SampledRegisters) -> None:
         self._stopping = True
-        self.command.decel_position = self.command.position
+        command.decel_position = command.position
         if sampled.feature & ds.S_CURVE:
-            self.command.fraction = 0
+            command.fraction = 0
 
-    def _interpolate_position(self, sampled: SampledRegisters) -> None:
+    def _interpolate_position(self, command: Command, sampled: SampledRegisters) -> None:
         if self._entering:
             self.interpolation.hold(sampled.final_position)
         busy = sampled.capture_control & ds.INTERPOLATOR_BUSY != 0
         point = self._sampled_point if busy and not self._entering else sampled.final_position
-        if self.interpolation.step(self.command, sampled, busy or self._entering, point):
+        if self.interpolation.step(command, sampled, busy or self._entering, point):
             self.registers.capture_control &= ~ds.INTERPOLATOR_BUSY
 
-    def _interpolate_velocity(self, sampled: SampledRegisters) -> None:
+    def _interpolate_velocity(self, command: Command, sampled: SampledRegisters) -> None:
         ramps = self.ramps
         if self._entering:
-            ramps.hold(self.command.velocity)
+            ramps.hold(command.velocity)
         busy = sampled.capture_control & ds.INTERPOLATOR_BUSY != 0
         goal = self._sampled_velocity if busy and not self._entering else sampled.velocity
         fresh = busy or self._entering
         if self._action == ds.DECELERATE:
             self.registers.velocity = 0
             self.velocity_point = 0
-            ramps.slow_down(self.command, sampled)
+            ramps.slow_down(command, sampled)
             fresh = False
             goal = 0
-        if ramps.step(self.command, sampled, fresh, goal):
+        if ramps.step(command, sampled, fresh, goal):
             self.registers.capture_control &= ~ds.INTERPOLATOR_BUSY
 
-    def _run_at_velocity(self, sampled: SampledRegisters) -> None:
-        command = self.command
+    def _run_at_velocity(self, command: Command, sampled: SampledRegisters) -> None:
         command.left = 0
         command.phase = 0
         if self._entering:
@@ -364,10 +361,10 @@ class ControlLoop:
                 self.registers.velocity_command = 0
         self.goal_step = self.velocity.step(command, sampled, goal)
 
-    def _drive(self, sampled: SampledRegisters, error: i64) -> None:
+    def _drive(self, command: Command, sampled: SampledRegisters, error: i64) -> None:
         """Steps 8 and 9: filter and outputs."""
         if sampled.feature & ds.PID:
-            velocity = self.command.velocity
+            velocity = command.velocity
             if self.mode == 0:
                 velocity = sampled.feed_forward
             self.mc = self.pid.step(sampled, error, velocity)
@@ -377,8 +374,7 @@ class ControlLoop:
         pwm = pwm_command(sampled, self.mc, error)
         self.registers.drive(code, pwm)
 
-    def _show(self, following: Following) -> None:
-        command = self.command
+    def _show(self, command: Command, following: Following) -> None:
         registers = self.registers
         registers.mode = ds.HALT_CODE if self.halted else ds.CONTROL_CODE
         registers.phase = command.phase

@@ -116,9 +116,11 @@ class PositionCounter:
 
     Attributes:
         at_match: step mode: cycle at which the breakpoint will be reached.
+        at_pins: cycle at which a level at CHA, CHB or INDEX will have passed its filter.
     """
 
     STATE: ClassVar[Names] = ("at_match",)
+    DERIVED: ClassVar[Names] = ("at_pins",)
     WIRING: ClassVar[Names] = (
         "_breakpoint", "_encoder", "_faults", "_index_high", "_registers", "_stepper",
     )  # fmt: skip
@@ -139,6 +141,7 @@ class PositionCounter:
         self._faults: Final[Faults] = faults
         self._index_high: bool = index_high
         self.at_match: i64 = FAR
+        self.at_pins: i64 = FAR
 
     def position(self, cycle: i64) -> i64:
         """The counter at ``cycle``, signed."""

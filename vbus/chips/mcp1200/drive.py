@@ -31,6 +31,7 @@ class PlantDrive:
 
     STATE: ClassVar[Names] = ("_given: float", "_steps")
     WIRING: ClassVar[Names] = ("_clip", "_dac", "_encoder", "_following", "_registers", "_stepper")
+    DERIVED: ClassVar[Names] = ("_command", "_level")
 
     def __init__(
         self,
@@ -47,6 +48,9 @@ class PlantDrive:
         self._dac: bool = settings["drive"] == "dac"
         self._clip: bool = settings["unipolar"] == "clip"
         self._given: float = 0.0
+        # The motor command of the PWM that was asked for last; a division takes its time.
+        self._command: i64 = 0
+        self._level: float = 0.0
         self._steps: i64 = 0
 
     def level(self) -> float:
@@ -56,11 +60,19 @@ class PlantDrive:
             return 0.0
         if not self._dac:
             command = registers.pwm
-            if command > ds.PWM_FULL:
-                command = ds.PWM_FULL
-            elif command < -ds.PWM_FULL:
-                command = -ds.PWM_FULL
-            return float(command) / FULL
+            if command != self._command:
+                self._command = command
+                if command > ds.PWM_FULL:
+                    command = ds.PWM_FULL
+                elif command < -ds.PWM_FULL:
+                    command = -ds.PWM_FULL
+                self._level = float(command) / FULL
+            return self._level
+        return self._dac_level()
+
+    def _dac_level(self) -> float:
+        """The code of the DAC port as a fraction of full scale."""
+        registers = self._registers
         code = registers.dac - ds.DAC_ZERO
         if registers.feature & ds.UNIPOLAR and registers.pwm < 0 and not self._clip:
             # An amplifier that gets a magnitude takes its direction from Sign.
@@ -81,7 +93,10 @@ class PlantDrive:
         self._given = self.level()
         if self._registers.step_mode:
             sent = self._stepper.sent(end)
-            self._encoder.step(end, sent - self._steps)
+            self._encoder.run(end, self._given, 0, True, sent - self._steps)
             self._steps = sent
-        else:
-            self._encoder.drive(end, self._given, aiming, self._following.aim())
+            return
+        error: i64 = 0
+        if aiming:
+            error = self._encoder.error(self._following.aim())
+        self._encoder.run(end, self._given, error, False, 0)

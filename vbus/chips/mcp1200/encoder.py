@@ -86,13 +86,18 @@ class Encoder:
         past = cycle - self._start
         if past >= self._length or self._first == self._last or self.plant is None:
             return self._last
-        if past <= 0:
+        return self._count_within(past)
+
+    def _count_within(self, past: i64) -> i64:
+        """Plant count so many clocks after the beginning of the present period."""
+        if past <= 0 or self.plant is None:
             return self._first
         return self.plant.count_at(float(past) / float(self._length))
 
     def position(self, cycle: i64) -> i64:
         """The 24-bit position counter at ``cycle``."""
-        return wrap_word(self.offset + self.direction * self.count(cycle), 0x800000)
+        count = self.count(cycle)
+        return wrap_word(self.offset + self.direction * count, 0x800000)
 
     def preset(self, position: int, cycle: int) -> None:
         """Load the counter."""
@@ -122,40 +127,24 @@ class Encoder:
         if length and self.plant is not None:
             self.plant.prepare(float(length) / self.clk_hz)
 
-    def drive(self, end: i64, command: float, aiming: bool, aim: i64) -> None:
-        """Run the plant on to ``end`` with a motor command; a plant for steps stands.
+    def error(self, aim: i64) -> i64:
+        """How far the plant's period has ended from position ``aim``, in the plant's counts."""
+        position = self.offset + self.direction * self._last
+        return self.direction * wrap_word(aim - position, 0x800000)
+
+    def run(self, end: i64, command: float, error: i64, stepping: bool, steps: i64) -> None:
+        """Run the plant from where its last period has ended to ``end``.
 
         Args:
             end: cycle at which the period ends.
-            command: fraction of full scale.
-            aiming: a plant that follows exactly goes to ``aim``.
-            aim: a position.
+            command: fraction of full scale; 0.0 in step mode.
+            error: counts to go for a plant that follows exactly.
+            stepping: step mode: a plant that takes both is given steps.
+            steps: steps in the period; 0 in any other mode.
         """
         if self.plant is None:
             return
         plant: Plant = self.plant
-        error: i64 = 0
-        if aiming:
-            error = wrap_word(aim - self.offset - self.direction * self._last, 0x800000)
-        self._begin(plant, end)
-        if self._servo:
-            self._last = plant.drive(command, error * self.direction)
-        else:
-            self._last = plant.pulses(0)
-
-    def step(self, end: i64, steps: i64) -> None:
-        """Run the plant on to ``end`` with ``steps``; a plant for motor commands stands."""
-        if self.plant is None:
-            return
-        plant: Plant = self.plant
-        self._begin(plant, end)
-        if self._pulses:
-            self._last = plant.pulses(steps)
-        else:
-            self._last = plant.drive(0.0, 0)
-
-    def _begin(self, plant: Plant, end: i64) -> None:
-        """Begin a period where the last one has ended."""
         start = self.end
         length = end - start
         self._start = start
@@ -167,6 +156,10 @@ class Encoder:
         count = plant.count
         self._first = count
         self.seen = count
+        if (stepping and self._pulses) or not self._servo:
+            self._last = plant.pulses(steps)
+        else:
+            self._last = plant.drive(command, error)
 
     def skip(self, cycles: int) -> None:
         """Time has passed in which nothing moved."""
@@ -200,23 +193,27 @@ class Encoder:
             compare: breakpoint position.
         """
         self.at = FAR
-        here = self.seen
-        last = self._last
-        if here == last or self.plant is None:
+        if self.seen == self._last or self.plant is None:
             return
+        found, count = self.plant.index_between(self.seen, self._last)
+        if found or armed or self.inside or self._switched:
+            self._look_for_edge(found, count, armed, compare)
+
+    def _look_for_edge(self, found: bool, index: i64, armed: bool, compare: i64) -> None:
+        """Find it where there may be one; ``index``: the count of an index that was ``found``."""
+        here = self.seen
         towards: i64 = 1
-        if last < here:
+        if self._last < here:
             towards = -1
-        far = (last - here) * towards
+        far = (self._last - here) * towards
         nearest = far + 1
         if armed:
             away = wrap_word(compare - self.offset - self.direction * here, 0x800000)
             away *= self.direction
             if 0 < away * towards < nearest:
                 nearest = away * towards
-        found, count = self.plant.index_between(here, last)
         if found:
-            nearest = min(nearest, (count - here) * towards)
+            nearest = min(nearest, (index - here) * towards)
         if self.inside:
             nearest = 1
         if self._switched:

@@ -31,17 +31,12 @@ class EncoderPins:
     Args:
         chip: whose pins.
         blocks: where counts go.
-
-    Attributes:
-        at: cycle at which a level at the pins will have passed the filter.
     """
 
     STATE: ClassVar[Names] = ("_levels: list[i64]", "_since: list[i64]", "decoder: part")
     WIRING: ClassVar[Names] = ("_blocks", "_chip", "_pins")
-    DERIVED: ClassVar[Names] = ("at",)
 
     def __init__(self, chip: HostInterface, blocks: Blocks) -> None:
-        self.at: i64 = FAR
         self._chip: HostInterface = chip
         self._blocks: Blocks = blocks
         self._pins: list[Pin] = [chip.pins[name] for name in ("CHA", "CHB", "INDEX")]
@@ -71,7 +66,7 @@ class EncoderPins:
     def after_load(self) -> None:
         """Find out when the next edge is believed."""
         due = self.decoder.due()
-        self.at = FAR if due == NEVER else due
+        self._blocks.counter.at_pins = FAR if due == NEVER else due
 
     def settle(self, cycle: int) -> None:
         """Take what has passed the filter by ``cycle``."""

@@ -63,6 +63,13 @@ def frame_clocks(setting: i64) -> i64:
     return clocks << (setting >> 1)
 
 
+def sign_of(command: i64) -> i64:
+    """Level of Sign for a motor command: 1 = negative."""
+    if command < 0:
+        return 1
+    return 0
+
+
 class Pwm:
     """The Pulse and Sign pins while they carry sign/magnitude PWM, frame by frame.
 
@@ -93,39 +100,34 @@ class Pwm:
     def restart(self, cycle: i64) -> None:
         """Begin a frame at ``cycle`` with nothing before it."""
         self.start = cycle
-        self.sign = self._sign()
+        command = self._registers.pwm
+        self.sign = sign_of(command)
         self.length = self._clocks()
-        self.high = self._duty(self.length)
+        self.high = self._duty(command, self.length)
 
     def _clocks(self) -> i64:
         """Clocks of a frame that begins now."""
         return frame_clocks(self._registers.encoder_pwm & 0x0F)
 
-    def _duty(self, length: i64) -> i64:
+    def _duty(self, command: i64, length: i64) -> i64:
         """Clocks for which Pulse is high in a frame of ``length`` clocks that begins now."""
-        registers = self._registers
-        command = registers.pwm
         if command > ds.PWM_FULL:
             command = ds.PWM_FULL
         elif command < -ds.PWM_FULL:
             command = -ds.PWM_FULL
-        if registers.config & ds.PWM_BIAS:
+        if self._registers.config & ds.PWM_BIAS:
             return (ds.PWM_FULL + command) * length // (2 * ds.PWM_FULL)
         if command < 0:
             command = -command
         return command * length // ds.PWM_FULL
-
-    def _sign(self) -> i64:
-        if self._registers.pwm < 0:
-            return 1
-        return 0
 
     def roll(self, cycle: i64) -> None:
         """Come to the frame that is under way at ``cycle``."""
         start = self.start + self.length
         if cycle < start:
             return
-        sign = self._sign()
+        command = self._registers.pwm
+        sign = sign_of(command)
         changed = sign != self.sign
         self.sign = sign
         length = self._clocks()
@@ -135,7 +137,7 @@ class Pwm:
         if past < length and changed and self._registers.config & ds.SIGN_INHIBIT:
             self.high = 0
         else:
-            self.high = self._duty(length)
+            self.high = self._duty(command, length)
         self.start = cycle - past % length
 
     def level(self, cycle: int) -> int:
@@ -153,8 +155,9 @@ class Pwm:
 
     def steady(self) -> bool:
         """Whether every further frame is the same level throughout, as long as nobody writes."""
-        if 0 < self.high < self.length or self.sign != self._sign():
+        command = self._registers.pwm
+        if 0 < self.high < self.length or self.sign != sign_of(command):
             return False
         length = self._clocks()
-        high = self._duty(length)
+        high = self._duty(command, length)
         return (high == 0) == (self.high == 0) and (high == length) == (self.high == self.length)

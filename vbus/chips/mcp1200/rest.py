@@ -39,8 +39,8 @@ class Rest:
         self._repeats = False
 
     def note(self) -> None:
-        """A control sample has shown its results: compare it with the one before."""
-        if self._loop.steps or not self._drive.at_rest():
+        """A control sample with no change of command has shown its results: compare it."""
+        if not self._drive.at_rest():
             self.disturb()
             return
         now = (self._loop.registers.image, save(self._loop))
