@@ -530,7 +530,7 @@ int vbus_send(struct vbus *bus)
 /* --- receiving -------------------------------------------------------------------------------- */
 
 /* Get more bytes: 1, or 0 when time is up, or an error. A host alone on its board looks for them first,
- * which takes less than to sleep and be woken, and lets the board run between two looks. */
+ * which takes less than to sleep and be woken, and lets the board run before each look. */
 static int receive(struct vbus *bus, int64_t deadline)
 {
     int looks = bus->is_socket && bus->leasing ? LOOKS : 0, before = errno;
@@ -541,6 +541,8 @@ static int receive(struct vbus *bus, int64_t deadline)
 
         if (found <= 0)
             return found;
+        if (looks > 0)
+            sched_yield();
         now = looks > 0 ? recv(bus->fd, bus->in, sizeof bus->in, MSG_DONTWAIT)
                         : read(bus->fd, bus->in, sizeof bus->in);
         if (now > 0) {
@@ -553,7 +555,6 @@ static int receive(struct vbus *bus, int64_t deadline)
         if (looks > 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) {
             looks--;
             errno = before; /* which callers may still have to tell of */
-            sched_yield();
         } else if (errno == EAGAIN || errno == EWOULDBLOCK) {
             found = ready(bus, POLLIN, deadline);
             if (found <= 0)

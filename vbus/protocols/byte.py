@@ -1,7 +1,7 @@
 """The byte protocol: one byte says what is asked, replies come back in the same order."""
 
 from collections.abc import Callable
-from struct import pack, unpack_from
+from struct import Struct, pack, unpack_from
 from typing import ClassVar, Final
 
 from vbus.kernel.kernel import END, NEVER
@@ -18,6 +18,9 @@ _D: Final = ord("D")
 _L: Final = ord(LEASED)
 _M: Final = ord(FORESEEN)
 _U32: Final = (1 << 32) - 1
+_LEASE: Final = Struct(">BBIQQ").pack
+_LEASE_AHEAD: Final = Struct(">BBIQQBQ").pack
+_STEPS: Final = [Struct(f">{count}I").unpack_from for count in range(64)]
 
 SIZES: Final = bytes(
     row.size if (row := REQUESTS.by_code(code)) is not None else 1 for code in range(256)
@@ -259,8 +262,9 @@ class ByteProtocol(Protocol):
         following = self.port.foresee(address) if self._leasing == 2 else None
         end = NO_EDGE if until >= NEVER else until
         if following is None:
-            return pack(">BBIQQ", _L, value, outputs & _U32, instant, end)
-        return pack(">BBIQQBQ", _M, value, outputs & _U32, instant, end, *following)
+            return _LEASE(_L, value, outputs & _U32, instant, end)
+        then, until = following
+        return _LEASE_AHEAD(_M, value, outputs & _U32, instant, end, then, until)
 
     def _do_write(self, data: bytes, start: int) -> bool:
         self.port.write(data[start], data[start + 1])
@@ -381,7 +385,7 @@ class ByteProtocol(Protocol):
         size = data[start + 9]
         if size & 3:
             raise PortError(codes.BAD_LENGTH, f"POLLED_AT with {size} bytes of steps of 4 bytes")
-        steps = unpack_from(f">{size >> 2}I", data, start + 10)
+        steps = _STEPS[size >> 2](data, start + 10)
         return self.port.polled_at(data[start], _u64(data, start + 1), steps)
 
     def _do_leases(self, data: bytes, start: int) -> bool:

@@ -125,9 +125,10 @@ class Session:
     def _readable(self) -> None:
         """Serve what has come; then look a little longer, because a driver that polls asks again.
 
-        Looking costs less than sleeping and being woken. It is given up for a while when nothing
-        came or another session was served meanwhile; after a few messages in a row, or as many
-        bytes as are read at a time, the others have their turn.
+        Looking costs less than sleeping and being woken. The host has its turn first: with nothing
+        there a look is dear. It is given up for a while when nothing came or another session was
+        served meanwhile; after a few messages in a row, or as many bytes as are read at a time, the
+        others have their turn.
         """
         served = looks = 0
         turns = self._turns
@@ -155,7 +156,10 @@ class Session:
             self._serve(data)
             served += 1
             looks = 0
-            if not most or served == BURST or len(data) == READ_SIZE or not self._reading:
+            if not most or len(data) == READ_SIZE or not self._reading:
+                break
+            self._give_way()
+            if served == BURST:
                 break
         if served > 1:
             self._patience = PATIENCE
