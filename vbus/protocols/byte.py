@@ -4,6 +4,8 @@ from collections.abc import Callable
 from struct import Struct, pack, unpack_from
 from typing import ClassVar, Final
 
+from mypy_extensions import i64
+
 from vbus.kernel.kernel import END, NEVER
 from vbus.protocols import codes
 from vbus.protocols.base import Protocol
@@ -13,6 +15,8 @@ from vbus.protocols.requests import FATAL, FORESEEN, LEASED, NO_EDGE, REQUESTS, 
 from vbus.state import Names
 
 _READ4: Final = REQUESTS["READ4"].code
+_WRITE4: Final = REQUESTS["WRITE4"].code
+_AT: Final = REQUESTS["AT"].code
 _HELLO: Final = REQUESTS["HELLO"].code
 _D: Final = ord("D")
 _L: Final = ord(LEASED)
@@ -122,6 +126,10 @@ class ByteProtocol(Protocol):
             try:
                 if code & 0xF0 == _READ4:
                     out += self._read_reply(code & 15, port.read(code & 15))
+                elif code & 0xF0 == _WRITE4:
+                    self._do_write4(data, position + 1)
+                elif code == _AT:
+                    self._do_at(data, position + 1)
                 else:
                     if COUNTED[code]:
                         following += data[following - 1]
@@ -260,7 +268,8 @@ class ByteProtocol(Protocol):
             return bytes((_D, value))
         outputs, instant, until = lease
         following = self.port.foresee(address) if self._leasing == 2 else None
-        end = NO_EDGE if until >= NEVER else until
+        last: i64 = until
+        end = NO_EDGE if last >= NEVER else until
         if following is None:
             return _LEASE(_L, value, outputs & _U32, instant, end)
         then, until = following
