@@ -12,7 +12,7 @@ from vbus.state import Names
 
 APPROACH: Final = 1000 * US
 """How long before a host's time stamp the board may be brought there: longer than any strobe."""
-_FAR: Final = 1 << 61
+FAR: Final = 1 << 61
 """Numbers up to here are compared without making an object of them."""
 
 
@@ -73,7 +73,7 @@ class HostClock:
         """
         when = self.now() if self.stamp >= 0 else self.now() + cycle
         self.stamp = -1
-        if when > END:
+        if when > FAR and when > END:
             raise PortError(codes.BAD_AT, f"time ends at {END} ps")
         return when
 
@@ -119,7 +119,7 @@ class HostClock:
         self.timed = True
         if self.target < 0:
             until = self.now() + duration
-            if until > _FAR and until > END:
+            if until > FAR and until > END:
                 raise PortError(codes.BAD_AT, f"delay {duration}: time ends at {END} ps")
             self.target = until
             self.stamp = -1
@@ -141,7 +141,7 @@ class HostClock:
             )
         if when < self.last_at:
             raise PortError(codes.BAD_AT, f"at {when}: before the last at, {self.last_at}")
-        if when > END:
+        if when > FAR and when > END:
             raise PortError(codes.BAD_AT, f"at {when}: time ends at {END} ps")
 
     def at(self, when: int) -> None:

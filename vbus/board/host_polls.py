@@ -1,10 +1,9 @@
 """Polls a host has answered itself from a lease, and that its board has still to run."""
 
-from bisect import bisect_right
 from typing import ClassVar
 
 from vbus.board.circuit import Circuit
-from vbus.board.host_clock import HostClock
+from vbus.board.host_clock import FAR, HostClock
 from vbus.board.host_selection import Selection
 from vbus.kernel import END
 from vbus.protocols import codes
@@ -60,23 +59,18 @@ class HostPolls:
 
     def run_at(self, address: int, first: int, steps: tuple[int, ...]) -> bool:
         """Run polls, each at its time stamp; False to be called again later."""
-        session, clock = self._session, self._clock
-        instants = [first]
-        for step in steps:
-            instants.append(instants[-1] + step)
+        session, polls = self._session, len(steps) + 1
+        last = first + sum(steps)
         if self.left < 0:
-            clock.check_at(first)
-            if instants[-1] > END:
-                raise PortError(codes.BAD_AT, f"at {instants[-1]}: time ends at {END} ps")
-            self.left = len(instants)
+            self._clock.check_at(first)
+            if last > FAR and last > END:
+                raise PortError(codes.BAD_AT, f"at {last}: time ends at {END} ps")
+            self.left = polls
         session.held = False
         while self.left:
-            if self._skippable(address):
-                place = len(instants) - self.left
-                over = bisect_right(instants, self._board.limit, place) - place - 1
-                if over > 0:
-                    self._skip(over)
-            session.at(instants[-self.left])
+            if self.left > 1 and last <= self._board.limit and self._skippable(address):
+                self._skip(self.left - 1)
+            session.at(last if self.left == 1 else first + sum(steps[: polls - self.left]))
             if session.held:
                 return False
             self._poll(address)

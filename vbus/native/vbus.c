@@ -28,6 +28,8 @@
 #define START_MS 5000 /* how long a board that has begun to start may take */
 #define PAUSE_MS 10
 #define LOOKS 64 /* for a reply, before sleeping: some 30 us */
+#define CROWDED 1024 /* replies not looked for after one that took CROWDED_MS: others want the processor */
+#define CROWDED_MS 2
 #define PS_PER_MS UINT64_C(1000000000)
 
 const char *vbus_strerror(int error)
@@ -530,19 +532,27 @@ int vbus_send(struct vbus *bus)
 /* --- receiving -------------------------------------------------------------------------------- */
 
 /* Get more bytes: 1, or 0 when time is up, or an error. A host alone on its board looks for them first,
- * which takes less than to sleep and be woken, and lets the board run between two looks. */
+ * which takes less than to sleep and be woken, and lets the board run before each look. Where somebody
+ * else runs then, whoever sleeps is let in sooner. */
 static int receive(struct vbus *bus, int64_t deadline)
 {
-    int looks = bus->is_socket && bus->leasing ? LOOKS : 0, before = errno;
+    int looks = bus->is_socket && bus->leasing && bus->crowded == 0 ? LOOKS : 0, before = errno;
+    int64_t began = looks > 0 ? clock_ms() : 0;
 
+    if (bus->crowded > 0)
+        bus->crowded--;
     for (;;) {
         ssize_t now;
         int found = looks > 0 || deadline < 0 ? 1 : ready(bus, POLLIN, deadline);
 
         if (found <= 0)
             return found;
+        if (looks > 0)
+            sched_yield();
         now = looks > 0 ? recv(bus->fd, bus->in, sizeof bus->in, MSG_DONTWAIT)
                         : read(bus->fd, bus->in, sizeof bus->in);
+        if (looks > 0 && clock_ms() - began >= CROWDED_MS)
+            bus->crowded = CROWDED;
         if (now > 0) {
             bus->in_begin = 0;
             bus->in_end = (size_t)now;
@@ -551,9 +561,8 @@ static int receive(struct vbus *bus, int64_t deadline)
         if (now == 0)
             return die(bus, VBUS_E_CLOSED);
         if (looks > 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) {
-            looks--;
+            looks = bus->crowded > 0 ? 0 : looks - 1;
             errno = before; /* which callers may still have to tell of */
-            sched_yield();
         } else if (errno == EAGAIN || errno == EWOULDBLOCK) {
             found = ready(bus, POLLIN, deadline);
             if (found <= 0)

@@ -125,7 +125,7 @@ struct vbus {
     unsigned ask_first, ask_count;
     uint64_t passing;
     size_t out_size, in_begin, in_end;
-    int leasing, leased, stamped, unsent_stamp, stamped_polls, foreseeing;
+    int leasing, leased, stamped, unsent_stamp, stamped_polls, foreseeing, crowded;
     size_t run; /* where the number of bytes of an open POLLED_AT stands in `out`, or 0 */
     unsigned selected, lease_address, lease_data, lease_then, lease_polls;
     uint32_t lease_outputs;

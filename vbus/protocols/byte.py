@@ -1,8 +1,10 @@
 """The byte protocol: one byte says what is asked, replies come back in the same order."""
 
 from collections.abc import Callable
-from struct import pack, unpack_from
+from struct import Struct, pack, unpack_from
 from typing import ClassVar, Final
+
+from mypy_extensions import i64
 
 from vbus.kernel.kernel import END, NEVER
 from vbus.protocols import codes
@@ -13,11 +15,16 @@ from vbus.protocols.requests import FATAL, FORESEEN, LEASED, NO_EDGE, REQUESTS, 
 from vbus.state import Names
 
 _READ4: Final = REQUESTS["READ4"].code
+_WRITE4: Final = REQUESTS["WRITE4"].code
+_AT: Final = REQUESTS["AT"].code
 _HELLO: Final = REQUESTS["HELLO"].code
 _D: Final = ord("D")
 _L: Final = ord(LEASED)
 _M: Final = ord(FORESEEN)
 _U32: Final = (1 << 32) - 1
+_LEASE: Final = Struct(">BBIQQ").pack
+_LEASE_AHEAD: Final = Struct(">BBIQQBQ").pack
+_STEPS: Final = [Struct(f">{count}I").unpack_from for count in range(64)]
 
 SIZES: Final = bytes(
     row.size if (row := REQUESTS.by_code(code)) is not None else 1 for code in range(256)
@@ -119,6 +126,10 @@ class ByteProtocol(Protocol):
             try:
                 if code & 0xF0 == _READ4:
                     out += self._read_reply(code & 15, port.read(code & 15))
+                elif code & 0xF0 == _WRITE4:
+                    self._do_write4(data, position + 1)
+                elif code == _AT:
+                    self._do_at(data, position + 1)
                 else:
                     if COUNTED[code]:
                         following += data[following - 1]
@@ -257,10 +268,12 @@ class ByteProtocol(Protocol):
             return bytes((_D, value))
         outputs, instant, until = lease
         following = self.port.foresee(address) if self._leasing == 2 else None
-        end = NO_EDGE if until >= NEVER else until
+        last: i64 = until
+        end = NO_EDGE if last >= NEVER else until
         if following is None:
-            return pack(">BBIQQ", _L, value, outputs & _U32, instant, end)
-        return pack(">BBIQQBQ", _M, value, outputs & _U32, instant, end, *following)
+            return _LEASE(_L, value, outputs & _U32, instant, end)
+        then, until = following
+        return _LEASE_AHEAD(_M, value, outputs & _U32, instant, end, then, until)
 
     def _do_write(self, data: bytes, start: int) -> bool:
         self.port.write(data[start], data[start + 1])
@@ -381,7 +394,7 @@ class ByteProtocol(Protocol):
         size = data[start + 9]
         if size & 3:
             raise PortError(codes.BAD_LENGTH, f"POLLED_AT with {size} bytes of steps of 4 bytes")
-        steps = unpack_from(f">{size >> 2}I", data, start + 10)
+        steps = _STEPS[size >> 2](data, start + 10)
         return self.port.polled_at(data[start], _u64(data, start + 1), steps)
 
     def _do_leases(self, data: bytes, start: int) -> bool:

@@ -14,6 +14,7 @@ from vbus.protocols.port import HostPort
 from vbus.server.departures import Departures
 from vbus.server.hang_ups import HangUps
 from vbus.server.pace import Pace
+from vbus.server.patience import LATE_NS, Patience
 from vbus.server.statistics import Histogram
 from vbus.server.turns import Turns
 from vbus.transports.base import Link, LinkFilter
@@ -22,10 +23,6 @@ READ_SIZE: Final = 4096
 """Bytes read at a time, which is a turn: a host that sends without end leaves the others theirs."""
 BURST: Final = 8
 """Messages served in a row before other sessions have their turn."""
-PATIENCE: Final = 8
-"""Lone messages in a row after which a session is not looked at any longer than needed."""
-RETRY: Final = 64
-"""Lone messages after which looking is tried again."""
 MOST_EVENTS: Final = 1 << 20
 """Unsent bytes beyond which a host that asked for events and does not read them is hung up on."""
 MOST_PENDING: Final = 65536
@@ -98,8 +95,9 @@ class Session:
         self._hang_ups: HangUps = serving.hang_ups
         self._departures: Departures = serving.departures
         self._flush_scheduled: bool = False
-        self._patience: int = PATIENCE
-        self._skipped: int = 0
+        self._patience: Patience = Patience()
+        self._began: int = 0
+        self._ended: int = 0
         self._finished: bool = False
         self._filters: list[LinkFilter] = []
         self._stopped_reading: int = 0
@@ -125,13 +123,14 @@ class Session:
     def _readable(self) -> None:
         """Serve what has come; then look a little longer, because a driver that polls asks again.
 
-        Looking costs less than sleeping and being woken. It is given up for a while when nothing
-        came or another session was served meanwhile; after a few messages in a row, or as many
-        bytes as are read at a time, the others have their turn.
+        Looking costs less than sleeping and being woken. The host has its turn first: with nothing
+        there a look is dear. It is given up for a while when nothing came or another session was
+        served meanwhile; after a few messages in a row, or as many bytes as are read at a time, the
+        others have their turn.
         """
         served = looks = 0
         turns = self._turns
-        most = turns.looks if self._patience and turns.last is self else 0
+        most = turns.looks if self._patience.left and turns.last is self else 0
         turns.last = self
         while True:
             try:
@@ -152,20 +151,19 @@ class Session:
                 self.link.sort(data)
                 return
             self.received += len(data)
+            ended = self._ended
             self._serve(data)
+            if served and self._began - ended > LATE_NS:
+                self._patience.lose()
+                return
             served += 1
             looks = 0
-            if not most or served == BURST or len(data) == READ_SIZE or not self._reading:
+            if not most or len(data) == READ_SIZE or not self._reading:
                 break
-        if served > 1:
-            self._patience = PATIENCE
-        elif self._patience:
-            self._patience -= 1
-        else:
-            self._skipped += 1
-            if self._skipped == RETRY:
-                self._skipped = 0
-                self._patience = 1
+            self._give_way()
+            if served == BURST:
+                break
+        self._patience.served(served)
 
     def _finish(self) -> None:
         """The host will send no more, but may still read what it asked for."""
@@ -181,7 +179,7 @@ class Session:
     def _serve(self, data: bytes) -> None:
         """Carry out what ``data`` asks for; without data, go on after a wait."""
         protocol = self.protocol
-        began = self._clock()
+        began = self._began = self._clock()
         try:
             self._pacer.catch_up()
             if data:
@@ -198,8 +196,9 @@ class Session:
             if self._pacer.halted:
                 self.tell_pause(True)
         self._pacer.touched()
+        self._ended = self._clock()
         if data:
-            self._note(self._clock() - began)
+            self._note(self._ended - began)
 
     def _broken(self) -> None:
         log.exception(

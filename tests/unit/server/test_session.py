@@ -14,7 +14,8 @@ from vbus.protocols.byte import ByteProtocol
 from vbus.server.departures import Departures
 from vbus.server.hang_ups import HangUps
 from vbus.server.pacer import Pacer
-from vbus.server.session import Serving, Session, Turns
+from vbus.server.patience import CROWDED, LATE_NS
+from vbus.server.session import BURST, Serving, Session, Turns
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 from vbus.transports.base import Link
 from vbus.transports.sockets import SocketLink
@@ -213,3 +214,29 @@ def test_a_board_that_stops_carries_nothing_out_and_lets_nobody_in() -> None:
         assert it.board.ports == []
         with pytest.raises(ConnectionResetError):
             second.recv(1)
+
+
+@pytest.mark.parametrize(("gap", "looked"), [(LATE_NS, BURST), (LATE_NS + 1, 1)])
+def test_a_host_is_not_looked_for_where_others_have_the_processor(gap: int, looked: int) -> None:
+    """It has its turn before each look; if that takes long, the session sleeps for a while."""
+    wall, ways = [0], [0]
+    with served() as it:
+        it.pacer.clock = lambda: wall[0]
+        it.serving.turns.looks = 3
+
+        def give_way() -> None:
+            wall[0] += gap
+            ways[0] += 1
+            host.send(READ)
+
+        it.serving.turns.give_way = give_way
+        host = it.connect()
+        for _ in range(2):  # the session served last is looked for
+            host.send(READ)
+            it.turn(2)
+        assert ways[0] >= looked
+        before = ways[0]
+        for _ in range(CROWDED):
+            host.send(READ)
+            it.turn(1)
+        assert (ways[0] > before) == (looked > 1)

@@ -276,7 +276,9 @@ class LM628(HostInterface):
         flags = self.commands.foresee_flags() if self._mode == _RUNNING else UNKNOWN
         if flags == UNKNOWN or self.host.busy_end != when:
             return None
-        until = min(self._sample_at, self.encoder.due(), self._front.show_at, self._outputs.edge())
+        until = min(self._sample_at, self.encoder.due())
+        until = min(until, self._front.show_at)
+        until = min(until, self._outputs.edge())
         return flags | (ds.MOTOR_OFF if self.axis.motor_off else 0), until
 
     def strobes(self, write: bool, address: int, data: int) -> list[tuple[int, str, int]]:

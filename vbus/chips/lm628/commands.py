@@ -13,6 +13,8 @@ from vbus.state import Names
 
 UNKNOWN: Final = -1
 
+_ROWS: Final[dict[int, Command]] = {row.code: row for row in ds.COMMANDS}
+
 BUFFERED: Final = frozenset(
     row.code for row in ds.COMMANDS if row.read or row.write or row.name == "UDF"
 )
@@ -56,13 +58,14 @@ class Commands:
 
     def execute(self, code: int, step: int, word: int) -> bool:
         """Carry out a step of command ``code``; False if the code is undefined (LM-BUS-13)."""
-        row = ds.COMMANDS.by_code(code)
+        row = _ROWS.get(code)
         if row is None:
             self._axis.flags |= ds.COMMAND_ERROR
             return False
+        words: int = row.write
         if step == 0:
-            self._host.words_due = row.write
-        if step < row.write:
+            self._host.words_due = words
+        if step < words:
             if step:
                 self._high = word
             return True

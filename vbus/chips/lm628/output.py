@@ -185,7 +185,7 @@ class OutputPins:
         change = self._output.next_change(clk)
         self.due = self._clock.ps(self.anchor + change) if change != STEADY else NEVER
 
-    def edge(self) -> int:
+    def edge(self) -> i64:
         """Return when the next edge is that somebody listens to; NEVER where nobody does."""
         return self.due if self.heard() else NEVER
 
