@@ -4,9 +4,9 @@ import os
 from collections.abc import Callable
 from typing import Final
 
-LOOKS: Final = 24 if len(os.sched_getaffinity(0)) > 1 else 0
-"""How often to look for a next message before sleeping: some 30 us. On a single processor looking
-would only keep the host from running."""
+LOOKS: Final = 24 if len(os.sched_getaffinity(0)) > 1 else 1
+"""How often to give way and look for a next message before sleeping: some 30 us. On a single
+processor the host runs, and asks, when way is given; looking on would only take it from others."""
 
 
 class Turns:
