@@ -8,8 +8,10 @@ benchmarks/pins.py.
 
 * A **round trip** is one question and its answer over a socket, asked by the same Python client, of
   the peer and of vbus by turns: QEMU's ``inb`` and vbus' ``inb`` over a Unix socket; a device of
-  sinstruments, a lewis device's position, and vbus' ``r 0`` over TCP. With ``--one-cpu`` client and
-  servers share one processor, else the system places them.
+  sinstruments, a lewis device's position, and vbus' ``r 0`` over TCP. Both servers run all the
+  time, and are asked in short bursts by turns. With ``--one-cpu`` client and servers share one
+  processor; else the client is on each processor by turns, both bursts of a round on the same one,
+  and the system places the servers.
 * A **bus cycle** is a read at the pins: cocotb moves the strobes of a register in Icarus Verilog,
   which knows nothing but that register; vbus moves the strobes of an LM629 with its motor.
 """
@@ -31,7 +33,8 @@ from pathlib import Path
 from vbus.board.build import load_board_text
 from vbus.compiled import core
 
-TRIPS = 2000
+ROUNDS = 30
+BURST = 100
 CYCLES = 4000
 LM629 = """\
 [board]
@@ -103,20 +106,27 @@ async def reads(dut):
 
 
 def trips(
-    theirs: tuple[socket.socket, bytes], ours: tuple[socket.socket, bytes], count: int = TRIPS
-) -> tuple[float, float]:
-    """Return microseconds per question of two servers, medians of twenty blocks by turns."""
-    blocks: list[list[float]] = [[], []]
-    for _ in range(20):
-        for taken, (link, question) in zip(blocks, (theirs, ours), strict=True):
-            start = time.perf_counter()
-            for _ in range(count // 20):
-                link.sendall(question)
-                answer = b""
-                while not answer.endswith(b"\n"):
-                    answer += link.recv(4096)
-            taken.append((time.perf_counter() - start) / (count // 20) * 1e6)
-    return statistics.median(blocks[0]), statistics.median(blocks[1])
+    theirs: tuple[socket.socket, bytes], ours: tuple[socket.socket, bytes], burst: int = BURST
+) -> list[tuple[float, float]]:
+    """Return microseconds per question of two servers, round by round."""
+    allowed = os.sched_getaffinity(0)
+    rounds = []
+    for number in range(ROUNDS):
+        os.sched_setaffinity(0, {sorted(allowed)[number % len(allowed)]})
+        rounds.append((asked(*theirs, burst), asked(*ours, burst)))
+    os.sched_setaffinity(0, allowed)
+    return rounds
+
+
+def asked(link: socket.socket, question: bytes, count: int) -> float:
+    """Ask so many times; return the microseconds each took."""
+    start = time.perf_counter()
+    for _ in range(count):
+        link.sendall(question)
+        answer = b""
+        while not answer.endswith(b"\n"):
+            answer += link.recv(4096)
+    return (time.perf_counter() - start) / count * 1e6
 
 
 def connected(make: Callable[[], socket.socket]) -> socket.socket:
@@ -167,7 +177,7 @@ def served(folder: Path, host: str) -> Iterator[None]:
         yield
 
 
-def qtest(folder: Path) -> tuple[float, float]:
+def qtest(folder: Path) -> list[tuple[float, float]]:
     """Round trips of ``inb``: QEMU, vbus."""
     path = folder / "qtest"
     command = (
@@ -182,7 +192,7 @@ def qtest(folder: Path) -> tuple[float, float]:
         return trips((theirs, b"inb 0x70\n"), (ours, b"inb 0x340\n"))
 
 
-def lewis(folder: Path) -> tuple[float, float]:
+def lewis(folder: Path) -> list[tuple[float, float]]:
     """Round trips over TCP: a lewis device, vbus."""
     port = free_port()
     device = f"stream: {{bind_address: localhost, port: {port}}}"
@@ -191,10 +201,10 @@ def lewis(folder: Path) -> tuple[float, float]:
         "-p", device,
     )  # fmt: skip
     with process(*command):
-        return over_tcp(folder, port, b"P?\r\n", 200)
+        return over_tcp(folder, port, b"P?\r\n", 7)
 
 
-def sinstruments(folder: Path) -> tuple[float, float]:
+def sinstruments(folder: Path) -> list[tuple[float, float]]:
     """Round trips over TCP: a device of sinstruments that answers a position, vbus."""
     port = free_port()
     (folder / "peer_device.py").write_text(DEVICE)
@@ -203,7 +213,9 @@ def sinstruments(folder: Path) -> tuple[float, float]:
         return over_tcp(folder, port, b"P?\n")
 
 
-def over_tcp(folder: Path, port: int, question: bytes, count: int = TRIPS) -> tuple[float, float]:
+def over_tcp(
+    folder: Path, port: int, question: bytes, burst: int = BURST
+) -> list[tuple[float, float]]:
     """Return round trips of a question to the peer at a port, and of ``r 0`` to vbus."""
     mine = free_port()
     host = f'[[hosts]]\ntransport = "tcp:{mine}"\nprotocol = "text"\n'
@@ -214,10 +226,10 @@ def over_tcp(folder: Path, port: int, question: bytes, count: int = TRIPS) -> tu
     ):
         for link in (theirs, ours):
             link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        return trips((theirs, question), (ours, b"r 0\n"), count)
+        return trips((theirs, question), (ours, b"r 0\n"), burst)
 
 
-def strobes(folder: Path) -> tuple[float, float]:
+def strobes(folder: Path) -> list[tuple[float, float]]:
     """Reads at the pins, in microseconds each: cocotb with Icarus Verilog, vbus."""
     from cocotb_tools.runner import get_runner
 
@@ -250,12 +262,22 @@ def strobes(folder: Path) -> tuple[float, float]:
         port.lines(rd, rd)
         port.delay(180_000)
     assert value == 0x84
-    return theirs, (time.perf_counter() - start) / CYCLES * 1e6
+    return [(theirs, (time.perf_counter() - start) / CYCLES * 1e6)]
 
 
-def show(work: str, peer: str, unit: str, theirs: float, ours: float) -> None:
-    faster = f"{theirs / ours:.1f} times ahead" if ours <= theirs else f"{ours / theirs:.2f} x it"
-    print(f"{work}: {peer} {theirs:.1f} {unit}, vbus {ours:.1f} {unit}: {faster}")
+def show(work: str, peer: str, rounds: list[tuple[float, float]]) -> None:
+    """Print medians of the rounds, and between what half of the rounds were."""
+    theirs, ours = zip(*rounds, strict=True)
+    ratio = statistics.median(his / mine for his, mine in rounds)
+    faster = f"{ratio:.1f} times ahead" if ratio >= 1 else f"{1 / ratio:.2f} x it"
+    print(f"{work}: {peer} {spread(theirs)}, vbus {spread(ours)}: {faster}", flush=True)
+
+
+def spread(times: tuple[float, ...]) -> str:
+    if len(times) < 2:
+        return f"{times[0]:.1f} us"
+    low, middle, high = statistics.quantiles(times, n=4)
+    return f"{middle:.1f} us ({low:.1f} to {high:.1f})"
 
 
 def main() -> None:
@@ -268,19 +290,19 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if shutil.which("qemu-system-x86_64"):
-            show("inb over a Unix socket", "QEMU qtest", "us", *qtest(folder))
+            show("inb over a Unix socket", "QEMU qtest", qtest(folder))
         else:
             print("QEMU: not installed (Debian: qemu-system-x86)")
         if importlib.util.find_spec("sinstruments"):
-            show("a query over TCP", "sinstruments", "us", *sinstruments(folder))
+            show("a query over TCP", "sinstruments", sinstruments(folder))
         else:
             print("sinstruments: not installed (pip install sinstruments)")
         if importlib.util.find_spec("lewis"):
-            show("a query over TCP", "lewis", "us", *lewis(folder))
+            show("a query over TCP", "lewis", lewis(folder))
         else:
             print("lewis: not installed (pip install lewis)")
         if shutil.which("iverilog") and importlib.util.find_spec("cocotb"):
-            show("a read at the pins", "cocotb, Icarus Verilog", "us", *strobes(folder))
+            show("a read at the pins", "cocotb, Icarus Verilog", strobes(folder))
         else:
             print("cocotb, Icarus Verilog: not installed (pip install cocotb; Debian: iverilog)")
 

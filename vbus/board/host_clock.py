@@ -5,15 +5,13 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.board.circuit import Circuit
-from vbus.kernel import END, US, Kernel
+from vbus.kernel import END, FAR, US, Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import HostPort, PortError
 from vbus.state import Names
 
 APPROACH: Final = 1000 * US
 """How long before a host's time stamp the board may be brought there: longer than any strobe."""
-FAR: Final = 1 << 61
-"""Numbers up to here are compared without making an object of them."""
 
 
 class HostClock:

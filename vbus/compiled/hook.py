@@ -35,7 +35,8 @@ COMPILED: Final = (
     "board/host_*.py", "board/strobe_*.py", "board/card_bus.py", "board/card_path.py",
     "board/card_cycle.py", "board/card_edges.py", "board/glue_cycles.py",
     "server/pace.py", "server/pacer.py", "server/patience.py", "server/session.py",
-    "server/statistics.py", "server/ticks.py", "trace/journal/again.py", "trace/journal/rows.py",
+    "server/statistics.py", "server/ticks.py", "server/turns.py",
+    "trace/journal/again.py", "trace/journal/rows.py",
     "trace/journal/recorded_bus.py", "trace/wave/changes.py", "trace/wave/vcd_file.py",
     "scope/lane.py", "scope/look.py",
 )  # fmt: skip

@@ -20,6 +20,9 @@ END: Final = (1 << 63) - (1 << 56)
 """Time ends at this instant (ps), 106 days after power-on. Between it and :data:`NEVER` lie 20
 hours: no chip adds more to an instant, so no sum of its leaves a machine word."""
 
+FAR: Final = 1 << 61
+"""An instant (ps) long before that, which the compiled core compares with and makes no object."""
+
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Task:

@@ -18,13 +18,14 @@ _READ4: Final = REQUESTS["READ4"].code
 _WRITE4: Final = REQUESTS["WRITE4"].code
 _AT: Final = REQUESTS["AT"].code
 _HELLO: Final = REQUESTS["HELLO"].code
-_D: Final = ord("D")
 _L: Final = ord(LEASED)
 _M: Final = ord(FORESEEN)
 _U32: Final = (1 << 32) - 1
 _LEASE: Final = Struct(">BBIQQ").pack
 _LEASE_AHEAD: Final = Struct(">BBIQQBQ").pack
 _STEPS: Final = [Struct(f">{count}I").unpack_from for count in range(64)]
+_DATA: Final = [b"D" + bytes((value,)) for value in range(256)]
+"""What answers a read, by the byte read."""
 
 SIZES: Final = bytes(
     row.size if (row := REQUESTS.by_code(code)) is not None else 1 for code in range(256)
@@ -156,7 +157,7 @@ class ByteProtocol(Protocol):
     def _read_run(self, data: bytes, position: int) -> int:
         """Run READ4 requests one after the other; return where the first other one stands."""
         port = self.port
-        values: list[int] = []
+        replies: list[bytes] = []
         end = len(data)
         while position < end and not port.held:
             code = data[position]
@@ -167,16 +168,15 @@ class ByteProtocol(Protocol):
             except NotYet:
                 break
             except PortError as error:
-                self.out += bytes(values)
-                values = []
+                self.out += b"".join(replies)
+                replies = []
                 self._partial.clear()
                 self.out += self._refuse(error.code)
             else:
-                values.append(_D)
-                values.append(value)
+                replies.append(_DATA[value])
             self._number += 1
             position += 1
-        self.out += bytes(values)
+        self.out += b"".join(replies)
         return position
 
     def finish(self) -> bool:
@@ -265,7 +265,7 @@ class ByteProtocol(Protocol):
         """Return what answers a read: with a lease if one can be given and was asked for."""
         lease = self.port.lease(address) if self._leasing else None
         if lease is None:
-            return bytes((_D, value))
+            return _DATA[value]
         outputs, instant, until = lease
         following = self.port.foresee(address) if self._leasing == 2 else None
         last: i64 = until
@@ -337,7 +337,7 @@ class ByteProtocol(Protocol):
         return True
 
     def _do_getpin(self, data: bytes, start: int) -> bool:
-        self.out += bytes((_D, self.port.getpin(data[start])))
+        self.out += _DATA[self.port.getpin(data[start])]
         return True
 
     def _do_delay(self, data: bytes, start: int) -> bool:

@@ -2,8 +2,26 @@
 
 import time
 from collections.abc import Callable
+from typing import Final
 
-from mypy_extensions import mypyc_attr
+from mypy_extensions import i64, mypyc_attr
+
+_WEEKS_NS: Final = 1 << 51
+_USUAL: Final = 1 << 10
+"""Chip time that passes in less wall time, at such a rate, is no more than 2^61 ps."""
+
+
+def chip_time(elapsed: int, ps_per_ns: tuple[int, int]) -> int:
+    """Return the chip time (ps) that passes in ``elapsed`` wall time (ns), at a rate as a fraction.
+
+    At the rate 1, and at whole parts of it, in machine words for the first 26 days.
+    """
+    numerator, denominator = ps_per_ns
+    if elapsed >= _WEEKS_NS or numerator >= _USUAL:
+        return elapsed * numerator // denominator
+    ns: i64 = elapsed
+    passed: i64 = ns * numerator // denominator
+    return passed
 
 
 def nothing() -> None:

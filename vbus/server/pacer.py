@@ -13,9 +13,9 @@ from mypy_extensions import mypyc_attr
 
 from vbus.board.board import Board
 from vbus.errors import TimeEndedError
-from vbus.kernel import END, MS, NEVER, SECOND
+from vbus.kernel import END, FAR, MS, NEVER, SECOND
 from vbus.server.overload import Overload
-from vbus.server.pace import Pace, nothing
+from vbus.server.pace import Pace, chip_time, nothing
 from vbus.server.slices import SLICE_NS, Slices
 from vbus.server.statistics import LAG_PS, Histogram
 from vbus.server.ticks import Tick
@@ -141,8 +141,7 @@ class Pacer(Pace):
 
     def wall(self) -> int:
         """Return the chip time that belongs to the present wall time (ps)."""
-        numerator, denominator = self._ps_per_ns
-        return self._anchor_ps + (self.clock() - self._anchor_ns) * numerator // denominator
+        return self._anchor_ps + chip_time(self.clock() - self._anchor_ns, self._ps_per_ns)
 
     def catch_up(self) -> bool:
         """Bring the board to the present: before each look at it.
@@ -158,9 +157,8 @@ class Pacer(Pace):
             lease: int = kernel.now + LEASE
             board.limit = lease if lease <= self._near else self._nearing(lease)
             return True
-        numerator, denominator = self._ps_per_ns
-        target: int = self._anchor_ps + (self.clock() - self._anchor_ns) * numerator // denominator
-        if target > self._near:
+        target = self.wall()
+        if target > FAR and target > self._near:
             target = self._nearing(target)
         if target - kernel.now > self._stalled and target - self._asleep > self._stalled:
             return self._recover(target)

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import Final
 
 LOOKS: Final = 24 if len(os.sched_getaffinity(0)) > 1 else 0
-"""How often to look for a next message before sleeping: some 30 us. On a single processor looking
-would only keep the host from running."""
+"""How often to look for a next message before sleeping: some 30 us. Not on a single processor:
+where others keep it busy, who gives way comes back later than who is woken."""
 
 
 class Turns:

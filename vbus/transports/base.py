@@ -39,9 +39,10 @@ class Link:
         """Reads the descriptor: at most so many bytes of it."""
         self.write: Callable[[int, bytearray], int] = os.write
         """Writes to the descriptor; returns how many bytes it took."""
-        self.changed: Callable[[], object] = _never
+        self.changed: Callable[[], object] | None = None
         """Tells whether hosts have come or gone: asked after each read, because the bytes may then
-        be another host's; :attr:`sort` gives them to the right session."""
+        be another host's; :attr:`sort` gives them to the right session. None where a descriptor is
+        one host's."""
         self.sort: Callable[[bytes], None] = _ignore
 
     def close(self) -> None:
@@ -178,10 +179,6 @@ class Transport:
 
 def _ignore(_: object) -> None:
     pass
-
-
-def _never() -> bool:
-    return False
 
 
 def split_url(url: str) -> tuple[str, str, dict[str, str]]:

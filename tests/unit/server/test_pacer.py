@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable
 from contextlib import closing
+from fractions import Fraction
 from typing import Any
 
 import pytest
@@ -53,6 +54,19 @@ def test_the_rate_is_chip_seconds_per_wall_second(rate: float, expected: int) ->
     pacer.catch_up()
 
     assert board.now == expected
+
+
+@pytest.mark.parametrize("rate", [1.0, 1 / 3, 1.5, 1.25e6])
+@pytest.mark.parametrize("power", [51, 52, 53])
+@pytest.mark.parametrize("off", [-1, 0, 1])
+def test_chip_time_is_exact_however_long_it_has_run(rate: float, power: int, off: int) -> None:
+    _, pacer, wall = paced(rate)
+    elapsed = (1 << power) + off
+
+    wall.ns += elapsed
+
+    exact = Fraction(rate).limit_denominator(10**6)
+    assert pacer.wall() == elapsed * 1000 * exact.numerator // exact.denominator
 
 
 def test_an_hour_of_small_steps_does_not_drift() -> None:
