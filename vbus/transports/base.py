@@ -111,7 +111,8 @@ class Transport:
 
     Attributes:
         url: the address as it can be given to a client, with everything filled in.
-        state: ``"waiting"``, ``"connected"`` or a sentence about what is wrong.
+        state: ``"waiting"``, ``"connected"`` or a sentence about what is wrong. The server shows it
+            while there is no session; with one it says ``"connected"`` of any transport.
 
     Args:
         path: what stands after the colon in the board file.

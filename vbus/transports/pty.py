@@ -261,7 +261,6 @@ class PtyTransport(Transport):
         link = self._link = PtyLink(self, terminal.master, terminal.name)
         link.changed = terminal.watch.happened
         link.sort = self._notice
-        self.state = "connected"
         self._on_link(link)
         return link
 
@@ -270,7 +269,6 @@ class PtyTransport(Transport):
         if self._link is not link:
             return
         self._link = None
-        self.state = "waiting"
         terminal = self._terminal
         if terminal is None:
             return

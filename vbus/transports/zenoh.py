@@ -277,7 +277,6 @@ class ZenohTransport(Transport):
         )
         link.token_seen = link.token in self._tokens
         self._links[session] = link
-        self.state = "connected"
         self._on_link(link)
         if not link.token_seen:
             self._loop.call_later(TOKEN_SECONDS, self._check_token, link)
@@ -301,8 +300,6 @@ class ZenohTransport(Transport):
         self._ended[link.session] = link.reason
         while len(self._ended) > REMEMBERED:
             self._ended.popitem(last=False)
-        if not self._links:
-            self.state = "waiting"
 
     def _token(self, sample: zenoh.Sample) -> None:
         """A host has come, or has gone."""

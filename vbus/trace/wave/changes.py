@@ -10,6 +10,11 @@ from vbus.signals import Observer, Violation
 from vbus.state import Names
 
 
+def _cycle(write: bool, address: int, data: int) -> int:
+    """Return one number for what a bus cycle is."""
+    return address << 9 | write << 8 | data
+
+
 class Changes(Observer):
     """Takes down edges of nets as they come, polls, and whatever else it is told.
 
@@ -53,7 +58,7 @@ class Changes(Observer):
     ) -> None:
         """Take down what a cycle says, if that is known; have it decoded if not."""
         said = self._said.get(chip)
-        known = said.get(address << 9 | write << 8 | data) if said is not None else None
+        known = said.get(_cycle(write, address, data)) if said is not None else None
         if known is None or self._lost:
             self._decoding.bus_cycle(when, host, chip, write, address, data)
         else:
@@ -61,7 +66,7 @@ class Changes(Observer):
 
     def say(self, chip: str, write: bool, address: int, data: int, signal: Any, text: str) -> None:
         """Every such cycle says the same from now on, whatever is around it."""
-        self._said.setdefault(chip, {})[address << 9 | write << 8 | data] = (signal, text)
+        self._said.setdefault(chip, {})[_cycle(write, address, data)] = (signal, text)
 
     def violation(self, violation: Violation) -> None:
         """Pass it on."""
