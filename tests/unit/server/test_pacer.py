@@ -15,7 +15,7 @@ from vbus.chips.mc1241a.datasheet import COMMANDS
 from vbus.errors import TimeEndedError
 from vbus.kernel import END, MS, NEVER, SECOND, US
 from vbus.server.overload import Overload
-from vbus.server.pacer import AHEAD, DAY, FREE_NS, FREE_SLICE, LEASE, PIECE_NS, SLICE, Pacer
+from vbus.server.pacer import AHEAD, DAY, FREE_NS, FREE_SLICE, LEASE, PIECE_NS, SLICE, STALL, Pacer
 from vbus.server.slices import SLICE_NS
 from vbus.server.ticks import Tick
 
@@ -539,6 +539,18 @@ def test_many_chips_are_brought_up_to_date_in_pieces_while_time_runs_on() -> Non
     assert pacer._tick.span == 200 * MS, "40 us of 200 ms: 4000 chips take 80 %"
     assert told == []
     assert pacer.overload.worst == 0.0
+
+
+def test_time_runs_on_through_a_round_of_chips_that_lasts_longer_than_a_stall() -> None:
+    board, pacer, wall = many(4000, 40_000, "realtime")
+    pacer.arm()
+    keep_up(pacer, wall, board, SECOND)
+    assert 4000 * 40 * US > STALL, "as long as a round takes"
+
+    for _ in range(400):
+        wall.ns += max(1, (pacer._asleep - pacer.wall()) // 1000)
+        pacer._woken()
+        assert pacer.wall() - board.now <= 2 * PIECE_NS * 1000
 
 
 @pytest.mark.parametrize("stall", ["catch_up", "slip"])

@@ -447,3 +447,22 @@ def test_a_poll_that_the_chip_does_not_take_is_shown_as_lost() -> None:
     taken, lost, again = [str(value) for _, value in changes["x.packet"] if value]
     assert taken == again
     assert rule in lost
+
+
+def test_a_command_of_the_same_byte_is_no_poll() -> None:
+    board = load_board_text(LM629)
+    file = io.StringIO()
+    wave = Wave(board, file)
+    wave.start()
+    port = board.open_port("h")
+    polled = port.read(0)
+    board.run_for(US)
+    for write in (False, True):
+        for observer in board.observers:
+            observer.bus_cycle(board.now, "h", "x", write, 0, polled)
+        board.run_for(US)
+    wave.stop()
+    _, changes = read(file.getvalue())
+    read_twice, written = [str(value) for _, value in changes["x.packet"] if value]
+    assert read_twice.startswith("RDSTAT")
+    assert "command" in written
