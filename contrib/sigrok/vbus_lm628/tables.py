@@ -3,14 +3,12 @@
 """Rows of a datasheet: pins, commands, registers, bits, limits. Data, and checks on it."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 HIGH = 1
 
 
-@dataclass(frozen=True, slots=True)
-class PinRow:
+class PinRow(NamedTuple):
     """A pin of the package.
 
     Attributes:
@@ -39,8 +37,7 @@ class PinRow:
         return (self.strobe or (self.direction == "io" and self.width == 8)) and not self.select
 
 
-@dataclass(frozen=True, slots=True)
-class CardRow:
+class CardRow(NamedTuple):
     """One port of a plug-in card: what a read and a write at ``offset`` do at the chip.
 
     Attributes:
@@ -56,8 +53,7 @@ class CardRow:
     bits: int = 0xFF
 
 
-@dataclass(frozen=True, slots=True)
-class Bit:
+class Bit(NamedTuple):
     """A named bit of a status byte, register or control word."""
 
     number: int
@@ -70,8 +66,7 @@ class Bit:
         return 1 << self.number
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+class Command(NamedTuple):
     """One row of a command set.
 
     Attributes:
@@ -163,8 +158,7 @@ class CommandTable:
         return found
 
 
-@dataclass(frozen=True, slots=True)
-class AcLimit:
+class AcLimit(NamedTuple):
     """One row of an AC characteristics table.
 
     A limit is ``clocks`` clock periods plus ``ps`` picoseconds.
@@ -193,8 +187,7 @@ SAMPLED: Final = "with the next sample"
 REPORTED: Final = "as the last sample left it"
 
 
-@dataclass(frozen=True, slots=True)
-class Register:
+class Register(NamedTuple):
     """One register, of one or more bytes.
 
     Attributes:
