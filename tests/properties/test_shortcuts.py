@@ -1,5 +1,10 @@
 """What is computed the short way is, bit for bit, what the long way gives."""
 
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -7,6 +12,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.chips.mc1241a.microstep import STEPS, Microstepper
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.mcp1200.generated.registers import NAMES
 from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.plant.angle import sine
 from vbus.plant.dc_motor import DcMotor
@@ -114,6 +120,63 @@ def test_outputs_are_in_the_registers_what_was_put_out(dac: int, pwm: int) -> No
     assert (registers.dac, registers.pwm) == (dac, pwm)
     assert registers.image[0x08:0x0A] == bytes((dac >> 4, pwm >> 4 & 0xFF))
     assert registers.image[0x4C:0x4E] == bytes((dac << 4 & 0xF0, pwm << 4 & 0xF0))
+
+
+FOLDER = Path(ds.__file__).parent
+
+
+def assigned(file: Path, *owners: str) -> Iterator[str]:
+    """The registers a file gives a number by their names, of objects of these names."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            owner = ast.unparse(node.value).rpartition(".")[2]
+            if owner in owners and node.attr in NAMES:
+                yield node.attr
+
+
+def test_a_sample_takes_every_register_the_chip_itself_may_have_changed() -> None:
+    taken = list(assigned(FOLDER / "registers.py", "sampled"))
+    changed = {
+        *assigned(FOLDER / "registers.py", "self"),
+        *(
+            name
+            for file in FOLDER.glob("*.py")
+            for name in assigned(file, "registers", "_registers", "file")
+        ),
+    }
+    assert {"flag", "capture", "actual_velocity", "pwm_fraction"} <= changed
+    assert sorted(taken) == sorted(changed)
+
+
+@pytest.mark.spec("MCP-SMP-5")
+@given(
+    stored=st.lists(
+        st.lists(st.tuples(st.integers(0, ds.REGISTERS.size - 1), st.integers(0, 255)), max_size=3),
+        min_size=1, max_size=8,
+    ),
+    loaded=st.lists(IMAGES | st.none(), min_size=8, max_size=8),
+    dac=st.integers(0, 0xFFF),
+)  # fmt: skip
+def test_a_sample_computes_from_the_registers_as_they_are_when_it_begins(
+    stored: list[list[tuple[int, int]]], loaded: list[bytes | None], dac: int
+) -> None:
+    registers = RegisterFile()
+    for written, image in zip(stored, loaded, strict=False):
+        if image is not None:
+            registers.image = image
+            registers.after_load()
+        for address, data in written:
+            registers.put(address, data)
+        registers.drive(dac, -dac // 2)
+        registers.sample()
+        assert registers.sampled.image == registers.image
+        dac ^= 0x5A5
+        registers.drive(dac, dac // 2)
+        registers.sample()
+        assert registers.sampled.image == registers.image
+    registers.reset()
+    registers.sample()
+    assert registers.sampled.image == registers.image
 
 
 FLAGS = st.sampled_from([0x08, 0x0B, 0x0C, 0x0D, 0x00, 0x03, 0x04, 0x05])
