@@ -290,7 +290,7 @@ class Simulation:
         for _, _, callback in server.pacer._wakes:
             if callback.__self__ not in [*sessions, *under_way]:  # type: ignore[attr-defined]
                 raise Wrong("a session that is over is still to be woken")
-        selector = self.loop._direct
+        selector = self.loop._selector
         known, real = set(selector.get_map()), set(selector._selector.entries)  # type: ignore[attr-defined]
         if known != real:
             raise Wrong(f"the loop watches {known - real}, which are closed")
@@ -384,7 +384,7 @@ class Simulation:
         def look() -> None:
             if done() or self.ended or system.ns >= deadline:
                 self.loop.stop()
-                self.loop._direct.wanted = True
+                self.loop._readers.wanted = True
             else:
                 system.after(2_000_000, look)
 

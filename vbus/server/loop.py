@@ -6,83 +6,50 @@ import selectors
 import signal
 from collections.abc import Callable, Coroutine
 from contextvars import Context
-from typing import Any, Final, TypeVarTuple
+from typing import Any, TypeVarTuple
 
+from vbus.server.direct import DirectReaders
 from vbus.server.watchdog import Watchdog
 
 _Arguments = TypeVarTuple("_Arguments")
-_MOST_EVENTS: Final = 64
-_OUT: Final = select.EPOLLOUT
 
 
 class DirectSelector(selectors.EpollSelector):
-    """Calls the callbacks of *direct* descriptors itself, as soon as they are readable.
+    """Serves direct descriptors while it waits; see :class:`~vbus.server.direct.DirectReaders`.
 
-    A host's message then costs one ``epoll_wait`` and one call. The event loop's own bookkeeping,
-    which takes longer than a bus cycle, is left out. Everything else goes through the event loop
-    as ever, which gets its turn whenever it has something to do.
+    Everything else goes through the event loop as ever, which gets its turn whenever it has
+    something to do.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, readers: DirectReaders) -> None:
         super().__init__()
-        self.direct: dict[int, Callable[[], None]] = {}
-        self.wanted: bool = False
-        """Set when something is scheduled: the event loop must look at it."""
-        self.failed: Callable[[Exception], None] = _ignore
-        """Takes what a callback raised."""
+        self._readers: DirectReaders = readers
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         """Serve direct descriptors; return the indirect that are ready."""
         poll = self._selector.poll  # type: ignore[attr-defined]
-        wait = -1 if timeout is None else max(timeout, 0)
-        direct = self.direct
-        self.wanted = False
-        indirect: list[tuple[selectors.SelectorKey, int]] = []
-        while True:
-            found = poll(wait, _MOST_EVENTS)
-            for fd, event in found:
-                callback = direct.get(fd)
-                if callback is None or event & _OUT:
-                    key = self.get_map().get(fd)
-                    if key is not None:
-                        indirect.append((key, _mask(event) & key.events))
-                else:
-                    try:
-                        callback()
-                    except Exception as error:
-                        self.failed(error)
-            # With a time-out something is due soon: the event loop looks at the clock itself.
-            if indirect or self.wanted or not found or timeout is not None:
-                return self._current(indirect)
-
-    def _current(
-        self, indirect: list[tuple[selectors.SelectorKey, int]]
-    ) -> list[tuple[selectors.SelectorKey, int]]:
-        """Leave out what a callback has unregistered meanwhile.
-
-        Its descriptor may be in use again, and the event loop would take the new reader for the
-        old one and remove it.
-        """
         known = self.get_map()
-        return [(key, mask) for key, mask in indirect if known.get(key.fd) is key]
-
-
-def _ignore(error: Exception) -> None:
-    pass
+        # With a time-out something is due soon: the event loop looks at the clock itself.
+        wait, once = (-1.0, False) if timeout is None else (max(timeout, 0.0), True)
+        ready = self._readers.serve(poll, wait, once, known.get)
+        # Not what a callback has unregistered meanwhile: its descriptor may be in use again, and
+        # the event loop would take the new reader for the old one and remove it.
+        return [
+            (key, _mask(event) & key.events) for key, event in ready if known.get(key.fd) is key
+        ]
 
 
 def _mask(event: int) -> int:
     mask = selectors.EVENT_WRITE if event & ~select.EPOLLIN else 0
-    return mask | (selectors.EVENT_READ if event & ~_OUT else 0)
+    return mask | (selectors.EVENT_READ if event & ~select.EPOLLOUT else 0)
 
 
 class HostLoop(asyncio.SelectorEventLoop):
     """An asyncio event loop that knows direct readers; see :class:`DirectSelector`."""
 
     def __init__(self) -> None:
-        self._direct: DirectSelector = DirectSelector()
-        self._direct.failed = self._failed
-        super().__init__(self._direct)
+        self._readers: DirectReaders = DirectReaders(self._failed)
+        super().__init__(DirectSelector(self._readers))
 
     def _failed(self, error: Exception) -> None:
         self.call_exception_handler({"message": "Exception in a direct reader", "exception": error})
@@ -90,11 +57,11 @@ class HostLoop(asyncio.SelectorEventLoop):
     def add_direct_reader(self, fd: int, callback: Callable[[], None]) -> None:
         """Call ``callback`` whenever ``fd`` is readable, ahead of everything else."""
         self.add_reader(fd, callback)
-        self._direct.direct[fd] = callback
+        self._readers.callbacks[fd] = callback
 
     def remove_reader(self, fd: Any) -> bool:
         """Stop watching ``fd``, direct or not."""
-        self._direct.direct.pop(fd, None)
+        self._readers.callbacks.pop(fd, None)
         return super().remove_reader(fd)
 
     def call_soon(
@@ -104,7 +71,7 @@ class HostLoop(asyncio.SelectorEventLoop):
         context: Context | None = None,
     ) -> asyncio.Handle:
         """Schedule a callback, and see that its turn comes."""
-        self._direct.wanted = True
+        self._readers.wanted = True
         return super().call_soon(callback, *args, context=context)
 
     def call_at(
@@ -115,7 +82,7 @@ class HostLoop(asyncio.SelectorEventLoop):
         context: Context | None = None,
     ) -> asyncio.TimerHandle:
         """Schedule a callback for later, and see that its time is noticed."""
-        self._direct.wanted = True
+        self._readers.wanted = True
         return super().call_at(when, callback, *args, context=context)
 
 
