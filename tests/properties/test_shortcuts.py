@@ -4,7 +4,6 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -148,7 +147,6 @@ def test_a_sample_takes_every_register_the_chip_itself_may_have_changed() -> Non
     assert sorted(taken) == sorted(changed)
 
 
-@pytest.mark.spec("MCP-SMP-5")
 @given(
     stored=st.lists(
         st.lists(st.tuples(st.integers(0, ds.REGISTERS.size - 1), st.integers(0, 255)), max_size=3),
