@@ -140,7 +140,7 @@ def test_a_sample_takes_every_register_the_chip_itself_may_have_changed() -> Non
         *(
             name
             for file in FOLDER.glob("*.py")
-            for name in assigned(file, "registers", "_registers", "file")
+            for name in assigned(file, "registers", "_registers")
         ),
     }
     assert {"flag", "capture", "actual_velocity", "pwm_fraction"} <= changed

@@ -1,12 +1,12 @@
 """Descriptors that are served ahead of the event loop."""
 
+import select
 from collections.abc import Callable
 from selectors import SelectorKey
 from typing import Final
 
 _MOST_EVENTS: Final = 64
-_OUT: Final = 4
-"""``select.EPOLLOUT``."""
+_OUT: Final = select.EPOLLOUT
 
 
 class DirectReaders:
@@ -30,15 +30,14 @@ class DirectReaders:
         self,
         poll: Callable[[float, int], list[tuple[int, int]]],
         wait: float,
-        once: bool,
         find: Callable[[int], SelectorKey | None],
     ) -> list[tuple[SelectorKey, int]]:
         """Serve direct descriptors until the event loop has something to do.
 
         Args:
             poll: ``epoll_wait``: seconds to wait, and how many events at most.
-            wait: seconds to wait for the first event; -1: for ever.
-            once: look once only; the event loop has the next look at the clock.
+            wait: seconds to wait for an event, once: the event loop has something due then, and
+                looks at the clock itself. -1: for ever, again and again.
             find: what the event loop knows a descriptor by.
 
         Returns:
@@ -60,5 +59,5 @@ class DirectReaders:
                         callback()
                     except Exception as error:
                         self.failed(error)
-            if others or self.wanted or once or not found:
+            if others or self.wanted or wait >= 0.0 or not found:
                 return others

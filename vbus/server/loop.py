@@ -29,9 +29,8 @@ class DirectSelector(selectors.EpollSelector):
         """Serve direct descriptors; return the indirect that are ready."""
         poll = self._selector.poll  # type: ignore[attr-defined]
         known = self.get_map()
-        # With a time-out something is due soon: the event loop looks at the clock itself.
-        wait, once = (-1.0, False) if timeout is None else (max(timeout, 0.0), True)
-        ready = self._readers.serve(poll, wait, once, known.get)
+        wait = -1.0 if timeout is None else max(timeout, 0.0)
+        ready = self._readers.serve(poll, wait, known.get)
         # Not what a callback has unregistered meanwhile: its descriptor may be in use again, and
         # the event loop would take the new reader for the old one and remove it.
         return [
