@@ -1,5 +1,8 @@
 """What holds of an LM628 whatever its host does."""
 
+from itertools import pairwise
+from random import Random
+
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -7,7 +10,7 @@ from hypothesis import strategies as st
 from tests.conformance.lm628.bench import Bench, Follower, Log
 from vbus import state
 from vbus.chips.lm628.datasheet import COMMANDS, RATE_MAX
-from vbus.chips.lm628.profile import ACCELERATION, POSITION, VELOCITY, Profile
+from vbus.chips.lm628.profile import ACCELERATION, POSITION, VELOCITY, Profile, approach
 from vbus.kernel import NS, US
 from vbus.state import keep, save
 
@@ -292,6 +295,76 @@ def test_a_profile_lands_exactly_however_often_it_is_sent_elsewhere(accel, legs)
 
     assert profile.position == legs[-1][1] << 16
     assert profile.velocity == 0
+
+
+def literal(r: int, u: int, v: int, a: int) -> int:
+    """LM-TRJ-12 as it stands: the next velocity toward a target that lies ``r`` ahead."""
+    if u < 0:
+        return min(u + a, v, r) if u + a > 0 else u + a
+    if r <= a and u <= a and r <= v:
+        return r
+    for wanted in (min(v, u + a), min(u, v), u - a):
+        n = wanted // a
+        if wanted >= 0 and abs(wanted - u) <= a and (n + 1) * wanted - a * n * (n + 1) // 2 <= r:
+            return wanted
+    return max(u - a, 0)
+
+
+small = st.integers(0, 40)
+wide = st.one_of(small, rate, st.just(RATE_MAX))
+
+
+@pytest.mark.spec("LM-TRJ-12")
+@given(
+    st.one_of(small, st.integers(0, 1 << 47), st.integers(0, 5000)),
+    st.one_of(st.integers(-60, 60), wide, wide.map(lambda u: -u)),
+    wide, wide.map(lambda a: max(a, 1)), st.integers(-3, 3),
+)  # fmt: skip
+def test_the_step_of_a_position_move_is_the_rule(way, speed, top, accel, nudge):
+    assert approach(way, speed, top, accel) == literal(way, speed, top, accel)
+    # And where braking has to begin.
+    for from_speed in (abs(speed), abs(speed) + accel):
+        near = max(0, sum_until_rest(from_speed, accel) + nudge)
+        assert approach(near, abs(speed), top, accel) == literal(near, abs(speed), top, accel)
+
+
+def sum_until_rest(speed: int, accel: int) -> int:
+    n = speed // accel
+    return (n + 1) * speed - accel * n * (n + 1) // 2
+
+
+@pytest.mark.spec("LM-TRJ-12")
+@given(st.integers(0, 3000), st.integers(1, 4000))
+def test_the_way_of_braking_is_the_sum_of_its_samples(speed, accel):
+    assert sum_until_rest(speed, accel) == sum(range(speed, 0, -accel))
+
+
+@pytest.mark.spec("LM-TRJ-12")
+def test_3000_random_moves_land_exactly_within_velocity_and_acceleration():
+    random = Random(39)
+    for _ in range(3000):
+        accel = int(2 ** random.uniform(8, 17))
+        top = int(2 ** random.uniform(8, 20))
+        way = random.randrange(-1, 2, 2) * random.randrange(1 + min(400, top * 1000 >> 16))
+        profile = Profile()
+        load(profile, accel, top, way)
+        velocities = [0]
+        while not profile.done:
+            before = profile.position
+            profile.step()
+            velocities.append(profile.position - before)
+            assert len(velocities) < 3000, "the move does not end"
+        assert profile.position == way << 16
+        assert profile.velocity == 0
+        assert max(map(abs, velocities)) <= top
+        assert max(abs(b - a) for a, b in pairwise(velocities)) <= accel
+        # The last sample covers what is left, and rests.
+        assert abs(velocities[-1]) <= accel
+        sign = 1 if way >= 0 else -1
+        assert all(sign * velocity >= 0 for velocity in velocities)
+        # But for that rest, braking goes in whole steps of A.
+        peak = velocities.index(max(velocities, key=abs))
+        assert {abs(a) - abs(b) for a, b in pairwise(velocities[peak:-1])} <= {0, accel}
 
 
 @pytest.mark.spec("LM-TRJ-13", "LM-TRJ-9")

@@ -8,8 +8,6 @@ What a byte does, it does when the busy time it starts has ended (LM-BUS-9): the
 call then. Between two calls of :meth:`LM628.sample` lie the bytes whose busy times end there.
 """
 
-from math import isqrt
-
 MOTOR_OFF, BREAKPOINT, POSITION_ERROR, WRAPAROUND = 0x80, 0x40, 0x20, 0x10
 INDEX, TRAJECTORY_COMPLETE, COMMAND_ERROR = 0x08, 0x04, 0x02
 INTERRUPTS = 0x7E
@@ -52,10 +50,10 @@ def wrapped(position: int) -> int:
     return signed(position, 31)
 
 
-def stopping_speed(way: int, a: int) -> int:
-    """S(r) of LM-TRJ-12: the largest speed from which steps of ``a`` end exactly after ``way``."""
-    n = (isqrt(a * a + 8 * a * way) - a) // (2 * a)
-    return (way + a * n * (n + 1) // 2) // (n + 1)
+def braking_way(speed: int, a: int) -> int:
+    """F(u) of LM-TRJ-12: the way of this sample and all that follow, each slower by ``a``."""
+    n = speed // a
+    return (n + 1) * speed - a * n * (n + 1) // 2
 
 
 class Parameter:
@@ -96,7 +94,7 @@ class LM628:
         self,
         part: str = "LM628",
         pid_overflow: str = "saturate",
-        integral_limit: str = "term",
+        integral_limit: str = "sum",
         reset_status: str = "84",
         count: int = 0,
     ) -> None:
@@ -154,6 +152,7 @@ class LM628:
         self.update: dict[str, int] | None = None
         self.sum = 0
         self.summation = 0
+        self.beyond_limit = False
         self.last_error = 0
         self.derivative = 0
         self.until_derivative = 0
@@ -413,6 +412,7 @@ class LM628:
         self.velocity = 0
         self.sum = 0
         self.summation = 0
+        self.beyond_limit = False
 
     def reach_target(self) -> None:
         """On target, and before neither that nor off: trajectory-complete rises (LM-STA-4)."""
@@ -459,20 +459,26 @@ class LM628:
             d = 1 if to_go > 0 else -1
         else:
             d = -1 if self.velocity > 0 else 1
-        u = self.velocity * d
         if self.a:
-            highest = min(self.v, stopping_speed(abs(to_go), self.a))
-            if u < 0:
-                u += self.a
-                if u > 0:
-                    u = min(u, highest)
-            else:
-                u = max(min(highest, u + self.a), u - self.a)
-        self.velocity = u * d
+            u = self.approach(abs(to_go), self.velocity * d)
+            self.velocity = u * d
         self.move_desired()
         if self.desired == self.target << 16 and abs(self.velocity) <= self.a:
             self.velocity = 0
             self.reach_target()
+
+    def approach(self, r: int, u: int) -> int:
+        """Return the next velocity toward a target that lies ``r`` ahead (LM-TRJ-12)."""
+        if u < 0:
+            u += self.a
+            return min(u, self.v, r) if u > 0 else u
+        if max(r, u) <= self.a and r <= self.v:
+            return r
+        for wanted in (min(self.v, u + self.a), min(u, self.v), u - self.a):
+            reachable = wanted >= 0 and abs(wanted - u) <= self.a
+            if reachable and braking_way(wanted, self.a) <= r:
+                return wanted
+        return max(u - self.a, 0)
 
     # -- filter -------------------------------------------------------------------------------
 
@@ -506,16 +512,19 @@ class LM628:
         """Return the contribution of the integral (LM-PID-4, LM-PID-5)."""
         ki, il = self.working["ki"], self.working["il"]
         after = clamp(self.sum + error, -0x7FFFFF, 0x7FFFFF)
-        limited = after >> 8
-        if not self.limit_sum:
-            limited = self.product(ki * limited)
-        if abs(limited) > il:
-            limited = il if limited > 0 else -il
-            if abs(after) <= abs(self.sum):
-                self.sum = after
-        else:
-            self.sum = after
+        integral = after >> 8 if self.limit_sum else self.product(ki * (after >> 8))
+        limited = clamp(integral, -il, il)
         self.summation = limited
+        if limited == integral:
+            self.sum = after
+            self.beyond_limit = False
+            return self.product(ki * limited) if self.limit_sum else limited
+        if abs(after) <= abs(self.sum):
+            self.sum = after
+        # Where it passes its limit it is read as it was added.
+        if self.limit_sum and not self.beyond_limit:
+            self.summation = integral
+        self.beyond_limit = True
         return self.product(ki * limited) if self.limit_sum else limited
 
     def put_out(self, u: int) -> None:

@@ -146,15 +146,22 @@ class Net:
     """
 
     __slots__ = (
-        "_batch", "_kernel", "bends", "changed_at", "clash", "clashing", "guard", "let_go_at",
-        "name", "observers", "pins", "previous", "rest", "value", "watchers", "width",
+        "_batch", "_kernel", "_let_go", "bends", "changed_at", "clash", "clashing", "guard",
+        "let_go_at", "name", "observers", "pins", "previous", "rest", "value", "watchers", "width",
     )  # fmt: skip
     STATE: ClassVar[Names] = ("value", "history: tuple[i64]")
     WIRING: ClassVar[Names] = (
         "_kernel", "bends", "clash", "guard", "name", "observers", "pins", "rest", "watchers",
         "width",
     )  # fmt: skip
-    DERIVED: ClassVar[Names] = ("_batch", "changed_at", "clashing", "let_go_at", "previous")
+    DERIVED: ClassVar[Names] = (
+        "_batch",
+        "_let_go",
+        "changed_at",
+        "clashing",
+        "let_go_at",
+        "previous",
+    )
 
     def __init__(self, kernel: Kernel, name: str, *, rest: int = HIGH, width: int = 1) -> None:
         self._kernel: Kernel = kernel
@@ -166,6 +173,7 @@ class Net:
         self.changed_at: int = 0
         self.let_go_at: int = -1
         self._batch: int = -1
+        self._let_go: int = -1
         # Tuples take less than lists, and most nets of a large board share the empty ones.
         self.pins: tuple[Pin, ...] = ()
         self.watchers: tuple[Watcher, ...] = ()
@@ -212,6 +220,14 @@ class Net:
     def driven(self) -> bool:
         """Whether any pin drives the net now."""
         return any(pin.level != Z for pin in self.pins)
+
+    @property
+    def floats(self) -> bool:
+        """Whether no pin drives the net, nor did before the batch of changes under way.
+
+        A latch whose strobe ends in this batch takes what the wires have kept.
+        """
+        return not self.driven and self._let_go != self._kernel.batch
 
     def watch(self, watcher: Watcher) -> None:
         """Notify ``watcher`` of every change from now on."""
@@ -277,6 +293,7 @@ class Net:
         self.clashing = fight
         if level == Z:
             self.let_go_at = self._kernel.now
+            self._let_go = self._kernel.batch
             level = self.value if self.rest == Z else self.rest
         if self.bends:
             for bend in self.bends:

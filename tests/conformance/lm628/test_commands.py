@@ -408,9 +408,9 @@ def test_acceleration_loaded_is_set_by_its_words_and_cleared_by_the_stt(bench):
 
 
 @pytest.mark.spec("LM-CMD-14", "LM-AMB-9")
-def test_rdsum_reads_the_limited_term_and_not_the_sum_by_default(make):
+def test_rdsum_reads_the_limited_term_and_not_the_sum_on_request(make):
     plant = Course()
-    bench = make(plant=plant)
+    bench = make(plant=plant, integral_limit="term")
     bench.filter(ki=20, il=50)
     bench.move(0)
     plant.counts = [-300] * 5
@@ -425,21 +425,22 @@ def test_rdsum_reads_the_limited_term_and_not_the_sum_by_default(make):
 
 @pytest.mark.spec("LM-CMD-14", "LM-AMB-9")
 @pytest.mark.parametrize("ki", [0, 20])
-def test_rdsum_reads_the_limited_summation_on_request_whatever_ki_is(make, ki):
+def test_rdsum_reads_the_limited_summation_whatever_ki_is(make, ki):
     plant = Course()
-    bench = make(plant=plant, integral_limit="sum")
+    bench = make(plant=plant)
     bench.filter(ki=ki, il=2)
     bench.move(0)
     plant.counts = [-300] * 5
-    for expected in (0, 1, 2, 2, 2):
+    for expected in (0, 1, 2, 3, 2, 2):
         bench.next_sample()
         assert bench.report("RDSUM") == expected
-        assert bench.axis.command == ki * expected
+        # 3 is what was added; the filter has the limit already.
+        assert bench.axis.command == ki * min(expected, 2)
     plant.counts = [800] * 12
-    for expected in (2, -1, -2, -2):
+    for expected in (2, -1, -4, -2):
         bench.next_sample()
         assert bench.report("RDSUM") == expected
-        assert bench.axis.command == ki * expected
+        assert bench.axis.command == ki * max(expected, -2)
 
 
 def test_every_row_of_the_command_table_has_its_hook_or_its_parameter(bench):

@@ -18,7 +18,7 @@ def test_settings_have_the_documented_defaults():
         "reset_status": "84",
         "reset_fail": 0,
         "pid_overflow": "saturate",
-        "integral_limit": "term",
+        "integral_limit": "sum",
         "pwm_frame_clk": 512,
         "counts_per_turn": 2000,
         "clk_duty": 0.5,

@@ -89,7 +89,7 @@ def test_the_printed_seven_samples(make, port, codes):
 
 @pytest.mark.spec("LM-T-9", "LM-PID-4", "LM-PID-5")
 def test_the_printed_integration_limit(make):
-    bench = held(make, [300] * 6, ki=20, il=50)
+    bench = held(make, [300] * 6, ki=20, il=50, integral_limit="term")
     bench.next_sample()
     course = []
     for _ in range(4):
@@ -218,28 +218,36 @@ def test_a_limited_sum_may_change_sides_if_it_comes_no_further_from_zero(
     filter_.send()
     filter_.update()
     filter_.step(sign * (-2048 - beyond))
-    assert (filter_.sum, filter_.term) == (sign * (-1024 if taken else 1024), -sign)
+    assert filter_.sum == sign * (-1024 if taken else 1024)
+    # The summation is read as it was added where it passes its limit.
+    added = sign * (-1024 - beyond) >> 8
+    assert filter_.term == (added if limits_sum else -sign)
 
 
 @pytest.mark.spec("LM-PID-5", "LM-AMB-9")
 @pytest.mark.parametrize(
     ("errors", "sums", "terms"),
     [
-        ([300] * 4, [300, 600, 600, 600], [1, 2, 2, 2]),
-        ([767, 1, -1, -512], [767, 767, 766, 254], [2, 2, 2, 0]),
-        ([-512, -1, -1, 1], [-512, -512, -512, -511], [-2, -2, -2, -2]),
-        ([-100] * 7, [-100, -200, -300, -400, -500, -500, -500], [-1, -1, -2, -2, -2, -2, -2]),
+        # What passes the limit is read as it was added, once.
+        ([300, 700, 300, 300], [300, 300, 600, 600], [1, 3, 2, 3]),
+        ([1100, 1, 300, -512], [0, 1, 301, -211], [4, 0, 1, -1]),
+        ([-900, -1, -900, -900], [0, -1, -1, -1], [-4, -1, -4, -2]),
+        ([767, 1, -1, -512], [767, 767, 766, 254], [2, 3, 2, 0]),
+        ([-512, -1, -1, 1], [-512, -512, -512, -511], [-2, -3, -2, -2]),
+        ([-100] * 7, [-100, -200, -300, -400, -500, -500, -500], [-1, -1, -2, -2, -2, -3, -2]),
     ],
 )
-def test_the_limit_holds_for_the_scaled_summation_on_request(make, errors, sums, terms):
-    bench = held(make, errors, ki=10, il=2, integral_limit="sum")
+def test_the_limit_holds_for_the_scaled_summation_by_default(make, errors, sums, terms):
+    bench = held(make, errors, ki=10, il=2)
     bench.next_sample()
     course = []
     for _ in errors:
         bench.next_sample()
         course.append((bench.axis.pid.sum, bench.axis.pid.term, bench.axis.command))
 
-    assert course == [(total, term, 10 * term) for total, term in zip(sums, terms, strict=True)]
+    assert course == [
+        (total, term, 10 * max(-2, min(2, term))) for total, term in zip(sums, terms, strict=True)
+    ]
 
 
 @pytest.mark.spec("LM-PID-5", "LM-PID-6", "LM-AMB-9")

@@ -207,16 +207,41 @@ def test_data_put_out_just_before_the_strobe_rises_has_no_set_up_time_but_holds(
     assert bench.axis.sip, "the later of two batches at one instant"
 
 
-@pytest.mark.spec("LM-TIM-15")
-def test_a_bus_that_nobody_drives_has_no_set_up_time():
+@pytest.mark.spec("LM-BUS-15", "LM-TIM-15")
+@pytest.mark.parametrize("judged", [True, False])
+@pytest.mark.parametrize("early", [50 * NS, 0])
+def test_a_byte_latched_from_a_floating_bus_is_taken_and_found(judged, early):
+    bench = at_the_pins()
+    bench.chip.judged = judged
+    play(
+        bench,
+        (0, "/PS", LOW), (0, "/CS", LOW), (50 * NS, "/WR", LOW), (50 * NS, "D0-D7", SIP),
+        (200 * NS - early, "D0-D7", Z),
+    )  # fmt: skip
+    bench.at(200 * NS + US)
+    bench.set(**{"/WR": HIGH})
+    bench.run(BUSY)
+
+    (found,) = bench.violations
+    assert (found.rule, found.clause, found.severity) == (
+        "lm628.floating-write", "LM-BUS-15", "warning",
+    )  # fmt: skip
+    assert found.detail == "no pin drives D0-D7: 03H is taken"
+    assert bench.axis.sip
+
+
+@pytest.mark.spec("LM-BUS-15")
+def test_a_byte_let_go_with_the_trailing_edge_was_driven():
     bench = at_the_pins()
     play(
         bench,
         (0, "/PS", LOW), (0, "/CS", LOW), (50 * NS, "/WR", LOW), (50 * NS, "D0-D7", SIP),
-        (150 * NS, "D0-D7", Z), (200 * NS, "/WR", HIGH),
+        (200 * NS, "/WR", HIGH), (200 * NS, "D0-D7", Z),
     )  # fmt: skip
+    bench.run(BUSY)
 
-    assert [(v.rule, v.measured) for v in bench.violations] == [("lm628.T15", 0)]
+    assert [v.rule for v in bench.violations] == ["lm628.T16"]
+    assert bench.axis.sip
 
 
 @pytest.mark.spec("LM-TIM-9")

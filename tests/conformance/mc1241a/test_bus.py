@@ -89,6 +89,34 @@ def test_data_that_move_with_the_trailing_edge_come_too_late() -> None:
     assert bench.read_word() == 0x4A10
 
 
+@spec("PMD-BUS-13")
+@pytest.mark.parametrize("together", [True, False])
+def test_a_byte_latched_from_a_floating_bus_is_taken_and_found(together: bool) -> None:
+    bench = Bench("strobe")
+    for name, level in (("HostCmd", 1), ("~HostSlct", 0), ("~HostWrite", 0), ("D0-D7", 0x6C)):
+        bench.drive(name, level)
+    bench.run_for(100 * NS)
+    bench._host["D0-D7"].drive(Z)
+    if not together:
+        bench.kernel.settle()
+    bench._host["~HostWrite"].drive(1)
+    bench.kernel.settle()
+    bench.drive("~HostSlct", 1)
+    bench.drive("HostCmd", 0)
+    assert bench.read_word() == 0x4A10
+
+    assert [(v.rule, v.clause, v.severity, v.detail) for v in bench.violations] == (
+        []
+        if together
+        else [
+            (
+                "mc1241a.floating-write", "PMD-BUS-13", "warning",
+                "no pin drives D0-D7: 6CH is taken",
+            )
+        ]
+    )  # fmt: skip
+
+
 @spec("PMD-BUS-3", "PMD-TIM-17", "PMD-TIM-18")
 @pytest.mark.parametrize("later", [0x31, 0x7F])
 @pytest.mark.parametrize("data_first", [False, True])
@@ -177,7 +205,8 @@ def test_a_write_strobe_in_the_middle_of_a_read_takes_the_bus_away_from_it() -> 
     bench.drive("~HostRead", 1)
     bench.drive("~HostWrite", 1)
     bench.drive("~HostSlct", 1)
-    assert bench.rules() == ["both-strobes"]
+    # The write that remains finds a bus that nobody drives.
+    assert bench.rules() == ["both-strobes", "floating-write"]
     assert bench.read_word() == 0x4A10  # the read that was disturbed did not count
 
 

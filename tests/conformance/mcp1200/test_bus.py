@@ -72,6 +72,33 @@ def test_the_three_orders_of_ale_and_cs_all_make_a_cycle(strobes: Strober, order
     assert strobes.read(order, PLAIN) == 0x5A
 
 
+@pytest.mark.spec("MCP-BUS-13")
+@pytest.mark.parametrize("together", [True, False])
+def test_a_byte_latched_from_a_floating_bus_is_taken_and_found(
+    strobes: Strober, together: bool
+) -> None:
+    strobes.begin(SEPARATE, PLAIN, 0)
+    strobes.set(bus=0x5A)
+    if together:
+        strobes.set(bus=Z, cs=1)
+    else:
+        strobes.set(bus=Z)
+        strobes.set(cs=1)
+    strobes.bench.wait_ps(US)
+    assert strobes.bench.seen("LEAD_ZERO") == 0x5A
+
+    assert [(v.rule, v.clause, v.severity, v.detail) for v in strobes.bench.violations] == (
+        []
+        if together
+        else [
+            (
+                "mcp1200.floating-write", "MCP-BUS-13", "warning",
+                "no pin drives DB0-DB7: 5AH is taken",
+            )
+        ]
+    )  # fmt: skip
+
+
 @pytest.mark.spec("MCP-BUS-2")
 def test_the_address_latch_follows_the_bus_until_ale_rises(strobes: Strober) -> None:
     strobes.set(rw=0, bus=0x22, ale=0)

@@ -24,13 +24,13 @@ def move(
         assert len(positions) < 100_000, "the move does not end"
 
 
-@pytest.mark.spec("LM-T-5", "LM-TRJ-12")
-def test_a_short_lm628_move_takes_the_printed_course():
+@pytest.mark.spec("MCP-TRP-2", "PMD-TRJ-2")
+def test_a_short_move_takes_the_printed_course():
     positions, _ = move(20 << 16, 4 << 16, 1 << 16)
     assert [p >> 16 for p in positions] == [1, 3, 6, 10, 14, 17, 19, 20]
 
 
-@pytest.mark.spec("LM-T-6", "LM-TRJ-12")
+@pytest.mark.spec("MCP-TRP-2", "PMD-TRJ-2")
 def test_a_move_that_does_not_divide_evenly_spreads_the_rest_over_the_deceleration():
     positions, velocities = move(11 << 16, 0x28000, 0x8000)
     assert velocities == [
@@ -39,7 +39,7 @@ def test_a_move_that_does_not_divide_evenly_spreads_the_rest_over_the_decelerati
     assert [p >> 16 for p in positions] == [0, 1, 3, 5, 7, 8, 10, 10, 11]
 
 
-@pytest.mark.spec("LM-TRJ-12", "PMD-TRJ-2")
+@pytest.mark.spec("MCP-TRP-2", "PMD-TRJ-2")
 @pytest.mark.parametrize(("velocity", "over"), [(10, True), (11, False), (-10, True), (-11, False)])
 def test_a_move_is_over_on_its_target_if_one_acceleration_stops_it(velocity: int, over: bool):
     assert arrived(0, velocity, 10) is over
@@ -47,8 +47,8 @@ def test_a_move_is_over_on_its_target_if_one_acceleration_stops_it(velocity: int
     assert arrived(0, velocity + (2 if velocity > 0 else -2), 10, 2) is over
 
 
-@pytest.mark.spec("LM-T-4")
-def test_the_manuals_100_revolution_move_peaks_halfway_and_takes_20_seconds():
+@pytest.mark.spec("MCP-TRP-2")
+def test_a_move_of_100_revolutions_peaks_halfway():
     positions, velocities = move(200_000 << 16, 0x6D1EC, 15)
     assert max(velocities) == 443_400 == 0x6C408
     assert velocities.index(443_400) == 29_560 - 1
@@ -80,19 +80,19 @@ def test_a_pmd_move_with_and_without_start_velocity_takes_the_printed_course(
     assert [p >> 16 for p in positions] == course
 
 
-@pytest.mark.spec("LM-TRJ-12", "PMD-TRJ-2")
+@pytest.mark.spec("MCP-TRP-2", "PMD-TRJ-2")
 def test_backward_moves_mirror_forward_moves():
     forward, _ = move(11 << 16, 0x28000, 0x8000)
     backward, _ = move(-(11 << 16), 0x28000, 0x8000)
     assert backward == [-p for p in forward]
 
 
-@pytest.mark.spec("LM-TRJ-16", "MCP-TRP-5")
+@pytest.mark.spec("MCP-TRP-5")
 def test_a_move_to_where_it_stands_is_over_in_its_first_sample():
     assert move(0, 1000, 10) == ([0], [0])
 
 
-@pytest.mark.spec("LM-TRJ-12", "PMD-TRJ-2")
+@pytest.mark.spec("MCP-TRP-2", "PMD-TRJ-2")
 @pytest.mark.parametrize(("slowness", "start"), [((), 0), ((3,), 3)])
 def test_a_move_is_over_on_the_target_and_within_one_acceleration_of_rest(slowness, start):
     for sign in (1, -1):
@@ -101,7 +101,7 @@ def test_a_move_is_over_on_the_target_and_within_one_acceleration_of_rest(slowne
         assert not arrived(sign, 0, 10, *slowness)
 
 
-@pytest.mark.spec("LM-TRJ-12")
+@pytest.mark.spec("MCP-TRP-2")
 def test_on_the_target_but_too_fast_it_passes_through_and_comes_back():
     assert next_velocity(0, 50, 100, 10) == 40
     assert next_velocity(0, -50, 100, 10) == -40
@@ -110,13 +110,13 @@ def test_on_the_target_but_too_fast_it_passes_through_and_comes_back():
     assert positions[-1] == 0
 
 
-@pytest.mark.spec("LM-TRJ-12")
+@pytest.mark.spec("MCP-TRP-2")
 def test_without_acceleration_the_velocity_stays():
     assert next_velocity(1000, -7, 100, 0) == -7
     assert next_velocity(0, 5, 100, 0, 3) == 5
 
 
-@pytest.mark.spec("LM-TRJ-15", "LM-TRJ-12")
+@pytest.mark.spec("MCP-TRP-2")
 def test_an_acceleration_above_the_top_velocity_reaches_it_in_one_sample():
     assert move(35, 10, 400)[1] == [10, 10, 10, 5]
 
@@ -142,7 +142,7 @@ def test_a_reversal_still_runs_at_exactly_the_start_velocity_before_it_rests(sig
 
 
 def literal_fastest(r: int, a: int, vs: int) -> int:
-    """The formula of PMD-TRJ-2 (with vs = 0: LM-TRJ-12) as it is written there."""
+    """The formula of PMD-TRJ-2 (with vs = 0: MCP-TRP-2) as it is written there."""
     if r < vs:
         return r
     b = a + 2 * vs
@@ -158,7 +158,7 @@ def literal_way(v: int, a: int, vs: int) -> int:
 
 
 def literal_step(remaining: int, v: int, top: int, a: int, vs: int) -> int:
-    """The rule of PMD-TRJ-2 (with vs = 0: LM-TRJ-12) as it is written there."""
+    """The rule of PMD-TRJ-2 (with vs = 0: MCP-TRP-2) as it is written there."""
     d = (remaining > 0) - (remaining < 0) or (v < 0) - (v > 0)
     u, r = v * d, abs(remaining)
     if a == 0:
@@ -193,7 +193,7 @@ DISTANCES = st.one_of(
 )
 
 
-@pytest.mark.spec("LM-TRJ-12", "PMD-TRJ-2")
+@pytest.mark.spec("MCP-TRP-2", "PMD-TRJ-2")
 @given(remaining=DISTANCES, velocity=SIGNED, top=SPEEDS, accel=SPEEDS, start=STARTS)
 def test_the_step_without_square_root_equals_the_rule_with_it(
     remaining, velocity, top, accel, start
@@ -203,7 +203,7 @@ def test_the_step_without_square_root_equals_the_rule_with_it(
     )
 
 
-@pytest.mark.spec("LM-TRJ-12", "PMD-TRJ-2")
+@pytest.mark.spec("MCP-TRP-2", "PMD-TRJ-2")
 @given(
     velocity=st.integers(0, 1 << 30),
     accel=st.integers(1, 1 << 30),
@@ -218,7 +218,7 @@ def test_step_and_rule_agree_where_deceleration_has_to_begin(velocity, accel, st
         )
 
 
-@pytest.mark.spec("LM-TRJ-12", "PMD-TRJ-2")
+@pytest.mark.spec("MCP-TRP-2", "PMD-TRJ-2")
 @given(r=st.integers(0, 1 << 50), accel=st.integers(1, (1 << 30) - 1), start=STARTS)
 def test_the_fastest_speed_can_be_stopped_from_and_one_more_cannot(r, accel, start):
     speed = literal_fastest(r, accel, start)
@@ -226,7 +226,7 @@ def test_the_fastest_speed_can_be_stopped_from_and_one_more_cannot(r, accel, sta
     assert literal_way(speed + 1, accel, start) > r
 
 
-@pytest.mark.spec("LM-TRJ-12", "MCP-TRP-6")
+@pytest.mark.spec("MCP-TRP-6")
 @given(velocity=st.integers(0, 3000), accel=st.integers(1, 4000))
 def test_the_stopping_distance_is_the_sum_of_all_samples_until_rest(velocity, accel):
     assert stopping_distance(velocity, accel) == sum(range(velocity, 0, -accel))
@@ -239,7 +239,7 @@ LEGS = st.lists(
 )
 
 
-@pytest.mark.spec("LM-TRJ-12", "MCP-TRP-2")
+@pytest.mark.spec("MCP-TRP-2")
 @given(legs=LEGS, accel=st.integers(1, 90))
 def test_every_move_keeps_its_limits_and_lands_exactly_also_after_retargeting(legs, accel):
     position = velocity = 0
@@ -265,7 +265,7 @@ def test_every_move_keeps_its_limits_and_lands_exactly_also_after_retargeting(le
     assert ceiling <= max(top for _, top, _ in legs)
 
 
-@pytest.mark.spec("LM-TRJ-12")
+@pytest.mark.spec("MCP-TRP-2")
 @given(target=st.integers(1, 20_000), top=st.integers(1, 500), accel=st.integers(1, 90))
 def test_a_move_from_rest_has_a_single_peak(target, top, accel):
     _, velocities = move(target, top, accel)

@@ -359,7 +359,10 @@ class Axis:
             self.pid.skip(samples)
 
     def course(self) -> tuple[int, ...]:
-        """Return everything a sample changes, but for the place in the derivative interval."""
+        """Return everything a sample changes, but for the place in the derivative interval.
+
+        Whether il limits follows from it: with the same error it cannot change twice.
+        """
         profile, pid = self.profile, self.pid
         return (
             self.count, self.real, self.real_change, self.error, self.following, self.command,

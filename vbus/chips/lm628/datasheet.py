@@ -248,6 +248,10 @@ BUSY_WRITE: Final = Rule(
 BUSY_READ: Final = Rule(
     "lm628.busy-read", "LM-BUS-10", "No data is read while busy: the last byte is returned."
 )
+FLOATING_WRITE: Final = Rule(
+    "lm628.floating-write", "LM-BUS-15",
+    "D0-D7 are driven until the byte that is written is latched.", "warning",
+)  # fmt: skip
 CUT_PACKET: Final = Rule(
     "lm628.cut-packet", "LM-BUS-11",
     "A command is written only after the data of the one before it is complete.", "warning",
@@ -286,9 +290,9 @@ INDEX_GROUNDED: Final = Rule(
 )
 
 RULES: Final = (
-    *AC.rules.values(), CONTENTION, BUSY_WRITE, BUSY_READ, CUT_PACKET, WRONG_WAY,
-    UNDEFINED_COMMAND, RESET_WRITE, PORT_IN_MOTION, PORT12_ON_LM629, STT_REFUSED, STOP_BITS, RANGE,
-    DOUBLE_EDGE, INDEX_GROUNDED,
+    *AC.rules.values(), CONTENTION, BUSY_WRITE, BUSY_READ, FLOATING_WRITE, CUT_PACKET,
+    WRONG_WAY, UNDEFINED_COMMAND, RESET_WRITE, PORT_IN_MOTION, PORT12_ON_LM629, STT_REFUSED,
+    STOP_BITS, RANGE, DOUBLE_EDGE, INDEX_GROUNDED,
 )  # fmt: skip
 
 # -- Settings (LM-CFG-1) ------------------------------------------------------------------------
@@ -297,17 +301,17 @@ _OVERFLOW: Final = (
     'The manual says: "All filter multiplications are 16-bit operations; only the bottom 16 bits of'
     ' the product are used." `"wrap"` is this text, read literally. `"saturate"`, the default, is a'
     " departure from it: the sentence is taken to say that products are not scaled down. For that"
-    ' speaks that the manual saturates the error "to ensure predictable behavior", that a product'
-    " which wraps reverses the torque, and that drivers in use load kd = 7FFFH."
+    " speaks the console log of two real LM629s: where kp * e is -39700, the lower 16 bits of which"
+    " drive away from the target, the motor moves toward it."
 )
 _LIMIT: Final = (
-    '`"term"`, the default, is the manual\'s text: il "constrains the contribution of the'
-    ' integration term", and "when the magnitude of integration term value exceeds il, the il value'
-    ' (with appropriate sign) is substituted". `"sum"` is what a console log of two real LM629s'
-    " fits: il limits the scaled summation, sum / 256 rounded down; RDSUM reads it, and the"
-    " contribution is ki times it. With that go RDSUM's name in the manual, \"read integration-term"
-    ' summation value", and its range, up to the integration limit. That the sum stops growing at'
-    " the limit is a ruling, in either."
+    '`"sum"`, the default, is what the console log of two real LM629s fits: il limits the scaled'
+    " summation, sum / 256 rounded down; RDSUM reads it, and the contribution is ki times it. With"
+    ' that go RDSUM\'s name in the manual, "read integration-term summation value", and its range,'
+    ' up to the integration limit. `"term"` is the manual\'s text: il "constrains the contribution'
+    ' of the integration term", and "when the magnitude of integration term value exceeds il, the'
+    ' il value (with appropriate sign) is substituted". That the sum stops growing at the limit is'
+    " a ruling, in either."
 )
 
 OPTIONS: Final = (
@@ -327,9 +331,9 @@ OPTIONS: Final = (
            low=0, clause="LM-RST-9"),
     Option("pid_overflow", "choice", "saturate", "what becomes of filter products over 16 bits",
            choices=("saturate", "wrap"), clause="LM-PID-6", evidence=_OVERFLOW),
-    Option("integral_limit", "choice", "term",
-           "what il limits and RDSUM reads: the product with ki, or the summation before it",
-           choices=("term", "sum"), clause="LM-PID-5", evidence=_LIMIT),
+    Option("integral_limit", "choice", "sum",
+           "what il limits and RDSUM reads: the summation, or its product with ki",
+           choices=("sum", "term"), clause="LM-PID-5", evidence=_LIMIT),
     Option("pwm_frame_clk", "count", 512, "length of a PWM frame, in clock periods",
            low=PWM_FRAMES[0], high=PWM_FRAMES[-1], clause="LM-PID-10"),
     Option("counts_per_turn", "count", 2000,

@@ -36,7 +36,9 @@ class Pid:
         loaded: what LFIL has written: ds, kp, ki, kd, il.
         sent: what a UDF that waits for its sample has taken of it.
         sum: the 24-bit integral of the error.
-        term: what RDSUM reads: integral term of the last sample, or scaled summation, as limited.
+        limited: il has limited the summation in the last sample.
+        term: what RDSUM reads: the scaled summation, or the integral term, as limited; a summation
+            in the sample in which it passes its limit is read before it is limited.
         derivative: derivative term, held from one derivative sample to the next.
         last_error: error at the last derivative sample.
         phase: samples since the last derivative sample began, 0..ds.
@@ -44,11 +46,11 @@ class Pid:
 
     __slots__ = (
         "_limits_sum", "_wraps", "derivative", "ds", "il", "kd", "ki", "kp", "last_error",
-        "loaded", "phase", "sent", "sum", "term",
+        "limited", "loaded", "phase", "sent", "sum", "term",
     )  # fmt: skip
     STATE: ClassVar[Names] = (
         "kp", "ki", "kd", "il", "ds", "loaded: list[i64]", "sent: list[i64]", "sum", "term",
-        "derivative", "last_error", "phase",
+        "derivative", "last_error", "phase", "limited: bool",
     )  # fmt: skip
     WIRING: ClassVar[Names] = ("_limits_sum", "_wraps")
 
@@ -67,6 +69,7 @@ class Pid:
         self.derivative: i64 = 0
         self.last_error: i64 = 0
         self.phase: i64 = 0
+        self.limited: bool = False
 
     def store(self, number: int, word: int) -> None:
         """Store one datum of LFIL: 0 is ds, then kp, ki, kd, il (LM-PID-1)."""
@@ -87,6 +90,7 @@ class Pid:
         self.term = 0
         self.derivative = 0
         self.last_error = 0
+        self.limited = False
 
     def step(self, error: i64) -> i64:
         """Run one sample; return the 16-bit motor command.
@@ -118,13 +122,19 @@ class Pid:
             term = wrap_word(term, _HALF) if wraps else _sat16(term)
         limit = self.il
         if term > limit or term < -limit:
-            term = limit if term > 0 else -limit
+            if term < 0:
+                limit = -limit
+            # A summation is added first, and limited afterwards.
+            self.term = term if limits_sum and not self.limited else limit
+            self.limited = limits_sum
+            term = limit
             # Nearer to zero.
             if -before <= total <= before or before <= total <= -before:
                 self.sum = total
         else:
             self.sum = total
-        self.term = term
+            self.term = term
+            self.limited = False
         if limits_sum:
             term = self.ki * term
             term = wrap_word(term, _HALF) if wraps else _sat16(term)

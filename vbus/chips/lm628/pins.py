@@ -204,22 +204,23 @@ class BusPins:
         chip = self._chip
         net = self._data.net
         byte = net.before
+        floats = net.floats
         if chip.judged:
             if wr == LOW:
                 self._judge("T7", -1, "/CS rose before /WR")
             self._judge("T14", now - self._began)
-            if not net.driven and net.let_go_at < now:
-                self._judge("T15", 0, "nobody drives D0-D7")
-            elif byte == net.value:
+            if byte == net.value and not floats:
                 self._judge("T15", now - net.changed_at)
             self._ended = now
-            self._wrote = now
+            self._wrote = _LONG_AGO if floats else now
             self._byte = byte
             self._undo = keep(chip) if self._write_undone else {}
             if ps == ds.DATA_PORT:
                 self._data_wrote = now
             self._timer.at(now + self._limits["T16"])
         if not self._lost:
+            if floats:
+                chip.report(ds.FLOATING_WRITE, detail=f"no pin drives D0-D7: {byte:02X}H is taken")
             chip.write(ps, byte)
         if byte != net.value:
             self.settle()

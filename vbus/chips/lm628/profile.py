@@ -7,7 +7,7 @@ from mypy_extensions import i64
 from vbus.bits import clamp, sign_extend, wrap, wrap_word
 from vbus.chips.lm628 import datasheet as ds
 from vbus.chips.motion.ramp import toward
-from vbus.chips.motion.trapezoid import arrived, next_velocity
+from vbus.chips.motion.trapezoid import arrived, stopping_distance
 from vbus.state import Names
 
 ACCELERATION: Final = 0
@@ -16,6 +16,50 @@ POSITION: Final = 2
 
 _WRAPPED: Final = ds.POSITION_BITS + 16
 _HALF: Final = (ds.POSITION_MAX + 1) << 16
+
+
+def approach(way: i64, speed: i64, top: i64, accel: i64) -> i64:
+    """Return the velocity of the coming sample of a position move (LM-TRJ-12).
+
+    Every number fits a machine word: rates have 30 bits, a way 48, and a stopping distance is less
+    than 2^61.
+
+    Args:
+        way: how far the target lies ahead (0 or more), in 1/65536 counts.
+        speed: velocity of the last sample toward the target; negative moves away from it.
+        top: velocity limit.
+        accel: acceleration, not 0.
+
+    Returns:
+        The velocity toward the target.
+    """
+    if speed < 0:
+        least = speed + accel
+        if least <= 0:
+            return least
+        if least > top:
+            least = top
+        # Slower than one acceleration: one more sample is all the stopping there is.
+        return least if least < way else way
+    if way <= accel and speed <= accel and way <= top:
+        return way
+    slower = speed - accel
+    faster = speed + accel
+    if faster > top:
+        faster = top
+    if faster >= slower:
+        ends = stopping_distance(faster, accel)
+        if ends <= way:
+            return faster
+        if speed < top:
+            # One step of A more is one sample more, at that velocity.
+            if faster - speed == accel:
+                ends -= faster
+            else:
+                ends = stopping_distance(speed, accel)
+            if ends <= way:
+                return speed
+    return slower if slower > 0 else 0
 
 
 class Profile:
@@ -175,7 +219,13 @@ class Profile:
             self.target = self._move()
             return False
         target = self.target << 16
-        self.velocity = next_velocity(target - self.position, self.velocity, self.top, self.accel)
+        way = target - self.position
+        if self.accel:
+            # On the target, but too fast to stay: it lies behind.
+            if way > 0 or (way == 0 and self.velocity < 0):
+                self.velocity = approach(way, self.velocity, self.top, self.accel)
+            else:
+                self.velocity = -approach(-way, -self.velocity, self.top, self.accel)
         self._move()
         if arrived(target - self.position, self.velocity, self.accel):
             self.velocity = 0

@@ -13,15 +13,23 @@ _AXIS: Final = (
 
 
 def _save_axis(axis: Any, saved: Saved) -> tuple[Any, ...]:
-    """What a waiting UDF has taken stands last, if LFIL has loaded other coefficients since."""
-    sent, loaded = saved["pid"]["sent"], saved["pid"]["loaded"]
-    return (*row(axis, saved, _AXIS), *((sent,) if saved["udf"] and sent != loaded else ()))
+    """What a waiting UDF has taken stands last, if LFIL has loaded other coefficients since.
+
+    Behind it stands True while il limits the summation.
+    """
+    pid = saved["pid"]
+    other = saved["udf"] and pid["sent"] != pid["loaded"]
+    more = ((pid["sent"],) if other else ()) + ((True,) if pid["limited"] else ())
+    return (*row(axis, saved, _AXIS), *more)
 
 
 def _load_axis(axis: Any, old: Any) -> Saved:
     saved = fields(axis, old[: len(_AXIS)], _AXIS)
-    sent = old[len(_AXIS) :]
-    saved["pid"]["sent"] = sent[0] if sent else saved["pid"]["loaded"]
+    more = old[len(_AXIS) :]
+    pid = saved["pid"]
+    pid["limited"] = more[-1:] == (True,)
+    sent = more[:-1] if pid["limited"] else more
+    pid["sent"] = sent[0] if sent else pid["loaded"]
     return saved
 
 

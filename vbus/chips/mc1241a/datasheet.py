@@ -470,6 +470,10 @@ NOT_READY: Final = Rule(
 READ_COMMAND: Final = Rule(
     "mc1241a.read-command", "PMD-BUS-4", "~HostRead must not be low while HostCmd is high."
 )
+FLOATING_WRITE: Final = Rule(
+    "mc1241a.floating-write", "PMD-BUS-13",
+    "D0-D7 are driven until the byte that is written is latched.", "warning",
+)  # fmt: skip
 BOTH_STROBES: Final = Rule(
     "mc1241a.both-strobes", "PMD-BUS-2", "~HostRead and ~HostWrite must not be low together."
 )
@@ -519,9 +523,9 @@ TWO_CHANNELS: Final = Rule(
 
 RULES: Final = (
     *AC.rules.values(),
-    NOT_READY, READ_COMMAND, BOTH_STROBES, ABORTED, UNEXPECTED_WRITE, UNEXPECTED_READ, ILLEGAL,
-    RESERVED, RANGE, UNUSED_BITS, NO_SUCH_AXIS, MOVING, STOP_TWICE, COMMAND_REFUSED,
-    MOTOR_COMMAND_LOST, TWO_CHANNELS,
+    NOT_READY, READ_COMMAND, FLOATING_WRITE, BOTH_STROBES, ABORTED, UNEXPECTED_WRITE,
+    UNEXPECTED_READ, ILLEGAL, RESERVED, RANGE, UNUSED_BITS, NO_SUCH_AXIS, MOVING, STOP_TWICE,
+    COMMAND_REFUSED, MOTOR_COMMAND_LOST, TWO_CHANNELS,
 )  # fmt: skip
 
 # -- settings ------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from vbus.chips.mc1241a.datasheet import (
     BOTH_STROBES,
     COMMAND_PORT,
     DATA_PORT,
+    FLOATING_WRITE,
     READ_COMMAND,
 )
 from vbus.chips.mc1241a.packet import HostPort
@@ -125,7 +126,11 @@ class HostPins:
         self._last_was_write = True
         if not lost:
             address = COMMAND_PORT if self._command.before else DATA_PORT
-            chip.write(address, chip.bus_net.before)
+            data = chip.bus_net.before
+            if chip.bus_net.floats:
+                taken = f"no pin drives D0-D7: {data:02X}H is taken"
+                chip.report(FLOATING_WRITE, detail=taken)
+            chip.write(address, data)
         if chip.bus_net.before != chip.bus_net.value:
             self._data_judged = now
             self._after_strobe("T16", 0)

@@ -369,6 +369,10 @@ AC: Final = {
 CONTENTION: Final = Rule(
     "mcp1200.contention", "MCP-BUS-8", "/OE must be high while /CS is low in a write cycle."
 )
+FLOATING_WRITE: Final = Rule(
+    "mcp1200.floating-write", "MCP-BUS-13",
+    "DB0-DB7 are driven until the byte that is written is latched.", "warning",
+)  # fmt: skip
 RECOVERY: Final = Rule(
     "mcp1200.recovery",
     "MCP-BUS-12",
@@ -394,7 +398,7 @@ DOUBLE_EDGE: Final = Rule(
 )
 RULES: Final = (
     *AC["5 V"].rules.values(),
-    CONTENTION, RECOVERY, RESERVED, GOAL_STEP, STEP_OVERRUN, DOUBLE_EDGE,
+    CONTENTION, FLOATING_WRITE, RECOVERY, RESERVED, GOAL_STEP, STEP_OVERRUN, DOUBLE_EDGE,
 )  # fmt: skip
 
 # -- board file keys ----------------------------------------------------------------------------

@@ -256,6 +256,9 @@ class HostPins:
             self._judge("tSDR", now - changed)
             chip.drop_read()
             if not self._lost:
+                if self._net.floats:
+                    taken = f"no pin drives DB0-DB7: {data:02X}H is taken"
+                    chip.report(ds.FLOATING_WRITE, detail=taken)
                 chip.write(self._address, data)
         else:
             if self._was_read and self._fresh:

@@ -1,6 +1,6 @@
 """One sample of a trapezoidal move that lands exactly on its target, in integers.
 
-The rule of LM-TRJ-12, MCP-TRP-2 and PMD-TRJ-2. Distances and velocities are integers in units of
+The rule of MCP-TRP-2 and PMD-TRJ-2. Distances and velocities are integers in units of
 2^-f counts (f fraction bits of the chip), velocities per sample, accelerations per sample squared.
 Before each sample the generator knows how far it has to go and how fast it is; it takes the
 largest velocity that the acceleration, the top velocity and the stopping distance allow. Because
@@ -51,7 +51,7 @@ def arrived(remaining: i64, velocity: i64, accel: i64, start: i64 = 0) -> bool:
     return remaining == 0 and -accel - start <= velocity <= accel + start
 
 
-def stopping_distance(velocity: int, accel: int) -> int:
+def stopping_distance(velocity: i64, accel: i64) -> i64:
     """Return the way covered from the coming sample on, if it has ``velocity``, until rest.
 
     Each further sample is slower by ``accel``. ``velocity`` must not be negative and ``accel``
