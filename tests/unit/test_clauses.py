@@ -34,6 +34,7 @@ state = "tested"
 title = "third"
 section = "Figure 3"
 kind = "silicon"
+evidence = "a log"
 text = "A third."
 state = "open"
 reason = "cannot be seen"
@@ -128,7 +129,8 @@ WHOLE = {"title": "t", "section": "s", "kind": "manual", "text": "x.", "state": 
     [
         ({"state": "done"}, 'state is "tested" or "open"'),
         ({"kind": "guess"}, "kind is one of manual, ruling, silicon"),
-        ({"title": " "}, "title is not one of title, section, kind, text, state, reason with a"),
+        ({"kind": "silicon"}, "what real parts have decided needs evidence"),
+        ({"title": " "}, "title is not one of title, section, kind, text, state, evidence, reason"),
         ({"why": "w"}, "why is not one of title, section"),
         ({"state": "open"}, "a reason belongs to an open clause"),
         ({"reason": "r"}, "a reason belongs to an open clause, and only to one"),

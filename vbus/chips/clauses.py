@@ -25,7 +25,7 @@ KINDS: Final = (MANUAL, RULING, SILICON)
 _TESTED: Final = "tested"
 _OPEN: Final = "open"
 _REQUIRED: Final = ("title", "section", "kind", "text", "state")
-_KEYS: Final = (*_REQUIRED, "reason")
+_KEYS: Final = (*_REQUIRED, "evidence", "reason")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +41,9 @@ class Clause:
         text: what is required, in Markdown.
         state: ``"tested"`` or ``"open"``.
         reason: why it is open.
+        evidence: what real parts, or drivers that work with them, have shown of it. A clause of
+            kind :data:`SILICON` has one; a ruling may have one that does not decide it. Agreement
+            with a reference model is none: it is written from the same rulings.
     """
 
     name: str
@@ -50,6 +53,7 @@ class Clause:
     text: str
     state: str
     reason: str
+    evidence: str = ""
 
     @property
     def tested(self) -> bool:
@@ -81,6 +85,8 @@ def read_clauses(text: str, where: str) -> dict[str, Clause]:
             raise ValueError(f'{place}: state is "{_TESTED}" or "{_OPEN}"')
         if row["kind"] not in KINDS:
             raise ValueError(f"{place}: kind is one of {', '.join(KINDS)}")
+        if row["kind"] == SILICON and "evidence" not in row:
+            raise ValueError(f"{place}: what real parts have decided needs evidence")
         if (row["state"] == _OPEN) != ("reason" in row):
             raise ValueError(f"{place}: a reason belongs to an open clause, and only to one")
         clauses[name] = Clause(name, **{key: row.get(key, "").strip() for key in _KEYS})

@@ -43,7 +43,8 @@ def described(what: str) -> list[str]:
             if clause.name == what.upper():
                 return [Line(
                     clause.name, clause=clause.name, title=clause.title, kind=clause.kind,
-                    section=clause.section, text=clause.text, named_by=carriers(clause.name),
+                    section=clause.section, evidence=clause.evidence, text=clause.text,
+                    named_by=carriers(clause.name),
                     tests=list(proofs_of(package).get(clause.name, ())),
                 )]  # fmt: skip
     return [
@@ -95,6 +96,8 @@ def _rule(rule: Rule) -> Iterator[str]:
 def _clause(package: str, clause: Clause) -> Iterator[str]:
     yield f"{clause.name}: {clause.title}"
     yield f"  {clause.kind}: {clause.section}"
+    if clause.evidence:
+        yield from _wrapped(f"silicon: {clause.evidence}", "  ")
     yield ""
     yield from _wrapped(clause.text, "  ")
     citing = carriers(clause.name)

@@ -382,7 +382,9 @@ def test_a_clause_and_a_rule_as_json() -> None:
     (rule,) = data("lm628.T14")
 
     assert (clause["clause"], clause["kind"]) == ("LM-BUS-7", "manual")
-    assert set(clause) == {"clause", "title", "kind", "section", "text", "named_by", "tests"}
+    assert set(clause) == {
+        "clause", "title", "kind", "section", "evidence", "text", "named_by", "tests",
+    }  # fmt: skip
     assert clause["tests"] == list(proofs_of("vbus.chips.lm628")["LM-BUS-7"])
     assert (rule["rule"], rule["severity"]) == ("lm628.T14", "error")
     assert rule["limits"]

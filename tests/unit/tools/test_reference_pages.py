@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from vbus.board import plugins
-from vbus.chips.clauses import clauses_of, proofs_of
+from vbus.chips.clauses import SILICON, clauses_of, proofs_of
 from vbus.tools.cli import cli
 from vbus.tools.generate.c_interface import HEADER, c_interface
 from vbus.tools.generate.command_line import command_line
@@ -52,10 +52,25 @@ def test_a_ledger_has_every_clause_with_its_kind_and_its_tests(name: str) -> Non
     for clause in clauses_of(family.home).values():
         link = f"[{clause.name}]({name}-clauses.md#{clause.name.lower()})"
         (row,) = (line for line in page.splitlines() if line.startswith(f"| {link} |"))
-        assert f"| {clause.kind} |" in row
+        assert f"| {clause.kind} | {clause.evidence}" in row
         for test in proofs_of(family.home).get(clause.name, []):
             assert f"`{test.removeprefix('tests/')}`" in row
         assert clause.tested == ("| open: " not in row)
+
+
+@pytest.mark.parametrize("name", ["lm628", "mcp1200", "mc1241a"])
+def test_what_silicon_decides_is_proved_by_more_than_a_model_written_from_rulings(
+    name: str,
+) -> None:
+    home = plugins.family(name).home
+    decided = [clause for clause in clauses_of(home).values() if clause.kind == SILICON]
+
+    for clause in decided:
+        assert clause.evidence
+        assert "reference" not in clause.evidence
+        tests = proofs_of(home).get(clause.name, [])
+        assert not clause.tested or any("tests/reference/" not in test for test in tests)
+    assert decided or name == "mcp1200"
 
 
 def test_a_ledger_counts_the_mutants_that_tests_of_a_clause_kill() -> None:

@@ -263,6 +263,9 @@ def clause_page(family: Family) -> str:
 def _clause(clause: Clause, rules: Iterable[Rule]) -> Iterator[str]:
     yield f"**{clause.title}**"
     yield f"({clause.kind}: {clause.section})"
+    if clause.evidence:
+        yield ""
+        yield f"Shown by silicon: {clause.evidence}."
     yield from ("", clause.text)
     if cited := [f"`{rule.name}`" for rule in rules if rule.clause == clause.name]:
         yield from ("", f"Rules: {', '.join(cited)}.")

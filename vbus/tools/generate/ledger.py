@@ -28,7 +28,8 @@ def ledger(family: Family) -> str:
         touched += killed > 0
         shown = f"open: {clause.reason}" if not clause.tested else "<br>".join(map(_test, tests))
         name = f"[{clause.name}]({family.name}-clauses.md#{clause.name.lower()})"
-        rows.append((name, clause.title, clause.kind, shown, str(killed or "")))
+        kind, seen = clause.kind, clause.evidence
+        rows.append((name, clause.title, kind, seen, shown, str(killed or "")))
     open_ones = sum(1 for clause in clauses.values() if not clause.tested)
     kinds = ", ".join(
         f"{sum(1 for clause in clauses.values() if clause.kind == kind)} {kind}" for kind in KINDS
@@ -40,11 +41,16 @@ def ledger(family: Family) -> str:
             f"{len(clauses)} clauses: {kinds}; {open_ones} open. A clause that is not open is"
             " proved by the tests beside it, which every run of the tests repeats.",
             "",
+            "What real parts, or drivers that work with them, have shown stands in the column"
+            " *silicon*. Nothing else is evidence of what silicon does: a test proves that the code"
+            " does what the clause says, and a test of `reference/` that the code agrees with a"
+            " model written from the same manual and rulings.",
+            "",
             "Of the small wrong changes of the source (mutants) that every run of CI tries,"
             f" {touched} clauses have one that their tests find: the column *mutants*. A full"
             " run tries thousands; those that nobody can observe stand at the end.",
             "",
-            *table(("clause", "title", "kind", "tests", "mutants"), rows),
+            *table(("clause", "title", "kind", "silicon", "tests", "mutants"), rows),
             "",
             "## Mutants that nobody can observe",
             "",
