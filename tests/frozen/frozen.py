@@ -175,7 +175,7 @@ class Stretch:
             "trace": self._trace.digest(),
             "replies": self._replies.hexdigest(),
             "violations": self._findings.digest(),
-            "state": self.board.state_hash(1),
+            "state": self.board.state_hash(),
         }
 
 
@@ -233,7 +233,7 @@ def play_nodes(run: Run) -> dict[str, str]:
     text = (RUNS / f"{run.name}.txt").read_text()
     machine = Machine(file, source, read_scenario(text, f"{run.name}.txt", pins_of(file), US))
     machine.run()
-    states = "\n".join(node.board.state_hash(1) for node in machine.nodes)
+    states = "\n".join(node.board.state_hash() for node in machine.nodes)
     return {"trace": machine.trace_hash(), "state": sha(states)}
 
 

@@ -9,6 +9,7 @@ from vbus.kernel import US
 from vbus.nodes.host import NodeBus
 from vbus.nodes.orders import PIN, READ, WRITE, Order, Orders
 from vbus.signals import Observer
+from vbus.state import save
 
 BOARD = """\
 [board]
@@ -107,7 +108,7 @@ def test_an_order_is_the_cycle_a_host_would_make_at_that_instant(strobes: bool) 
         ordered, found = by_order(strobes, step)
         assert found.cycles == seen.cycles
         assert sorted(found.edges) == sorted(seen.edges)
-        assert [chip.save() for chip in ordered.chips] == [chip.save() for chip in host.chips]
+        assert [save(chip) for chip in ordered.chips] == [save(chip) for chip in host.chips]
 
 
 def test_a_cycle_that_begins_within_the_hold_time_of_the_last_one_is_whole() -> None:
@@ -225,7 +226,7 @@ def test_a_read_of_several_chips_is_the_fight_a_host_would_cause(
                 assert port.read(address) == 0x84 & 0x80
         board.run_until(300 * US)
         found = [(v.when, v.rule, v.chip) for v in board.violations]
-        results.append((seen.cycles, found, [chip.save() for chip in board.chips]))
+        results.append((seen.cycles, found, [save(chip) for chip in board.chips]))
     assert results[0] == results[1]
     cycles, found, _ = results[0]
     assert cycles[-1] == (200 * US, "x+y", False, 0, 0x80)

@@ -186,20 +186,3 @@ def test_snapshots_go_on_with_what_is_wrong_with_wires(number: int) -> None:
     again.load(read(write(snapshot)))
     again.run()
     assert again.trace_hash() == whole.trace_hash()
-
-
-def test_a_node_saved_before_there_were_such_faults_is_loaded() -> None:
-    file, source = read_board_text(TWO)
-    node, again = (build_nodes(file, source)[1] for _ in range(2))
-    node.accept([(0, 0, 0, 0, LOW, False), (5 * MS, 0, 1, 0, HIGH, False)])
-    node.run_before(2 * MS)
-    saved = node.save()
-    old = {key: saved[key] for key in saved if key not in ("STATE_VERSION", "_held", "_holds")}
-    assert (saved["STATE_VERSION"], saved["wire_ends"][0]["STATE_VERSION"]) == (2, 2)
-    old["wire_ends"] = tuple(
-        {key: end[key] for key in end if key not in ("STATE_VERSION", "come_so_far", "kept_back")}
-        for end in saved["wire_ends"]
-    )
-    again.load(old)
-    assert again.save() == saved
-    assert again.ends[0].latest == {0: (LOW, False)}

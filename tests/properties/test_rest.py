@@ -19,12 +19,15 @@ from vbus.chips.mc1241a.datasheet import COMMANDS as PMD
 from vbus.kernel import MS, SECOND, US
 from vbus.protocols.port import PortError
 from vbus.signals import Plant
+from vbus.state import save
 
 FAMILIES = sorted(("mcp1200", *MOTION))
 
 
 class Counted(Plant):
     """A plant as it is, but for the periods it has run, and maybe without its rest."""
+
+    STATE = ("inner: part",)
 
     def __init__(self, inner: Plant, restless: bool) -> None:
         super().__init__()
@@ -63,11 +66,7 @@ class Counted(Plant):
     def resting(self) -> bool:
         return not self.restless and self.inner.resting()
 
-    def save(self) -> tuple[float, ...]:
-        return self.inner.save()
-
-    def load(self, state: tuple[float, ...]) -> None:
-        self.inner.load(state)
+    def after_load(self) -> None:
         self.count = self.inner.count
 
 
@@ -136,13 +135,12 @@ class Machine(Host):
     def seen(self) -> tuple[object, ...]:
         """Everything there is but the notes a chip makes on its own rest."""
         self.chip.advance()
-        state = self.chip.save()
+        state = save(self.chip)
         if isinstance(self.chip, LM628):
-            core = state[0]
-            state = (*core[:-3], core[-1], *state[1:])  # type: ignore[index, misc]
+            state = {name: state[name] for name in state if name not in ("_course", "_still")}
         return (
             self.board.now, self.replies.hexdigest(), state, list(self.board.violations),
-            [plant.save() for plant in self.counted],
+            [save(plant) for plant in self.counted],
             {name: pin.value for name, pin in self.chip.pins.items()},
         )  # fmt: skip
 

@@ -16,6 +16,7 @@ from vbus.chips.mcp1200.registers import RegisterFile, SampledRegisters
 from vbus.plant.angle import sine
 from vbus.plant.dc_motor import DcMotor
 from vbus.plant.windings import torque
+from vbus.state import load, save
 
 # -- mechanics ---------------------------------------------------------------------------------
 
@@ -69,11 +70,11 @@ def test_periods_that_come_back_are_prepared_as_if_they_were_new(
             motor._inertia = inertia
             motor._divide(motor._substeps)
         fresh = DcMotor({"inertia": inertia, "substeps": substeps})
-        fresh.load(motor.save())
+        load(fresh, save(motor))
         motor.prepare(period)
         fresh.prepare(period)
         assert motor.drive(command, 0) == fresh.drive(command, 0)
-        assert motor.save() == fresh.save()
+        assert save(motor) == save(fresh)
 
 
 # -- MC1241A ------------------------------------------------------------------------------------
@@ -227,5 +228,5 @@ def test_samples_in_one_go_leave_what_samples_looked_at_one_by_one_do(
                 made.run_for(min(gap, until - made.now))
                 # What a host sees, in the middle of a sample or not.
                 made.chips[0].telemetry()
-    assert whole.save() == looked_at.save()
+    assert save(whole) == save(looked_at)
     assert whole.state_hash() == looked_at.state_hash()

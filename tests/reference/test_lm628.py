@@ -96,12 +96,6 @@ class Course(Plant):
     def resting(self) -> bool:
         return self.stands and not self.plan and self.before == self.count
 
-    def save(self) -> tuple[float, ...]:
-        raise NotImplementedError
-
-    def load(self, state: tuple[float, ...]) -> None:
-        raise NotImplementedError
-
 
 class Pair:
     """The chip and its model, with one host and one encoder."""

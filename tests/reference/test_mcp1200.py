@@ -86,12 +86,6 @@ class Mover(Plant):
     def fraction_at(self, count: int) -> float:
         return MOVING + 0.09 * ((count - self.before) / (self.count - self.before))
 
-    def save(self) -> tuple[float, ...]:
-        return (self.count, self.before)
-
-    def load(self, state: tuple[float, ...]) -> None:
-        self.count, self.before = (int(value) for value in state)
-
 
 class Host:
     """One random host, its chip, and the model beside it."""

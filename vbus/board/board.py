@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgpack
 
@@ -15,14 +15,12 @@ from vbus.chips.base import Chip
 from vbus.protocols.quantities import picoseconds
 from vbus.signals import Policy, TraceHash
 from vbus.state import Names, Saved, save
-from vbus.state.first import to_tuple
 
 if TYPE_CHECKING:
     from vbus.faults.armed import LinkActs
     from vbus.faults.faults import Faults
 
 
-STATE_HASH: Final = 2
 """Version of the state hash: 1 is over nested tuples, 2 over fields by name."""
 
 
@@ -238,7 +236,6 @@ class Board(Circuit):
         if self.through is not None:
             self.through.after_load()
 
-    def state_hash(self, version: int = STATE_HASH) -> str:
-        """Return the SHA-256 (hex) over :meth:`save`; version 1 is that of the first version."""
-        saved = self.save() if version > 1 else to_tuple(self, self.save())
-        return hashlib.sha256(msgpack.packb(saved)).hexdigest()
+    def state_hash(self) -> str:
+        """Return the SHA-256 (hex) over :meth:`save`."""
+        return hashlib.sha256(msgpack.packb(self.save())).hexdigest()

@@ -141,7 +141,7 @@ class BusLines:
     def __init__(self, chip: Chip, watch: BusWatch) -> None:
         self.chip: Chip = chip
         self.watch: BusWatch = watch
-        self.remembers: bool = bool(watch.save())
+        self.remembers: bool = bool(watch.STATE)
         """Whether earlier edges decide about cycles to come: a latched address, say."""
         self.levels: i64 = 0
         self.data: int = 0

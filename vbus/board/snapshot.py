@@ -22,13 +22,12 @@ from vbus.errors import SnapshotError
 from vbus.kernel import END, MS, NEVER
 from vbus.protocols.base import Protocol
 from vbus.state import plan, save
-from vbus.state.first import from_tuple
 from vbus.state.kinds import Load
 from vbus.version import __version__
 
 MAGIC: Final = b"vbus snapshot\n"
-VERSION: Final = 2
-"""Version of the file format: 1 had states as nested tuples, 2 has fields by name."""
+VERSION: Final = 1
+"""Version of the file format."""
 
 TRIED: Final = 2 * MS
 """Chip time that a snapshot from elsewhere is tried for on a twin."""
@@ -130,9 +129,9 @@ def _culprit(board: Board, error: Exception) -> str:
             msgpack.packb(save(chip))
         except (TypeError, ValueError, OverflowError) as found:
             return (
-                f"chip {chip.name} ({type(chip).__name__}) or a plant of it: save() gave what"
-                f" cannot be kept: {found}; allowed are tuples of int (64 bits), float, str,"
-                " bytes, bool and None"
+                f"chip {chip.name} ({type(chip).__name__}) or a plant of it has a field that no"
+                f" snapshot can hold: {found}; the kinds a field of STATE can have are those of"
+                " vbus.state"
             )
     return f"the board's state cannot be kept: {error}"
 
@@ -230,8 +229,7 @@ def _bring(board: Board, snapshot: Snapshot, wires: Hosts) -> None:
 
 def _half(wire: Protocol, kept: Any) -> Load:
     """Check half a request against the wire format it is for."""
-    name = type(wire).__name__
-    return plan(wire, from_tuple(wire, kept, name) if isinstance(kept, tuple) else kept, name)
+    return plan(wire, kept, type(wire).__name__)
 
 
 def _same(port: HostBus, host: HostState) -> bool:
@@ -327,8 +325,8 @@ def read(data: bytes, name: str = "the snapshot") -> Snapshot:
     try:
         content = msgpack.unpackb(body, use_list=False, strict_map_key=False)
         version = content[0]
-        if version not in (1, VERSION):
-            raise SnapshotError(f"{name}: format {version}; this vbus reads formats 1 to {VERSION}")
+        if version != VERSION:
+            raise SnapshotError(f"{name}: format {version}; this vbus reads format {VERSION}")
         _, when, board, file, text, made_by, parts, hosts, state, counters, digest = (
             msgspec.convert(content, _Content)
         )

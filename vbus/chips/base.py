@@ -10,7 +10,6 @@ from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Option, Settings, Value, with_defaults
 from vbus.signals import OFF, STRICT, Net, Pin, Plant, Policy, Rule, Violation
 from vbus.state import UNDECLARED, Names
-from vbus.state.first import load_tuple, save_tuple
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -299,18 +298,6 @@ class Chip:
         Asked of a chip whose state comes from elsewhere, before it works that off.
         """
         return False
-
-    def save(self) -> tuple[object, ...]:
-        """Return the whole state as nested tuples of numbers, strings and bytes.
-
-        As ``STATE`` declares it, unless overridden.
-        """
-        state: tuple[object, ...] = save_tuple(self)
-        return state
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        load_tuple(self, state)
 
     # -- what every chip has ------------------------------------------------------------------
 

@@ -139,8 +139,8 @@ def _sync(values: Values) -> Sync:
 
 def _hello(values: Values) -> PortInfo:
     version, info = decode_hello(_data(values))
-    if not 1 <= version <= VERSION:
-        raise ValueError(f"the board speaks version {version}; this client speaks 1 to {VERSION}")
+    if version != VERSION:
+        raise ValueError(f"the board speaks version {version}; this client speaks {VERSION}")
     return info
 
 

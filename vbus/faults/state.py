@@ -10,7 +10,6 @@ from vbus.faults.row import LINK, Fault
 from vbus.faults.table import faults
 from vbus.faults.trigger import Until, When
 from vbus.state import Saved, plan
-from vbus.state.first import from_tuple
 from vbus.state.kinds import Load
 
 Record = tuple[Any, ...]
@@ -67,8 +66,6 @@ def prepare(part: Any, board: Circuit, saved: Any) -> tuple[Load, Callable[[], N
         SnapshotError: they are none, or not of this board; nothing is changed.
     """
     state: Any = saved or NOTHING
-    if isinstance(state, tuple):
-        state = from_tuple(part, state, "the state.faults")
     found = plan(part, state, "the state.faults")
     acts = state["acts"]
     for what, names, there in (

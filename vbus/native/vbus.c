@@ -619,7 +619,7 @@ static int take_event(struct vbus *bus, int64_t deadline)
     return error;
 }
 
-/* Take word that somebody has paused the board, or that it goes on; comes after HELLO 2. */
+/* Take word that somebody has paused the board, or that it goes on; comes after HELLO. */
 static int take_pause(struct vbus *bus, int64_t deadline)
 {
     unsigned char body;

@@ -28,7 +28,7 @@ extern "C" {
 
 /* --- the byte protocol ------------------------------------------------------------------------ */
 
-#define VBUS_VERSION 2
+#define VBUS_VERSION 1
 
 /* Requests: first byte. READ4 and WRITE4 have the address in their low four bits. */
 #define VBUS_HELLO 0x01

@@ -15,7 +15,7 @@ from vbus.state import save
 
 SLICE: Final = 20 * MS
 """Chip time that is computed in one go."""
-FORMAT: Final = 2
+FORMAT: Final = 1
 """Version of snapshots."""
 
 RUNS: Final = "runs"

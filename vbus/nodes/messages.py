@@ -8,7 +8,7 @@ from vbus.errors import NodeMismatchError
 from vbus.kernel import NEVER
 from vbus.nodes.node import Edge
 
-VERSION: Final = 3
+VERSION: Final = 1
 MOST_WIRES: Final = 1 << 16
 LARGEST: Final = 16 << 20
 """Longest message that is looked at (bytes)."""

@@ -56,7 +56,6 @@ class Node:
         "drives: list[(i64, i64, i64, bool), ...]", "wire_ends: parts", "orders: parts",
         "trace: part | None", "_held: heap[(i64, i64, i64, i64, i64, bool)]", "_holds",
     )  # fmt: skip
-    STATE_VERSION: ClassVar[int] = 2
     WIRING: ClassVar[Names] = ("_timer", "board", "ends", "name", "names", "rank", "wires")
     DERIVED: ClassVar[Names] = ("_drives", "late", "worst_late")
 
@@ -233,10 +232,6 @@ class Node:
     def save(self) -> Saved:
         """Return the whole state, with the trace so far."""
         return {"board": self.board.save(), **save(self)}
-
-    def migrate(self, version: int, saved: Saved) -> Saved:
-        """Return the fields of a state in which nothing could be wrong with wires."""
-        return {**saved, "_held": (), "_holds": 0}
 
     def check_scenario(self, saved: Any) -> None:
         """Check that a node which has done nothing yet was given what :meth:`save` has.

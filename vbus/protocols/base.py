@@ -6,7 +6,6 @@ from mypy_extensions import mypyc_attr
 
 from vbus.protocols.port import HostPort
 from vbus.state import Names
-from vbus.state.first import load_tuple, save_tuple
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -23,6 +22,8 @@ class Protocol:
     NO_ROOM: ClassVar[bytes] = b""
     """What a host is told in place of an answer when the board can take no more hosts."""
     STATE: ClassVar[Names] = ()
+    """What stands between this request and the next: half of one, counts, promises. Bytes not yet
+    sent are no part of it."""
     WIRING: ClassVar[Names] = ("port", "out")
 
     def __init__(self, port: HostPort) -> None:
@@ -46,19 +47,6 @@ class Protocol:
     def reset(self) -> None:
         """Forget half a request: a session has ended or begun."""
         raise NotImplementedError
-
-    def save(self) -> tuple[object, ...]:
-        """Return what stands between this request and the next: half of one, counts, promises.
-
-        Plain tuples of numbers, strings and bytes, of what ``STATE`` declares unless overridden.
-        Bytes not yet sent are no part of it.
-        """
-        state: tuple[object, ...] = save_tuple(self)
-        return state
-
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        load_tuple(self, state)
 
     def take(self) -> bytes:
         """Return and forget the bytes that are to be sent."""

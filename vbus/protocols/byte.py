@@ -11,7 +11,7 @@ from vbus.protocols import codes
 from vbus.protocols.base import Protocol
 from vbus.protocols.hello import encode_hello
 from vbus.protocols.port import HostPort, NotYet, PortError
-from vbus.protocols.requests import FATAL, FORESEEN, LEASED, NO_EDGE, REQUESTS, TOLD, VERSION
+from vbus.protocols.requests import FATAL, FORESEEN, LEASED, NO_EDGE, REQUESTS, VERSION
 from vbus.state import Names
 
 _READ4: Final = REQUESTS["READ4"].code
@@ -54,7 +54,7 @@ class ByteProtocol(Protocol):
         "_kept: bytearray[...]", "_number", "_refusal: bytes[...]", "_watching: bool", "_leasing",
         "_partial: bytearray[...]",
     )  # fmt: skip
-    WIRING: ClassVar[Names] = ("_handlers", "_version", "_told")
+    WIRING: ClassVar[Names] = ("_handlers", "_greeted", "_told")
 
     def __init__(self, port: HostPort) -> None:
         super().__init__(port)
@@ -65,8 +65,8 @@ class ByteProtocol(Protocol):
         self._leasing: int = 0
         self._partial: bytearray = bytearray()
         """What a READS, WRITES or PASS has done that had to stop in between."""
-        self._version: int = 1
-        """What HELLO has agreed on: what the other end of the link reads, no state of the board."""
+        self._greeted: bool = False
+        """Whether the host has said HELLO, so that it reads ``'H'``: no state of the board."""
         self._told: bool = False
         """Whether it has last been told of a pause."""
         self._handlers: list[Callable[[bytes, int], bool]] = [
@@ -89,7 +89,7 @@ class ByteProtocol(Protocol):
         self._watching = False
         self._leasing = 0
         self._partial.clear()
-        self._version = 1
+        self._greeted = False
         self._told = False
 
     def receive(self, data: bytes) -> None:
@@ -211,10 +211,10 @@ class ByteProtocol(Protocol):
             )
 
     def tell_pause(self, paused: bool) -> None:
-        """Append what a host that has said HELLO 2 is told; its HELLO may still wait itself."""
+        """Append a pause or its end for a host that says HELLO; HELLO may still wait itself."""
         kept = self._kept
-        asks = len(kept) > 1 and kept[0] == _HELLO and kept[1] >= TOLD
-        if paused != self._told and (asks or self._version >= TOLD):
+        asks = len(kept) > 1 and kept[0] == _HELLO
+        if paused != self._told and (asks or self._greeted):
             self._told = paused
             self.out += b"H\x01" if paused else b"H\x00"
 
@@ -231,7 +231,7 @@ class ByteProtocol(Protocol):
         if len(hello) > 0xFFFF:
             raise PortError(codes.BAD_LENGTH, "the session's description is over 65535 bytes")
         self.out += b"V" + len(hello).to_bytes(2, "big") + hello
-        self._version = version
+        self._greeted = True
         return True
 
     def _do_echo(self, data: bytes, start: int) -> bool:

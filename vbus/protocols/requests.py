@@ -13,11 +13,8 @@ from msgspec import Struct, field
 
 from vbus.protocols import codes
 
-VERSION: Final = 2
+VERSION: Final = 1
 """Version of the byte protocol this table describes."""
-
-TOLD: Final = 2
-"""The version from which on a host may be told of a pause by ``'H'``; else it is as version 1."""
 
 LONGEST: Final = 255
 """Most bytes one READS or WRITES can carry; a length of 0 is refused."""

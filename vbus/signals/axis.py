@@ -7,7 +7,6 @@ from mypy_extensions import i64, mypyc_attr
 from vbus.options import Option, Settings, Value, with_defaults
 from vbus.signals.tables import LaneRow
 from vbus.state import UNDECLARED, Names
-from vbus.state.first import load_tuple, save_tuple
 
 SWITCHES: Final = ("home", "limit+", "limit-")
 """The switches an axis may have; each chip says which of its inputs they are wired to."""
@@ -138,12 +137,3 @@ class Plant:
     def resting(self) -> bool:
         """Whether another period with the same drive would leave every bit of state as it is."""
         return False
-
-    def save(self) -> tuple[float, ...]:
-        """Return the whole state as plain numbers: as it has been told, unless overridden."""
-        state: tuple[float, ...] = save_tuple(self)
-        return state
-
-    def load(self, state: tuple[float, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        load_tuple(self, state)

@@ -6,7 +6,7 @@ from mypy_extensions import mypyc_attr
 
 from vbus.kernel.kernel import Kernel
 from vbus.signals.net import HIGH, Net, Pin, Z
-from vbus.state import Names, Saved
+from vbus.state import Names
 
 Drive = tuple[int, int, int, bool]
 """What an end began to drive: instant (ps), rank of the wire, level, whether open drain only."""
@@ -57,7 +57,6 @@ class WireEnd(Net):
     __slots__ = (
         "_outbox", "far", "kept_back", "latest", "rank", "sent", "weak", "wrongs",
     )  # fmt: skip
-    STATE_VERSION: ClassVar[int] = 2
     STATE: ClassVar[Names] = (
         *Net.STATE, "sent", "weak: bool", "driven_far: list[(i64, i64, bool)]",
         "come_so_far: list[(i64, i64, bool)]", "kept_back: list[(i64, i64, bool), ...]",
@@ -146,7 +145,3 @@ class WireEnd(Net):
     @come_so_far.setter
     def come_so_far(self, ends: list[tuple[int, int, bool]]) -> None:
         self.latest = {node: (level, weak) for node, level, weak in ends}
-
-    def migrate(self, version: int, saved: Saved) -> Saved:
-        """Return the fields of a state in which nothing could be wrong with wires."""
-        return {**saved, "come_so_far": saved.get("driven_far"), "kept_back": ()}

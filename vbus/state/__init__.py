@@ -33,9 +33,8 @@ A field without a kind is an integer of 64 bits. The other kinds:
 ``kept[name]``             what ``keep()`` has given of the part at attribute ``name``, or nothing
 =========================  =======================================================================
 
-A part whose class has a ``save()`` and ``load()`` of its own, and no ``STATE`` below them, is asked
-for a tuple instead. Compiled classes refuse or convert what interpreted ones take, so everything
-is checked before anything is set.
+Compiled classes refuse or convert what interpreted ones take, so everything is checked before
+anything is set.
 """
 
 from vbus.state.fields import (

@@ -31,7 +31,7 @@ VERSION: Final = "STATE_VERSION"
 """Where a saved part has the version of its declaration; one without is of version 1."""
 
 UNDECLARED: Final[Names] = ("?",)
-"""``STATE`` of a base class whose subclasses must declare theirs, or have their own save()."""
+"""``STATE`` of a base class whose subclasses must declare theirs."""
 
 
 class Part(Kind):
@@ -92,7 +92,7 @@ class Kept(Kind):
     def take(self, saved: Any, now: Any, load: Load) -> Any:
         """Return the value for what was kept."""
         if saved != {}:
-            kept_layout(type(now)).fit(now, saved, Load())
+            kept_layout(type(now)).check(now, saved, Load())
         return saved
 
 
@@ -154,44 +154,35 @@ class Layout:
         names: its fields.
         kinds: what they hold, by name.
         version: of the declaration.
-        own: it has a save() and load() of its own instead.
-        get: returns the fields of a part, as they are kept.
-        fit: checks fields that were kept, and adds what sets them to a :class:`Load`.
-        save: returns what a part is kept as: its fields, or what its own save() gives.
-        check: checks that, and adds what loads it to a :class:`Load`.
+        save: returns the fields of a part, as they are kept.
+        check: checks fields that were kept, and adds what sets them to a :class:`Load`.
     """
 
-    __slots__ = ("check", "fit", "get", "kinds", "names", "own", "save", "version")
+    __slots__ = ("check", "kinds", "names", "save", "version")
 
     def __init__(self, cls: Any, declaration: str = "STATE") -> None:
         self.names: list[str] = []
         self.kinds: dict[str, Kind] = {}
         self.version: int = getattr(cls, "STATE_VERSION", 1)
-        self.own: bool = False
-        self.get: Callable[[Any], Any] = _save_own
-        self.fit: Callable[[Any, Any, Load], None] = _check_own
-        for base in cls.__mro__:
-            inside = vars(base)
-            if "STATE" in inside:
-                break
-            self.own = self.own or "save" in inside or "load" in inside
+        self.save: Callable[[Any], Any] = _save_none
+        self.check: Callable[[Any, Any, Load], None] = _check_none
+        if cls is type(None):
+            return
         declared: Names = getattr(cls, declaration, UNDECLARED)
-        if declared != UNDECLARED:
-            for field in declared:
-                name, colon, text = field.partition(":")
-                self.kinds[name] = kind_of(text if colon else "i64")
-            self.names = list(self.kinds)
-            whole = declaration == "STATE"
-            self.get, self.fit = written(
-                self.kinds, self.version, whole and hasattr(cls, "before_save"),
-                hasattr(cls, "after_load"), self._present, _SAVES, _CHECKS,
-            )  # fmt: skip
-        elif cls is type(None):
-            self.get, self.fit = _save_none, _check_none
-        elif not self.own:
-            raise NotImplementedError(f"{cls.__name__} declares no STATE and has no save()")
-        self.save: Callable[[Any], Any] = _save_own if self.own else self.get
-        self.check: Callable[[Any, Any, Load], None] = _check_own if self.own else self.fit
+        if declared == UNDECLARED:
+            raise NotImplementedError(
+                f"{cls.__name__} declares no {declaration}: name the fields that decide all that"
+                f' follows, as in {declaration} = ("place", "speed: float")'
+            )
+        for field in declared:
+            name, colon, text = field.partition(":")
+            self.kinds[name] = kind_of(text if colon else "i64")
+        self.names = list(self.kinds)
+        whole = declaration == "STATE"
+        self.save, self.check = written(
+            self.kinds, self.version, whole and hasattr(cls, "before_save"),
+            hasattr(cls, "after_load"), self._present, _SAVES, _CHECKS,
+        )  # fmt: skip
 
     def _present(self, part: Any, saved: Any) -> Saved:
         """Return the fields as the present version declares them."""
@@ -208,19 +199,6 @@ class Layout:
         if unknown:
             raise Refused(f"is no field of {cls}", unknown[0])
         return fields
-
-
-def _save_own(part: Any) -> Any:
-    return part.save()
-
-
-def _check_own(part: Any, saved: Any, load: Load) -> None:
-    load.foreign = load.foreign or not type(part).__module__.startswith("vbus.")
-    load.put(_load_own, part, saved)
-
-
-def _load_own(part: Any, saved: Any) -> None:
-    part.load(saved)
 
 
 def _save_none(_part: None) -> None:
@@ -281,10 +259,8 @@ def attributes(part: Any) -> set[str]:
 
 
 def undeclared(part: Any) -> set[str]:
-    """Return the attributes that a class without a save() of its own declares nowhere."""
+    """Return the attributes that a class declares nowhere."""
     cls = type(part)
-    if hasattr(cls, "save") and layout_of(cls).own:
-        return set()
     declared: set[str] = set()
     for base in cls.__mro__:
         inside = vars(base)
@@ -299,7 +275,7 @@ def undeclared(part: Any) -> set[str]:
 
 
 def save(part: Any) -> Any:
-    """Return the state of a part and of those inside: a map by name, or the tuple of its own."""
+    """Return the state of a part and of those inside, as maps by name."""
     return PART.save(part)
 
 
@@ -339,13 +315,13 @@ def load(part: Any, saved: Any, where: str = "state") -> None:
 
 def keep(part: Any) -> Saved:
     """Return the fields that a part names in ``KEPT``, as they are, to be taken back soon."""
-    kept: Saved = kept_layout(type(part)).get(part)
+    kept: Saved = kept_layout(type(part)).save(part)
     return kept
 
 
 def take_back(part: Any, saved: Saved) -> None:
     """Take back what :func:`keep` gave."""
-    plan_with(kept_layout(type(part)).fit, part, saved, "kept").apply()
+    plan_with(kept_layout(type(part)).check, part, saved, "kept").apply()
 
 
 def differences(one: Any, other: Any, where: str = "") -> list[str]:

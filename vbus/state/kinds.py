@@ -41,11 +41,9 @@ class Refused(Exception):
 class Load:
     """What loading does once everything has been checked."""
 
-    __slots__ = ("foreign", "hooks", "steps")
+    __slots__ = ("hooks", "steps")
 
     def __init__(self) -> None:
-        self.foreign: bool = False
-        """Whether a part of somebody else's is among it, which checks nothing before."""
         self.steps: list[tuple[Callable[[Any, Any], object], Any, Any]] = []
         self.hooks: list[Callable[[], None]] = []
 

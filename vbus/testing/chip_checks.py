@@ -9,6 +9,7 @@ from vbus.board.host_bus import HostBus
 from vbus.chips.base import Chip
 from vbus.kernel import MS, NEVER, SECOND, US
 from vbus.signals import Observer
+from vbus.state import save
 from vbus.testing.finding import Nonconformance, demand, packed
 
 _GAPS: Final = (0, 1, 1 * US, 7 * US, 40 * US, 333 * US, 2 * MS)
@@ -87,7 +88,7 @@ class _Run:
         return self
 
     def state(self) -> bytes:
-        return packed(self.name, self.chip.save())
+        return packed(self.name, save(self.chip))
 
     def findings(self) -> list[tuple[int, str]]:
         return [(found.when, found.rule) for found in self.board.violations]
@@ -200,7 +201,7 @@ def _same(one: _Run, other: _Run, sentence: str, strobes: bool = False) -> None:
         told, then_told = one.chip.telemetry(), other.chip.telemetry()
         demand(told == then_told, f"{one.name}: {sentence}: telemetry() {told}, then {then_told}")
         return
-    demand(one.state() == other.state(), f"{one.name}: {sentence}: save() at the end differs")
+    demand(one.state() == other.state(), f"{one.name}: {sentence}: its state at the end differs")
 
 
 def _snapshots(factory: Callable[[], Board], chip: str, steps: list[Step], first: _Run) -> None:
@@ -211,16 +212,16 @@ def _snapshots(factory: Callable[[], Board], chip: str, steps: list[Step], first
         for step in steps[:place]:
             before.step(step)
         saved = before.board.save()
-        packed(before.name, before.chip.save())
+        packed(before.name, save(before.chip))
         after = _Run(factory, chip)
-        # So that what load() forgets to set is not right by chance.
+        # So that a field STATE leaves out is not right by chance.
         after.start()
         for step in steps[place : place + 20]:
             after.step(step)
         after.board.load(saved)
         demand(
             after.state() == before.state(),
-            f"{before.name}: what load() took at bus cycle {place} is not what save() gave",
+            f"{before.name}: the state loaded at bus cycle {place} is not the one saved",
         )
         after.replies = before.replies
         after.board.violations.clear()
@@ -228,7 +229,7 @@ def _snapshots(factory: Callable[[], Board], chip: str, steps: list[Step], first
         for step in steps[place:]:
             after.step(step)
         after.end()
-        _same(first, after, f"after save() and load() at bus cycle {place} it goes on differently")
+        _same(first, after, f"saved and loaded at bus cycle {place}, it goes on differently")
 
 
 def _strobes(factory: Callable[[], Board], chip: str, steps: list[Step], first: _Run) -> None:

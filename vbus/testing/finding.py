@@ -23,13 +23,13 @@ def packed(part: str, state: object) -> bytes:
         data: bytes = msgpack.packb(state)
     except (TypeError, ValueError, OverflowError) as error:
         raise Nonconformance(
-            f"{part}: save() gave what a snapshot cannot hold ({error}); allowed are tuples of"
-            " int (64 bits), float, str, bytes, bool and None"
+            f"{part}: its state has what a snapshot cannot hold ({error}); the kinds a field of"
+            " STATE can have are those of vbus.state"
         ) from error
     return data
 
 
-def unpacked(data: bytes) -> tuple[object, ...]:
+def unpacked(data: bytes) -> object:
     """Return a state as it comes back from a snapshot."""
-    state: tuple[object, ...] = msgpack.unpackb(data, use_list=False, strict_map_key=False)
+    state: object = msgpack.unpackb(data, use_list=False, strict_map_key=False)
     return state

@@ -5,6 +5,7 @@ from random import Random
 from typing import Final
 
 from vbus.signals import Plant
+from vbus.state import load, save
 from vbus.testing.finding import Nonconformance, demand, packed, unpacked
 
 KINDS: Final = ("drive", "pulses", "phases")
@@ -133,18 +134,18 @@ class _Check:
             )
         plant.index_between(before, after)
         plant.resting()
-        plant.save()
+        save(plant)
 
     def _rest(self, plant: Plant, drive: Drive, number: int) -> None:
         """A plant that rests stays as it is when the same drive goes on."""
         if not plant.resting():
             return
         twin = self._fresh()
-        twin.load(plant.save())
-        state = packed(self._name, twin.save())
+        load(twin, save(plant))
+        state = packed(self._name, save(twin))
         _give(twin, self._kind, drive)
         demand(
-            packed(self._name, twin.save()) == state,
+            packed(self._name, save(twin)) == state,
             f"{self._name}: resting() after period {number}, and another period with the same"
             " drive changes it",
         )
@@ -154,18 +155,18 @@ class _Check:
             before = self._fresh()
             for drive in self._drives[:place]:
                 _give(before, self._kind, drive)
-            state = packed(self._name, before.save())
+            state = packed(self._name, save(before))
             after = self._fresh()
             for drive in reversed(self._drives[:20]):
                 _give(after, self._kind, drive)
-            after.load(unpacked(state))  # type: ignore[arg-type]
+            load(after, unpacked(state))
             demand(
-                packed(self._name, after.save()) == state,
-                f"{self._name}: what load() took after period {place} is not what save() gave",
+                packed(self._name, save(after)) == state,
+                f"{self._name}: the state loaded after period {place} is not the one saved",
             )
             demand(
                 after.count == before.count,
-                f"{self._name}: load() leaves .count at {after.count}, not {before.count}",
+                f"{self._name}: loading a state leaves .count at {after.count}, not {before.count}",
             )
             for number in range(place, len(counts)):
                 count = self._step(after, self._drives[number], number)

@@ -15,6 +15,7 @@ from vbus.errors import TransportError
 from vbus.kernel import NEVER
 from vbus.protocols.base import Protocol
 from vbus.protocols.port import HostPort
+from vbus.state import load, save
 from vbus.testing.boards import default_part, for_test, of_part
 from vbus.testing.finding import Nonconformance, demand, packed, unpacked
 from vbus.transports.base import Link, Transport
@@ -52,12 +53,12 @@ class _ProtocolRun:
     def hand_over(self) -> None:
         """Let another protocol of the same kind go on in this one's place."""
         name = type(self.protocol).__name__
-        state = packed(name, self.protocol.save())
+        state = packed(name, save(self.protocol))
         self.protocol = self.factory(self.port)
-        self.protocol.load(unpacked(state))
+        load(self.protocol, unpacked(state))
         demand(
-            packed(name, self.protocol.save()) == state,
-            f"{name}: what load() took is not what save() gave",
+            packed(name, save(self.protocol)) == state,
+            f"{name}: the state loaded is not the one saved",
         )
 
 
@@ -92,7 +93,7 @@ def check_protocol(
             if turn % 2:
                 run.hand_over()
         where = f"cut at {cuts}" if turn != 1 else "byte by byte"
-        kept = ", with save() and load() at the cuts" if turn % 2 else ""
+        kept = ", saved and loaded at the cuts" if turn % 2 else ""
         demand(
             answer == expected,
             f"{name}: {where}{kept}, the same bytes give {answer[:48].hex(' ')}…, not"
@@ -109,8 +110,8 @@ def check_protocol(
         run.protocol.take()
         fresh = run.factory(run.port)
         demand(
-            packed(name, run.protocol.save()) == packed(name, fresh.save()),
-            f"{name}: reset() after garbage keeps something of it: save() is not that of a new one",
+            packed(name, save(run.protocol)) == packed(name, save(fresh)),
+            f"{name}: reset() after garbage keeps something of it: its state is not a new one's",
         )
 
 

@@ -19,6 +19,9 @@ class BusWatch:
     """Control lines by the manual's names, in the order of the levels fed."""
     DATA: str = "D0-D7"
     """The data bus."""
+    STATE: tuple[str, ...] = ()
+    """What a subclass remembers of earlier edges, beside the last levels; see ``vbus.state``."""
+    DERIVED: tuple[str, ...] = ("_before", "_data")
 
     def __init__(self) -> None:
         self._before: tuple[int, ...] = ()
@@ -45,7 +48,7 @@ class BusWatch:
         """Return the cycles that end when lines move from ``before`` to ``after``.
 
         ``old`` stood on the bus until then, ``data`` stands there at the edge. Which cycles end,
-        and where, must follow from ``before`` and ``after`` alone, unless :meth:`save` gives what
+        and where, must follow from ``before`` and ``after`` alone, unless :attr:`STATE` names what
         else decides: boards ask once for what is always the same.
         """
         raise NotImplementedError
@@ -61,13 +64,6 @@ class BusWatch:
     def busy(self, levels: tuple[int, ...]) -> bool:
         """Tell whether lines may move from these levels so that :meth:`edges` has work to do."""
         return True
-
-    def save(self) -> tuple[int, ...]:
-        """Return what is remembered of earlier edges, beside the last levels."""
-        return ()
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
 
 
 class StrobedBus(BusWatch):

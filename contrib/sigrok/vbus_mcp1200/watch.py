@@ -14,6 +14,7 @@ class Mcp1200Watch(BusWatch):
 
     PINS = ("/ALE", "/CS", "/OE", "R/W")
     DATA = "DB0-DB7"
+    STATE = ("_address", "_closed: bool", "_read")
 
     def __init__(self) -> None:
         super().__init__()
@@ -49,12 +50,3 @@ class Mcp1200Watch(BusWatch):
     def idle(self, levels: tuple[int, ...]) -> bool:
         """Tell whether /ALE, /CS and /OE are high."""
         return bool(levels[0] and levels[1] and levels[2])
-
-    def save(self) -> tuple[int, ...]:
-        """Return the latched address, whether the latch is closed, and the read under way."""
-        return (self._address, int(self._closed), self._read)
-
-    def load(self, state: tuple[int, ...]) -> None:
-        """Take back what :meth:`save` gave."""
-        self._address, closed, self._read = state
-        self._closed = bool(closed)

@@ -15,6 +15,7 @@ class DC8(Chip):
     PARTS = ("DC-8",)
     PINS = ds.PINS
     RULES = ds.RULES
+    STATE = ("load_value", "start", "taken", "reading: bool", "writing: bool")
 
     def __init__(self, *args, **kwargs):
         super().__init__(*args, **kwargs)
@@ -93,9 +94,3 @@ class DC8(Chip):
 
     def telemetry(self):
         return {"load": self.load_value, "count": self.count}
-
-    def save(self):
-        return (self.load_value, self.start, self.taken, self.reading, self.writing)
-
-    def load(self, state):
-        self.load_value, self.start, self.taken, self.reading, self.writing = state

@@ -32,6 +32,8 @@ class Course(Plant):
     from the sample after the next on. An index lies every ``turn`` counts.
     """
 
+    STATE = ("count", "before", "at")
+
     def __init__(self, counts=(), turn: int = 0) -> None:
         super().__init__()
         self.counts = list(counts)
@@ -72,12 +74,6 @@ class Course(Plant):
 
     def resting(self) -> bool:
         return self.at == len(self.counts)
-
-    def save(self) -> tuple[float, ...]:
-        return (self.count, self.before, self.at)
-
-    def load(self, state: tuple[float, ...]) -> None:
-        self.count, self.before, self.at = (int(value) for value in state)
 
 
 class Follower(Course):

@@ -8,6 +8,7 @@ from tests.conformance.lm628.bench import SAMPLE, Bench, Course, Follower
 from vbus.chips.lm628.datasheet import COMMANDS
 from vbus.kernel import NS
 from vbus.signals import HIGH, LOW
+from vbus.state import load, save
 
 ONE = 1 << 16
 """One count per sample, or per sample squared."""
@@ -112,34 +113,12 @@ def test_what_udf_has_taken_outlives_a_snapshot(make, later):
     for kp in later:
         bench.command("LFIL", 0x0008, kp)
     other.at(bench.now)
-    other.chip.load(bench.chip.save())
+    load(other.chip, save(bench.chip))
     for one in (bench, other):
         one.command("LFIL", 0x0008, 50)
         assert one.axis.udf, "all of this within one sample"
         one.next_sample()
         assert one.axis.pid.kp == 200
-
-
-@pytest.mark.spec("LM-CMD-5")
-def test_a_state_that_says_nothing_of_what_udf_has_taken_means_what_is_loaded(make):
-    bench, other = make(), make()
-    bench.next_sample()
-    bench.command("LFIL", 0x0008, 200)
-    bench.command("UDF")
-    (axis, *core), *rest = bench.chip.save()
-    assert len(axis) == 22, "as in version 0.1.0, while nothing else is loaded"
-    bench.command("LFIL", 0x0008, 1000)
-    (axis, *core), *rest = bench.chip.save()
-    assert axis[22:] == ((0, 200, 0, 0, 0),)
-
-    other.at(bench.now)
-    other.chip.load(((axis[:22], *core), *rest))
-    assert other.axis.udf
-    other.command("LFIL", 0x0008, 50)
-    other.next_sample()
-    assert other.axis.pid.kp == 1000
-    (axis, *core), *rest = other.chip.save()
-    assert len(axis) == 22, "nothing waits any more"
 
 
 @pytest.mark.spec("LM-CMD-6", "LM-CMD-7", "LM-STA-2")

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.conformance.mc1241a.conftest import CYCLE, Bench
-from vbus.state.first import save_tuple
+from vbus.state import save
 
 spec = pytest.mark.spec
 
@@ -12,6 +12,10 @@ def cruise(bench: Bench, pos: int = 100_000, vel: int = 4) -> None:
     """Move axis 1 and come to speed."""
     bench.move(pos=pos, vel=vel << 16, acc=vel << 16)
     bench.next_cycle(3)
+
+
+def values(registers: object) -> tuple[int, ...]:
+    return tuple(save(registers).values())
 
 
 def speed(bench: Bench) -> float:
@@ -26,8 +30,8 @@ def test_an_update_copies_every_buffered_register(chip: Bench) -> None:
     chip.send("UPDATE")
     chip.next_cycle()
     axis = chip.chip.axes[0]
-    assert save_tuple(axis.active)[:7] == (1, 2, 3, 4, 5, 6, 7)
-    assert save_tuple(axis.buffer) == (1, 2, 3, 4, 5, 6, 7, 0, 0, 0)
+    assert values(axis.active)[:7] == (1, 2, 3, 4, 5, 6, 7)
+    assert values(axis.buffer) == (1, 2, 3, 4, 5, 6, 7, 0, 0, 0)
 
 
 @spec("PMD-UPD-1")
@@ -338,7 +342,7 @@ def test_a_new_acceleration_in_a_trapezoidal_move_is_refused_with_the_velocity(
     chip.move(pos=-7, vel=9 << 16, acc=1 << 16, max_acc=8, jerk=9, ratio=10, buf_mtr_cmd=11)
     chip.next_cycle()
     assert chip.status() == 0x0780
-    assert save_tuple(chip.chip.axes[0].active)[:7] == (-7, 4 << 16, 4 << 16, 8, 9, 10, 11)
+    assert values(chip.chip.axes[0].active)[:7] == (-7, 4 << 16, 4 << 16, 8, 9, 10, 11)
     assert chip.rules() == ["command-error"]
     chip.next_cycle(50)
     assert chip.seen("target") == -7  # the position was accepted

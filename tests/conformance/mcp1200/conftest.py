@@ -30,6 +30,7 @@ class Rail(Plant):
     """Moves evenly, whatever the motor does: :attr:`speed` counts a second, set by the test."""
 
     TAKES = ("drive", "pulses")
+    STATE = ("count", "_place: float", "_start: float", "_travel: float")
 
     def __init__(self, index_every: int = 0) -> None:
         super().__init__()
@@ -39,6 +40,7 @@ class Rail(Plant):
         self.index_every = index_every
         self._period = 0.0
         self._place = 0.0
+        self._start = 0.0
         self._first = 0
         self._travel = 0.0
 
@@ -79,15 +81,11 @@ class Rail(Plant):
     def resting(self) -> bool:
         return self.speed == 0
 
-    def save(self) -> tuple[float, ...]:
-        return (self.count, self._place, self._start if self._first else 0.0, self._travel)
-
-    def load(self, state: tuple[float, ...]) -> None:
-        self.count, self._place, self._start, self._travel = state  # type: ignore[assignment]
-
 
 class Follower(Plant):
     """Is where the loop wants it at the end of every period; :attr:`lag` counts behind."""
+
+    STATE = ("count", "_first")
 
     def __init__(self) -> None:
         super().__init__()
@@ -114,12 +112,6 @@ class Follower(Plant):
 
     def resting(self) -> bool:
         return False
-
-    def save(self) -> tuple[float, ...]:
-        return (self.count, self._first)
-
-    def load(self, state: tuple[float, ...]) -> None:
-        self.count, self._first = (int(value) for value in state)
 
 
 class Bench:

@@ -30,6 +30,10 @@ class Toy(Chip):
     RULES = tuple(AC.rules.values())
     FREE_READS = (0,)
     TRACELESS = True
+    STATE = (
+        "busy_until", "irq_at", "irq", "stored", "latched", "reading: bool", "_wr_fell",
+        "_levels: (i64, i64, i64)",
+    )  # fmt: skip
 
     def __init__(self, *args, **kwargs) -> None:  # type: ignore[no-untyped-def]
         super().__init__(*args, **kwargs)
@@ -127,11 +131,3 @@ class Toy(Chip):
         if write:
             edges.append((50_000, "D0-D7", Z))
         return edges
-
-    def save(self) -> tuple[object, ...]:
-        return (self.busy_until, self.irq_at, self.irq, self.stored, self.latched, self.reading,
-                self._wr_fell, self._levels)  # fmt: skip
-
-    def load(self, state: tuple[object, ...]) -> None:
-        (self.busy_until, self.irq_at, self.irq, self.stored, self.latched, self.reading,
-         self._wr_fell, self._levels) = state  # type: ignore[assignment]  # fmt: skip

@@ -201,7 +201,7 @@ def test_word_of_a_pause_may_stand_between_any_two_replies(pair: Pair) -> None:
 @pytest.mark.parametrize(
     ("body", "reason"),
     [
-        (encode_hello(3, INFO), "the board speaks version 3; this client speaks 1 to 2"),
+        (encode_hello(3, INFO), "the board speaks version 3; this client speaks 1"),
         (b"\x81\xa7version\x01", "HELLO's answer cannot be read: "),
     ],
 )

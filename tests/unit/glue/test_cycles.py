@@ -13,6 +13,7 @@ from vbus.board.build import load_board_text
 from vbus.board.snapshot import restore, take
 from vbus.kernel import MS, US
 from vbus.signals import Observer
+from vbus.state import save
 from vbus.tools.transcript import Transcript
 from vbus.trace.coverage.coverage import CoverageObserver
 from vbus.trace.decode import BoardPackets, settings_for_decoders
@@ -186,8 +187,8 @@ def test_strobes_that_nobody_wants_to_know_of_are_not_followed() -> None:
     board.observe(told)
     latch(0x22)
     (watch,) = port.strobes.watches
-    known = watch.save()
-    assert known[0] == 0x22
+    known = save(watch)
+    assert known["_address"] == 0x22
     board.unobserve(told)
     latch(0x2A)
-    assert watch.save() == known
+    assert save(watch) == known

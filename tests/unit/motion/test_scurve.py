@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from vbus import state
 from vbus.chips.motion.scurve import SCurve
-from vbus.state.first import load_tuple, save_tuple
 
 
 def planned(distance: int, top: int, accel: int, jerk: int) -> SCurve:
@@ -454,31 +453,3 @@ def test_a_saved_move_goes_on_where_it_was(move, after, stop):
     assert state.save(copy) == state.save(curve)
     assert run(copy, 20_000) == run(curve, 20_000)
     assert copy.done is curve.done is True
-
-
-@pytest.mark.spec("MCP-SCV-1")
-def test_a_move_with_nothing_left_over_is_stored_as_the_first_version_stored_it():
-    curve = pmd(2000)
-    run(curve, 100)
-    assert save_tuple(curve) == (
-        2000 << 32, 1936426270720, 41842376704, 3, 0, 32, 48, 88, 10 << 32, 2560, 0, 0, 0,
-        12, 2494, 2560, 12, 0,
-    )  # fmt: skip
-
-
-@pytest.mark.spec("MCP-SCV-3")
-def test_a_move_stored_with_what_was_left_over_goes_on_as_it_was_planned():
-    """The first version planned an extra sample for every distance: here 3 of 2003."""
-    curve = SCurve()
-    load_tuple(
-        curve,
-        (2003 << 32, 1936426270720, 41842376704, 3, 0, 32, 48, 88, 10 << 32, 2560, 0, 0,
-         (3 << 32) * 2560, 12, 2494, 2560, 12, 0),
-    )  # fmt: skip
-    plain = pmd(2000)
-    run(plain, 100)
-    expected = ways(run(plain), curve.offset)
-    place = next(i for i in range(100, len(expected)) if expected[i] <= 3 << 32)
-    expected.insert(place, 3 << 32)
-    assert ways(run(curve), 1936426270720) == expected
-    assert curve.offset == 2003 << 32

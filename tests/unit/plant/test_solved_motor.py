@@ -9,6 +9,7 @@ import pytest
 
 from vbus.plant.dc_motor import DcMotor
 from vbus.plant.response import TICKS
+from vbus.state import load, save
 
 PERIOD = 256e-6
 TOLERANCE = 1e-9
@@ -221,12 +222,12 @@ def test_a_shaft_breaks_away_when_its_current_holds_it_no_longer() -> None:
 def test_a_shaft_that_friction_neither_holds_nor_lets_go_is_held_in_the_end() -> None:
     # At the very torque of dry friction rounding decides; a period still comes to an end.
     plant = motor(inductance=0.0, static_friction=0.0, coulomb_friction=0.0, viscous_friction=0.0)
-    for load in (0.0, 1e-18, -1e-18, 0.288):
-        plant._load = load
+    for torque in (0.0, 1e-18, -1e-18, 0.288):
+        plant._load = torque
         plant._solve()
         for command in (0.0, 1.0, 1.0, 0.0, -1.0, 0.0):
             plant.drive(command, 0)
-            assert abs(plant.velocity) < 801.0 + load * 1e5
+            assert abs(plant.velocity) < 801.0 + torque * 1e5
 
 
 def test_two_periods_are_one_of_twice_the_length() -> None:
@@ -260,7 +261,7 @@ def test_saved_within_a_period_it_has_the_same_course() -> None:
     for command in (1.0, 1.0, 1.0, 1.0, -1.0, -1.0):
         plant.drive(command, 0)
         copy = motor(stop_high=70, stop_low=-5)
-        copy.load(plant.save())
+        load(copy, save(plant))
         parts = [number / 97 for number in range(98)]
         assert [copy.count_at(part) for part in parts] == [plant.count_at(part) for part in parts]
         counts = range(min(plant.count_at(0.0), plant.count), plant.count + 1)

@@ -4,6 +4,7 @@ import pytest
 
 from vbus.plant.stepper import StepperMotor
 from vbus.plant.windings import field
+from vbus.state import load, save
 
 
 def test_two_phases_are_sine_and_cosine():
@@ -30,10 +31,10 @@ def test_a_motor_remembers_how_many_phases_it_has_when_it_is_saved():
     plant = StepperMotor()
     plant.phases(0.5, 0.5, -1.0)
     copy = StepperMotor()
-    copy.load(plant.save())
+    load(copy, save(plant))
     for _ in range(100):
         assert copy.phases(0.8, -0.8, 0.0) == plant.phases(0.8, -0.8, 0.0)
-    assert copy.save() == plant.save()
+    assert save(copy) == save(plant)
     other = StepperMotor()
     for _ in range(100):
         other.phases(0.8, -0.8, 0.0)

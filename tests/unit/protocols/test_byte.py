@@ -95,42 +95,37 @@ def test_hello_tells_version_and_everything_attached(wire: ByteProtocol) -> None
 
 def test_a_newer_host_is_told_the_version_spoken_here(wire: ByteProtocol) -> None:
     wire.receive(b"\x01\x09")
-    assert decode_hello(wire.take()[3:])[0] == 2
+    assert decode_hello(wire.take()[3:])[0] == 1
 
 
-def test_a_host_of_version_2_is_told_of_a_pause_once_and_one_of_version_1_is_not(
+def test_a_host_that_has_said_hello_reads_of_a_pause_once_and_no_other_does(
     wire: ByteProtocol,
 ) -> None:
     wire.tell_pause(True)
     assert wire.take() == b"", "nobody knows yet what it reads"
-    for version, said in ((1, b""), (2, b"H\x01H\x00")):
-        wire.receive(bytes((1, version)))
-        assert decode_hello(wire.take()[3:])[0] == version
-        wire.tell_pause(False)
-        for paused in (True, True, False, False):
-            wire.tell_pause(paused)
-        assert wire.take() == said
+    wire.receive(b"\x01\x01")
+    assert decode_hello(wire.take()[3:])[0] == 1
+    for paused in (True, True, False, False):
+        wire.tell_pause(paused)
+    assert wire.take() == b"H\x01H\x00"
     wire.reset()
     wire.tell_pause(True)
     assert wire.take() == b"", "the next host has not asked"
 
 
-@pytest.mark.parametrize(("version", "said"), [(1, b""), (2, b"H\x01")])
-def test_a_host_whose_hello_waits_is_told_why(
-    wire: ByteProtocol, port: FakePort, version: int, said: bytes
-) -> None:
+def test_a_host_whose_hello_waits_is_told_why(wire: ByteProtocol, port: FakePort) -> None:
     port.held = True
     wire.receive(b"\x01")
     wire.tell_pause(True)
     assert wire.take() == b""
-    wire.receive(bytes((version,)))
+    wire.receive(b"\x01")
     wire.tell_pause(True)
-    assert wire.take() == said
+    assert wire.take() == b"H\x01"
     port.held = False
     wire.resume()
-    assert decode_hello(wire.take()[3:])[0] == version
+    assert decode_hello(wire.take()[3:])[0] == 1
     wire.tell_pause(False)
-    assert wire.take() == said.replace(b"\x01", b"\x00")
+    assert wire.take() == b"H\x00"
 
 
 def test_a_session_too_big_to_describe_is_refused(

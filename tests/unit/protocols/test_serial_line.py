@@ -23,6 +23,7 @@ from vbus.protocols.serial_line import (
     marked,
 )
 from vbus.protocols.terminal import TerminalProtocol
+from vbus.state import load, save
 
 FRAME = frame_ps(9600, "8N1")
 CHANGE = 1000 * US
@@ -223,7 +224,7 @@ def test_the_result_does_not_depend_on_how_bytes_were_cut(
     assert ports[0].calls == ports[1].calls
     assert ports[0].time == ports[1].time
     assert whole.take() == cut.take()
-    assert whole.save() == cut.save()
+    assert save(whole) == save(cut)
 
 
 # -- the lines of a modem --------------------------------------------------------------------------
@@ -301,8 +302,8 @@ def test_what_is_on_the_line_is_saved_and_loaded() -> None:
     port.answers = {0: [7]}
     other.answers = {0: [7]}
     wire.receive(mark(DTR) + b"\x10\x10\xff")
-    copy.load(wire.save())
-    assert copy.save() == wire.save()
+    load(copy, save(wire))
+    assert save(copy) == save(wire)
 
     other.time = port.time
     port.lift(NEVER)
@@ -314,13 +315,13 @@ def test_what_is_on_the_line_is_saved_and_loaded() -> None:
 
 def test_a_new_session_finds_nothing_on_the_line(port: FakePort) -> None:
     wire = line(port, modem=PINS)
-    fresh = wire.save()
+    fresh = save(wire)
     port.limit = CHANGE
     wire.receive(mark(DTR | BREAK) + b"\x10\x10\xff")
-    assert wire.save() != fresh
+    assert save(wire) != fresh
     wire.reset()
 
-    assert wire.save() == fresh
+    assert save(wire) == fresh
 
 
 def test_the_end_of_time_is_told_by_the_request() -> None:

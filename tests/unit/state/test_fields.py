@@ -10,7 +10,6 @@ from vbus.errors import SnapshotError
 from vbus.plant.dc_motor import DcMotor
 from vbus.plant.ideal import IdealPlant
 from vbus.state.fields import kind_of
-from vbus.state.first import from_tuple, to_tuple
 
 MOST = (1 << 63) - 1
 
@@ -200,69 +199,12 @@ def test_a_state_of_an_earlier_version_is_migrated(version: int, speed: int, exp
     assert state.save(part) == {"speed": expected, "home": False, "STATE_VERSION": 3}
 
 
-class Own:
-    """Somebody else's part, with a tuple of its own."""
-
-    def __init__(self) -> None:
-        self.value = 5
-
-    def save(self) -> tuple[int, ...]:
-        return (self.value,)
-
-    def load(self, saved: tuple[int, ...]) -> None:
-        (self.value,) = saved
-
-
-class Holder:
-    STATE: ClassVar[state.Names] = ("own: part",)
-
-    def __init__(self) -> None:
-        self.own = Own()
-
-
-def test_a_part_with_its_own_tuple_keeps_it() -> None:
-    holder = Holder()
-    saved = state.save(holder)
-    assert saved == {"own": (5,)}
-    state.load(holder, {"own": (8,)})
-    assert holder.own.value == 8
-    assert to_tuple(holder, state.save(holder)) == ((8,),)
-    assert from_tuple(holder, ((9,),)) == {"own": (9,)}
-
-
-@pytest.mark.core("interpreted")  # a compiled motor takes no subclass
-def test_a_motor_may_add_to_the_tuple_of_the_first_version() -> None:
-    class Geared(DcMotor):
-        """Somebody else's motor, written against the tuples of the first version."""
-
-        def __init__(self) -> None:
-            super().__init__()
-            self.gear = 4
-
-        def save(self) -> tuple[float, ...]:
-            return (self.gear, *super().save())
-
-        def load(self, saved: tuple[float, ...]) -> None:
-            self.gear = int(saved[0])
-            super().load(saved[1:])
-
-    motor = Geared()
-    motor.gear = 6
-    motor.drive(0.5, 0)
-    saved = state.save(motor)
-    assert saved == (6, *DcMotor.save(motor))
-    twin = Geared()
-    state.load(twin, saved)
-    assert state.save(twin) == saved
-    assert [twin.drive(0.5, 0) for _ in range(50)] == [motor.drive(0.5, 0) for _ in range(50)]
-
-
 class Nothing(DcMotor.__mro__[-2]):  # type: ignore[misc]
     """A plant that says nothing about its state."""
 
 
 def test_a_plant_that_declares_nothing_is_refused() -> None:
-    with pytest.raises(NotImplementedError, match=r"Nothing declares no STATE and has no save"):
+    with pytest.raises(NotImplementedError, match="Nothing declares no STATE: name the fields"):
         state.save(Nothing())
 
 

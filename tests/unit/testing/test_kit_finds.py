@@ -49,16 +49,25 @@ class Looked(LM628):
 
 
 class Forgets(LM628):
-    def load(self, state: tuple[object, ...]) -> None:
+    STATE = (*LM628.STATE, "reads_so_far")
+    so_far = 0
+
+    @property
+    def reads_so_far(self) -> int:
+        return self.so_far
+
+    @reads_so_far.setter
+    def reads_so_far(self, number: int) -> None:
         """Take nothing back."""
+
+    def end_read(self) -> int:
+        self.so_far += 1
+        return super().end_read()
 
 
 class KeepsObjects(LM628):
-    def save(self) -> tuple[object, ...]:
-        return (*super().save(), object())
-
-    def load(self, state: tuple[object, ...]) -> None:
-        super().load(state[:-1])
+    STATE = (*LM628.STATE, "thing")
+    thing = object()
 
 
 class Late(LM628):
@@ -104,8 +113,8 @@ def test_a_sound_chip_passes() -> None:
         (Drifts, "two runs with the same bus cycles differ: .* read [0-9]+ gave"),
         (NoByte, "a read at [01]H gave [0-9]+, not a byte"),
         (Looked, "looking at it .* changes its run"),
-        (Forgets, "what load\\(\\) took at bus cycle [0-9]+ is not what save\\(\\) gave"),
-        (KeepsObjects, "save\\(\\) gave what a snapshot cannot hold"),
+        (Forgets, "the state loaded at bus cycle [0-9]+ is not the one saved"),
+        (KeepsObjects, "its state has what a snapshot cannot hold"),
         (Late, "next_event\\(\\) promises too much"),
         (Past, "next_event\\(\\) gave .* it must lie ahead"),
         (NeverReady, "it never becomes ready"),
@@ -134,15 +143,15 @@ class FalseRest(IdealPlant):
 
 
 class LostState(IdealPlant):
-    def load(self, state: tuple[float, ...]) -> None:
-        super().load(state)
+    def after_load(self) -> None:
+        super().after_load()
         self.count += 1
 
 
 class LookedAt(IdealPlant):
-    def save(self) -> tuple[float, ...]:
+    def before_save(self) -> None:
+        super().before_save()
         self.count += 1
-        return super().save()
 
 
 class Shy(IdealPlant):
@@ -160,7 +169,7 @@ class Odd(IdealPlant):
         (WrongCount, "returned .*, and .count is .*: both are the whole count"),
         (WrongCourse, "count_at\\(0.0\\) is"),
         (FalseRest, "resting\\(\\) after period .* another period .* changes it"),
-        (LostState, "load"),
+        (LostState, "the state loaded after period"),
         (LookedAt, "LookedAt"),
         (Shy, "TAKES leaves out pulses, and pulses\\(\\) works"),
         (Odd, "TAKES is \\('torque',\\); it holds some of drive, pulses, phases"),
@@ -184,8 +193,7 @@ class Falls(ByteProtocol):
 
 
 class HalfKept(ByteProtocol):
-    def load(self, state: tuple[object, ...]) -> None:
-        """Take nothing back."""
+    STATE = ()
 
 
 class NoReset(ByteProtocol):
@@ -199,7 +207,7 @@ class NoReset(ByteProtocol):
     [
         (CutsMatter, "cut at .*, the same bytes give"),
         (Falls, "raised ValueError: strange byte; a host must get an answer"),
-        (HalfKept, "load\\(\\)"),
+        (HalfKept, "saved and loaded at the cuts"),
         (NoReset, "reset\\(\\) after garbage keeps something"),
     ],
 )

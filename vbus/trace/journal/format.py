@@ -16,9 +16,6 @@ A jump is a block with one entry, and is none of those that are counted: the boa
 entries before it the first so many stay, and what follows begins there: its first number is theirs,
 its first instant counts from the instant gone to. What was undone stays in the file; what is read
 is the course that holds.
-
-Versions 1 and 2 are still read: 2 has no words above C000h, 1 had four columns in place of the
-words: keys, values, starts, times.
 """
 
 import zlib
@@ -32,13 +29,11 @@ from msgspec import Struct, field
 
 from vbus.errors import VbusError
 from vbus.kernel import END, NEVER
-from vbus.trace.journal.rows import FULL, PORTS, READ, WRITE, Row, rows_of
+from vbus.trace.journal.rows import FULL, PORTS, READ, WRITE, rows_of
 from vbus.trace.journal.shapes import checked
 
-FORMAT: Final = 3
-MAGIC: Final = b"vbus journal 3\n"
-MAGICS: Final = (b"vbus journal 1\n", b"vbus journal 2\n", MAGIC)
-"""How the files begin that are read here, by version."""
+FORMAT: Final = 1
+MAGIC: Final = b"vbus journal 1\n"
 LARGEST: Final = 1 << 26
 """Bytes beyond which a block's length, packed or unpacked, is taken for damage."""
 
@@ -187,8 +182,8 @@ class JournalReader:
         self.jumps: tuple[Jump, ...] = ()
         """The jumps of the file in their order, once anything has been read."""
         magic = file.read(len(MAGIC))
-        if magic not in MAGICS:
-            raise JournalError(f"{self._name()} is no journal of version 1 to {FORMAT}")
+        if magic != MAGIC:
+            raise JournalError(f"{self._name()} is no journal of version {FORMAT}")
         values = self._block()
         if values is None:
             raise JournalError(f"{self._name()} has no header: {self.damage or 'it is empty'}")
@@ -197,10 +192,10 @@ class JournalReader:
             self.header: Header = msgspec.convert(values, Header)
         except (TypeError, msgspec.ValidationError):
             raise JournalError(f"{self._name()} has the header of another version") from None
-        if self.header.format != MAGICS.index(magic) + 1:
+        if self.header.format != FORMAT:
             raise JournalError(
                 f"{self._name()} is of format {self.header.format}, written by vbus"
-                f" {self.header.vbus}; this vbus reads formats 1 to {FORMAT}"
+                f" {self.header.vbus}; this vbus reads format {FORMAT}"
             )
 
     def _name(self) -> str:
@@ -279,7 +274,7 @@ class JournalReader:
                     raise JournalError(
                         f"{self._name()}: entries {number} to {first - 1} are missing"
                     )
-                for key, value, start, span, times in self._rows(columns):
+                for key, value, start, span, times in rows_of(*columns):
                     when = last + start
                     last = when + times * span
                     if not (isinstance(last, int) and 0 <= when <= last <= END):
@@ -345,11 +340,6 @@ class JournalReader:
 
     def _wrong(self, number: int, error: Exception) -> JournalError:
         return JournalError(f"{self._name()}: entry {number}: {error}")
-
-    def _rows(self, columns: list[Any]) -> Iterator[Row]:
-        if self.header.format == 1:
-            return ((*row, 1) for row in zip(*columns, strict=True))
-        return rows_of(*columns)
 
 
 def _entry(number: int, when: int, after: int, key: int, value: Any) -> Entry:

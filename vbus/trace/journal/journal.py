@@ -5,7 +5,7 @@ import platform
 from collections.abc import Callable, Iterable
 from typing import Any, BinaryIO
 
-from vbus.board.board import STATE_HASH, Board
+from vbus.board.board import Board
 from vbus.board.cards import Card
 from vbus.board.circuit import Circuit
 from vbus.board.host_bus import HostBus, Hosts
@@ -19,27 +19,20 @@ from vbus.trace.journal.rows import PORTS, JournalRows
 from vbus.version import __version__
 
 
-def version_of(state: str) -> int:
-    """Return the version of a state hash in a journal: "2:" and the hash; those of 1 are bare."""
-    version, colon, _ = state.partition(":")
-    return int(version) if colon and version.isdecimal() else 1
-
-
-def end_of(board: Board, version: int = STATE_HASH) -> tuple[str, str, int]:
+def end_of(board: Board) -> tuple[str, str, int]:
     """Return what a run comes to.
 
-    Args:
-        board: where it has ended.
-        version: of the state hash.
-
     Returns:
-        The board's state hash, with its version; a hash over what the chips tell of themselves;
+        The board's state hash; a hash over what the chips tell of themselves;
         and how often somebody has looked at nets. State hashes can be compared where nobody has,
         the others always.
     """
-    state = f"{version}:" * (version > 1) + board.state_hash(version)
     telemetry = [(chip.name, sorted(chip.telemetry().items())) for chip in board.chips]
-    return state, hashlib.sha256(repr(telemetry).encode()).hexdigest(), board.kernel.observations
+    return (
+        board.state_hash(),
+        hashlib.sha256(repr(telemetry).encode()).hexdigest(),
+        board.kernel.observations,
+    )
 
 
 class Journal(Observer):

@@ -11,7 +11,7 @@ from vbus.trace.decode import decoder_of, settings_for_decoders
 from vbus.trace.journal.again import Again, Stretch
 from vbus.trace.journal.difference import Divergence, Findings, Side, difference_of
 from vbus.trace.journal.format import Entry, JournalReader
-from vbus.trace.journal.journal import end_of, version_of
+from vbus.trace.journal.journal import end_of
 from vbus.trace.journal.player import Player
 from vbus.trace.journal.view import Sessions
 from vbus.trace.packets import PATIENCE, Cycle, Decoder
@@ -193,7 +193,7 @@ class Replay:
         left = self._findings.compare() or self._findings.rest()
         if left is not None:
             return left
-        state_now, telemetry_now, observations_now = end_of(self.board, version_of(state))
+        state_now, telemetry_now, observations_now = end_of(self.board)
         same = telemetry_now == telemetry and (
             bool(observations or observations_now) or state_now == state
         )
