@@ -1,7 +1,7 @@
-"""Frozen runs of the first version: where their files are, and how one is played again.
+"""Frozen runs: where their files are, and how one is played again.
 
-A run is a journal with a snapshot taken in it, or a board file with nodes and its scenario. Both
-are loaded from the folder ``runs`` as anybody's old files would be; nothing is made anew.
+A run is a journal with a snapshot taken in it, or a board file with nodes and its scenario, in the
+folder ``runs``.
 """
 
 import hashlib
@@ -47,7 +47,7 @@ class Run:
         watch: pins whose edges stand in its trace, beside the nets that join pins.
         at: entries of the journal before the snapshot; 0 if there is none.
         operations: entries played on from the snapshot.
-        hashes: what the first version came to; those of ``then_...`` from the snapshot on.
+        hashes: what the run gave when it was recorded; those of ``then_...`` from the snapshot on.
         changed: what a ruling has changed on purpose: ``ruling``, ``why``, and the new hashes.
         state_changed: why a state holds something else though all it does is the same: ``why``,
             and the new hashes.
