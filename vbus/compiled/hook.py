@@ -43,7 +43,7 @@ COMPILED: Final = (
 """What is compiled, but for :data:`COLD`: what works in every sample, bus cycle or message."""
 
 COLD: Final = frozenset({
-    "__init__.py", "clauses.py", "state_1.py", "tables.py",
+    "__init__.py", "clauses.py", "tables.py",
     "family.py", "datasheet.py", "bus.py", "packets.py", "coverage.py", "upsets.py",
     "compatible.py", "inner_registers.py",
     "access.py", "host.py", "demo.py",
