@@ -21,6 +21,7 @@ from vbus.board.snapshot import MAGIC as SNAPSHOT
 from vbus.board.snapshot import read as read_snapshot
 from vbus.cluster.ordering import read_request, take_order
 from vbus.errors import VbusError
+from vbus.events.until import PacketWatch
 from vbus.faults.trigger import read_when
 from vbus.kernel import US
 from vbus.network import envelope
@@ -47,7 +48,6 @@ from vbus.trace.silicon.capture import Capture
 from vbus.trace.silicon.capture_csv import read_csv
 from vbus.trace.silicon.capture_sr import read_sr
 from vbus.trace.silicon.capture_vcd import read_vcd
-from vbus.trace.until import PacketWatch
 from vbus.trace.wave.wave import Wave
 
 LONGEST_SENTENCE: Final = 2000

@@ -11,15 +11,15 @@ import pytest
 
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
+from vbus.chips.packets import STATUS, Packet
+from vbus.events.decode import BoardPackets
 from vbus.kernel import MS, US
 from vbus.tools.generate.sigrok import targets
 from vbus.tools.generate.targets import stale
-from vbus.trace.decode import BoardPackets
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.view import play
 from vbus.trace.names import plain
-from vbus.trace.packets import STATUS, Packet
 from vbus.trace.silicon.start import watch_of
 from vbus.trace.wave.wave import Wave
 

@@ -15,12 +15,12 @@ from tests.e2e.test_scope import folder
 from tests.sigrok.test_sigrok import ROOT, sigrok
 from tests.waiting import until
 from vbus import connect
+from vbus.chips.packets import STATUS, Packet
 from vbus.client.lm628 import Lm628
+from vbus.events.decode import BoardPackets
 from vbus.tools.sigrok_server import CHANNELS
-from vbus.trace.decode import BoardPackets
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.view import play
-from vbus.trace.packets import STATUS, Packet
 
 __all__ = ["folder", "sigrok"]
 

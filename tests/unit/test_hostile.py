@@ -7,10 +7,10 @@ from hypothesis import given, settings
 
 from vbus.board.build import load_board_text
 from vbus.board.config import read_board_text
-from vbus.board.plugins import chip_class
 from vbus.client.bus import Bus
 from vbus.errors import ConfigError
 from vbus.kernel import SECOND
+from vbus.plugins import chip_class
 from vbus.testing.hostile import (
     Scenario,
     extremes,

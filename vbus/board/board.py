@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import msgpack
 
 from vbus.board.cards import Card
-from vbus.board.circuit import Circuit
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.board.loading import prepare
 from vbus.board.pin_maps import PinMap
 from vbus.chips.base import Chip
+from vbus.circuit.circuit import Circuit
 from vbus.protocols.quantities import picoseconds
 from vbus.signals import Policy, TraceHash
 from vbus.state import Names, Saved, save
@@ -119,7 +119,7 @@ class Board(Circuit):
         return self.waits(condition, within)
 
     def _wait(self, condition: str, within: int | str) -> int:
-        from vbus.trace.until import wait_until
+        from vbus.events.until import wait_until
 
         return wait_until(self, condition, picoseconds(within))
 

@@ -6,7 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import Final
 
-from vbus.board import cards, pin_maps, plugins
+from vbus import plugins
+from vbus.board import cards, pin_maps
 from vbus.board.board import Board
 from vbus.board.card_bus import CLOCK, CardBus
 from vbus.board.card_interrupt import ACK, INT, add_interrupt

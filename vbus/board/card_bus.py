@@ -6,17 +6,15 @@ from typing import ClassVar, Final
 from mypy_extensions import i64
 
 from vbus.board.card_buses import BUSES, DATA, LATCH, BusRow
-from vbus.board.glue_cycles import CycleTeller
-from vbus.board.host_pins import HostPins
-from vbus.chips.base import Chip
+from vbus.chips.base import CONNECTOR_FAMILY, Chip
 from vbus.chips.tables import PinRow
+from vbus.circuit.glue_cycles import CycleTeller
+from vbus.circuit.host_pins import HostPins
 from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Option, Settings
 from vbus.signals import HIGH, LOW, Guard, Pin, Policy, Violation, Z
 from vbus.state import Names
 
-CONNECTOR: Final = "card"
-"""What stands in the place of a chip family where a connector is told of."""
 CLOCK: Final = 8_333_333
 MOST: Final = 256
 """Addresses of one card: requests carry eight bits."""
@@ -63,7 +61,7 @@ class CardBus(Chip):
         moving: the lines that its cycles may move.
     """
 
-    FAMILY = CONNECTOR
+    FAMILY = CONNECTOR_FAMILY
     CONNECTOR = True
     ADDRESS_BITS = 8
     AXES = 0

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import ClassVar, Final
 
 from vbus.board.card_bus import CardBus
-from vbus.board.strobe_player import StrobePlayer
 from vbus.chips.base import Chip
+from vbus.circuit.strobe_player import StrobePlayer
 from vbus.glue.part import GlueBlock
 from vbus.kernel import NEVER, Kernel
 from vbus.signals import Guard, Net, Pin, Z

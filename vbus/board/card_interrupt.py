@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from vbus.board.circuit import Circuit
 from vbus.chips.tables import PinRow
+from vbus.circuit.circuit import Circuit
 from vbus.glue import logic
 from vbus.glue.table import OPEN, Block
 from vbus.signals import HIGH, LOW

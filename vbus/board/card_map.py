@@ -12,10 +12,10 @@ from vbus.board.card_section import CardSection
 from vbus.board.card_timing import has_clock
 from vbus.board.pin_maps import ADDRESS, READ, SELECT, WRITE, roles
 from vbus.board.sections import BoardFile
-from vbus.board.settings import listed
 from vbus.chips.base import Chip
 from vbus.kernel import NS
 from vbus.signals import HIGH, LOW, Pin, Z
+from vbus.values.settings import listed
 
 MOST_SHOWN: Final = 8
 """Inputs of a decoder that are told with their levels; more would be the whole address."""

@@ -10,13 +10,13 @@ from vbus.board.card_buses import BUSES, DATA, BusRow
 from vbus.board.card_interrupt import active_low
 from vbus.board.card_section import CardRegisterSection, CardSection
 from vbus.board.glue_order import Fail, Planned
-from vbus.board.settings import listed, suggestion
 from vbus.board.toml_lines import Path
 from vbus.chips.tables import PinRow
 from vbus.glue import logic
 from vbus.glue.part import bundled
 from vbus.glue.table import THREE_STATE, Block, run
 from vbus.signals import HIGH, LOW
+from vbus.values.settings import listed, suggestion
 
 _READ, _WRITE, _RESET = ".read", ".write", "RESET"
 """Inside a register: the strobes where it is selected, and its reset."""

@@ -13,10 +13,10 @@ from vbus.board.card_bus import MOST, CardBus, CyclePath
 from vbus.board.card_cycle import Cycle, Rest
 from vbus.board.card_decode import Decoder
 from vbus.board.card_edges import Edges, Steps
-from vbus.board.circuit import Circuit
-from vbus.board.glue_cycles import CycleTeller, GlueCycles
-from vbus.board.host_pins import HostPins
 from vbus.chips.base import Chip
+from vbus.circuit.circuit import Circuit
+from vbus.circuit.glue_cycles import CycleTeller, GlueCycles
+from vbus.circuit.host_pins import HostPins
 from vbus.signals import HIGH
 from vbus.state import Names
 

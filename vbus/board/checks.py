@@ -2,7 +2,8 @@
 
 from collections.abc import Hashable
 
-from vbus.board import cards, circuit, plugins
+from vbus import plugins
+from vbus.board import cards
 from vbus.board.card_section import ACCESSES, CardSection
 from vbus.board.metrics_checks import check_metrics
 from vbus.board.network_checks import NETWORK_SCHEME, check_network
@@ -10,13 +11,14 @@ from vbus.board.node_checks import NodeChecks
 from vbus.board.scope_checks import check_scope
 from vbus.board.sections import NO_PLANT, BoardFile, ChipSection
 from vbus.board.serial_checks import check_serial
-from vbus.board.settings import listed, quoted, rule_hint, rule_names, suggestion
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
 from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
+from vbus.circuit import circuit
 from vbus.kernel import Clock, Kernel
 from vbus.signals import Rule
+from vbus.values.settings import listed, quoted, rule_hint, rule_names, suggestion
 
 MOST_CHIPS = 16
 """Chips one session can select: SELECT carries 16 bits."""

@@ -8,18 +8,19 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
-from vbus.board import checks, plugins, sections
+from vbus import plugins
+from vbus.board import checks, sections
 from vbus.board.card_section import NO_PORT, CardPortSection, CardRegisterSection, CardSection
 from vbus.board.glue_section import GlueSection
 from vbus.board.network_checks import check_zenoh
 from vbus.board.section import NAMES, Section, rows
-from vbus.board.settings import NAME_FORM, check_table, listed, quoted, suggestion
 from vbus.board.source import BoardFileError, Problem, Source
 from vbus.board.toml_lines import Path
 from vbus.collection import collection_held
 from vbus.errors import PluginError
 from vbus.options import Option
 from vbus.signals.axis import SWITCHES
+from vbus.values.settings import NAME_FORM, check_table, listed, quoted, suggestion
 
 _Section = TypeVar("_Section", bound=Section)
 _NAMED: Final = ("chips", "plants", "nets", "glue", "buses", "cards", "pinmaps", "nodes")

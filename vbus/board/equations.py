@@ -18,16 +18,16 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.conditions.lexer import (
+from vbus.glue import logic
+from vbus.glue.logic import Levels
+from vbus.glue.table import Block
+from vbus.values.lexer import (
     END,
     NAME,
     Words,
     name_parts,
     words,
 )
-from vbus.glue import logic
-from vbus.glue.logic import Levels
-from vbus.glue.table import Block
 
 _WORDS: Final = words(r"[&|#^$!()*+]")
 _JOINED: Final = (

@@ -1,14 +1,14 @@
 """Checks of ``[[faults]]`` that need no board: triggers, ends, and on which node they are."""
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.sections import BoardFile, FaultSection
-from vbus.board.settings import listed
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
 from vbus.faults.messages import misfit
 from vbus.faults.row import LINK, NET, PART, WIRE, Fault
 from vbus.faults.table import faults
 from vbus.faults.trigger import When, read_until, read_when
+from vbus.values.settings import listed
 
 
 def check_fault(section: FaultSection, fault: Fault, source: Source, path: Path) -> None:

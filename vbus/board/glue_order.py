@@ -6,11 +6,11 @@ from itertools import pairwise
 
 from msgspec import Struct
 
-from vbus.board.settings import listed
 from vbus.board.toml_lines import Path
 from vbus.chips.tables import PinRow
 from vbus.glue.part import bundled
 from vbus.glue.table import Block
+from vbus.values.settings import listed
 
 Fail = Callable[[Path, str], None]
 Place = tuple[str, int]

@@ -17,13 +17,13 @@ from vbus.board.equations import read
 from vbus.board.glue_order import Fail, Place, Planned, order_of
 from vbus.board.glue_section import GlueSection
 from vbus.board.sections import BoardFile, NetSection
-from vbus.board.settings import listed, quoted, suggestion
 from vbus.board.toml_lines import Path
 from vbus.chips.tables import PinRow
-from vbus.conditions.lexer import ConditionError
 from vbus.glue.part import bundled
 from vbus.glue.table import PARTS, PLD, Block, GlueRow
 from vbus.signals import HIGH, LOW
+from vbus.values.lexer import ConditionError
+from vbus.values.settings import listed, quoted, suggestion
 
 
 class GluePlan(Struct):

@@ -6,16 +6,16 @@ from typing import ClassVar
 from mypy_extensions import i64, mypyc_attr
 
 from vbus.board.cards import Card, Places
-from vbus.board.circuit import Circuit
 from vbus.board.host_clock import HostClock
 from vbus.board.host_info import port_info
 from vbus.board.host_leases import HostLeases
-from vbus.board.host_pins import HostPins
 from vbus.board.host_polls import HostPolls
 from vbus.board.host_selection import Selection
 from vbus.board.pin_maps import PinMap
 from vbus.board.strobe_watch import SETTLE_EVERY, StrobeWatch
 from vbus.chips.base import Chip
+from vbus.circuit.circuit import Circuit
+from vbus.circuit.host_pins import HostPins
 from vbus.kernel import END, NEVER, Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import CardAccess, HostPort, PortError, PortInfo

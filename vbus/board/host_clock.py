@@ -4,7 +4,7 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.board.circuit import Circuit
+from vbus.circuit.circuit import Circuit
 from vbus.kernel import END, FAR, US, Kernel
 from vbus.protocols import codes
 from vbus.protocols.port import HostPort, PortError

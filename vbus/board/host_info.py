@@ -1,10 +1,10 @@
 """What a host is told of its board in the answer to HELLO."""
 
 from vbus.board.cards import Card
-from vbus.board.circuit import Circuit
-from vbus.board.host_pins import HostPins
 from vbus.board.host_selection import Selection
 from vbus.board.pin_maps import PinMap, wiring
+from vbus.circuit.circuit import Circuit
+from vbus.circuit.host_pins import HostPins
 from vbus.protocols.port import ChipInfo, PortInfo
 from vbus.protocols.requests import features
 

@@ -2,9 +2,9 @@
 
 from typing import ClassVar, Final
 
-from vbus.board.circuit import Circuit
-from vbus.board.host_pins import HostPins
 from vbus.board.host_selection import Selection
+from vbus.circuit.circuit import Circuit
+from vbus.circuit.host_pins import HostPins
 from vbus.kernel import END, US
 from vbus.state import Names
 

@@ -2,9 +2,9 @@
 
 from typing import ClassVar
 
-from vbus.board.circuit import Circuit
 from vbus.board.host_clock import HostClock
 from vbus.board.host_selection import Selection
+from vbus.circuit.circuit import Circuit
 from vbus.kernel import END, FAR
 from vbus.protocols import codes
 from vbus.protocols.port import HostPort, PortError

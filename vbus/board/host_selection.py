@@ -3,8 +3,8 @@
 from typing import ClassVar, Final
 
 from vbus.board.card_bus import CardBus, CyclePath
-from vbus.board.circuit import Circuit
 from vbus.chips.base import Chip
+from vbus.circuit.circuit import Circuit
 from vbus.kernel import US
 from vbus.protocols import codes
 from vbus.protocols.port import PortError

@@ -6,8 +6,8 @@ from typing import Final
 
 from vbus.addresses import loopback_like, meant
 from vbus.board.sections import BoardFile
-from vbus.board.settings import quoted
 from vbus.board.source import Source
+from vbus.values.settings import quoted
 
 EXAMPLE: Final = "127.0.0.1:9100"
 

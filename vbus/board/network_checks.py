@@ -5,8 +5,8 @@ from typing import Final
 
 from vbus.addresses import refused_endpoint, refused_link
 from vbus.board.sections import BoardFile, ZenohSection
-from vbus.board.settings import quoted
 from vbus.board.source import Source
+from vbus.values.settings import quoted
 
 NETWORK_SCHEME: Final = "zenoh"
 _SOCKETS: Final = ("tcp", "rfc2217")

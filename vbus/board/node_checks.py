@@ -4,9 +4,9 @@ from collections.abc import Iterable
 
 from vbus.addresses import refused_endpoint
 from vbus.board.sections import BoardFile
-from vbus.board.settings import NAME_FORM, listed, suggestion
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
+from vbus.values.settings import NAME_FORM, listed, suggestion
 
 
 class NodeChecks:

@@ -7,10 +7,10 @@ from vbus.board.card_section import CardSection
 from vbus.board.glue_checks import GlueEnds
 from vbus.board.pin_maps import DATA_WIRES, PORT_BIT, PinMap, below, missing, roles, targets, wires
 from vbus.board.sections import BoardFile, HostSection, PinMapSection
-from vbus.board.settings import listed, quoted, suggestion
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
 from vbus.chips.base import Chip
+from vbus.values.settings import listed, quoted, suggestion
 
 
 class PinMapChecks:

@@ -13,7 +13,7 @@ from vbus.glue.part import GluePart
 from vbus.signals import HIGH, LOW
 
 if TYPE_CHECKING:
-    from vbus.board.host_pins import HostPins
+    from vbus.circuit.host_pins import HostPins
 
 PORT_BIT: Final = re.compile(r"[PR]([A-L])([0-7])")
 """A port bit as an AVR (``PB3``) or a PIC (``RB3``) calls it."""

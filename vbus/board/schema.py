@@ -9,14 +9,16 @@ from typing import Any, Final
 
 from msgspec import Struct
 
-from vbus.board import plugins, sections, units
+from vbus import plugins
+from vbus.board import sections
 from vbus.board.card_section import CardPortSection, CardRegisterSection, CardSection
 from vbus.board.glue_section import GlueSection
 from vbus.board.section import NAMES, rows
-from vbus.board.settings import allowed
 from vbus.faults.table import faults
 from vbus.options import Option
 from vbus.signals.axis import SWITCHES
+from vbus.values import units
+from vbus.values.settings import allowed
 
 Schema = dict[str, Any]
 

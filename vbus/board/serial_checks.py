@@ -4,11 +4,11 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from vbus.board.sections import BoardFile, HostSection
-from vbus.board.settings import listed, quoted
 from vbus.board.source import Source
 from vbus.board.toml_lines import Path
 from vbus.chips.base import Chip
 from vbus.protocols.serial_line import USUAL_FRAME
+from vbus.values.settings import listed, quoted
 
 MODEM_SCHEMES: Final = ("rfc2217",)
 """Schemes of links that carry modem lines and breaks."""

@@ -2,13 +2,13 @@
 
 from typing import ClassVar, Final
 
-from vbus.board import plugins
-from vbus.board.circuit import Circuit
-from vbus.board.glue_cycles import BusLines, CycleTeller, Ended
+from vbus import plugins
 from vbus.chips.base import Chip
+from vbus.chips.bus_watch import BusWatch
+from vbus.circuit.circuit import Circuit
+from vbus.circuit.glue_cycles import BusLines, CycleTeller, Ended
 from vbus.signals import Observer
 from vbus.state import Names
-from vbus.trace.bus_watch import BusWatch
 
 SETTLE_EVERY: Final = 4096
 """Bus cycles after which lazy chips are brought up to date, to bound what observers hold."""

@@ -1,7 +1,7 @@
 """What every chip is to a board: pins, bus cycles, time, state."""
 
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from mypy_extensions import i64, mypyc_attr
 
@@ -10,6 +10,9 @@ from vbus.kernel import NEVER, Clock, Kernel
 from vbus.options import Option, Settings, Value, with_defaults
 from vbus.signals import OFF, STRICT, Net, Pin, Plant, Policy, Rule, Violation
 from vbus.state import UNDECLARED, Names
+
+CONNECTOR_FAMILY: Final = "card"
+"""``FAMILY`` of the connector of a card, which is no chip."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -31,9 +31,10 @@ COMPILED: Final = (
     "bits.py", "state/fields.py", "state/kinds.py", "kernel/*.py", "signals/*.py",
     "chips/*.py", "chips/*/*.py", "chips/*/generated/registers.py", "plant/*.py",
     "protocols/base.py", "protocols/byte.py", "protocols/codes.py", "protocols/frame*.py",
-    "protocols/port.py", "protocols/text.py", "board/board.py", "board/circuit.py",
-    "board/host_*.py", "board/strobe_*.py", "board/card_bus.py", "board/card_path.py",
-    "board/card_cycle.py", "board/card_edges.py", "board/glue_cycles.py",
+    "protocols/port.py", "protocols/text.py", "board/board.py", "circuit/circuit.py",
+    "board/host_*.py", "board/strobe_*.py", "circuit/host_pins.py", "circuit/strobe_player.py",
+    "board/card_bus.py", "board/card_path.py",
+    "board/card_cycle.py", "board/card_edges.py", "circuit/glue_cycles.py",
     "server/direct.py", "server/pace.py", "server/pacer.py", "server/patience.py",
     "server/session.py", "server/statistics.py", "server/ticks.py", "server/turns.py",
     "trace/journal/again.py", "trace/journal/rows.py",
@@ -44,7 +45,7 @@ COMPILED: Final = (
 
 COLD: Final = frozenset({
     "__init__.py", "clauses.py", "tables.py",
-    "family.py", "datasheet.py", "bus.py", "packets.py", "coverage.py", "upsets.py",
+    "family.py", "datasheet.py", "bus.py", "bus_watch.py", "packets.py", "coverage.py", "upsets.py",
     "compatible.py", "inner_registers.py",
     "access.py", "host.py", "demo.py",
 })  # fmt: skip

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection
 from contextlib import suppress
 from typing import ClassVar, Final
 
-from vbus.board.circuit import Circuit
+from vbus.circuit.circuit import Circuit
 from vbus.faults.armed import ACTING, Armed, LinkActs
 from vbus.faults.axis import AxisFaults
 from vbus.faults.bus import BusFault, Later

@@ -2,7 +2,7 @@
 
 from typing import ClassVar, Final
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.faults.plant import PLAY, SHARE, STUCK_A, STUCK_B, WHOLE, FaultyPlant
 from vbus.faults.upsets import Upsets, upsets_of

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.options import Value
 from vbus.signals import HIGH, LOW, Net, Observer, Pin

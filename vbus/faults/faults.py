@@ -6,9 +6,8 @@ from collections.abc import Callable
 from heapq import heappop, heappush
 from typing import ClassVar, Final
 
-from vbus.board.circuit import Circuit
-from vbus.board.settings import listed, suggestion
 from vbus.chips.base import Chip
+from vbus.circuit.circuit import Circuit
 from vbus.faults.acts import Acts
 from vbus.faults.armed import ACTING, BEGUN, ENDED, FAILED, OVER, WAITING, Armed, Evidence, LinkActs
 from vbus.faults.parameters import check_parameters
@@ -32,6 +31,7 @@ from vbus.faults.trigger import (
 from vbus.faults.watch import ConditionWatch, CycleWatcher, write_of
 from vbus.kernel import US
 from vbus.state import Names
+from vbus.values.settings import listed, suggestion
 
 LOOK: Final = 100 * US
 """How often a trigger looks at a position."""

@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from vbus.board.circuit import Circuit
+from vbus.circuit.circuit import Circuit
 from vbus.kernel import Kernel
 from vbus.options import Value
 from vbus.protocols.quantities import format_instant

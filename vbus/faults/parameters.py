@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 
-from vbus.board.settings import allowed, check_value, listed, quoted, suggestion
-from vbus.board.units import DIMENSIONS
 from vbus.faults.row import Fault
 from vbus.options import Option, Value, with_defaults
+from vbus.values.settings import allowed, check_value, listed, quoted, suggestion
+from vbus.values.units import DIMENSIONS
 
 
 def check_parameters(fault: Fault, given: Mapping[str, object]) -> dict[str, Value]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, Final
 
-from vbus.board.circuit import Circuit
+from vbus.circuit.circuit import Circuit
 from vbus.errors import SnapshotError
 from vbus.faults.armed import Armed
 from vbus.faults.row import LINK, Fault

@@ -4,7 +4,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.faults.row import AXIS, CHIP, COUNTED, LASTS, LINK, NET, ONCE, PART, WIRE, Fault
 from vbus.faults.upsets import Upsets
 from vbus.options import Option

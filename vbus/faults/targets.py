@@ -1,14 +1,14 @@
 """Which chip, axis or link a fault is about."""
 
-from vbus.board import plugins
-from vbus.board.circuit import Circuit
-from vbus.board.settings import listed, suggestion
+from vbus import plugins
 from vbus.chips.base import Chip
+from vbus.circuit.circuit import Circuit
 from vbus.faults.armed import LinkActs
 from vbus.faults.glue import net_of
 from vbus.faults.row import CHIP, LINK, NET, PART, WIRE, Fault
 from vbus.plant.shaft import Shaft
 from vbus.signals.wire import WireEnd
+from vbus.values.settings import listed, suggestion
 
 
 def find_target(board: Circuit, fault: Fault, target: str, links: LinkActs | None) -> str:

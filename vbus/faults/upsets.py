@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.faults.row import Fault
 from vbus.options import Value

@@ -3,16 +3,16 @@
 from collections.abc import Callable
 from typing import ClassVar
 
-from vbus.board import plugins
-from vbus.board.circuit import Circuit
-from vbus.board.settings import listed, suggestion
+from vbus import plugins
 from vbus.chips.base import Chip
-from vbus.conditions.condition import COMMAND
-from vbus.conditions.lexer import ConditionError
-from vbus.conditions.watch import Watch
+from vbus.circuit.circuit import Circuit
+from vbus.events.condition import COMMAND
+from vbus.events.watch import Watch
 from vbus.kernel import Timer
 from vbus.signals import Observer
 from vbus.state import Names
+from vbus.values.lexer import ConditionError
+from vbus.values.settings import listed, suggestion
 
 Cycle = Callable[[int, str, bool, int, int], None]
 """Is told of a bus cycle: instant, chips, write, address, byte."""

@@ -1,9 +1,9 @@
 """A host's hold on a node whose time is granted by all nodes: nothing happens beyond the grant."""
 
 from vbus.board.cards import Card
-from vbus.board.circuit import Circuit
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
+from vbus.circuit.circuit import Circuit
 from vbus.kernel import NEVER
 from vbus.nodes.orders import READ, WRITE, Order, Orders
 from vbus.protocols.port import NotYet

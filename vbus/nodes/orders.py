@@ -6,10 +6,10 @@ from heapq import heapify, heappop, heappush
 from operator import itemgetter
 from typing import Any, ClassVar, Final
 
-from vbus.board.circuit import Circuit
-from vbus.board.host_pins import HostPins
-from vbus.board.strobe_player import together
 from vbus.chips.base import Chip
+from vbus.circuit.circuit import Circuit
+from vbus.circuit.host_pins import HostPins
+from vbus.circuit.strobe_player import together
 from vbus.kernel import US, Timer
 from vbus.signals import Z
 from vbus.state import Names

@@ -7,7 +7,7 @@ from typing import Final
 
 import msgspec
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.build import assemble, rest_of
 from vbus.board.fault_checks import homes_of
 from vbus.board.sections import BoardFile, ChipSection, FaultSection

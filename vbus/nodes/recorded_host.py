@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 from vbus.board.cards import Card
-from vbus.board.circuit import Circuit
 from vbus.board.host_bus import Hosts
 from vbus.chips.base import Chip
+from vbus.circuit.circuit import Circuit
 from vbus.nodes.host import NodeBus
 from vbus.protocols.port import NotYet, PortError
 from vbus.signals import Observer

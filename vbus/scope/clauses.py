@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.chips.clauses import clauses_of
 from vbus.scope.frames import ALL, CLAUSES, frame, texts

@@ -9,6 +9,8 @@ from operator import itemgetter
 from typing import Any, Final
 
 from vbus.board.board import Board
+from vbus.chips.packets import IGNORED, STATUS, WHOLE, CommandPackets, Cycle, Packet
+from vbus.events.decode import BoardPackets, settings_for_decoders
 from vbus.scope.frames import (
     ALL,
     CHIPS,
@@ -28,8 +30,6 @@ from vbus.scope.lane import Lane
 from vbus.scope.lanes import MARK_LANE, Lanes, Lateness
 from vbus.scope.look import Look, LookTimes
 from vbus.signals import Violation
-from vbus.trace.decode import BoardPackets, settings_for_decoders
-from vbus.trace.packets import IGNORED, STATUS, WHOLE, CommandPackets, Cycle, Packet
 
 COMMAND: Final = 0
 WRITTEN: Final = 1

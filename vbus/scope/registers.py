@@ -8,15 +8,15 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Final
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.chips.family import Family, InnerRegister
+from vbus.chips.packets import Decoder, RegisterPackets
 from vbus.chips.tables import Bit, Register
+from vbus.events.decode import decoder_of
 from vbus.kernel import MS
 from vbus.scope.lane import Lane
 from vbus.scope.lanes import Lanes
-from vbus.trace.decode import decoder_of
-from vbus.trace.packets import Decoder, RegisterPackets
 
 EVERY: Final = 10 * MS
 """How often registers are looked at that nobody has touched (ps)."""

@@ -4,7 +4,7 @@ from typing import Any, TypeVar
 
 from msgspec import Struct, field
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.cards import Card
 from vbus.board.pin_maps import PinMap
 from vbus.board.sections import NO_HOST, HostSection

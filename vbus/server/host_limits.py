@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from typing import Final
 
 from vbus.board.board import Board
+from vbus.chips.packets import Packet
+from vbus.events.decode import BoardPackets, settings_for_decoders
 from vbus.faults.armed import BEGUN
 from vbus.kernel import END, MS, NEVER, SECOND
 from vbus.protocols.quantities import format_instant
 from vbus.server.polls import Polls
 from vbus.signals import Violation
-from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.findings.no_effect import NoEffect
 from vbus.trace.latest_lines import LatestLines
-from vbus.trace.packets import Packet
 
 KEPT: Final = 40
 """Lines of a transcript that are kept."""

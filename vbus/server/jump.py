@@ -13,7 +13,6 @@ from typing import Any, Final, Protocol
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
-from vbus.board.settings import listed
 from vbus.board.snapshot import restore, take
 from vbus.errors import VbusError, read_errors
 from vbus.faults.armed import ACTING
@@ -26,6 +25,7 @@ from vbus.server.steps import PAUSED, Steps
 from vbus.signals import Violation
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.player import Past
+from vbus.values.settings import listed
 
 FIRST: Final = "the live board goes back only"
 

@@ -3,9 +3,9 @@
 from time import monotonic, process_time
 from typing import Final
 
+from vbus.chips.packets import Packet
 from vbus.protocols.quantities import format_instant
 from vbus.trace.latest_lines import LatestLines
-from vbus.trace.packets import Packet
 
 KINDS: Final = 16
 """Packets that a loop of polls may consist of."""

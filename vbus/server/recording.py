@@ -14,9 +14,9 @@ from vbus.board.checks import all_rules
 from vbus.board.host_bus import HostBus
 from vbus.board.sections import RecordSection, WaveSection
 from vbus.errors import VbusError, write_errors
+from vbus.events.decode import settings_for_decoders
 from vbus.server.registry import journal_path
 from vbus.signals import Observer
-from vbus.trace.decode import settings_for_decoders
 
 if TYPE_CHECKING:
     from vbus.trace.journal.journal import Journal

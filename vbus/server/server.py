@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from vbus.board.board import Board
 from vbus.compiled import core
 from vbus.errors import NameInUseError, TransportError
+from vbus.events.decode import settings_for_decoders
 from vbus.kernel import END
 from vbus.server.control import Control, ControlConnection
 from vbus.server.departures import Departures
@@ -32,7 +33,6 @@ from vbus.server.snapshots import SnapshotOrders
 from vbus.server.statistics import ROUND_TRIP_NS, Histogram
 from vbus.server.steps import RUNNING, Steps
 from vbus.server.turns import Turns
-from vbus.trace.decode import settings_for_decoders
 from vbus.transports.base import Link, MessageLink, Served, Transport
 from vbus.transports.runtime import mark_pause
 

@@ -22,7 +22,7 @@ from vbus.server.slices import SLICE_NS
 from vbus.signals import Observer
 
 if TYPE_CHECKING:
-    from vbus.conditions.watch import Watch
+    from vbus.events.watch import Watch
 
 RUNNING: Final = "running"
 PAUSED: Final = "paused"
@@ -169,7 +169,7 @@ class Steps(Observer):
             return _Goal(board, f"a sample of {chip.name}", due)
         if by not in STEPS:
             raise ValueError(f'there is no step by "{by}"; there are {", ".join(STEPS)}')
-        from vbus.trace.until import PacketWatch
+        from vbus.events.until import PacketWatch
 
         text = str(request["until"]) if by == "condition" else f"changed({request['pin']})"
         return _Goal(board, text, watch=PacketWatch(text, board))

@@ -43,6 +43,7 @@ import msgspec
 from vbus.board.board import Board
 from vbus.board.sections import WaveSection
 from vbus.errors import VbusError
+from vbus.events.until import PacketWatch
 from vbus.scope.frames import LASTING, numbers
 from vbus.scope.lanes import Lateness
 from vbus.scope.pin_recording import PinRecorder
@@ -53,7 +54,6 @@ from vbus.server.local_socket import Connection, OnEnd
 from vbus.server.manual_host import ManualHost
 from vbus.server.steps import Steps
 from vbus.signals import Observer, Violation
-from vbus.trace.until import PacketWatch
 from vbus.trace.wave.wave import DONE, Wave
 from vbus.transports.base import Link
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.board import Board
 from vbus.chips.base import Chip
 from vbus.client.bus import Bus

@@ -4,14 +4,14 @@ import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.config import read_board_text
 from vbus.board.sections import BoardFile
 from vbus.board.source import Source
-from vbus.board.units import parse
 from vbus.chips.family import Family
 from vbus.errors import ConfigError
 from vbus.kernel import Clock, Kernel
+from vbus.values.units import parse
 
 
 def default_part() -> str:

@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from vbus.board.board import Board
 from vbus.errors import VbusError
+from vbus.events.until import wait_until
 from vbus.protocols.quantities import format_instant, picoseconds
-from vbus.trace.until import wait_until
 
 WITHIN: Final = "10 s"
 """Chip time that something may take to come."""

@@ -23,12 +23,12 @@ except ImportError as error:
 
 from vbus.board.build import build
 from vbus.board.config import read_board_text
-from vbus.board.plugins import chip_class
 from vbus.board.sections import BoardFile
 from vbus.client.bus import Bus
 from vbus.errors import ConfigError
 from vbus.kernel import US
 from vbus.options import Value
+from vbus.plugins import chip_class
 from vbus.testing.boards import section_line, with_keys
 from vbus.testing.in_process import connect_in_process
 from vbus.testing.limits import HostStuck, Limits, Watch

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from vbus.board.checks import all_rules
-from vbus.board.settings import rule_hint, rule_names
 from vbus.errors import ConfigError
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
 from vbus.trace.findings.suppress import Suppression
+from vbus.values.settings import rule_hint, rule_names
 
 FAIL: Final = "fail"
 REPORT: Final = "report"

@@ -2,7 +2,6 @@
 
 from typing import Any, Final
 
-from vbus.board.settings import listed, suggestion
 from vbus.errors import ConfigError
 from vbus.kernel import SECOND
 from vbus.protocols.quantities import picoseconds
@@ -11,6 +10,7 @@ from vbus.server.host_limits import UNBOUNDED as UNBOUNDED
 from vbus.server.host_limits import HostStuck as HostStuck
 from vbus.server.host_limits import Limits as Limits
 from vbus.server.host_limits import Watch as Watch
+from vbus.values.settings import listed, suggestion
 
 BUDGET: Final = Limits(300_000, 60 * SECOND, IN_VAIN, POLLING)
 """What a test may take that says nothing else."""

@@ -8,9 +8,9 @@ import pytest
 
 from vbus.board.board import Board
 from vbus.errors import VbusError, read_errors, write_errors
+from vbus.events.decode import settings_for_decoders
 from vbus.trace.coverage.coverage import Coverage, CoverageObserver, from_json
 from vbus.trace.coverage.formats import COVERAGE_FORMATS, as_text, difference
-from vbus.trace.decode import settings_for_decoders
 
 
 def coverage_observer(board: Board) -> CoverageObserver:

@@ -4,9 +4,9 @@ import re
 from dataclasses import replace
 from typing import Any, Final
 
-from vbus.board.settings import listed, suggestion
 from vbus.errors import ConfigError
 from vbus.trace.runs.difference import Tolerance
+from vbus.values.settings import listed, suggestion
 
 NEAR: Final = Tolerance(counts=4, time=0.05, cycles=0.05, limit=True)
 """What holds where nothing else is said."""

@@ -6,17 +6,17 @@ from functools import partial
 from time import monotonic
 from typing import Any, Final
 
-from vbus.board.settings import listed, suggestion
-from vbus.conditions.names import Names
+from vbus.chips.packets import Packet
 from vbus.errors import VbusError
+from vbus.events.decode import BoardPackets, decoder_of
+from vbus.events.names import Names
+from vbus.events.until import PacketWatch, not_met
 from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Observer
 from vbus.testing.clock import WITHIN, ps_of
 from vbus.testing.tested_board import TestedBoard
-from vbus.trace.decode import BoardPackets, decoder_of
-from vbus.trace.packets import Packet
-from vbus.trace.until import PacketWatch, not_met
+from vbus.values.settings import listed, suggestion
 
 STRIDE: Final = 10 * MS
 """Chip time that passes at most before other tasks have their turn."""

@@ -47,7 +47,7 @@ def check_records(file: BoardFile, board: Board, source: Source) -> None:
         with checked("record", "suppress"):
             suppressions_of(record.suppress)
     for wave in file.waves:
-        from vbus.conditions.condition import Condition
+        from vbus.events.condition import Condition
         from vbus.trace.wave.signals import nets_of
 
         with checked("waves", wave.name, "signals"):

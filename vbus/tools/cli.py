@@ -93,7 +93,7 @@ class _Lazy(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         name = args[0]
         if name not in _COMMANDS and not name.startswith("-"):
-            from vbus.board.settings import suggestion
+            from vbus.values.settings import suggestion
 
             known = ", ".join(_COMMANDS)
             hint = suggestion(name, _COMMANDS)

@@ -16,7 +16,7 @@ def _boards() -> Iterable[str]:
 
 
 def _parts() -> Iterable[str]:
-    from vbus.board import plugins
+    from vbus import plugins
 
     return [part for chip in plugins.chip_classes() for part in chip.PARTS]
 

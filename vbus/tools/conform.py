@@ -117,7 +117,7 @@ def _settings(pairs: list[str], option: str) -> str:
 
 def _board(part: str, clock: str | None, options: tuple[str, ...], plants: tuple[str, ...]) -> Any:
     """Return a board of one chip."""
-    from vbus.board import plugins
+    from vbus import plugins
     from vbus.board.build import load_board_text
 
     if clock is None:

@@ -24,7 +24,7 @@ REFRESH = 0.1
 
 def _known(ctx: click.Context, param: click.Parameter, value: str) -> str:
     if value not in NAMES:
-        from vbus.board.settings import suggestion
+        from vbus.values.settings import suggestion
 
         hint, known = suggestion(value, NAMES), ", ".join(NAMES)
         raise click.BadParameter(f'there is no demo "{value}"; {hint}there are {known}')

@@ -26,7 +26,7 @@ ENOUGH_INSTANCES: Final = 128
 
 def _duration(ctx: click.Context, param: click.Parameter, value: str | None) -> float:
     """Return a duration in seconds; 0 if none is given."""
-    from vbus.board.units import parse
+    from vbus.values.units import parse
 
     try:
         seconds = 0 if value is None else parse(value, "s") * 1e-12
@@ -119,7 +119,7 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 def plugins() -> Iterator[Finding]:
     """Load every chip, plant, protocol and transport that is registered."""
-    from vbus.board import plugins as registry
+    from vbus import plugins as registry
     from vbus.errors import PluginError
 
     for group in (registry.CHIPS, registry.PLANTS, registry.PROTOCOLS, registry.TRANSPORTS):

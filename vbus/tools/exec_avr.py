@@ -11,11 +11,11 @@ from typing import Final
 
 from vbus.board.config import read_board_file
 from vbus.board.sections import BoardFile, HostSection
-from vbus.board.settings import listed, suggestion
 from vbus.errors import ConfigError, VbusError
 from vbus.native import include_dir
 from vbus.server.serving import recorded
 from vbus.tools.beside import run_on_board, run_program
+from vbus.values.settings import listed, suggestion
 
 KEYS: Final = {
     "mmcu": "--mmcu",

@@ -8,8 +8,8 @@ from typing import Final
 
 import click
 
+from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.tools.output import Line, json_line, no_progress
-from vbus.trace.packets import Cycle, Decoder, Packet
 
 _HEX: Final = re.compile(r"(?:0x)?([0-9A-Fa-f]{1,2})[hH]?")
 _WORD: Final = re.compile(r"([a-z]+)=(?:0x)?([0-9A-Fa-f]{1,8})[hH]?")
@@ -97,9 +97,9 @@ def _lines(what: str, items: list[str], quiet: bool, as_json: bool) -> Iterable[
 
 def _refuse_unknown_rule(what: str) -> None:
     """Say so if this looks like a rule of a chip, and there is none of that name."""
-    from vbus.board import plugins
+    from vbus import plugins
     from vbus.board.checks import all_rules
-    from vbus.board.settings import suggestion
+    from vbus.values.settings import suggestion
 
     family, dot, symbol = what.partition(".")
     known = {one.name for one in plugins.families()}
@@ -111,14 +111,14 @@ def _refuse_unknown_rule(what: str) -> None:
 
 
 def _families() -> str:
-    from vbus.board import plugins
+    from vbus import plugins
 
     return ", ".join(sorted(one.name for one in plugins.families() if one.packets))
 
 
 def _decoder(name: str) -> Decoder | None:
     """Return the decoder for a family or part, if ``name`` is one."""
-    from vbus.board import plugins
+    from vbus import plugins
     from vbus.errors import PluginError
 
     family = plugins.family(name.lower())

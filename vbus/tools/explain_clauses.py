@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from typing import Final
 
 from vbus.board.checks import all_rules
-from vbus.board.settings import suggestion
 from vbus.chips.clauses import Clause, proofs_of
 from vbus.signals import Rule
 from vbus.tools.output import Line
 from vbus.trace.clauses import all_clauses, carriers, headed
 from vbus.trace.tables import ac_limits
+from vbus.values.settings import suggestion
 
 WIDTH: Final = 80
 

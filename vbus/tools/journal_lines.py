@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import Final
 
 from vbus.board.board import Board
-from vbus.board.card_bus import CONNECTOR
+from vbus.chips.base import CONNECTOR_FAMILY
+from vbus.chips.packets import STATUS, CommandPackets, Cycle, Decoder, Packet
 from vbus.errors import VbusError
+from vbus.events.decode import BoardPackets
 from vbus.kernel import MS
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
 from vbus.tools.output import Line, bar, reading
-from vbus.trace.decode import BoardPackets
 from vbus.trace.journal.format import NOT_YET, Entry, Header, JournalReader, Jump
 from vbus.trace.journal.rows import PORTS, WRITE
 from vbus.trace.journal.view import Sessions, show, violation_of
-from vbus.trace.packets import STATUS, CommandPackets, Cycle, Decoder, Packet
 
 _WAITING: Final = 5000
 
@@ -174,7 +174,7 @@ class _Lines(BoardPackets):
         """Instant, number, text, how often in a row, instant of the last time."""
         self._count: int = 0
         self._cards: set[str] = {
-            name for name, family in header.families.items() if family == CONNECTOR
+            name for name, family in header.families.items() if family == CONNECTOR_FAMILY
         }
         self._held: list[_Held] = []
         """The lines that are held back to be counted: one, or those of a chip's cycle and of the

@@ -68,7 +68,7 @@ def _lines(board: dict[str, Any]) -> list[str]:
         from vbus.tools.attached_lines import lines_of
 
         return lines_of(board)
-    from vbus.board.units import show
+    from vbus.values.units import show
 
     time = board["policy"]
     if time == "realtime":

@@ -8,17 +8,17 @@ from typing import Any, Final
 
 import click
 
-from vbus.board import plugins
+from vbus import plugins
+from vbus.chips.packets import STATUS, Packet
 from vbus.errors import VbusError
+from vbus.events.decode import BoardPackets
 from vbus.signals import Violation
 from vbus.tools import exit_codes
 from vbus.tools.feed import Feed, Together, boards_of
 from vbus.tools.journal_lines import instant
 from vbus.tools.output import Line, complain, json_line
 from vbus.tools.telemetry_text import LIT, UNLIT, Number, Word, words_and_numbers
-from vbus.trace.decode import BoardPackets
 from vbus.trace.latest_lines import LatestLines
-from vbus.trace.packets import STATUS, Packet
 
 SHOWN: Final = 16
 FEWEST: Final = 4

@@ -15,7 +15,7 @@ DURABLE: Final = {
 
 def lines_of(status: dict[str, Any]) -> list[str]:
     """Return what people are told of a board that is ready."""
-    from vbus.board.units import show
+    from vbus.values.units import show
 
     time = status["policy"]
     if time == "realtime" and status["rate"] != 1:

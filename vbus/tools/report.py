@@ -69,7 +69,7 @@ def _seen_by(report: "Report", part: str | None) -> "Observer":
     """Return what looks at the journal: the report, or what knows of another part before it."""
     if part is None:
         return report
-    from vbus.board import plugins
+    from vbus import plugins
     from vbus.trace.findings.compatibility import Compatibility
 
     families = {chip: plugins.family(name) for chip, name in report.families.items()}

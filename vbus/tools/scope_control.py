@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from vbus.board.settings import listed
+from vbus.values.settings import listed
 
 if TYPE_CHECKING:
     from vbus.tools.scope_feeds import Feeds

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from vbus.chips.family import Family
+from vbus.chips.packets import Decoder
 from vbus.chips.tables import Bit
-from vbus.trace.packets import Decoder
 
 LIT: Final = "●"
 UNLIT: Final = "○"

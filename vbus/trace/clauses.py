@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.checks import all_rules
 from vbus.chips.clauses import Clause, clauses_of
 from vbus.signals import Rule

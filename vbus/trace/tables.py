@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from functools import cache
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.chips.strobes import AcTable
 
 

@@ -6,7 +6,6 @@ from functools import cache
 from typing import Final
 
 from . import tables as ds
-from .tables import Command
 from .packets import (
     STATUS,
     UNKNOWN,
@@ -17,6 +16,7 @@ from .packets import (
     number,
     signed,
 )
+from .tables import Command
 
 _TRAJECTORY_FLAGS: Final = tuple(bit for bit in ds.TRAJECTORY if bit.number >= 8)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-# Made by vbus.tools.generate from vbus/trace/bus_watch.py; change that, or the generator.
+# Made by vbus.tools.generate from vbus/chips/bus_watch.py; change that, or the generator.
 """Edges of a host bus to bus cycles: for captures, which have pins and nothing else.
 
 The sigrok decoders use copies of this file, so it may need nothing but the standard library.

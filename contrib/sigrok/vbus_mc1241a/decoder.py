@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Final
 
 from . import tables as ds
-from .tables import Command
 from .packets import (
     CUT,
     STATUS,
@@ -18,6 +17,7 @@ from .packets import (
     Packet,
     flags,
 )
+from .tables import Command
 
 _EVENTS: Final = tuple(bit for bit in ds.STATUS_BITS if 1 << bit.number & ds.EVENTS)
 _SETS: Final = {"SET_INTRPT_MASK", "GET_INTRPT_MASK"}

@@ -5,8 +5,8 @@
 from typing import Final
 
 from . import tables as ds
-from .tables import Register
 from .packets import Cycle, RegisterPackets
+from .tables import Register
 
 _COMPATIBLE: Final = 0x3F
 

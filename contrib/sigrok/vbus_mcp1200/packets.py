@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-# Made by vbus.tools.generate from vbus/trace/packets.py; change that, or the generator.
+# Made by vbus.tools.generate from vbus/chips/packets.py; change that, or the generator.
 """What a stretch of bus cycles says in the manual's words, and the base of those who read it.
 
 The sigrok decoders use copies of this file and of the chips' decoders beside it, so nothing here

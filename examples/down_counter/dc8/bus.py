@@ -1,6 +1,6 @@
 """DC-8: edges of the host bus to bus cycles."""
 
-from vbus.trace.bus_watch import StrobedBus
+from vbus.chips.bus_watch import StrobedBus
 
 
 class Dc8Watch(StrobedBus):

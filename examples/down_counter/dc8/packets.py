@@ -1,7 +1,7 @@
 """DC-8: bus cycles in the datasheet's words."""
 
 from dc8 import datasheet as ds
-from vbus.trace.packets import RegisterPackets
+from vbus.chips.packets import RegisterPackets
 
 
 class Dc8Packets(RegisterPackets):

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.unit.board import parts
-from vbus.board import plugins
+from vbus import plugins
 
 
 @pytest.fixture

@@ -1,9 +1,9 @@
 """Parts of an invented maker, so that whole messages can be tested without a real chip's tables."""
 
 from tests.unit.board.toy import Toy
-from vbus.board.entry_points import EntryPoint
 from vbus.chips.family import Family
 from vbus.chips.tables import CardRow, PinRow
+from vbus.entry_points import EntryPoint
 from vbus.options import Option
 from vbus.signals import Plant, Rule
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.unit.board.parts import Acme, Motor
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.build import card_of, load_board, load_board_text
 from vbus.board.cards import Card, card_of_rows

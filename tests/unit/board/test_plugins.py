@@ -5,11 +5,11 @@ import re
 import pytest
 
 from tests.unit.board import parts
-from vbus.board import plugins
-from vbus.board.entry_points import EntryPoint
+from vbus import plugins
+from vbus.chips.bus_watch import BusWatch
 from vbus.chips.family import Family
+from vbus.entry_points import EntryPoint
 from vbus.errors import PluginError
-from vbus.trace.bus_watch import BusWatch
 
 
 @pytest.fixture

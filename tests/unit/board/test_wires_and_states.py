@@ -7,7 +7,7 @@ import pytest
 from vbus.board import snapshot
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
-from vbus.board.circuit import STRETCH
+from vbus.circuit.circuit import STRETCH
 from vbus.kernel import END, MS, NS
 
 TWO = """

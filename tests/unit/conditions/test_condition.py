@@ -4,10 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.unit.faults.bench import LM, build
-from vbus.conditions.condition import Condition, Course
-from vbus.conditions.grammar import FUNCTIONS
-from vbus.conditions.lexer import ConditionError
+from vbus.events.condition import Condition, Course
+from vbus.events.grammar import FUNCTIONS
 from vbus.kernel import MS, NEVER
+from vbus.values.lexer import ConditionError
 
 BOARD = build(LM)
 LEAVES = st.sampled_from([

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vbus.conditions.grammar import (
+from vbus.events.grammar import (
     FUNCTIONS,
     Compare,
     Event,
@@ -19,8 +19,8 @@ from vbus.conditions.grammar import (
     read,
     text_of,
 )
-from vbus.conditions.lexer import ConditionError
 from vbus.kernel import MS
+from vbus.values.lexer import ConditionError
 
 PARTS = st.one_of(
     st.sampled_from(

@@ -6,13 +6,13 @@ import pytest
 
 from tests.unit.faults.bench import LM, MC, MCP, SAMPLE, STEPPER, Lm, Mc, Mcp, build
 from vbus.board.board import Board
-from vbus.conditions.condition import Condition
 from vbus.errors import VbusError
+from vbus.events.condition import Condition
+from vbus.events.until import wait_until
 from vbus.kernel import MS, SECOND
 from vbus.signals import Observer
 from vbus.testing.bench import Bench
 from vbus.testing.chips import chip_bench
-from vbus.trace.until import wait_until
 
 
 def moving(target: int = 500) -> Board:

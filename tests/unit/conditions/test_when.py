@@ -10,9 +10,9 @@ from tests.unit.trace.conftest import LM629, read, record
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
+from vbus.events.until import Holds, PacketWatch
 from vbus.kernel import MS, US
 from vbus.trace.journal.history import History
-from vbus.trace.until import Holds, PacketWatch
 from vbus.trace.wave.wave import Wave
 
 PAGE = (Path(__file__).parents[3] / "docs/conditions.md").read_text()

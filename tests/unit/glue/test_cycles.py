@@ -11,14 +11,14 @@ from tests.unit.trace.conftest import read
 from tests.unit.trace.test_replay import played
 from vbus.board.build import load_board_text
 from vbus.board.snapshot import restore, take
+from vbus.chips.packets import Packet
+from vbus.events.decode import BoardPackets, settings_for_decoders
 from vbus.kernel import MS, US
 from vbus.signals import Observer
 from vbus.state import save
 from vbus.tools.transcript import Transcript
 from vbus.trace.coverage.coverage import CoverageObserver
-from vbus.trace.decode import BoardPackets, settings_for_decoders
 from vbus.trace.journal.journal import Journal
-from vbus.trace.packets import Packet
 
 DECODED = (
     TWO

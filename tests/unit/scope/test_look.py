@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.kernel import MS, NEVER

@@ -9,15 +9,15 @@ from tests.unit.trace.conftest import LM629, board_of, lm629_move, read
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
+from vbus.chips.packets import Packet
+from vbus.events.decode import BoardPackets
 from vbus.kernel import MS, US
 from vbus.scope.frames import numbers, small
 from vbus.scope.lanes import Lateness
 from vbus.scope.recording import COMMAND, STATUS_READ, VIOLATED, Recorder
-from vbus.trace.decode import BoardPackets
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.replay import Replay
 from vbus.trace.journal.view import play
-from vbus.trace.packets import Packet
 
 SAMPLE = 256 * US
 

@@ -11,7 +11,7 @@ from examples.down_counter.dc8.family import FAMILY as DC8
 from tests.unit.scope.decoded import Seen, frames
 from tests.unit.scope.test_recording import SAMPLE, run, seen
 from tests.unit.trace.conftest import LM629, lm629_command, lm629_move
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.kernel import MS, US

@@ -8,7 +8,7 @@ import pytest
 
 from tests.unit.faults.bench import DC, MCP, build
 from vbus.board.board import Board
-from vbus.board.circuit import MOST_STEPS
+from vbus.circuit.circuit import MOST_STEPS
 from vbus.kernel import END, MS, US
 from vbus.server.pacer import Pacer
 from vbus.trace.journal.format import JournalReader

@@ -5,6 +5,7 @@ import pytest
 from tests.unit.testing.test_plugin import suite
 from vbus.board.board import Board
 from vbus.board.build import build
+from vbus.chips.packets import STATUS, Cycle, Packet
 from vbus.client.bus import Bus
 from vbus.client.lm628 import Lm628
 from vbus.errors import ConfigError
@@ -14,7 +15,6 @@ from vbus.server.polls import Polls
 from vbus.testing.boards import for_test, of_part
 from vbus.testing.in_process import connect_in_process
 from vbus.testing.limits import BUDGET, HostStuck, Limits, Watch, budget_of
-from vbus.trace.packets import STATUS, Cycle, Packet
 
 __all__ = ["suite"]
 pytest_plugins = "pytester"

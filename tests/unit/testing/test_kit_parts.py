@@ -9,7 +9,7 @@ import pytest
 
 from vbus.board.board import Board
 from vbus.board.build import load_board_text
-from vbus.board.plugins import PLANTS, names, plant_class
+from vbus.plugins import PLANTS, names, plant_class
 from vbus.protocols.base import Protocol
 from vbus.protocols.byte import ByteProtocol
 from vbus.protocols.text import TextProtocol

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.checks import all_rules
 from vbus.chips.clauses import clauses_of
 from vbus.tools.generate.chip_pages import clause_page, page, targets

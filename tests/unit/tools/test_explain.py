@@ -13,14 +13,14 @@ from vbus.board.build import load_board_text
 from vbus.chips.clauses import proofs_of
 from vbus.chips.lm628.packets import Lm628Packets
 from vbus.chips.mcp1200.packets import Mcp1200Packets
+from vbus.chips.packets import CUT, Cycle, Packet
+from vbus.events.decode import BoardPackets
 from vbus.kernel import MS, US
 from vbus.tools.explain import command
 from vbus.tools.journal_lines import instant
-from vbus.trace.decode import BoardPackets
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.view import Sessions, show, violation_of
-from vbus.trace.packets import CUT, Cycle, Packet
 
 
 def explain(*arguments: str) -> list[str]:

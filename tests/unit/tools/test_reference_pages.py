@@ -8,7 +8,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.chips.clauses import SILICON, clauses_of, proofs_of
 from vbus.tools.cli import cli
 from vbus.tools.generate.c_interface import HEADER, c_interface

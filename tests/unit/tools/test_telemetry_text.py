@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from vbus.board import plugins
+from vbus import plugins
+from vbus.events.decode import decoder_of
 from vbus.tools.telemetry_text import Number, rounded, words_and_numbers
-from vbus.trace.decode import decoder_of
 
 
 def told(family: str, **values: Any) -> tuple[list[Number], dict[str, tuple[str, dict[str, bool]]]]:

@@ -2,11 +2,11 @@
 
 import pytest
 
+from vbus.chips.bus_watch import BusWatch
 from vbus.chips.lm628.bus import Lm628Watch
 from vbus.chips.mc1241a.bus import Mc1241aWatch
 from vbus.chips.mcp1200.bus import Mcp1200Watch
-from vbus.trace.bus_watch import BusWatch
-from vbus.trace.packets import Cycle
+from vbus.chips.packets import Cycle
 
 Levels = tuple[int, int, int, int]
 

@@ -10,10 +10,10 @@ from vbus.board.host_bus import HostBus
 from vbus.chips.lm628.bus import Lm628Watch
 from vbus.chips.mc1241a.bus import Mc1241aWatch
 from vbus.chips.mcp1200.bus import Mcp1200Watch
+from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.errors import CaptureError
 from vbus.kernel import MS, NS, US, Kernel
 from vbus.signals import Net
-from vbus.trace.packets import Cycle, Decoder, Packet
 from vbus.trace.silicon.conform import Mismatch, Verdict
 from vbus.trace.silicon.outputs import OutputWatch
 

@@ -2,8 +2,7 @@
 
 import pytest
 
-from vbus.trace.findings.no_effect import NoEffect
-from vbus.trace.packets import (
+from vbus.chips.packets import (
     CUT,
     IGNORED,
     STATUS,
@@ -13,6 +12,7 @@ from vbus.trace.packets import (
     Cycle,
     Packet,
 )
+from vbus.trace.findings.no_effect import NoEffect
 
 READ = Cycle(1, False, 0, 0)
 WRITE = Cycle(2, True, 1, 0)

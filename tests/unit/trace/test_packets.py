@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from vbus.chips.lm628 import datasheet as lm628
 from vbus.chips.mc1241a import datasheet as mc1241a
+from vbus.chips.packets import Cycle, Packet
+from vbus.events.decode import BoardPackets, decoder_of
 from vbus.signals import Violation
-from vbus.trace.decode import BoardPackets, decoder_of
-from vbus.trace.packets import Cycle, Packet
 
 
 def cycles(text: str) -> list[Cycle]:

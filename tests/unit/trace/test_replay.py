@@ -23,6 +23,7 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.board.sections import WaveSection
+from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.kernel import MS, US
 from vbus.protocols import codes
 from vbus.protocols.byte import ByteProtocol
@@ -35,7 +36,6 @@ from vbus.trace.journal.format import OPERATIONS, Entry, JournalReader
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.replay import Outcome, Replay
 from vbus.trace.journal.rows import PORTS
-from vbus.trace.packets import Cycle, Decoder, Packet
 
 MC1241A = """\
 [board]

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import pytest
 
 from tests.unit.trace.conftest import LM629, lm629_move, read, record
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.build import load_board_text
 from vbus.board.checks import all_rules
 from vbus.board.host_bus import HostBus

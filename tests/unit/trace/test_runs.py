@@ -11,13 +11,13 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.host_bus import HostBus
 from vbus.errors import VbusError
+from vbus.events.until import PacketWatch
 from vbus.kernel import MS
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
 from vbus.trace.runs.difference import Difference, Tolerance, differences
 from vbus.trace.runs.motion import Course, Motion, Move, moves_of
 from vbus.trace.runs.run import Run, other_board, recorded_run
-from vbus.trace.until import PacketWatch
 
 RDSTAT, RDRP = "x RDSTAT", "x RDRP"
 

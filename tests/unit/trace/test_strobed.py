@@ -11,16 +11,16 @@ from vbus.board.board import Board
 from vbus.board.build import load_board_text
 from vbus.board.checks import all_rules
 from vbus.board.host_bus import HostBus
+from vbus.chips.packets import Packet
+from vbus.events.decode import BoardPackets
 from vbus.kernel import MS, NS, US
 from vbus.signals import Observer
-from vbus.trace.decode import BoardPackets
 from vbus.trace.findings.report import Report
 from vbus.trace.journal.difference import Divergence
 from vbus.trace.journal.format import JournalReader
 from vbus.trace.journal.journal import Journal
 from vbus.trace.journal.replay import Replay
 from vbus.trace.journal.view import play
-from vbus.trace.packets import Packet
 
 MC1241A = LM629.replace('plant = "m"', 'plants = ["none"]').replace("LM629N-8", "MC1241A")
 MCP1200 = LM629.replace('plant = "m"', 'plant = "none"').replace("LM629N-8", "MCP-1200")

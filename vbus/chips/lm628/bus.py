@@ -1,6 +1,6 @@
 """LM628/LM629: edges of the host bus to bus cycles."""
 
-from vbus.trace.bus_watch import StrobedBus
+from vbus.chips.bus_watch import StrobedBus
 
 
 class Lm628Watch(StrobedBus):

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from vbus.chips.lm628 import datasheet as ds
+from vbus.chips.packets import STATUS, Packet
 from vbus.chips.tables import Bit
 from vbus.trace.coverage.tables import (
     BITS,
@@ -17,7 +18,6 @@ from vbus.trace.coverage.tables import (
     bit_keys,
     first_word,
 )
-from vbus.trace.packets import STATUS, Packet
 
 _CONTROL_WORDS: Final[dict[str, tuple[tuple[Bit, ...], str]]] = {
     "LTRJ": (ds.TRAJECTORY, "LM-TRJ-1"),

@@ -4,8 +4,7 @@ from functools import cache
 from typing import Final
 
 from vbus.chips.lm628 import datasheet as ds
-from vbus.chips.tables import Command
-from vbus.trace.packets import (
+from vbus.chips.packets import (
     STATUS,
     UNKNOWN,
     CommandPackets,
@@ -15,6 +14,7 @@ from vbus.trace.packets import (
     number,
     signed,
 )
+from vbus.chips.tables import Command
 
 _TRAJECTORY_FLAGS: Final = tuple(bit for bit in ds.TRAJECTORY if bit.number >= 8)
 

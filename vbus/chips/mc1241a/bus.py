@@ -1,7 +1,7 @@
 """MC1241A/MC1141A: edges of the host bus to bus cycles."""
 
-from vbus.trace.bus_watch import StrobedBus
-from vbus.trace.packets import Cycle
+from vbus.chips.bus_watch import StrobedBus
+from vbus.chips.packets import Cycle
 
 
 class Mc1241aWatch(StrobedBus):

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from vbus.chips.mc1241a import datasheet as ds
+from vbus.chips.packets import Packet
 from vbus.trace.coverage.tables import (
     ANSWERS,
     BITS,
@@ -16,7 +17,6 @@ from vbus.trace.coverage.tables import (
     bit_keys,
     first_word,
 )
-from vbus.trace.packets import Packet
 
 _STATUS_COMMANDS: Final = frozenset(
     ("SET_1", "SET_2", "SET_I", "GET_STATUS", "GET_INTRPT"),

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from vbus.chips.mc1241a import datasheet as ds
-from vbus.chips.tables import Command
-from vbus.trace.packets import (
+from vbus.chips.packets import (
     CUT,
     STATUS,
     UNEXPECTED,
@@ -16,6 +15,7 @@ from vbus.trace.packets import (
     Packet,
     flags,
 )
+from vbus.chips.tables import Command
 
 _EVENTS: Final = tuple(bit for bit in ds.STATUS_BITS if 1 << bit.number & ds.EVENTS)
 _SETS: Final = {"SET_INTRPT_MASK", "GET_INTRPT_MASK"}

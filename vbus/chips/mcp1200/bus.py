@@ -1,7 +1,7 @@
 """MCP-1200: edges of the host bus to bus cycles."""
 
-from vbus.trace.bus_watch import BusWatch
-from vbus.trace.packets import Cycle
+from vbus.chips.bus_watch import BusWatch
+from vbus.chips.packets import Cycle
 
 
 class Mcp1200Watch(BusWatch):

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.packets import Packet
 from vbus.trace.coverage.tables import (
     BITS,
     FLAGS,
@@ -14,7 +15,6 @@ from vbus.trace.coverage.tables import (
     bit_items,
     bit_keys,
 )
-from vbus.trace.packets import Packet
 
 _CONTROL: Final = {
     "CONFIG": ds.CONFIG_BITS,

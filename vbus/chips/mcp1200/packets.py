@@ -3,8 +3,8 @@
 from typing import Final
 
 from vbus.chips.mcp1200 import datasheet as ds
+from vbus.chips.packets import Cycle, RegisterPackets
 from vbus.chips.tables import Register
-from vbus.trace.packets import Cycle, RegisterPackets
 
 _COMPATIBLE: Final = 0x3F
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Final
 
-from vbus.board import plugins
+from vbus import plugins
 
 if TYPE_CHECKING:
     from vbus.client.demo import Demo

@@ -4,7 +4,7 @@ import sys
 
 import click
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.tools.generate.targets import GROUPS, family_targets, stale, write
 
 

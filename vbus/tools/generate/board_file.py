@@ -5,16 +5,18 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.board import plugins, sections, units
+from vbus import plugins
+from vbus.board import sections
 from vbus.board.card_buses import BUSES, DATA
 from vbus.board.card_section import CardPortSection, CardRegisterSection, CardSection
 from vbus.board.cards import decodes
 from vbus.board.glue_section import GlueSection
 from vbus.board.section import NAMES, rows
-from vbus.board.settings import allowed, quoted
 from vbus.glue.table import PARTS
 from vbus.options import Option
 from vbus.tools.generate.markdown import filled, table
+from vbus.values import units
+from vbus.values.settings import allowed, quoted
 
 _SECTIONS: Final[dict[str, type[Struct]]] = {
     "board": sections.BoardSection,

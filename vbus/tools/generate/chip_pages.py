@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache, partial
 from typing import Final
 
-from vbus.board import plugins, units
+from vbus import plugins
 from vbus.chips.clauses import Clause, clauses_of
 from vbus.chips.family import Family
 from vbus.chips.strobes import AcTable
@@ -15,6 +15,7 @@ from vbus.signals import Rule
 from vbus.tools.generate.board_file import option_table
 from vbus.tools.generate.layout import folder_of, own_families
 from vbus.tools.generate.markdown import table
+from vbus.values import units
 
 _MADE: Final = "<!-- Made from {} by vbus.tools.generate; change {}. -->"
 _SCOPES: Final = {"c": "current axis", "g": "chip set", "i": "interrupting axis"}

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.chips.family import Family
 from vbus.errors import VbusError
 

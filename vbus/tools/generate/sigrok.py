@@ -7,11 +7,11 @@ from functools import partial
 from importlib import import_module
 from typing import Any, Final
 
+from vbus.chips.bus_watch import BusWatch
 from vbus.chips.family import Family
+from vbus.chips.packets import Decoder
 from vbus.chips.tables import CommandTable, RegisterMap
 from vbus.tools.generate.layout import own_families
-from vbus.trace.bus_watch import BusWatch
-from vbus.trace.packets import Decoder
 
 _HEAD: Final = (
     "# SPDX-License-Identifier: GPL-3.0-or-later\n"
@@ -19,8 +19,8 @@ _HEAD: Final = (
 )
 _COPIES: Final = {
     "vbus.chips.tables": "tables",
-    "vbus.trace.packets": "packets",
-    "vbus.trace.bus_watch": "bus_watch",
+    "vbus.chips.packets": "packets",
+    "vbus.chips.bus_watch": "bus_watch",
 }
 """Modules of vbus that a decoder brings with it, and what they are called there."""
 

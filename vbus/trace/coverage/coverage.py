@@ -6,13 +6,13 @@ from typing import Any, Final
 
 import msgspec
 
-from vbus.board.card_bus import CONNECTOR
-from vbus.board.settings import suggestion
+from vbus.chips.base import CONNECTOR_FAMILY
+from vbus.chips.packets import Packet
 from vbus.errors import VbusError
+from vbus.events.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.signals import Violation
 from vbus.trace.coverage.tables import COUNTED, GROUPS, Item, Key, exercised, items
-from vbus.trace.decode import NO_SETTINGS, BoardPackets, Settings
-from vbus.trace.packets import Packet
+from vbus.values.settings import suggestion
 
 FORMAT: Final = "vbus coverage"
 VERSION: Final = 1
@@ -210,7 +210,7 @@ class CoverageObserver(BoardPackets):
         settings: Mapping[str, Settings] = NO_SETTINGS,
     ) -> None:
         super().__init__(families, self._packet, settings)
-        chips = [family for family in families.values() if family != CONNECTOR]
+        chips = [family for family in families.values() if family != CONNECTOR_FAMILY]
         self.coverage: Coverage = Coverage([run], {family: {} for family in chips})
         self._families: dict[str, str] = families
         self._rules: dict[str, Key] = {

@@ -5,10 +5,10 @@ from html import escape
 from typing import Final
 from xml.etree import ElementTree
 
-from vbus.board.settings import suggestion
 from vbus.errors import VbusError
 from vbus.trace.coverage.coverage import Coverage
 from vbus.trace.coverage.tables import COUNTED, GROUPS, Item, items
+from vbus.values.settings import suggestion
 from vbus.version import __version__
 
 

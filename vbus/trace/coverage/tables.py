@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.chips.family import Family
+from vbus.chips.packets import STATUS, WHOLE, Packet
 from vbus.chips.tables import Bit
 from vbus.signals import Rule
-from vbus.trace.packets import STATUS, WHOLE, Packet
 from vbus.trace.tables import ac_rules
 
 COMMANDS: Final = "commands"

@@ -2,7 +2,7 @@
 
 from collections import Counter
 
-from vbus.trace.packets import CUT, IGNORED, UNEXPECTED, UNKNOWN, Packet
+from vbus.chips.packets import CUT, IGNORED, UNEXPECTED, UNKNOWN, Packet
 
 
 class NoEffect:

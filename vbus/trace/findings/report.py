@@ -6,11 +6,11 @@ from typing import Final
 
 from msgspec import Struct, field
 
+from vbus.chips.packets import Packet
+from vbus.events.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.signals import Rule, Violation
-from vbus.trace.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.trace.findings.no_effect import NoEffect
 from vbus.trace.findings.suppress import Suppression
-from vbus.trace.packets import Packet
 
 CONTEXT: Final = 20
 """Bus cycles shown on either side of a violation."""

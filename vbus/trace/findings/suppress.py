@@ -7,9 +7,9 @@ from pathlib import Path
 from msgspec import Struct
 
 from vbus.board.checks import all_rules
-from vbus.board.settings import rule_hint, rule_names
 from vbus.errors import VbusError, read_errors
 from vbus.signals import Violation
+from vbus.values.settings import rule_hint, rule_names
 
 _KEYS = ("rule", "chip", "reason")
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
+from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.signals import Observer, Violation
 from vbus.trace.journal.again import Again
 from vbus.trace.journal.format import Entry
 from vbus.trace.journal.view import violation_of
-from vbus.trace.packets import Cycle, Decoder, Packet
 
 
 @dataclass(frozen=True, slots=True)

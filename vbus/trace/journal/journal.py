@@ -7,12 +7,12 @@ from typing import Any, BinaryIO
 
 from vbus.board.board import Board
 from vbus.board.cards import Card
-from vbus.board.circuit import Circuit
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
+from vbus.circuit.circuit import Circuit
 from vbus.errors import VbusError
+from vbus.events.decode import settings_for_decoders
 from vbus.signals import Observer, Violation
-from vbus.trace.decode import settings_for_decoders
 from vbus.trace.journal.format import CODE, Header, header_block, rows_block
 from vbus.trace.journal.recorded_bus import RecordedBus
 from vbus.trace.journal.rows import PORTS, JournalRows

@@ -6,9 +6,9 @@ from typing import Any, ClassVar, Final, TypeVar
 from mypy_extensions import i64
 
 from vbus.board.cards import Card
-from vbus.board.circuit import Circuit
 from vbus.board.host_bus import HostBus, Hosts
 from vbus.chips.base import Chip
+from vbus.circuit.circuit import Circuit
 from vbus.kernel import Kernel
 from vbus.protocols.port import PortError
 from vbus.signals import Observer

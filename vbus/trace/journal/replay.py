@@ -7,14 +7,14 @@ from itertools import chain, zip_longest
 from typing import Any, Final
 
 from vbus.board.board import Board
-from vbus.trace.decode import decoder_of, settings_for_decoders
+from vbus.chips.packets import PATIENCE, Cycle, Decoder
+from vbus.events.decode import decoder_of, settings_for_decoders
 from vbus.trace.journal.again import Again, Stretch
 from vbus.trace.journal.difference import Divergence, Findings, Side, difference_of
 from vbus.trace.journal.format import Entry, JournalReader
 from vbus.trace.journal.journal import end_of
 from vbus.trace.journal.player import Player
 from vbus.trace.journal.view import Sessions
-from vbus.trace.packets import PATIENCE, Cycle, Decoder
 
 LOOKAHEAD: Final = 64
 """Entries played on beyond a difference, to decode the whole packet it stands in."""

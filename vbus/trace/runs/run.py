@@ -6,17 +6,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.build import build
 from vbus.board.config import read_board_text
 from vbus.board.sections import BoardFile
+from vbus.chips.packets import STATUS, WHOLE, Packet
 from vbus.errors import VbusError
+from vbus.events.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.signals import Violation
-from vbus.trace.decode import NO_SETTINGS, BoardPackets, Settings
 from vbus.trace.journal.format import Entry, Header, JournalReader
 from vbus.trace.journal.replay import Replay
 from vbus.trace.journal.view import Sessions, show
-from vbus.trace.packets import STATUS, WHOLE, Packet
 from vbus.trace.runs.motion import Course, Motion
 from vbus.version import __version__
 

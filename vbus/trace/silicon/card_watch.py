@@ -1,8 +1,8 @@
 """A capture of a card's bus: its strobes and address lines to accesses of the card."""
 
 from vbus.board.card_bus import CardBus
-from vbus.trace.bus_watch import BusWatch
-from vbus.trace.packets import Cycle
+from vbus.chips.bus_watch import BusWatch
+from vbus.chips.packets import Cycle
 from vbus.trace.silicon.channel_map import Wiring
 
 READ, WRITE = 0, 1

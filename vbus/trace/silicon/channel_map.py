@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+from vbus.chips.bus_watch import BusWatch
 from vbus.chips.tables import PinRow
 from vbus.errors import CaptureError
-from vbus.trace.bus_watch import BusWatch
 from vbus.trace.names import bit_names, plain
 
 LEVELS: Final = {"low": 0, "high": 1}

@@ -5,15 +5,15 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.board import Board
 from vbus.chips.base import Chip
+from vbus.chips.bus_watch import BusWatch
+from vbus.chips.packets import Cycle, Decoder, Packet
 from vbus.errors import CaptureError
+from vbus.events.decode import decoder_of
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Observer, Pin, Violation
-from vbus.trace.bus_watch import BusWatch
-from vbus.trace.decode import decoder_of
-from vbus.trace.packets import Cycle, Decoder, Packet
 from vbus.trace.silicon.capture import Sample
 from vbus.trace.silicon.channel_map import Wiring
 from vbus.trace.silicon.outputs import Difference, OutputWatch

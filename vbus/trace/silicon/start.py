@@ -4,12 +4,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.board.card_bus import CardBus
 from vbus.chips.base import Chip
+from vbus.chips.bus_watch import BusWatch
 from vbus.errors import CaptureError, VbusError
 from vbus.protocols.quantities import format_instant
-from vbus.trace.bus_watch import BusWatch
 from vbus.trace.silicon.capture import Sample
 from vbus.trace.silicon.card_watch import CardWatch
 from vbus.trace.silicon.channel_map import Wiring

@@ -7,8 +7,8 @@ from typing import Final
 from msgspec import Struct
 
 from vbus.board.board import Board
-from vbus.conditions.names import Level, Value, net_names
 from vbus.errors import VbusError
+from vbus.events.names import Level, Value, net_names
 from vbus.signals import Net
 
 FULL: Final = "full"

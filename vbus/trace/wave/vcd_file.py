@@ -9,7 +9,7 @@ from typing import Any, Final, TextIO
 
 from mypy_extensions import i64
 
-from vbus.conditions.names import Value
+from vbus.events.names import Value
 from vbus.trace.names import bit_names
 from vbus.trace.wave.signals import FULL, Signal
 from vbus.version import __version__

@@ -7,13 +7,13 @@ from operator import itemgetter
 from typing import Final, TextIO
 
 from vbus.board.board import Board
-from vbus.conditions.condition import COMMAND, VIOLATION, Condition, Course
-from vbus.conditions.names import Value
+from vbus.chips.packets import Packet
 from vbus.errors import PluginError, VbusError
+from vbus.events.condition import COMMAND, VIOLATION, Condition, Course
+from vbus.events.decode import BoardPackets, settings_for_decoders
+from vbus.events.names import Value
 from vbus.kernel import MS
 from vbus.signals import Violation
-from vbus.trace.decode import BoardPackets, settings_for_decoders
-from vbus.trace.packets import Packet
 from vbus.trace.wave.changes import Changes
 from vbus.trace.wave.signals import FULL, PROFILES, Signal, signals_of, values_of
 from vbus.trace.wave.vcd_file import Change, VcdFile

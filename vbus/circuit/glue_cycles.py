@@ -5,13 +5,13 @@ from typing import ClassVar
 
 from mypy_extensions import i64
 
-from vbus.board import plugins
+from vbus import plugins
 from vbus.chips.base import Chip
+from vbus.chips.bus_watch import BusWatch
 from vbus.glue.part import Glue
 from vbus.kernel import Kernel
 from vbus.signals import Net, Watcher
 from vbus.state import Names
-from vbus.trace.bus_watch import BusWatch
 
 Ended = tuple[str, bool, int, int]
 """A bus cycle that has ended: name of the chip, whether the host wrote, address, byte."""

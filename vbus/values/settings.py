@@ -4,8 +4,8 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
-from vbus.board import units
 from vbus.options import Option, Value
+from vbus.values import units
 
 NAME_FORM: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 """What a name looks like that may stand in ``"name.pin"``."""

@@ -6,10 +6,8 @@ from typing import Any, Final
 
 from msgspec import Struct, field
 
-from vbus.board.circuit import Circuit
-from vbus.board.settings import rule_names, suggestion
-from vbus.board.units import UnitError, parse
-from vbus.conditions.grammar import (
+from vbus.circuit.circuit import Circuit
+from vbus.events.grammar import (
     Compare,
     Event,
     Function,
@@ -23,9 +21,11 @@ from vbus.conditions.grammar import (
     is_word,
     read,
 )
-from vbus.conditions.lexer import ConditionError
-from vbus.conditions.names import COUNTS, PER_SAMPLE, PER_SECOND, Level, Names, Told, Value
+from vbus.events.names import COUNTS, PER_SAMPLE, PER_SECOND, Level, Names, Told, Value
 from vbus.kernel import NEVER
+from vbus.values.lexer import ConditionError
+from vbus.values.settings import rule_names, suggestion
+from vbus.values.units import UnitError, parse
 
 COMMAND: Final = "command"
 VIOLATION: Final = "violation"

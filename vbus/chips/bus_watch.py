@@ -3,7 +3,7 @@
 The sigrok decoders use copies of this file, so it may need nothing but the standard library.
 """
 
-from vbus.trace.packets import Cycle
+from vbus.chips.packets import Cycle
 
 
 class BusWatch:

@@ -3,8 +3,8 @@
 from collections import deque
 from typing import ClassVar
 
-from vbus.board.host_pins import HostPins, Strobe, offset_of
 from vbus.chips.base import Chip
+from vbus.circuit.host_pins import HostPins, Strobe, offset_of
 from vbus.kernel import NEVER, Kernel
 from vbus.signals import Guard, Pin
 from vbus.state import Names

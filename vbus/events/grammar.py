@@ -23,8 +23,7 @@ from typing import Any, Final
 from msgspec import Struct
 from msgspec.structs import astuple
 
-from vbus.board.units import UnitError, parse, show
-from vbus.conditions.lexer import (
+from vbus.values.lexer import (
     END,
     NAME,
     NUMBER,
@@ -36,6 +35,7 @@ from vbus.conditions.lexer import (
     name_parts,
     words,
 )
+from vbus.values.units import UnitError, parse, show
 
 FUNCTIONS: Final = ("rising", "falling", "changed", "previous", "abs")
 SIGNS: Final = ("<=", ">=", "==", "!=", "<", ">", "=")

@@ -4,12 +4,11 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
-from vbus.board import plugins
-from vbus.board.card_bus import CONNECTOR
-from vbus.chips.base import Chip
+from vbus import plugins
+from vbus.chips.base import CONNECTOR_FAMILY, Chip
+from vbus.chips.packets import UNKNOWN, Cycle, Decoder, Packet
 from vbus.options import Value
 from vbus.signals import Observer, Violation
-from vbus.trace.packets import UNKNOWN, Cycle, Decoder, Packet
 
 Settings = Mapping[str, Value]
 NO_SETTINGS: Final[Mapping[str, Any]] = MappingProxyType({})
@@ -58,7 +57,7 @@ class CardPackets(PlainPackets):
 
 def decoder_class(family: str) -> type[Decoder] | None:
     """Return what reads the bus of chips of ``family``; None if it is not known."""
-    if family == CONNECTOR:
+    if family == CONNECTOR_FAMILY:
         return CardPackets
     return plugins.family(family).load("packets", Decoder)
 

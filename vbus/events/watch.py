@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Final
 
-from vbus.board.circuit import Circuit
-from vbus.conditions.condition import VIOLATION, Condition, Course
+from vbus.circuit.circuit import Circuit
+from vbus.events.condition import VIOLATION, Condition, Course
 from vbus.kernel import MS, NEVER, Timer
 from vbus.signals import Observer, Violation
 

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 
-from vbus.board.circuit import Circuit
-from vbus.conditions.condition import COMMAND
-from vbus.conditions.watch import Watch
+from vbus.chips.packets import Packet
+from vbus.circuit.circuit import Circuit
 from vbus.errors import VbusError
+from vbus.events.condition import COMMAND
+from vbus.events.decode import BoardPackets, settings_for_decoders
+from vbus.events.watch import Watch
 from vbus.protocols.quantities import format_instant
 from vbus.signals import Violation
-from vbus.trace.decode import BoardPackets, settings_for_decoders
-from vbus.trace.packets import Packet
 
 
 class PacketWatch(Watch):

@@ -9,9 +9,9 @@ from contextlib import suppress
 from functools import cache
 from typing import Final, TypeVar
 
-from vbus.board.entry_points import EntryPoint, installed
 from vbus.chips.base import Chip
 from vbus.chips.family import Family
+from vbus.entry_points import EntryPoint, installed
 from vbus.errors import PluginError
 from vbus.signals import Plant
 

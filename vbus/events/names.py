@@ -5,13 +5,14 @@ from typing import Final
 
 from msgspec import Struct
 
-from vbus.board import circuit, plugins
-from vbus.board.circuit import Circuit
-from vbus.board.settings import listed, suggestion
+from vbus import plugins
 from vbus.chips.base import Chip
 from vbus.chips.tables import Bit, Register
+from vbus.circuit import circuit
+from vbus.circuit.circuit import Circuit
 from vbus.glue.part import GluePart
 from vbus.signals import Net
+from vbus.values.settings import listed, suggestion
 
 Value = int | float | str
 Told = Mapping[str, Mapping[str, Value]]

@@ -6,11 +6,11 @@ from typing import ClassVar, Final
 
 from mypy_extensions import i64
 
-from vbus.board.glue_cycles import GlueCycles
-from vbus.board.interrupt_check import check_interrupts
-from vbus.board.strobe_player import StrobePlayer
 from vbus.chips.base import Chip
 from vbus.chips.tables import PinRow
+from vbus.circuit.glue_cycles import GlueCycles
+from vbus.circuit.interrupt_check import check_interrupts
+from vbus.circuit.strobe_player import StrobePlayer
 from vbus.glue.part import Glue, GluePart, Input
 from vbus.glue.table import Block
 from vbus.kernel import END, NEVER, Clock, Kernel

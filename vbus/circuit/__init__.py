@@ -1,0 +1,1 @@
+"""A circuit: chips, plants, glue and nets under one kernel, below its hosts."""
