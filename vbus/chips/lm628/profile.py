@@ -59,7 +59,9 @@ def approach(way: i64, speed: i64, top: i64, accel: i64) -> i64:
                 ends = stopping_distance(speed, accel)
             if ends <= way:
                 return speed
-    return slower if slower > 0 else 0
+    if slower > 0:
+        return slower
+    return 0
 
 
 class Profile:
