@@ -49,6 +49,8 @@ class OutputFile:
         self._held: int = -1
         """The lock of the result that has its name, while the next one is written."""
         self._whole: bool = whole
+        self._made: bool = False
+        """Whether a stream that has not begun made the file."""
         with write_errors(path):
             place = Path(path)
             self._place: Path | None = None if _is_special(place) else place.resolve()
@@ -66,6 +68,7 @@ class OutputFile:
             part = _part(place)
             if not self._whole:
                 self._check(part)
+            self._made = not self._whole and not place.exists()
             taken = self._locked(part if self._whole else place)
             undo.callback(os.close, taken)
             if self._whole:
@@ -118,6 +121,7 @@ class OutputFile:
         if self._file is None:
             self._claim()
         assert self._file is not None
+        self._made = False
         if self._place is not None:
             with write_errors(self.path):
                 os.ftruncate(self._file.fileno(), 0)
@@ -182,9 +186,12 @@ class OutputFile:
 
     def close(self) -> None:
         """Let the name go; the part of a result that was not kept is removed. May be repeated."""
-        if self._file is not None and self._whole and self._place is not None:
+        if self._file is not None and self._place is not None:
             with suppress(OSError):
-                _part(self._place).unlink()
+                if self._whole:
+                    _part(self._place).unlink()
+                elif self._made:
+                    self._place.unlink()
         self._end()
         if self._held >= 0:
             os.close(self._held)
