@@ -50,10 +50,11 @@ node = "b"
 [nets]
 "HI" = {{ pins = ["x.HI", "y./IN"], delay = "250 us" }}
 """.replace("{{", "{").replace("}}", "}")
-SCENARIO = "".join(f"{500 * n} us x w 0 02\n" for n in range(1, 9)) + "end 5 ms\n"
+SCENARIO = "".join(f"{500 * n}us x w 0 02\n" for n in range(1, 30)) + "end 20ms\n"
 PROGRAM = (
     "import os; from vbus import connect\n"
     "with connect(os.environ['VBUS_LINK']) as bus:\n"
+    "    bus.chip('x').write(0, 2)\n"
     "    for n in range(99): bus.chip('x').write(0, n); bus.delay('1 ms')\n"
 )
 LIMIT = 200
@@ -90,14 +91,14 @@ OUTPUTS: dict[tuple[str, str], tuple[str, Make]] = {
     ("exec", "--transcript"): ("t.txt", _exec("--transcript")),
     ("run", "--trace"): ("m.trace", _machine("run", "--trace")),
     ("run", "--snapshot"): ("m.snap", lambda p: [
-        "run", "machine.toml", "--node", "a", "--listen", "tcp/127.0.0.1:0", "--snapshot", p,
+        "run", "single.toml", "--scenario", "scenario", "--snapshot", p,
     ]),
     ("up", "--trace"): ("u.trace", _machine("up", "--trace")),
     **{
         (verb, option): (name, make(option))
         for verb, make in (("exec", _exec), ("run", _run))
         for option, name in (
-            ("--journal", "r.vbj"), ("--report", "r.json"), ("--coverage", "r.html"),
+            ("--journal", "r.vbj"), ("--report", "r.sarif"), ("--coverage", "r.html"),
             ("--wave", "r.vcd"),
         )
     },
@@ -158,6 +159,9 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
     motor = BOARD.format(name="motor").replace('"none"', '"m"')
     (folder / "motor.toml").write_text(motor + '[plants.m]\nmodel = "dc_motor"\n')
     (folder / "machine.toml").write_text(MACHINE)
+    (folder / "single.toml").write_text(
+        BOARD.format(name="single").replace("[chips.x]", '[nodes.a]\n[chips.x]\nnode = "a"')
+    )
     (folder / "scenario").write_text(SCENARIO)
     for board, journal in (("bench", "run"), ("motor", "motor")):
         command = [

@@ -54,6 +54,9 @@ _COMMANDS: Final = {
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """What a full or broken disk behind standard output says."""
 
+_LONGEST: Final = 100
+"""Characters of a name that a message shows."""
+
 _COMPLETING: Final = "_VBUS_COMPLETE"
 """Is set in the environment while a shell asks what could follow."""
 
@@ -142,8 +145,10 @@ def _run(arguments: list[str] | None) -> int:
         _write_no_more()
         return exit_codes.FAILURE
     except OSError as error:
-        # Of a file that is written or read, an error has told the name.
-        if error.filename is not None or error.errno not in _FULL:
+        if error.filename is not None:  # a name no file can have, such as one too long
+            click.echo(f"vbus: {str(error.filename)[:_LONGEST]}: {error.strerror}", err=True)
+            return exit_codes.FAILURE
+        if error.errno not in _FULL:
             raise
         click.echo(f"vbus: standard output: cannot be written: {error.strerror}", err=True)
         _write_no_more()
