@@ -245,7 +245,8 @@ class Recording:
             file = copy.begin()
             while os.sendfile(file.fileno(), journal.fileno(), None, LARGEST):
                 pass
-            file.write(ending)
+            while ending:
+                ending = ending[file.write(ending) :]
         return {"file": str(path), "when_ps": str(board.now)}
 
     def close(self) -> None:
