@@ -129,13 +129,15 @@ class Recording:
         self._opened.callback(file.close)
         return file
 
-    def fail(self, path: str, sentence: str) -> None:
+    def fail(self, sentence: str) -> None:
         """Note that a file takes no more; while files are opened that is an error."""
-        told = f"{path}: {sentence}"
         if self._opening:
-            raise VbusError(told)
-        self.failures.append(told)
-        self._report(told)
+            raise VbusError(sentence)
+        self.failures.append(sentence)
+        self._report(sentence)
+
+    def _failing(self, path: str) -> Callable[[str], None]:
+        return lambda sentence: self.fail(f"{path}: {sentence}")
 
     def _journal(self, opened: OutputFile, durable: str) -> Callable[[], None]:
         from vbus.trace.journal.journal import Journal
@@ -145,7 +147,7 @@ class Recording:
 
         def begin() -> None:
             file = opened.begin()
-            fail, port = partial(self.fail, path), self._port or RecordedBus
+            fail, port = self._failing(path), self._port or RecordedBus
             self.journal = Journal(self._board, file, self._text, self._name, fail, port)
             self._opened.callback(self.journal.close)
             if durable != "no":
@@ -191,7 +193,7 @@ class Recording:
         self._write_at_end("coverage", path, observer, lambda: style(observer.coverage))
 
     def _wave(self, section: WaveSection) -> Callable[[], None]:
-        fail = partial(self.fail, section.file)
+        fail = self._failing(section.file)
         # Complains before a file is overwritten.
         wave_of(self._board, section, io.StringIO(), fail)
         file = self._output(section.file, False)
@@ -215,7 +217,7 @@ class Recording:
                 try:
                     file.write(make().encode())
                 except VbusError as error:
-                    self.fail(f"the {what}", str(error))
+                    self.fail(str(error))
 
         self._board.observe(observer)
         self._opened.callback(write)

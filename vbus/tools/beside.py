@@ -253,7 +253,7 @@ def run_beside(
         if written is not None:
             written.end()
             if written.error:
-                recording.fail(name, written.error)
+                recording.fail(f"{name}: {written.error}")
     hangs = [f"the program hangs: {watch.stuck}", *watch.details] if watch and watch.stuck else []
     return Ran(code, findings, outcome, hangs, recording.failures)
 
