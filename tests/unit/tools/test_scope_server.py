@@ -179,9 +179,10 @@ async def test_bookmarks_of_one_page_wait_for_no_other(
         made.server._bookmarks = Bookmarks(tmp_path / "b.json", "run")
         await made.enter(browser)
         stuck = _stuck(made, browser)
-        async with browser.ws_connect(
-            f"{made.url}live", headers=made.own, max_msg_size=1 << 24
-        ) as page:
+        async with (
+            asyncio.timeout(50),
+            browser.ws_connect(f"{made.url}live", headers=made.own, max_msg_size=1 << 24) as page,
+        ):
             while made.server.pages < 2:
                 await asyncio.sleep(0.01)
             made.server.add(now(1) * 500_000)  # more than the system keeps for who does not read
